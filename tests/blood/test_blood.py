@@ -27,6 +27,42 @@ def test_saturations_are_those_of_the_tables():
     np.testing.assert_allclose(100 * dash2016.saturation(PO2, 40.0, 7.40, Blood()), DASH, atol=0.005)
 
 
+@pytest.mark.parametrize(
+    ("ph", "pco2", "temperature"), [(7.2, 40.0, 37.0), (7.4, 60.0, 37.0), (7.4, 40.0, 40.0)]
+)
+def test_the_curve_is_shifted_as_kelman_measured(ph, pco2, temperature):
+    factor = 10.0 ** (0.40 * (ph - 7.4) + 0.06 * np.log10(40.0 / pco2) + 0.024 * (37.0 - temperature))
+    there = standard.saturation(26.8 / factor, pco2, ph, Blood(temperature=temperature))
+    assert float(there) == pytest.approx(float(standard.saturation(26.8, 40.0, 7.4, Blood())), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("pco2", "cell_ph", "temperature", "shift"),
+    [
+        (40.0, 7.04, 37.0, 1.2 * (21.279 * 0.2 + 8.872 * 0.04 + 1.47 * 0.008)),
+        (60.0, 7.24, 37.0, 1.7 * (0.0428 * 20.0 + 3.64e-5 * 400.0)),
+        (40.0, 7.24, 40.0, 0.98 * (1.4945 * 3.0 + 0.04335 * 9.0 + 7e-4 * 27.0)),
+        (40.0, 7.24, 27.0, 0.98 * (-1.4945 * 10.0 + 0.04335 * 100.0 - 7e-4 * 1000.0)),
+    ],
+)
+def test_half_saturation_is_shifted_by_one_cause_as_dash_printed(pco2, cell_ph, temperature, shift):
+    half = dash2016.half_saturation(pco2, cell_ph, Blood(temperature=temperature))
+    assert float(half) == pytest.approx(26.8 + shift, rel=1e-12)
+
+
+def test_oxygen_dissolves_more_in_cold_blood():
+    def dissolved(temperature):
+        high, higher = (
+            float(dash2016.oxygen_content(po2, 40.0, 7.4, Blood(temperature=temperature)))
+            for po2 in (1e5, 2e5)
+        )
+        return higher - high
+
+    water = 0.55 * 0.94 + 0.45 * 0.65
+    assert dissolved(37.0) == pytest.approx(2240.0 * 1.46e-6 * 1e5 * water, rel=1e-5)
+    assert dissolved(27.0) / dissolved(37.0) == pytest.approx(1.0 + 0.1 + 0.04234, rel=1e-5)
+
+
 def test_contents_after_dash_are_those_of_its_authors():
     arterial = (100.0, 40.0, 7.40, Blood())
     venous = (40.0, 46.0, 7.37, Blood())

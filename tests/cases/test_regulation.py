@@ -34,7 +34,7 @@ def read(**sections):
         ("regulation", {"baroreflex": 1, "set_point": 90},
          "regulation.set_point = 90: unknown key; allowed: baroreflex, model, set_point_mmHg, "
          "venous_set_point_mmHg, hypoxic_vasoconstriction, chemoreflex, hypoxic_vasodilation, "
-         "set_point_pao2_mmHg, set_point_paco2_mmHg, lower_set_point_paco2_mmHg, "
+         "carbon_dioxide_response, set_point_pao2_mmHg, set_point_paco2_mmHg, lower_set_point_paco2_mmHg, "
          "set_point_venous_o2_ml_dl, upper_set_point_venous_o2_ml_dl, lower_set_point_venous_o2_ml_dl, "
          "hypoxic_resistance_at_rest; did you mean set_point_mmHg or set_point_pao2_mmHg or "
          "set_point_paco2_mmHg?"),

@@ -37,6 +37,38 @@ def test_an_empty_vein_resists_without_bound_and_stays_finite():
     assert np.isfinite(LU.outlet(volume, OWN)).all()
 
 
+CHAMBER = CollapsibleChamber(Atrium("Ed", "Emax"), "Ve")
+
+
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        (LU, {}),
+        (CollapsibleVein(4.0, 70.0, -3.0, 0.02, 5.0), {}),
+        (CHAMBER, {"Ed": 0.1575, "Emax": 0.225, "Ve": 2.0}),
+    ],
+)
+def test_stiffness_is_the_slope_of_the_pressure(law, values):
+    volume, own = np.linspace(0.5, 300.0, 400), law.constants(values)
+    pressure, stiffness = law.pressure(volume + 1e-30j, 0.3, own)
+    np.testing.assert_allclose(np.asarray(stiffness).real, np.asarray(pressure).imag / 1e-30, rtol=1e-10)
+
+
+def test_a_vein_of_half_the_rest_volume_is_the_same_at_half_the_volume():
+    volume = np.array([-3.0, 0.01, 0.2, 5.0, 60.0, 129.0, 131.0, 250.0])
+    half = CollapsibleVein(0.5 / 0.15, 65.0, -5.0, LU.resistance, 4.0)
+    np.testing.assert_allclose(
+        half.pressure(0.5 * volume, 0.0, half.constants({}))[0], LU.pressure(volume, 0.0, OWN)[0], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        half.outlet(0.5 * volume, half.constants({})), LU.outlet(volume, OWN), rtol=1e-12
+    )
+
+
+def test_a_chamber_that_empties_reads_the_parameters_of_its_law_and_its_own():
+    assert set(CHAMBER.parameter_names()) == {"Ed", "Emax", "Ve"}
+
+
 def test_a_drained_atrium_keeps_blood_and_a_full_one_is_the_published_one():
     law = CollapsibleChamber(Atrium(0.1575, 0.225), 2.0)
     own = law.constants({})

@@ -12,6 +12,8 @@ from eclsim.components.dialysis import (
     Performance,
     Settings,
     Solute,
+    _bernoulli,
+    _log1p_ratio,
     clearance,
     filtration_fraction,
     performance,
@@ -92,6 +94,12 @@ def test_clearance_lies_between_filtration_and_effluent_and_grows_with_every_flo
         assert after * (1 - 1e-12) <= result <= (dialysate + after) * (1 + 1e-12)
         assert cleared(water * 1.01, dialysate, after=after, solute=solute) >= result * (1 - 1e-12)
         assert cleared(water, dialysate * 1.01, after=after, solute=solute) >= result
+
+
+@pytest.mark.parametrize("x", [-9e-5, -1e-6, 1e-6, 3e-5, 9e-5, 2e-4, 0.3])
+def test_series_stand_in_for_logarithms_near_nothing(x):
+    assert float(_log1p_ratio(jnp.asarray(x))) == pytest.approx(np.log1p(x) / x, rel=1e-13)
+    assert float(_bernoulli(jnp.asarray(x))) == pytest.approx(x / np.expm1(x), rel=1e-13)
 
 
 @pytest.mark.parametrize("at", [(130.0, 16.7, 18.0), (130.0, 20.0, 0.0), (130.0, 0.0, 20.0)])

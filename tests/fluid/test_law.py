@@ -115,6 +115,34 @@ def test_forces_are_none_at_the_start_and_drive_what_crosses(spaces):
     np.testing.assert_allclose(exchange(now, spaces, rise, WALL).fluid, driven - lymph_less)
 
 
+def test_protein_crosses_by_the_equation_of_kedem_and_katchalsky_and_lymph_brings_it_back(spaces):
+    now = spaces._replace(plasma_protein=spaces.plasma_protein * 1.1)
+    (inside, outside), (inside_0, outside_0) = now.concentrations, spaces.concentrations
+    wall = WALL._replace(reflection=np.array([0.7]))
+    held = 0.7 * (oncotic_pressure(inside) - oncotic_pressure(inside_0))
+    filtered = 2.0 - 10.0 * held
+    ps = (2.0 * outside_0 - 0.3 * 2.0 * (inside_0 + outside_0) / 2.0) / (inside_0 - outside_0)  # mL/min
+    diffused = ps * (inside - outside)
+    moved = 0.3 * filtered * (inside + outside) / 2.0 + diffused - 2.0 * outside
+    crossed = exchange(now, spaces, np.zeros(1), wall)
+    np.testing.assert_allclose(crossed.protein, moved / 100.0)
+    np.testing.assert_allclose(crossed.fluid, filtered - 2.0)
+
+
+def test_lymph_of_a_dry_interstitium_stands_still_and_does_not_run_backwards(spaces):
+    now = spaces._replace(interstitium=0.7 * spaces.interstitium)
+    assert 1.0 + LYMPH_PER_MMHG * interstitial_pressure(now.interstitium, now.normal) < 0.0
+    _, swollen, drawn, drawn_out = forces(now, spaces, np.zeros(1))
+    filtered = 2.0 + 10.0 * (-swollen - 0.9 * (drawn - drawn_out))
+    np.testing.assert_allclose(exchange(now, spaces, np.zeros(1), WALL).fluid, filtered)
+
+
+def test_constants_are_those_of_the_model_of_xie():
+    assert pytest.approx(510.0 / 8400.0, rel=1e-3) == DEHYDRATED_PER_MMHG
+    assert pytest.approx(43.0 / 120.0, rel=5e-3) == LYMPH_PER_MMHG
+    np.testing.assert_allclose((OEDEMA_MMHG, EXCLUDED), (2.6, 0.25))
+
+
 def relaxation_time(rest, wall):
     """Time constant [min] of refill after a small change of capillary pressure, protein staying in place.
 

@@ -36,6 +36,15 @@ def test_the_published_formula_at_its_fixed_points(haematocrit, diameter, expect
     assert relative_viscosity(haematocrit, diameter) == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.parametrize(("haematocrit", "diameter"), [(0.3, 4.0), (0.6, 8.0), (0.3, 25.0), (0.6, 100.0)])
+def test_the_published_formula_term_by_term(haematocrit, diameter):
+    at_45 = 220.0 / np.e ** (1.3 * diameter) + 3.2 - 2.44 / np.e ** (0.06 * diameter**0.645)
+    plug = 1e11 / (1e11 + diameter**12)
+    shape = plug - (1.0 - plug) * (0.8 + 1.0 / np.e ** (0.075 * diameter))
+    share = (1.0 - (1.0 - haematocrit) ** shape) / (1.0 - 0.55**shape)
+    assert relative_viscosity(haematocrit, diameter) == pytest.approx(1.0 + (at_45 - 1.0) * share, rel=1e-9)
+
+
 def test_narrow_vessels_thicken_less():
     wide, narrow = (relative_viscosity(0.5, d) / relative_viscosity(0.3, d) for d in (1e3, 25.0))
     assert 1.0 < narrow < wide

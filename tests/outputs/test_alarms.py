@@ -1,9 +1,9 @@
 import pytest
 
-from eclsim.devices.crrt import crrt
+from eclsim.devices.crrt import CRRT, crrt
 from eclsim.devices.ecmo import ecmo
 from eclsim.devices.lvad import lvad
-from eclsim.outputs.alarms import findings, impossible
+from eclsim.outputs.alarms import assumptions, findings, impossible, watched_signals
 from eclsim.patient.circulation import circulation
 
 LIMITS = {
@@ -193,6 +193,15 @@ CAUTIONS = {
         {"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.hypoxic_vasodilation": 1.0},
         "published for small changes",
     ),
+    "hypercapnia with the measured answer": (
+        {"PaCO2": 60.0},
+        {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0,
+         "regulation.carbon_dioxide_response": 1.0}, "",
+    ),
+    "beyond the measured answer": (
+        {"PaCO2": 70.0},
+        {"regulation.set_point_paco2_mmHg": 40.0, "regulation.carbon_dioxide_response": 1.0}, "extrapolated",
+    ),
     "little more than at rest": (
         {"PaCO2": 48.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0}, "",
     ),
@@ -219,3 +228,26 @@ def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():
     )
     assert "lvad_flow" in found.concerns
     assert not any("suction" in sentence for _, sentence in said(empty, circulation() + lvad("la")))
+
+
+def test_an_assumed_membrane_is_said_until_the_case_has_its_own():
+    circuit, names = circulation() + crrt("ra", "svn"), ("transmembrane_pressure", "MAP")
+    assumed = {one.parameter: one.value for one in CRRT.assumptions}
+    said = assumptions(names, circuit, assumed)
+    assert [one.concerns for one in said] == [("transmembrane_pressure",)]
+    assert said[0].kind == "caution"
+    own = {key: 1.2 * value for key, value in assumed.items()}
+    assert assumptions(names, circuit, own) == []
+    assert assumptions(("MAP",), circuit, assumed) == []
+
+
+def test_volumes_of_chambers_and_pressures_of_thin_walls_are_watched():
+    signals = ("Vlv", "Plv", "Vao", "Pao", "Psvn", "Psart", "Qlv", "Vecmooxy", "Pecmooxy", "Pra")
+    assert set(watched_signals(signals)) == {"Vlv", "Plv", "Psvn", "Pra"}
+
+
+def test_flows_that_hardly_differ_are_one_output():
+    outputs = {"CO": 4.0, "pulmonary_flow": 4.0, "pulmonary_valve_flow": 4.0}
+    assert findings(outputs | {"LVO": 3.71}, {}) == []
+    (apart,) = findings(outputs | {"LVO": 3.69}, {})
+    assert "ejects 3.69 L/min" in apart.sentence

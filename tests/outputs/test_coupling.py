@@ -86,8 +86,22 @@ def test_a_member_depends_on_no_other(model, hypoxia):
 
 
 @pytest.mark.slow
-def test_derivatives_include_the_answer_to_gases(model):
-    here, names = model.with_values({"gas.fio2": 0.13}), ["gas.vo2_ml_min", "Rmc", "regulation.chemoreflex"]
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({"gas.fio2": 0.13}, ["gas.vo2_ml_min", "Rmc", "regulation.chemoreflex"]),
+        (
+            {
+                "gas.fio2": 0.3,
+                "gas.alveolar_ventilation_l_min": 3.5,
+                "regulation.carbon_dioxide_response": 0.6,
+            },
+            ["gas.alveolar_ventilation_l_min", "regulation.carbon_dioxide_response"],
+        ),
+    ],
+)
+def test_derivatives_include_the_answer_to_gases(model, changes, names):
+    here = model.with_values(changes)
     exact = eclsim.derivatives(here, OUTPUTS, names)
     tight = OrbitOptions(1e-11, 1e-10)
     for name in names:

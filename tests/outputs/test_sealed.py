@@ -11,7 +11,7 @@ from eclsim.app.knobs import turn
 from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
 from eclsim.devices.ecmo import ecmo
-from eclsim.identification.density import simulate_members
+from eclsim.identification.density import members_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.alarms import findings
@@ -109,7 +109,7 @@ def test_analyses_of_many_take_no_number_from_it():
     runs = evaluator(changes, 2)
     assert [Status(k).word for k in runs.status] == ["converged", "one_of_many"]
     assert list(np.isfinite(runs.values[:, 0])) == [True, False]
-    draws = simulate_members(patient, {**patient.values, **changes}, 2, ("MAP",))
+    draws = members_of(patient, {**patient.values, **changes}, 2, ("MAP",)).values.T
     assert list(np.isfinite(draws[:, 0])) == [True, False]
     with pytest.raises(NoDerivativesError, match="singular"):
         beat.linearise(("MAP",), ("Rmc",), 1)

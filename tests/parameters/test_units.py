@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eclsim.units import ML_S_PER_L_MIN, ML_S_PER_ML_MIN, convert, known_unit, quantity_of, units_of
+from eclsim.units import _FACTORS, ML_S_PER_L_MIN, ML_S_PER_ML_MIN, convert, known_unit, quantity_of, units_of
 
 QUANTITIES = (
     "flow",
@@ -38,6 +38,35 @@ QUANTITIES = (
 )
 def test_known_conversions(value, unit, expected, other):
     assert convert(value, unit, other) == pytest.approx(expected, rel=1e-5)
+
+
+INTERNAL = {
+    "flow": "mL/s", "pressure": "mmHg", "length": "cm", "volume": "mL", "mass": "kg", "age": "years",
+    "rate": "bpm", "speed": "rpm", "resistance": "mmHg s/mL", "compliance": "mL/mmHg", "elastance": "mmHg/mL",
+    "inertance": "mmHg s^2/mL", "viscosity": "Pa s", "density": "kg/mL", "mass concentration": "g/dL",
+    "fraction": "1",
+}  # fmt: skip
+ONE_IS = {
+    "L/min": 16.66666667, "mL/min": 0.01666666667, "L/s": 1000, "L/h": 0.2777777778, "mL/h": 2.777777778e-4,
+    "kPa": 7.50061683, "Pa": 7.50061683e-3, "hPa": 0.750061683, "bar": 750.061683, "mbar": 0.750061683,
+    "cmH2O": 0.73555924, "psi": 51.7149326, "mm": 0.1, "m": 100, "in": 2.54, "Fr": 0.0333333333, "L": 1000,
+    "g": 1e-3, "lb": 0.45359237, "months": 0.0833333333, "Hz": 60, "krpm": 1000, "Wood units": 0.06,
+    "dyn s/cm^5": 7.50061683e-4, "mL/kPa": 0.133322387, "kPa/mL": 7.50061683, "mPa s": 1e-3, "g/mL": 1e-3,
+    "kg/m^3": 1e-6, "g/L": 0.1, "%": 0.01,
+}  # fmt: skip
+"""By hand, from 101325 Pa = 760 Torr, the pound of 0.45359237 kg and the inch of 2.54 cm."""
+
+
+@pytest.mark.parametrize(("quantity", "unit"), INTERNAL.items())
+def test_one_of_each_unit_is_so_many_of_the_internal_one(quantity, unit):
+    assert units_of(quantity)[0] == unit
+    for other in units_of(quantity)[1:]:
+        assert convert(1.0, other, unit) == pytest.approx(ONE_IS[other], rel=1e-6)
+
+
+def test_every_unit_is_checked():
+    assert {unit for quantity in INTERNAL for unit in units_of(quantity)[1:]} == set(ONE_IS)
+    assert set(_FACTORS) == set(ONE_IS) | set(INTERNAL.values())
 
 
 def test_constants_agree_with_convert():

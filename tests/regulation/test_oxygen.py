@@ -2,18 +2,30 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.circuit.network import HEART_RATE
 from eclsim.orbit.model import model_of
+from eclsim.parameters.regulation import (
+    CARBON_DIOXIDE,
+    CHEMOREFLEX,
+    PARAMETERS,
+    SENSED_PACO2,
+    SENSED_PAO2,
+    SET_POINT,
+)
 from eclsim.regulation.oxygen import (
     ORGANS,
     OUTFLOWS,
+    Chemoreflex,
     Gases,
     chemoreceptor_firing,
     gas_drives,
     local_factor,
+    local_law,
+    measured_factor,
     organ_conductance,
     sympathetic_input,
 )
@@ -100,6 +112,34 @@ def test_the_hearts_vessels_open_no_further_than_their_reserve():
     assert opened[1] < opened[2] == 5.0
     factor = float(local_factor(10.0, 100.0, (10.0, 40.0), 1.0))
     assert 1.0 / factor < 1.7
+
+
+def test_the_measured_answer_to_carbon_dioxide_is_its_closed_form_and_ends():
+    expected = math.exp(-0.022 * 40.0 * math.tanh(19.0 / 40.0))
+    assert float(measured_factor(59.0, 40.0, 1.0)) == pytest.approx(expected, rel=1e-12)
+    assert float(measured_factor(59.0, 40.0, 0.5)) == pytest.approx(math.sqrt(expected), rel=1e-12)
+    assert float(measured_factor(40.0, 40.0, 1.0)) == 1.0 < float(measured_factor(30.0, 40.0, 1.0))
+    assert float(measured_factor(300.0, 40.0, 1.0)) == pytest.approx(math.exp(-0.88), rel=1e-3)
+
+
+def test_published_answers_to_carbon_dioxide_give_way_to_the_measured_one_and_those_to_oxygen_stay():
+    contents = [18.0, 1000.0, -350.0]  # arterial content, supply, uptake: 11.7 mL/dL leave
+    rest = [1.0, 14.0, 40.0]  # strength, both set points
+    whole = [float(local_law(np.array([*contents, pco2, *rest, 1.0]))[0]) for pco2 in (40.0, 55.0)]
+    assert whole[0] < 1.0
+    assert whole[1] / whole[0] == pytest.approx(float(measured_factor(55.0, 40.0, 1.0)), rel=1e-12)
+    published = float(local_law(np.array([*contents, 55.0, *rest, 0.0]))[0])
+    assert published == pytest.approx(float(local_factor(11.7, 55.0, (14.0, 40.0), 1.0)), rel=1e-12)
+
+    law = Chemoreflex(URSINO_1998)
+    values = {key: one.value for key, one in PARAMETERS.items()} | {"total_blood_volume_ml": 5000.0}
+    values |= {CHEMOREFLEX: 1.0, SENSED_PAO2: 95.0, SENSED_PACO2: 60.0, SET_POINT: 90.0}
+
+    def drives(response):
+        return list(map(float, law.steady_states([90.0], law.constants(values | {CARBON_DIOXIDE: response}))))
+
+    assert drives(1.0) == [0.0] * 5
+    assert 0.0 < drives(0.5)[1] < drives(0.0)[1]
 
 
 def model(gas=LUNGS, **keys):

@@ -3,7 +3,7 @@
 import pytest
 
 from eclsim.outputs.results import simulate
-from eclsim.validation import regulation
+from eclsim.validation import hypercapnia, regulation
 from eclsim.validation.matching import UnreachableError, with_outputs
 
 
@@ -33,13 +33,23 @@ def test_with_filling_held_all_signs_of_the_left_ventricle_are_measured_ones():
 
 @pytest.mark.slow
 def test_nerves_that_answer_to_carbon_dioxide_have_the_wrong_signs_in_red_rows():
-    """They may turn right with a better law; until then the rows and a caution say it."""
-    rows = {row.name.removeprefix("hypercapnia, "): row for row in regulation.hypercapnia_rows()}
+    """With the answer measured in patients in their place all but one are right."""
+    rows = {row.name.removeprefix("hypercapnia, "): row for row in hypercapnia.healthy_rows()}
     wrong = {name for name, row in rows.items() if not row.holds}
     assert {
         f"chemoreflex: {of}: sign" for of in ("systemic resistance", "mean pulmonary artery pressure")
     } < wrong
-    assert len(rows) == 10
+    assert len(rows) == 15
+    measured = {name for name in wrong if name.startswith("measured answer")}
+    assert measured == {"measured answer: mean arterial pressure (test): sign"}
+
+
+@pytest.mark.slow
+def test_patients_whose_carbon_dioxide_rises_answer_as_measured():
+    rows = list(hypercapnia.patient_rows())
+    assert [row.name for row in rows if not row.holds] == []
+    assert sum("(fit)" in row.name for row in rows) == 1
+    assert len(rows) == 18
 
 
 @pytest.mark.slow

@@ -128,6 +128,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "regulation.hypoxic_vasoconstriction": "Hypoxic constriction, lung",
         "regulation.chemoreflex": "Chemoreflex gain",
         "regulation.hypoxic_vasodilation": "Hypoxic dilation, organs",
+        "regulation.carbon_dioxide_response": "Measured answer to CO2",
         "regulation.set_point_pao2_mmHg": "Set point, PaO2",
         "regulation.set_point_paco2_mmHg": "Set point, PaCO2",
         "regulation.lower_set_point_paco2_mmHg": "Set point, PaCO2 of lower body",

@@ -12,7 +12,9 @@ from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters import regulation
 from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 
-BY_GASES = ("chemoreflex", "hypoxic_vasodilation", "hypoxic_vasoconstriction")
+BY_GASES = (
+    "chemoreflex", "hypoxic_vasodilation", "hypoxic_vasoconstriction", "carbon_dioxide_response",
+)  # fmt: skip
 """Keys of what answers to dissolved gases, and so needs a section [gas]."""
 
 
@@ -53,6 +55,13 @@ class Regulation(_Settings):
     hypoxic_vasodilation: Annotated[
         float | None, setting(PARAMETERS[regulation.DILATION], "0 to 1.5: 1 is as published; with [gas]")
     ] = None
+    carbon_dioxide_response: Annotated[
+        float | None,
+        setting(
+            PARAMETERS[regulation.CARBON_DIOXIDE],
+            "0 to 1: 1 is as measured in patients; with [gas]",
+        ),
+    ] = None
     set_point_pao2_mmHg: float | None = None  # noqa: N815
     set_point_paco2_mmHg: float | None = None  # noqa: N815
     lower_set_point_paco2_mmHg: float | None = None  # noqa: N815
@@ -72,6 +81,8 @@ class Regulation(_Settings):
             required += regulation.CHEMOREFLEX_SET_POINTS
         if self.hypoxic_vasodilation is not None:
             required += regulation.DILATION_SET_POINTS
+        if self.carbon_dioxide_response is not None:
+            required += map(regulation.paco2_set_point, regulation.BEDS)
         if self.hypoxic_vasoconstriction is not None:
             required += [regulation.LUNG_AT_REST]
         stated = self.values()
@@ -105,7 +116,8 @@ class Regulation(_Settings):
             remarks.warning(f"{key}.venous_set_point_mmHg", message, shown(values["venous_set_point_mmHg"]))
         read_by = {
             regulation.PAO2_SET_POINT: ("chemoreflex",),
-            regulation.PACO2_SET_POINT: ("chemoreflex", "hypoxic_vasodilation"),
+            regulation.PACO2_SET_POINT: ("chemoreflex", "hypoxic_vasodilation", "carbon_dioxide_response"),
+            regulation.paco2_set_point("lower"): ("hypoxic_vasodilation", "carbon_dioxide_response"),
             regulation.LUNG_AT_REST: ("hypoxic_vasoconstriction",),
         }
         for name in (

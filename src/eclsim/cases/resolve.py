@@ -71,7 +71,7 @@ def _regulated(patient: Circuit, case: Case) -> Circuit:
         patient = with_chemoreflex(patient)
     elif baroreflex:
         patient = with_reflex(patient, REFLEXES[baroreflex.model])
-    if by_gases is not None and by_gases.hypoxic_vasodilation is not None:
+    if by_gases is not None and {by_gases.hypoxic_vasodilation, by_gases.carbon_dioxide_response} != {None}:
         patient = with_local_control(patient)
     if by_gases is not None and by_gases.hypoxic_vasoconstriction is not None:
         patient = with_hypoxic_vasoconstriction(patient)

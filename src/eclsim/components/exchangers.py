@@ -214,6 +214,8 @@ class NativeLung(GasExchanger):
         expired = gas - inside.gained[0] - inside.gained[1]
         fractions = jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
         if self.held == 0.0:
+            # Alveoli from which nothing is breathed out have no gas to give to the blood.
+            expired = jnp.where(expired >= 0.0, expired, 0.0)
             return jnp.asarray(gas * fractions - inside.pressure / dry * expired)
         air = jnp.array([[AIR_OXYGEN], [AIR_CARBON_DIOXIDE]])
         inspired = gas * fractions + jnp.maximum(-expired, 0.0) * jnp.where(gas > 0.0, fractions, air)

@@ -64,7 +64,6 @@ def eliminated(
     inside: Inside,
     values: Values,
     inertia: Array | float,
-    share_exchanged: Array | float = 1.0,
 ) -> Eliminated:
     """The equations of one exchanger, linear around a state.
 
@@ -74,10 +73,8 @@ def eliminated(
         inside: the state.
         values: all parameters.
         inertia: contents change as in blood that is stored, as a share of the flow that is renewed.
-        share_exchanged: of what the law exchanges; less than all on the way to the solution.
     """
     (cells, weights), share = law.collocation, jnp.asarray(law.exchanging(values))
-    weights = share_exchanged * weights
     points, exchanging = len(weights), 10.0 * flow * share
     by_gained, by_pressure = _rates_by(law, flow, inside, values)
     content_by = _by_cell(inside.content_by, cells)

@@ -6,6 +6,11 @@ patient with ECMO has about 20 unknowns however many compartments there are. New
 eliminated point by point and the points of an exchanger cell by cell; derivatives with respect to all
 parameters and flows by the implicit function theorem. Samples of mixed blood are solved along the way, each
 by itself.
+
+What blood has gained up to a point is an unknown too, which follows from the others in every step
+(Albersmeyer and Diehl 2010, doi 10.1137/080724885): a hundredth of the pressure in blood is as much gas as a
+low sweep brings, and rates at what contents say would find it used up or given back. Where Newton's method
+does not end, blood is followed in time from the start, by implicit steps as long as pressures allow.
 """
 
 from __future__ import annotations
@@ -29,13 +34,14 @@ from eclsim.components.exchangers import BLOOD, GasExchanger, Points
 from eclsim.gas.elimination import Inside, eliminated, mixed_changes, moved, responses
 from eclsim.gas.transport import Mixtures
 
-ITERATIONS = 200
-PLAIN_ITERATIONS = 40
-"""Of a search that begins with the whole exchange; then it begins anew with little of it."""
-LEAST_EXCHANGE, SETTLED = 2.0**-9, 0.1
-"""Share of the exchange with which it begins anew; the last step below which that share is raised."""
-RAISED = 1.4
-"""By how much."""
+ITERATIONS, PLAIN_ITERATIONS = 440, 40
+"""Of a search, and of its first part; what that does not find is followed in time."""
+MARCHES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1))
+"""Iterations at which following in time begins, and the change of the logarithms that a step aims at."""
+SLIGHT = 2.0
+"""Pressure [mmHg] below which a change of its logarithm counts less: blood holds hardly anything then."""
+MOST_INERTIA, LEAST_INERTIA, LAST_CHANGE = 1e4, 1e-6, 1e-4
+"""Of steps in time; below the least, or below the change, the steps are Newton's."""
 TOLERANCE = 1e-6
 """Of the last step but one, in the logarithm of a partial pressure; the last one squares it."""
 LARGEST_STEP = 1.0
@@ -125,8 +131,8 @@ class _Search(NamedTuple):
 
     pressure: Array
     ph: Array
+    gained: Array
     inertia: Array
-    share: Array
     missing: Array
     steps: Array
     error: Array
@@ -175,34 +181,47 @@ def _searched(
         return (state.steps < ITERATIONS) & ~state.last
 
     def improve(state: _Search) -> _Search:
-        whole = state.share == 1.0
-        last = whole & (state.error <= TOLERANCE)
-        move, move_ph, size = _newton_step(network, state.pressure, state.ph, state.inertia, state.share)
+        last = state.error <= TOLERANCE
+        move, move_ph, size, gained = _newton_step(
+            network, state.pressure, state.ph, state.inertia, state.gained
+        )
         solved = jnp.isfinite(move).all() & jnp.isfinite(move_ph).all()
         move, move_ph = jnp.where(solved, move, 0.0), jnp.where(solved, move_ph, 0.0)
         pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
         ph = jnp.clip(state.ph + jnp.clip(move_ph, -0.5, 0.5), 4.0, 12.0)
         ph = acid(pressure, ph)
         error = jnp.where(solved, jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()), jnp.inf)
-        # Inertia follows what is missing, so that the last steps are Newton's.
-        ratio = jnp.clip(size / state.missing, 0.1, 2.0)
-        inertia = 0.5 * state.inertia * ratio
-        inertia = jnp.where((size < 1e-4) | (state.inertia < 1e-6) | (error <= TOLERANCE), 0.0, inertia)
+        po2_or_pco2 = jnp.exp(state.pressure)
+        change = jnp.abs(pressure - state.pressure) * po2_or_pco2 / (po2_or_pco2 + SLIGHT)
+        inertia = _next_inertia(state, size, error, jnp.maximum(change.max(), jnp.abs(move_ph).max()))
         # Without a step to take, as in blood that gains and loses nothing, the search ends where it is.
-        steps = jnp.where(solved, state.steps + 1, ITERATIONS)
-        share = jnp.where(error < SETTLED, jnp.minimum(RAISED * state.share, 1.0), state.share)
-        error = jnp.where(whole, error, jnp.inf)
-        reached = _Search(pressure, ph, inertia, share, size, steps, error, last)
-        anew = start._replace(share=jnp.array(LEAST_EXCHANGE), steps=steps)
-        lost = (steps == PLAIN_ITERATIONS) & ~last
-        return jax.tree.map(lambda a, b: jnp.where(lost, a, b), anew, reached)
+        plain = state.steps < PLAIN_ITERATIONS
+        steps = jnp.where(solved, state.steps + 1, jnp.where(plain, PLAIN_ITERATIONS, ITERATIONS))
+        gained = jnp.where(solved, gained, state.gained)
+        reached = _Search(pressure, ph, gained, inertia, size, steps, error, last & solved)
+        anew = ~reached.last & jnp.isin(steps, jnp.array([begin for begin, _ in MARCHES]))
+        return jax.tree.map(lambda a, b: jnp.where(anew, a, b), start._replace(steps=steps), reached)
 
     points = network.count + samples.shares.shape[0]
     pressure = jnp.log(jnp.stack([jnp.full(points, 60.0), jnp.full(points, 42.0)]))
-    far, begun = jnp.array(jnp.inf), jnp.array(0)
-    inertia, whole = jnp.array(INERTIA), jnp.array(1.0)
-    start = _Search(pressure, jnp.full(points, 7.4), inertia, whole, far, begun, far, jnp.array(False))
+    gained, far = jnp.zeros((2, network.count)), jnp.array(jnp.inf)
+    start = _Search(
+        pressure, jnp.full(points, 7.4), gained, jnp.array(INERTIA), far, jnp.array(0), far, jnp.array(False)
+    )
     return jax.lax.while_loop(unfinished, improve, start)
+
+
+def _next_inertia(state: _Search, size: Array, error: Array, change: Array) -> Array:
+    """Inertia of the next step, from the equations not met in this one, its error and its change."""
+    # It follows what is missing, so that the last steps are Newton's.
+    inertia = 0.5 * state.inertia * jnp.clip(size / state.missing, 0.1, 2.0)
+    ended = (size < 1e-4) | (state.inertia < LEAST_INERTIA) | (error <= TOLERANCE)
+    for begin, aim in MARCHES:
+        marching = state.steps >= begin
+        followed = jnp.minimum(state.inertia * jnp.clip(change / aim, 0.2, 4.0), MOST_INERTIA)
+        inertia = jnp.where(marching, followed, inertia)
+        ended = jnp.where(marching, (followed < LEAST_INERTIA) | (error < LAST_CHANGE), ended)
+    return jnp.where(ended, 0.0, inertia)
 
 
 @_searched.defjvp
@@ -285,21 +304,40 @@ def _small_solved(matrix: Array, right: Array) -> Array:
 
 
 def _missing(
-    network: _Network, pressure: Array, content: Array, slope: Array, ph: Array, share: Array | float
-) -> tuple[list[Points], Array]:
-    """Blood inside every exchanger, and what the equations of all miss [mL/min STPD], (2, points)."""
-    inlets, points, missed = _streams(network, content)[1], [], []
+    network: _Network,
+    pressure: Array,
+    content: Array,
+    slope: Array,
+    ph: Array,
+    expected: Array | None,
+) -> tuple[list[Points], Array, Array]:
+    """Blood inside every exchanger, what by its contents it gained, and what the equations of all miss.
+
+    Both [mL/min STPD], (2, points). Rates are those at the gas that is expected to be gained, continued to
+    what is gained by their derivatives; at what is gained where nothing is expected.
+    """
+    inlets, points, gains, missed = _streams(network, content)[1], [], [], []
     for k, (e, place) in enumerate(zip(network.exchangers, network.places, strict=True)):
         stream, (cells, weights) = network.mixed.streams[k], e.collocation
         exchanging = 10.0 * stream * jnp.asarray(e.exchanging(network.values))
         gained = exchanging * (content[:, place] - inlets[:, k, None])
-        points.append(Points(gained, jnp.exp(pressure[:, place]), slope[place], ph[place]))
-        reached = gained.reshape(2, cells, -1)
-        before = jnp.pad(reached[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
-        rates = e.rates(stream, points[-1], network.values).reshape(2, cells, -1)
+        at = Points(gained, jnp.exp(pressure[:, place]), slope[place], ph[place])
+        if expected is None:
+            rates = e.rates(stream, at, network.values)
+        else:
+            at = at._replace(gained=expected[:, place])
+            there, along = jax.jvp(
+                lambda g, e=e, q=stream, at=at: e.rates(q, at._replace(gained=g), network.values),
+                (at.gained,), (gained - at.gained,),
+            )  # fmt: skip
+            rates = there + along
+        points.append(at)
+        gains.append(gained)
+        reached, rates = gained.reshape(2, cells, -1), rates.reshape(2, cells, -1)
+        entered = jnp.pad(reached[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
         within = sum(rates[..., i, None] * weights[:, i] for i in range(len(weights))) / cells
-        missed.append((reached - before - share * within).reshape(2, -1))
-    return points, jnp.concatenate(missed, axis=1)
+        missed.append((reached - entered - within).reshape(2, -1))
+    return points, jnp.concatenate(gains, axis=1), jnp.concatenate(missed, axis=1)
 
 
 def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
@@ -311,23 +349,27 @@ def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
 
 
 def _newton_step(
-    network: _Network, pressure: Array, ph: Array, inertia: Array | float, share: Array | float = 1.0
-) -> tuple[Array, Array, Array]:
-    """Newton's step for the pressures and for pH, and the largest equation not met [mL/dL].
+    network: _Network,
+    pressure: Array,
+    ph: Array,
+    inertia: Array | float,
+    expected: Array | None = None,
+) -> tuple[Array, Array, Array, Array]:
+    """Newton's step for the pressures and for pH, the largest equation not met [mL/dL], and gas gained then.
 
     The linear equations are not differentiated. With inertia the contents change as in blood that is
-    stored: an implicit step in time. A share of the exchange makes steps small where all of it uses up a gas.
+    stored: an implicit step in time.
     """
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)
-    points, value = _missing(network, pressure, local.content, local.slope, ph + local.acid, share)
+    points, gained, value = _missing(network, pressure, local.content, local.slope, ph + local.acid, expected)
     steady = network.frozen()
     fixed, at = jax.lax.stop_gradient((local, points))
     equations = [
         eliminated(
             e, steady.mixed.streams[k],
             Inside(at[k], fixed.content_by[..., place], fixed.slope_by[:, place], fixed.acid_by[:, place]),
-            steady.values, inertia, share,
+            steady.values, inertia,
         )
         for k, (e, place) in enumerate(zip(network.exchangers, network.places, strict=True))
     ]  # fmt: skip
@@ -340,12 +382,15 @@ def _newton_step(
     )
     entering = changes @ steady.mixed.inlets.T
     move = [moved(e, m, entering[:, k]) for k, (e, (m, _)) in enumerate(zip(equations, parts, strict=True))]
+    passing = np.repeat(np.arange(len(equations)), [e.points for e in network.exchangers])
+    flows = 10.0 * network.mixed.streams[passing] * shares[passing]
+    inside = (fixed.content_by[..., :count] * jnp.concatenate(move, axis=1)).sum(axis=1)
+    gained = gained + flows * (inside - entering[:, passing])
     outlets = _streams(network, local.content)[0] + changes
     (a, b), (c, d) = fixed.content_by[:, :, count:]
     from_held = 0.0 if network.samples.kept is None else network.samples.kept.T
     oxygen, carbon_dioxide = outlets @ network.samples.shares.T + from_held - local.content[:, count:]
     sampled = jnp.stack([d * oxygen - b * carbon_dioxide, a * carbon_dioxide - c * oxygen]) / (a * d - b * c)
     move = jnp.concatenate([*move, sampled], axis=1)
-    passing = np.repeat(np.arange(len(equations)), [e.points for e in network.exchangers])
     size = jnp.abs(value / (10.0 * network.mixed.streams[passing])).max()
-    return move, local.acid + (fixed.acid_by * move).sum(axis=0), size
+    return move, local.acid + (fixed.acid_by * move).sum(axis=0), size, gained

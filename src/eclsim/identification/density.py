@@ -180,18 +180,6 @@ class PosteriorDensity:
         return members_of(self.model, values, len(z), self.outputs, self.policy, start)
 
 
-def simulate_members(
-    model: Model,
-    values: Values,
-    count: int,
-    outputs: tuple[str, ...],
-    policy: str = AS_PUBLISHED,
-    start: Mapping[str, float] | None = None,
-) -> np.ndarray:
-    """Outputs of members that share a circuit, shape (members, outputs); NaN where none is determined."""
-    return members_of(model, values, count, outputs, policy, start).values.T
-
-
 def members_of(
     model: Model,
     values: Values,

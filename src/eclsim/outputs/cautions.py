@@ -20,8 +20,9 @@ ADDED = 0.3
 """Logarithm by which several drugs change a factor beyond the one that changes it most."""
 BLOOD_PH = (6.8, 7.7)
 """pH between which the curves of blood were fitted, about."""
-FAR_MMHG = 10.0
-"""PaCO2 above the set point from which the answer to it is far from what was measured."""
+FAR_MMHG, STUDIED_MMHG = 10.0, 25.0
+"""PaCO2 above the set point from which the published answer to it has the wrong sign, and from which the one
+measured in patients, up to 19 mmHg, is extrapolated."""
 
 
 class _Effect(NamedTuple):
@@ -134,18 +135,24 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
     pressure, rest = outputs.get("PaCO2"), values.get(keys.PACO2_SET_POINT)
     if pressure is None or rest is None or not pressure > rest + FAR_MMHG:
         return []
-    by_nerves, by_organs = (values.get(key, 0.0) > 0.0 for key in (keys.CHEMOREFLEX, keys.DILATION))
-    if not (by_nerves or by_organs):
-        return []
+    measured = values.get(keys.CARBON_DIOXIDE, 0.0)
+    published = [key for key in (keys.CHEMOREFLEX, keys.DILATION) if values.get(key, 0.0) > 0.0]
     text = f"PaCO2 {pressure:.0f} mmHg, {pressure - rest:.0f} above the set point: "
-    if by_nerves:
+    if measured < 1.0 and keys.CHEMOREFLEX in published:
         text += (
             "with the chemoreflex cardiac output and pulmonary pressure fall and resistance rises, where in "
             "healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen and "
-            "Eger 1974, Kiely 1996)"
+            f"Eger 1974, Kiely 1996); {keys.CARBON_DIOXIDE} = 1 takes the answer measured in patients instead"
         )
+    elif measured < 1.0 and published:
+        text += (
+            "the organs' answer to it was published for small changes, and is not held against people; "
+            f"{keys.CARBON_DIOXIDE} = 1 takes the answer measured in patients instead"
+        )
+    elif measured > 0.0 and pressure > rest + STUDIED_MMHG:
+        text += "the answer to it was measured up to 19 mmHg above (Thorens 1996), and is extrapolated"
     else:
-        text += "the organs' answer to it was published for small changes, and is not held against people"
+        return []
     return [_about("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
 
 

@@ -97,7 +97,8 @@ BY_GASES = (
             "relative to that at the set points; of brain, heart, muscle and the rest side by side",
             ("Q" + bed,), _local(bed), all_flows=True,
             parameters=(GASES, keys.local_resistance(bed), keys.DILATION,
-                        keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)),
+                        keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed),
+                        keys.CARBON_DIOXIDE),
         )
         for bed, label in (("sart", "organs"), ("upper", "upper body"), ("lower", "lower body"))
     ),

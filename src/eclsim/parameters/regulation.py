@@ -18,6 +18,7 @@ GAIN = f"{REGULATION}.baroreflex"
 SET_POINT, VENOUS_SET_POINT = f"{REGULATION}.set_point_mmHg", f"{REGULATION}.venous_set_point_mmHg"
 HYPOXIA = f"{REGULATION}.hypoxic_vasoconstriction"
 CHEMOREFLEX, DILATION = f"{REGULATION}.chemoreflex", f"{REGULATION}.hypoxic_vasodilation"
+CARBON_DIOXIDE = f"{REGULATION}.carbon_dioxide_response"
 PAO2_SET_POINT = f"{REGULATION}.set_point_pao2_mmHg"
 PACO2_SET_POINT = f"{REGULATION}.set_point_paco2_mmHg"
 VENOUS_O2_SET_POINT = f"{REGULATION}.set_point_venous_o2_ml_dl"
@@ -112,6 +113,8 @@ _TABLE = (
      "Magosso and Ursino 2001; 0: the published patient", 0.0, 1.2, REGULATION),
     (DILATION, 0.0, "1", "Strength of organs' answer to oxygen and carbon dioxide: 1 as published, 0 none",
      "Magosso and Ursino 2001; 0: the published patient", 0.0, 1.5, REGULATION),
+    (CARBON_DIOXIDE, 0.0, "1", "Share of the answer to carbon dioxide that is the one measured in ventilated "
+     "patients", "1: fitted to Thorens 1996 (PMID 8727430); 0: the published patient", 0.0, 1.0, REGULATION),
     (PAO2_SET_POINT, 95.0, "mmHg", "Arterial PO2 at which the chemoreflex does nothing",
      "healthy adults; of a patient their own at rest", 20.0, 600.0, REGULATION),
     *((of_bed(PACO2_SET_POINT, bed), 40.0, "mmHg",

@@ -23,6 +23,15 @@ Organs, whose blood leaves with the oxygen content C [mL/dL]:
 are their conductances relative to those at the set point. K of the programs falls to 1.4 below 40 mmHg, which
 jumps; 4.6 is what joins. Their F has the natural logarithm, with which it does not depend on PCO2; with that
 of base 10 it is the curve of Reivich 1964.
+
+In people the nerves' published answer to carbon dioxide has the wrong signs. `carbon_dioxide_response` s lets
+it, and that of the organs, give way to the net one that was measured in sedated, ventilated patients:
+
+    factor of all resistances  e^(-s a L tanh((PCO2 - PCO2_n) / L)),  L = 40 mmHg
+    published answers at the PCO2  PCO2_n + (1 - s) (PCO2 - PCO2_n)
+
+a is such that with half of the baroreflex, in sedation, resistance falls by 25 % from 40 to 59 mmHg (Thorens
+1996, 11 patients). Resistance of the lung stays: it did in three studies of patients.
 """
 
 from __future__ import annotations
@@ -51,6 +60,8 @@ LARGEST_SYMPATHETIC = 60.0
 VAGAL_WEIGHT = 0.2
 RECEPTORS_S, ORGANS_OXYGEN_S, ORGANS_CARBON_DIOXIDE_S = 2.0, 10.0, 20.0
 """Time constants of chemoreceptors and of the organs' answers to both gases [s]."""
+MEASURED_PER_MMHG, MEASURED_RANGE_MMHG = 0.022, 40.0
+"""a, and L, at which it has hardly more to give: twice what was studied."""
 LEAST_CONDUCTANCE = 0.05
 """Share of its conductance below which a bed does not close, so that it stays above zero."""
 CORONARY_RESERVE = 5.0
@@ -134,6 +145,11 @@ class ChemoreflexConstants(NamedTuple):
     rest: Gases
 
 
+def _published_share(pco2: Number, rest: Number, response: Number) -> Number:
+    """PCO2 at which published answers are taken, beside a measured one of some share."""
+    return rest + (1.0 - response) * (pco2 - rest)
+
+
 @dataclass(frozen=True)
 class Chemoreflex(Reflex):
     """The baroreflex of Ursino 1998 whose nerves get input from chemoreceptors and the brain's gases too.
@@ -146,6 +162,7 @@ class Chemoreflex(Reflex):
         sensed_carbon_dioxide: arterial PCO2 [mmHg].
         oxygen_set_point: PO2 at which it does nothing [mmHg].
         carbon_dioxide_set_point: PCO2 at which it does nothing [mmHg].
+        carbon_dioxide_response: share of the measured answer to PCO2, which is not that of these nerves.
     """
 
     strength: Key = CHEMOREFLEX
@@ -153,6 +170,7 @@ class Chemoreflex(Reflex):
     sensed_carbon_dioxide: Key = keys.SENSED_PACO2
     oxygen_set_point: Key = keys.PAO2_SET_POINT
     carbon_dioxide_set_point: Key = keys.PACO2_SET_POINT
+    carbon_dioxide_response: Key = keys.CARBON_DIOXIDE
 
     def constants(self, values: Values) -> ReflexConstants:
         """Those of the baroreflex, and gases."""
@@ -164,6 +182,8 @@ class Chemoreflex(Reflex):
                 (self.oxygen_set_point, self.carbon_dioxide_set_point),
             )
         )
+        response = value_of(values, self.carbon_dioxide_response)
+        now = now._replace(carbon_dioxide=_published_share(now.carbon_dioxide, rest.carbon_dioxide, response))
         strength = value_of(values, self.strength)
         more = ChemoreflexConstants(
             1.0, constants.set_points, constants.blood_volume_ml, constants.gain, strength, now, rest
@@ -234,14 +254,27 @@ def local_factor(content: Number, pco2: Number, rest: tuple[Number, Number], str
     return jnp.exp(-strength * jnp.log(sum(conductances, start=others)))
 
 
-def local_settings(bed: str) -> tuple[str, str, str]:
-    """Parameters that a bed's factor follows from besides gases: strength, and set points of both."""
-    return keys.DILATION, keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)
+def measured_factor(pco2: Number, rest: Number, response: Number) -> Number:
+    """Factor of all resistances by carbon dioxide [mmHg], as ventilated patients had it.
+
+    Thorens, Jolliet, Ritz and Chevrolet 1996 (Intensive Care Med 22:182, PMID 8727430): 11 patients with
+    acute respiratory distress, sedated, PaCO2 40 to 59 mmHg. Above or below, it is extrapolated.
+    """
+    change = MEASURED_RANGE_MMHG * jnp.tanh((pco2 - rest) / MEASURED_RANGE_MMHG)
+    return jnp.exp(-response * MEASURED_PER_MMHG * change)
+
+
+def local_settings(bed: str) -> tuple[str, str, str, str]:
+    """Parameters that a bed's factor follows from besides gases, in the order of `local_law`."""
+    set_points = keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)
+    return keys.DILATION, *set_points, keys.CARBON_DIOXIDE
 
 
 def local_law(n: Array) -> Array:
     """From arterial content, oxygen supplied and gained, PCO2 and `local_settings` to the factor."""
-    return jnp.stack([local_factor(venous_content(n[0], n[1], n[2]), n[3], (n[5], n[6]), n[4])])
+    published = _published_share(n[3], n[6], n[7])
+    factor = local_factor(venous_content(n[0], n[1], n[2]), published, (n[5], n[6]), n[4])
+    return jnp.stack([factor * measured_factor(n[3], n[6], n[7])])
 
 
 def venous_content(arterial: Number, supplied: Number, gained: Number) -> Number:

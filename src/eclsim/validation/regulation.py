@@ -44,7 +44,6 @@ def regulation_checks() -> list[Check]:
         compared("circuit-protocol", ecmo_rows()),
         compared("assist-protocol", lvad_rows()),
         compared("donker", donker_rows()),
-        compared("hypercapnia", hypercapnia_rows()),
     ]
 
 
@@ -56,7 +55,8 @@ def adult(heart_rate: float, weight_kg: float = 70.0, **sections: object) -> Mod
     return model_of(read_mapping(case | sections).case)
 
 
-def _sign(name: str, expected: float, got: float, source: str, explanation: Explanation | None = None) -> Row:
+def sign(name: str, expected: float, got: float, source: str, explanation: Explanation | None = None) -> Row:
+    """Whether a change has the direction that was measured."""
     return within(
         f"{name}: sign", np.sign(expected), np.sign(got), 0.5, source=source, explanation=explanation
     )
@@ -216,10 +216,10 @@ def ecmo_rows() -> Iterator[Row]:
             spread = math.hypot(float(row["from_sd"]), float(row["to_sd"])) / start
             label, expected = f"{study}: {output(name).long_name}", end / start - 1.0
             changes = [float(high[name] / low[name] - 1.0) for high in (volume_held, filled, strong)]
-            sign = _sign(f"{label}, right atrial pressure held", expected, changes[1], row["source"])
-            explanation = Explanation(VOLUME_HELD, (sign,))
-            yield _sign(f"{label}, volume held", expected, changes[0], row["source"], explanation)
-            yield sign
+            shown = sign(f"{label}, right atrial pressure held", expected, changes[1], row["source"])
+            explanation = Explanation(VOLUME_HELD, (shown,))
+            yield sign(f"{label}, volume held", expected, changes[0], row["source"], explanation)
+            yield shown
             sizes = [
                 within(f"{label}, {held}: change", 100.0 * expected, 100.0 * got, 100.0 * spread, "%",
                        source=row["source"])
@@ -263,7 +263,7 @@ def lvad_rows() -> Iterator[Row]:
                 reason, experiment = EXPERIMENTS.get(name, ("", reflex))
                 shown = within(f"{label}, {experiment}", expected, found[experiment][name], spread, unit)
                 if expected:
-                    yield _sign(label, expected, got, RAMP)
+                    yield sign(label, expected, got, RAMP)
                 yield within(f"{label}, change", expected, got, spread, unit, source=RAMP,
                              explanation=Explanation(reason, (shown,)))  # fmt: skip
 
@@ -313,50 +313,6 @@ def _lowest(assist: tuple[tuple[str, object], ...]) -> Mapping[str, float]:
     return {name: matched.values[name] for name in free}
 
 
-# --- carbon dioxide -------------------------------------------------------------------------------
-
-INHALED = "Kiely 1996 (Chest 109:1215, abstract): 8 healthy men, end-tidal 7 kPa for 30 min"
-RAISED = "Cullen and Eger 1974 (Anesthesiology 41:345, abstract): 41 volunteers, PaCO2 from 39 to 50 mmHg"
-RESISTANCE = "systemic resistance"
-HYPERCAPNIA = (("CO", 1.0, RAISED), ("heart_rate", 1.0, RAISED), (RESISTANCE, -1.0, RAISED),
-               ("MPAP", 1.0, INHALED), ("MAP", 1.0, INHALED))  # fmt: skip
-"""Output, direction of its change, source."""
-VENTILATION = {"gas.alveolar_ventilation_l_min": 3.3, "gas.fio2": 0.26}
-"""From 4.4 L/min and 25 %: PaCO2 39 to 52 mmHg, PaO2 as before."""
-NERVES = (
-    "the published nerves constrict by more than the organs' own answer dilates: with that answer alone the "
-    "sign is the measured one; which gain of the nerves people have is not known"
-)
-
-
-def hypercapnia_rows() -> Iterator[Row]:
-    """Directions of change with carbon dioxide in a healthy man, by what answers to it."""
-    nerves = {"baroreflex": 1.0, "chemoreflex": 1.0}
-    local = _hypercapnia({"hypoxic_vasodilation": 1.0})
-    for words, keys in {"chemoreflex": nerves, "and organs": nerves | {"hypoxic_vasodilation": 1.0}}.items():
-        found = _hypercapnia(keys)
-        for name, expected, source in HYPERCAPNIA:
-            label = name if name == RESISTANCE else output(name).long_name
-            shown = _sign(f"{label}, organs alone", expected, local[name], source)
-            reason = Explanation(NERVES, (shown,))
-            yield _sign(f"hypercapnia, {words}: {label}", expected, found[name], source, reason)
-
-
-def _hypercapnia(keys: Mapping[str, float]) -> dict[str, float]:
-    """Change of each output, where 1 % is told from none."""
-    gas = {"haemoglobin_g_dl": 14.0, "alveolar_ventilation_l_min": 4.4, "shunt_fraction": 0.02, "fio2": 0.25}
-    man = adult(75.0, 80.0, gas=gas, regulation=keys)
-    before, after = simulate(man), simulate(man.with_values(VENTILATION))
-
-    def read(beat: xr.Dataset, name: str) -> float:
-        if name == RESISTANCE:
-            return float((beat["MAP"] - beat[RIGHT_ATRIUM]) / beat["CO"])
-        return float(beat[name]) if name in beat else 75.0
-
-    changes = {name: read(after, name) / read(before, name) - 1.0 for name, *_ in HYPERCAPNIA}
-    return {name: change if abs(change) > 0.01 else 0.0 for name, change in changes.items()}
-
-
 # --- another model --------------------------------------------------------------------------------
 
 DONKER = "Donker 2019 (PMC6325768), another closed-loop model with reflexes; its patient is not in reach"
@@ -384,9 +340,9 @@ def donker_rows() -> list[Row]:
     for tone, changes in found.items():
         for k, (name, expected, unit) in enumerate(DONKER_ROWS):
             label, spread = f"{tone}, {name}", 0.5 * abs(expected)
-            fixed = _sign(label, expected, found["fixed tone"][k], DONKER)
+            fixed = sign(label, expected, found["fixed tone"][k], DONKER)
             other = within(f"{label}, experiment", expected, (sicker if k < 2 else less)[k], spread, unit)
-            rows.append(_sign(label, expected, changes[k], DONKER, Explanation(WITHDRAWN, (fixed,))))
+            rows.append(sign(label, expected, changes[k], DONKER, Explanation(WITHDRAWN, (fixed,))))
             rows.append(within(label, expected, changes[k], spread, unit, source=DONKER,
                                explanation=Explanation(UNKNOWN, (other,), undecided=True)))  # fmt: skip
     return rows

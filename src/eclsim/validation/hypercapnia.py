@@ -1,0 +1,115 @@
+"""Carbon dioxide in healthy people and in ventilated patients, by what answers to it.
+
+Patients have the pressures, the output and the PaCO2 of a study before; then the ventilation is turned down
+to the PaCO2 after. Body surface, and what an abstract does not print, is assumed (`hypercapnia` of
+data/protocols.toml). The measured answer was fitted to the first study's resistance; all else is a test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from eclsim.outputs.registry import output
+from eclsim.outputs.results import simulate
+from eclsim.paper.comparison import Check, Explanation, Row, within
+from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.validation.matching import with_outputs
+from eclsim.validation.reference_cases import PROTOCOLS, compared
+from eclsim.validation.regulation import RIGHT_ATRIUM, adult, sign
+
+INHALED = "Kiely 1996 (Chest 109:1215, abstract): 8 healthy men, end-tidal 7 kPa for 30 min"
+RAISED = "Cullen and Eger 1974 (Anesthesiology 41:345, abstract): 41 volunteers, PaCO2 from 39 to 50 mmHg"
+SYSTEMIC, PULMONARY = "systemic resistance", "pulmonary resistance"
+HEALTHY = (("CO", 1.0, RAISED), ("heart_rate", 1.0, RAISED), (SYSTEMIC, -1.0, RAISED),
+           ("MPAP", 1.0, INHALED), ("MAP", 1.0, INHALED))  # fmt: skip
+"""Output, direction of its change, source."""
+VENTILATION = "gas.alveolar_ventilation_l_min"
+DEEPER = {VENTILATION: 3.3, "gas.fio2": 0.26}
+"""From 4.4 L/min and 25 %: PaCO2 39 to 52 mmHg, PaO2 as before."""
+NERVES = {"baroreflex": 1.0, "chemoreflex": 1.0}
+ORGANS = {"hypoxic_vasodilation": 1.0}
+MEASURED = {"carbon_dioxide_response": 1.0}
+REASON = (
+    "the published nerves constrict by more than the organs' own answer dilates; with the answer that was "
+    "measured in patients (carbon_dioxide_response) in their place the sign is the measured one"
+)
+SEDATED = {"baroreflex": 0.5, "set_point_pao2_mmHg": 90.0, "set_point_venous_o2_ml_dl": 10.0} | MEASURED
+FELT = 0.01
+"""Share from which a change is told from none."""
+
+
+def hypercapnia_checks() -> list[Check]:
+    """Directions in healthy people; sizes and directions in ventilated patients."""
+    return [compared("hypercapnia", healthy_rows()), compared("hypercapnia-patients", patient_rows())]
+
+
+def healthy_rows() -> Iterator[Row]:
+    """Directions of change with carbon dioxide in a healthy man, by what answers to it."""
+    measured = _in_health(NERVES | MEASURED)
+    for words, keys in {"chemoreflex": NERVES, "and organs": NERVES | ORGANS}.items():
+        found = _in_health(keys)
+        for name, expected, source in HEALTHY:
+            shown = sign(f"{_label(name)}, measured answer", expected, measured[name], source)
+            reason = Explanation(REASON, (shown,))
+            yield sign(f"hypercapnia, {words}: {_label(name)}", expected, found[name], source, reason)
+    for name, expected, source in HEALTHY:
+        yield sign(f"hypercapnia, measured answer: {_label(name)} (test)", expected, measured[name], source)
+
+
+def _in_health(keys: Mapping[str, float]) -> dict[str, float]:
+    gas = {"haemoglobin_g_dl": 14.0, "alveolar_ventilation_l_min": 4.4, "shunt_fraction": 0.02, "fio2": 0.25}
+    man = adult(75.0, 80.0, gas=gas, regulation=keys)
+    return _changes(simulate(man), simulate(man.with_values(DEEPER)), 75.0)
+
+
+def patient_rows() -> Iterator[Row]:
+    """Patients whose ventilation is turned down, sedated."""
+    for study in PROTOCOLS["hypercapnia"].values():
+        found = _in_patient(study)
+        for name, expected in study["changes"].items():
+            label = f"{study['label']}: {_label(name)}, change"
+            kind = "fit" if name in study.get("fitted", ()) else "test"
+            spread = max(0.5 * abs(expected), study["least_spread"])
+            yield within(f"{label} ({kind})", expected, 100.0 * found[name], spread, "%",
+                         source=study["source"])  # fmt: skip
+        for name, expected in study.get("signs", {}).items():
+            got = found[name] if abs(found[name]) > FELT else 0.0
+            yield sign(f"{study['label']}: {_label(name)} (test)", expected, got, study["source"])
+
+
+def _in_patient(study: Mapping[str, Any]) -> dict[str, float]:
+    before, rate, gas = study["before"], study["heart_rate"], study["gas"]
+    free = ("Rmc", EXTRA_VOLUME, "Rpmc", "Emaxlv", VENTILATION)
+    matched = with_outputs(adult(rate, gas=gas), free, before)
+    rest = {"set_point_mmHg": before["MAP"], "set_point_paco2_mmHg": before["PaCO2"]}
+    patient = adult(rate, gas=gas, regulation=SEDATED | rest)
+    patient = patient.with_values({name: matched.values[name] for name in free})
+    after = with_outputs(patient, (VENTILATION,), {"PaCO2": study["after"]})
+    return _changes(simulate(patient), simulate(after), rate)
+
+
+def _changes(before: xr.Dataset, after: xr.Dataset, rate: float) -> dict[str, float]:
+    """Relative change of each quantity; of those of healthy people 0 where it is not felt."""
+
+    def read(beat: xr.Dataset, name: str) -> float:
+        if name == SYSTEMIC:
+            return float((beat["MAP"] - beat[RIGHT_ATRIUM]) / beat["CO"])
+        if name == PULMONARY:
+            return float((beat["MPAP"] - beat["PCWP"]) / beat["CO"])
+        if name == "stroke_volume":
+            return float(beat["CO"]) / read(beat, "heart_rate")
+        return float(beat[name]) if name in beat else rate
+
+    names = ("CO", "heart_rate", "stroke_volume", "MAP", "MPAP", RIGHT_ATRIUM, SYSTEMIC, PULMONARY)
+    changes = {name: read(after, name) / read(before, name) - 1.0 for name in names}
+    return {name: float(np.where(abs(change) > FELT, change, 0.0)) for name, change in changes.items()}
+
+
+def _label(name: str) -> str:
+    return (
+        name.replace("_", " ") if name in (SYSTEMIC, PULMONARY, "stroke_volume") else output(name).long_name
+    )
