@@ -90,6 +90,8 @@ def test_the_schematic_can_be_read(open_page, served, shots, preset, devices):
     page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
     page.locator(".ecl-schematic .box").first.wait_for()
     picture(page, shots, "_".join(("schematic", preset, *devices)))
+    if (larger := page.get_by_role("button", name=text("schematic_larger"))).count():
+        larger.click()
 
     def readable() -> None:
         result = page.evaluate(FAULTS_OF_THE_SCHEMATIC, SMALLEST_LETTER_PX)
@@ -99,14 +101,80 @@ def test_the_schematic_can_be_read(open_page, served, shots, preset, devices):
     eventually(readable)
 
 
+IS_WHOLE = """() => {
+  const pane = document.querySelector('.ecl-schematic .sheet').getBoundingClientRect();
+  const frames = [...document.querySelectorAll('.ecl-schematic .frame rect')];
+  return frames.map((r) => r.getBoundingClientRect()).every((r) => r.top >= pane.top &&
+    r.bottom <= pane.bottom && r.left >= pane.left && r.right <= pane.right);
+}"""
+
+
+def test_a_circuit_is_shown_as_a_whole_while_it_can_be_read(open_page, served, shots):
+    case = connect(connect(PRESETS["paper"].case(), "gas"), "physiology")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("schematic_larger")).wait_for()
+    eventually(lambda: page.evaluate(IS_WHOLE) or pytest.fail("a part of the circuit is out of sight"))
+    faults = page.evaluate(FAULTS_OF_THE_SCHEMATIC, 8.5)
+    assert faults["faults"] == []
+    picture(page, shots, "circuit_whole")
+
+
+def test_a_line_to_a_balloon_has_no_flow(open_page, served):
+    """Its mean is 0 in every steady beat, whatever the balloon does."""
+    case = connect(PRESETS["healthy"].case(), "iabp")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.locator(".ecl-schematic .box").first.wait_for()
+    words = page.locator(".ecl-schematic svg").text_content()
+    assert "IABP" in words
+    assert "0.00" not in words
+
+
+@pytest.mark.parametrize(("width", "without_room"), [(1280, 0), (1920, 0), (390, 1)])
+def test_names_of_limits_lie_on_no_curve_of_the_ramp(open_page, width, without_room, shots):
+    """On a phone one of them may have no free place."""
+    page = open_page("paper", viewport={"width": width, "height": 900})
+    show(page, "ramp")
+    page.wait_for_function("eclsim.bus.last('ramp')?.speeds.length >= 15")
+    page.locator(".ecl-chart:visible .annotation-text").nth(3).wait_for()
+    struck = """() => {
+      const chart = [...document.querySelectorAll('.ecl-chart')].find((e) => e.clientHeight && e.data);
+      const names = [...chart.querySelectorAll('.annotation-text')].slice(1)
+        .map((e) => [e, e.getBoundingClientRect()]);
+      const found = [];
+      for (const line of chart.querySelectorAll('.xy3 path.js-line')) {
+        const onScreen = line.getScreenCTM();
+        for (let at = 0; at <= line.getTotalLength(); at += 1) {
+          const { x, y } = line.getPointAtLength(at).matrixTransform(onScreen);
+          for (const [e, r] of names)
+            if (x > r.left + 1 && x < r.right - 1 && y > r.top + 3 && y < r.bottom - 3)
+              found.push(e.textContent);
+        }
+      }
+      return [names.length, [...new Set(found)]];
+    }"""
+
+    def free() -> None:
+        count, found = page.evaluate(struck)
+        assert count >= 4
+        assert len(found) <= without_room, found
+
+    eventually(free)
+    picture(page, shots, f"ramp_names_{width}")
+
+
 def test_a_circuit_that_does_not_fit_its_pane_says_so(open_page, served, shots):
     case = connect(connect(PRESETS["paper"].case(), "lvad"), "iabp")
     page = open_page(url=f"{served.url}/#{link_of(PageState(connect(case, 'physiology')))}")
     below = page.locator(".ecl-schematic .below")
     expect(below).to_contain_text(text("schematic_below"))
     picture(page, shots, "circuit_below")
-    page.locator(".ecl-schematic .sheet").evaluate("sheet => sheet.scrollTo(0, sheet.scrollHeight)")
+    page.locator(".ecl-schematic .sheet").evaluate("sheet => sheet.scrollTo(sheet.scrollWidth, 1e4)")
     expect(below).to_have_count(0)
+    page.locator(".ecl-schematic .sheet").evaluate("sheet => sheet.scrollTo(0, 0)")
+    expect(below).to_have_count(1)
+    page.get_by_role("button", name=text("schematic_whole")).click()
+    expect(below).to_have_count(0)
+    assert page.evaluate(IS_WHOLE)
     choose(page, PRESETS["healthy"].name)
     page.wait_for_function("!('Qecpump' in eclsim.bus.last('beat').means)")
     expect(below).to_have_count(0)

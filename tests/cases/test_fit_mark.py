@@ -42,6 +42,7 @@ def test_a_file_without_a_mark_or_with_one_elsewhere_has_none():
 def test_the_verdict_is_on_what_was_fitted(before, after, is_changed):
     assert PLAIN.count(before) == 1
     mark = read_mark(marked("good").replace(before, after))
+    assert mark is not None
     assert mark == FitMark("good", is_changed)
     assert ("changed since" in mark.sentence) == is_changed
 

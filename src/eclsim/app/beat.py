@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,6 +25,7 @@ from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.reporting.saturation import colour_of, letters_on
+from eclsim.reporting.schematic_layout import dead_ends
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
@@ -215,9 +215,9 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
             if steady
             else result | {"message": text("gases_passing") if beat.passing else beat.message}
         )
-    ends = _ends(beat.circuit)
+    without = dead_ends(beat.circuit)  # a balloon holds no blood of the patient
     for place, blood in beat.gases.places.items():
-        if place in ends:
+        if place in without:
             continue
         percent = 100.0 * float(blood.saturation)
         numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)
@@ -226,14 +226,6 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         result["places"][place] = {"values": finite(values, digits=5), **colours}
     result["exchanged"] = finite({at: list(pair) for at, pair in beat.gases.exchanged.items()}, digits=6)
     return result
-
-
-@lru_cache(maxsize=256)
-def _ends(circuit: Circuit) -> frozenset[str]:
-    """Compartments that nothing flows through, such as a balloon: they hold no blood of the patient."""
-    sites = [site for c in circuit.connections for site in (c.source, c.target)]
-    touched = Counter(name for site in sites for name in ((site,) if isinstance(site, str) else site.sites))
-    return frozenset(name for name, count in touched.items() if count == 1)
 
 
 def _cautions(findings: Iterable[Finding]) -> dict[str, str]:

@@ -205,6 +205,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "can be compared",
         "no_alarms": "The simulated numbers break no limit.",
         "alarms": "Limits that are broken",
+        "alarms_more": "{hidden} more of {all}: scroll",
         "cautions": "How to read {names}",
         "caution": "read with care: {why}",
         "caution_above": "read with care, see above",
@@ -237,7 +238,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "failed": "This beat could not be computed. Undo the last change.",
         # schematic
         "schematic": "Circuit with mean pressures [mmHg] and flows",
-        "schematic_below": "more of the circuit below: scroll",
+        "schematic_below": "more of the circuit beyond the edge: scroll",
+        "schematic_whole": "Whole circuit",
+        "schematic_larger": "Larger letters",
         "schematic_drag": "{letters} can be dragged",
         "schematic_hint": "Drag the round end of a line to another position, or choose it among the knobs.",
         "schematic_line": "{device} {line} at {{site}}: arrow keys move it to another position",

@@ -25,6 +25,7 @@ from eclsim.reporting.schematic_layout import (
     Layout,
     Plan,
     arrange,
+    dead_ends,
     fixed_site,
     plan_of,
 )
@@ -80,7 +81,10 @@ def draw_circuit(
     plan = plan_of(circuit)
     page = arrange(plan)
     paths = route(plan, page)
-    labels = Labels(result, {part.name: part.group for part in (*circuit.compartments, *circuit.connections)})
+    ends = dead_ends(circuit)
+    silent = frozenset(c.name for c in circuit.connections if {c.source, c.target} & ends)
+    groups = {part.name: part.group for part in (*circuit.compartments, *circuit.connections)}
+    labels = Labels(result, groups, silent)
     with_gas = any(labels.saturation(name) is not None for name in page.places)
     note, scale = 5.0 if plan.undrawn else 0.0, 5.0 if with_gas else 0.0
     pen = _pen(ax, page, paths.values(), extra=note + scale)
@@ -103,10 +107,12 @@ class Labels:
     Args:
         result: the simulated case.
         groups: of compartments and connections.
+        silent: connections to where nothing flows through, whose mean flow says nothing.
     """
 
     result: "xr.Dataset | None"
     groups: Mapping[str, str]
+    silent: frozenset[str] = frozenset()
 
     def box(self, plan: Plan, name: str) -> tuple[str, str, str]:
         """Words, key and mean pressure of a compartment; the pressure is empty without a result."""
@@ -127,7 +133,9 @@ class Labels:
         return self.result[waveform].attrs.get("SO2")
 
     def flow(self, name: str) -> str:
-        """Mean flow of a connection in the unit of its device; empty without a result."""
+        """Mean flow of a connection in the unit of its device; empty without a result, or to a balloon."""
+        if name in self.silent:
+            return ""
         device = device_of(self.groups[name])
         unit = "L/min" if device is None else device.views.flow_unit.unit
         return self._mean(f"Q{name}", unit, 2 if unit == "L/min" else 0)

@@ -7,6 +7,7 @@ them; a device without compartments of its own, such as an assist pump, stands i
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -236,6 +237,13 @@ def plan_of(circuit: Circuit) -> Plan:
     for connection in circuit.connections:
         _add(plan, connection, by_group.get(connection.group), groups)
     return plan
+
+
+def dead_ends(circuit: Circuit) -> frozenset[str]:
+    """Compartments that nothing flows through, such as a balloon: the mean flow is 0 in a steady beat."""
+    sites = [site for c in circuit.connections for site in (c.source, c.target)]
+    touched = Counter(name for site in sites for name in ((site,) if isinstance(site, str) else site.sites))
+    return frozenset(name for name, count in touched.items() if count == 1)
 
 
 def fixed_site(site: object) -> str | None:

@@ -6,7 +6,8 @@ export default {
   <dl class="ecl-keys">
     <div v-for="k in seen" :key="k.key" :class="k.level" :title="k.hint" :data-key="k.key">
       <dt><span v-if="k.caution" role="img" :aria-label="k.hint">† </span>{{ k.label }}</dt>
-      <dd><b :class="{ long: k.value.length > 5 }">{{ k.value }}</b></dd>
+      <dd><i v-if="k.sign" class="sign">{{ k.sign }}</i><b :class="{ long: k.value.length > 4 }">{{
+        k.value }}</b></dd>
       <dd class="more">{{ k.unit }}<em v-for="m in k.more" :key="m">{{ m }}</em></dd>
     </div>
   </dl>`,
@@ -45,10 +46,10 @@ export default {
       const full = `${words} [${unit}]`;
       const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
       const range = extremes && possible ? extremes.map((name) => fixed(outputs[name], 0)).join("/") : "";
-      const text = level === "collapse" ? ` ${MISSING}` : fixed(value, digits);
+      const text = level === "collapse" ? MISSING : fixed(value, digits);
       const measured = this.asMeasured([output], digits) || this.asMeasured(extremes ?? [], 0);
       const more = [this.difference(output, value, digits) || range, measured].filter(Boolean);
-      return { key, label, unit, level, caution, hint, value: SIGNS[level].trim() + text, more };
+      return { key, label, unit, level, caution, hint, sign: SIGNS[level].trim(), value: text, more };
     },
     difference(output, value, digits) {
       const before = this.pinned?.outputs[output];

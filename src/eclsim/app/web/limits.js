@@ -3,7 +3,8 @@ import { SIGNS, fill, listening } from "eclsim-page";
 
 export default {
   template: `
-  <section class="ecl-limits" :class="{ impossible: !possible }" :aria-label="texts.alarms" tabindex="0">
+  <section class="ecl-limits" ref="list" :class="{ impossible: !possible }" :aria-label="texts.alarms"
+    tabindex="0" @scroll.passive="measure">
     <div role="status">
       <p v-if="!possible" class="verdict"><b>✕ {{ texts.impossible_long }}</b></p>
       <p v-if="!broken.length" class="quiet">✓ {{ texts.no_alarms }}</p>
@@ -12,6 +13,7 @@ export default {
     <details v-if="cautions.length"><summary>† {{ heading }}</summary>
       <p v-for="text in cautions" :key="text">{{ text }}</p>
     </details>
+    <p v-if="hidden" class="further">▼ {{ more }}</p>
   </section>`,
   mixins: [
     listening({
@@ -23,11 +25,40 @@ export default {
         this.broken = beat.notes.filter(([kind]) => kind !== "caution");
         this.cautions = beat.notes.filter(([kind]) => kind === "caution").map(([, text]) => text);
         this.concerned = Object.keys(beat.cautions);
+        this.$nextTick(() => this.measure());
       },
     }),
   ],
-  data: () => ({ signs: SIGNS, possible: true, broken: [], cautions: [], concerned: [], labels: {} }),
+  data: () => ({
+    signs: SIGNS,
+    possible: true,
+    broken: [],
+    cautions: [],
+    concerned: [],
+    labels: {},
+    hidden: 0,
+  }),
+  unmounted() {
+    this.observer.disconnect();
+  },
+  methods: {
+    setUp() {
+      this.observer = new ResizeObserver(() => this.measure());
+      this.observer.observe(this.$refs.list);
+    },
+    // How many limits are below the edge of the list.
+    measure() {
+      const { list } = this.$refs;
+      if (!list) return;
+      const edge = list.getBoundingClientRect().bottom;
+      const lines = [...list.querySelectorAll("[role=status] p")];
+      this.hidden = lines.filter((line) => line.getBoundingClientRect().bottom > edge + 2).length;
+    },
+  },
   computed: {
+    more() {
+      return fill(this.texts.alarms_more, { hidden: this.hidden, all: this.broken.length });
+    },
     // Symbols of the paper as they are, other outputs by the name on their tile, if they have one.
     heading() {
       const short = (name) => (name === name.toUpperCase() ? name : this.labels[name]);

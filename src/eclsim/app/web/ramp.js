@@ -8,20 +8,19 @@ import {
   ink,
   drawing,
   laterThanStart,
+  placeLabels,
   speedsText,
   stroke,
   timeOf,
 } from "eclsim-page";
-import { Chart, axis, line } from "eclsim-page/chart.js";
+import { Chart, axis, line, textWidth } from "eclsim-page/chart.js";
 
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
 const ROWS = { 2: [[0.54, 1], [0, 0.46]], 3: [[0.78, 1], [0.52, 0.72], [0, 0.45]] }; // prettier-ignore
-const PLACES = [
-  [0.99, "right"],
-  [0.01, "left"],
-  [0.5, "center"],
-]; // where the limits of the first, second and third curve are labelled
-const above = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
+const LETTERS = 11; // px
+const ROOM = 18; // px beyond the last limit, for its name
+const MARGIN = { l: 56, r: 14, t: 24, b: 66 };
+const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
 
 export default {
   template: `
@@ -108,19 +107,43 @@ export default {
     // Limits as lines of the curve's colour, each with its name; those far from all curves are left out.
     limits() {
       const limited = this.ramp.curves.filter((curve) => curve.panel === "circuit");
-      const range = extent(limited.flatMap((curve) => this.ramp.outputs[curve.name]));
+      const curves = limited.map((curve) => this.ramp.outputs[curve.name]);
+      const range = extent(curves.flat());
       if (!range) return { shapes: [], labels: [] };
       const [low, high] = range;
       const reach = 0.25 * (high - low) + 20;
-      const near = limited.flatMap((curve, k) =>
+      const near = limited.flatMap((curve) =>
         curve.limits
           .filter(({ value }) => value > low - reach && value < high + reach)
-          .map((limit) => ({ ...limit, colour: stroke(curve.number).colour, label: curve.short, place: k })),
+          .map((limit) => this.named(curve, limit)),
       );
+      const [bottom, top] = extent([low, high, ...near.map(({ value }) => value)]);
+      const panel = this.panel();
+      const margin = (ROOM / panel.height) * (top - bottom) + 1;
+      const yRange = [bottom - margin, top + margin];
+      const places = placeLabels(near, { ...panel, curves, yRange });
       return {
+        range: yRange,
         shapes: near.map((limit) => this.limitLine(limit)),
-        labels: near.map((l) => this.limitLabel(l)),
+        labels: near.map((limit, k) => this.limitLabel(limit, places[k])),
       };
+    },
+    // The lowest panel, in which limits are drawn.
+    panel() {
+      const { speeds: xs, own } = this.ramp;
+      const { clientWidth, clientHeight } = this.$refs.chart;
+      const [bottom, top] = ROWS[3][2];
+      return {
+        xs,
+        upright: [own],
+        xRange: [xs[0], xs.at(-1)],
+        width: (clientWidth || 500) - MARGIN.l - MARGIN.r,
+        height: ((clientHeight || 480) - MARGIN.t - MARGIN.b) * (top - bottom),
+      };
+    },
+    named({ short, number }, { kind, value }) {
+      const text = `${short} ${this.texts[`kind_${kind}`]} ${fixed(value, 0)}`;
+      return { value, text, wide: textWidth(text, LETTERS), colour: stroke(number).colour };
     },
     limitLine: ({ value, colour }) => ({
       type: "line",
@@ -132,26 +155,23 @@ export default {
       y1: value,
       line: { color: colour, width: 1, dash: "2px,3px" },
     }),
-    limitLabel({ kind, value, colour, label, place }) {
-      const [x, xanchor] = PLACES[place % PLACES.length];
-      return {
-        text: `${label} ${this.texts[`kind_${kind}`]} ${fixed(value, 0)}`,
-        xref: "paper",
-        x,
-        xanchor,
-        yref: "y3",
-        y: value,
-        yanchor: kind === "warning" && value > 0 ? "top" : "bottom",
-        showarrow: false,
-        font: { size: 11, color: colour },
-        borderpad: 0,
-      };
-    },
-    layout({ shapes, labels }) {
+    limitLabel: ({ text, value, colour }, { left, above }) => ({
+      text,
+      xref: "paper",
+      x: left,
+      xanchor: "left",
+      yref: "y3",
+      y: value,
+      yanchor: above ? "bottom" : "top",
+      showarrow: false,
+      font: { size: LETTERS, color: colour },
+      borderpad: 0,
+    }),
+    layout({ shapes, labels, range }) {
       const { own, speeds, curves } = this.ramp;
       const rows = ROWS[curves.some((curve) => curve.panel === "circuit") ? 3 : 2];
       const now = {
-        ...above,
+        ...overhead,
         text: `${this.texts.now}: ${Math.round(own)} rpm`,
         x: own,
         xanchor: own > speeds[0] + 0.85 * (speeds.at(-1) - speeds[0]) ? "right" : "center",
@@ -171,7 +191,7 @@ export default {
         annotations: [now, ...labels],
         hovermode: "x unified",
         legend: { orientation: "h", x: 0, y: -0.1, font: { size: 11 } },
-        margin: { l: 56, r: 14, t: 24, b: 66 },
+        margin: MARGIN,
         xaxis: axis(this.texts.ramp_speed, {
           anchor: rows.length === 3 ? "y3" : "y2",
           range: [speeds[0], speeds.at(-1)],
@@ -179,7 +199,7 @@ export default {
         yaxis: axis(this.texts.ramp_pressure, { domain: rows[0], rangemode: "tozero" }),
         yaxis2: axis(this.texts.ramp_flow, { domain: rows[1], rangemode: "tozero" }),
       };
-      if (rows.length === 3) layout.yaxis3 = axis(this.texts.ramp_pressure, { domain: rows[2] });
+      if (rows.length === 3) layout.yaxis3 = axis(this.texts.ramp_pressure, { domain: rows[2], range });
       return layout;
     },
   },

@@ -8,7 +8,8 @@ const FONTS = {
   saturation: { size: LETTERS, weight: 700 },
   pressure: { size: 5.4, weight: 700 },
 };
-const LEAST_SCALE = 11 / LETTERS; // px a mm: no letter is smaller than 11 px
+const LEAST_LETTER = 11; // px: where letters would be smaller, the circuit does not fit its pane
+const WHOLE_LETTER = 8.5; // px: down to these the whole circuit is shown unasked
 const EMPTY = { view: [0, 0, 180, 120], frames: [], boxes: [], wires: [], lines: [] };
 const SYMBOLS = {
   valve: '<path d="M-2.4-2.2 2.4 0-2.4 2.2Z"/><path d="M2.4-2.2V2.2"/>',
@@ -23,7 +24,7 @@ const STEPS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 export default {
   template: `
-  <figure class="ecl-schematic" :aria-label="texts.schematic">
+  <figure :class="['ecl-schematic', { whole: isWhole }]" :aria-label="texts.schematic">
     <div class="sheet" ref="sheet" @scroll.passive="measure"><svg ref="svg" :style="least"
         :viewBox="drawing.view.join(' ')" role="group"
         :aria-label="texts.schematic" @pointermove="drag" @pointerup="drop" @pointercancel="dragged = null">
@@ -39,7 +40,7 @@ export default {
         <text :x="w.label[0]" :y="w.label[1]" :text-anchor="w.label[2]" class="label">{{ w.text }}</text>
         <text :x="w.label[0]" :y="w.label[1] + 4.4" :text-anchor="w.label[2]"
           :class="['flow', flowLevel(w)]">{{ signs[flowLevel(w)] }}{{ flow(w) }}</text>
-        <title>{{ w.text }}: {{ flow(w) }} {{ w.unit }}</title>
+        <title>{{ w.silent ? w.text : w.text + ": " + flow(w) + " " + w.unit }}</title>
       </g>
       <g v-for="b in drawing.boxes" :key="b.name" class="box" :data-node="b.name" :style="ink(b)"
         :class="[level(b), { target: dragged && b.position, near: dragged?.near === b.name }]">
@@ -68,7 +69,9 @@ export default {
       </g>
     </svg></div>
     <figcaption>
-      <span v-if="below" class="below" role="status">▼ {{ texts.schematic_below }}</span>
+      <button v-if="fitted < leastLetter" type="button" :aria-pressed="isWhole" @click="chosen = !isWhole">{{
+        isWhole ? texts.schematic_larger : texts.schematic_whole }}</button>
+      <span v-if="below" class="below" role="status">{{ texts.schematic_below }}</span>
       <span class="key warning">{{ texts.legend_warning }}</span>
       <span class="key alarm">{{ texts.legend_alarm }}</span>
       <span class="key collapse">{{ texts.legend_collapse }}</span>
@@ -104,9 +107,17 @@ export default {
     fonts: FONTS,
     dragged: null,
     below: false,
+    fitted: LEAST_LETTER,
+    leastLetter: LEAST_LETTER,
+    chosen: undefined,
   }),
   unmounted() {
     this.observer.disconnect();
+  },
+  watch: {
+    isWhole() {
+      this.$nextTick(() => this.measure());
+    },
   },
   computed: {
     wires() {
@@ -115,9 +126,14 @@ export default {
     movable() {
       return this.drawing.lines.filter((l) => l.moves);
     },
+    // The whole circuit is shown as long as it can be read, or as somebody chose.
+    isWhole() {
+      return this.fitted < LEAST_LETTER && (this.chosen ?? this.fitted >= WHOLE_LETTER);
+    },
     least() {
+      if (this.isWhole) return {};
       const [, , width, height] = this.drawing.view;
-      const px = (mm) => `${Math.ceil(LEAST_SCALE * mm)}px`;
+      const px = (mm) => `${Math.ceil((LEAST_LETTER / LETTERS) * mm)}px`;
       return { minWidth: px(width), minHeight: px(height) };
     },
     // Boxes that a line can be moved to.
@@ -133,10 +149,16 @@ export default {
       this.observer = new ResizeObserver(() => this.measure());
       this.observer.observe(this.$refs.sheet);
     },
-    // Whether a part of the circuit is below the edge of its pane, where letters get no smaller.
+    // How large letters are in the whole circuit, and whether a part of it is beyond the edge of its pane.
     measure() {
       const { sheet } = this.$refs;
-      this.below = !!sheet && sheet.scrollHeight - sheet.clientHeight - sheet.scrollTop > 4;
+      if (!sheet) return;
+      const [, , width, height] = this.drawing.view;
+      const tall = getComputedStyle(this.$el).getPropertyValue("--tall").trim(); // of a page that scrolls
+      const room = tall ? parseFloat(tall) || Infinity : sheet.clientHeight;
+      this.fitted = LETTERS * Math.min(sheet.clientWidth / width, room / height);
+      const [down, right] = [sheet.scrollHeight - sheet.clientHeight, sheet.scrollWidth - sheet.clientWidth];
+      this.below = down - sheet.scrollTop > 4 || right - sheet.scrollLeft > 4;
     },
     polyline,
     placed,
@@ -181,7 +203,7 @@ export default {
     },
     flow(wire) {
       const mean = this.means[`Q${wire.name}`];
-      return mean === undefined ? "" : fixed(mean * wire.factor, wire.digits);
+      return mean === undefined || wire.silent ? "" : fixed(mean * wire.factor, wire.digits);
     },
     about(line) {
       return fill(line.about, {

@@ -36,6 +36,14 @@ export const axis = (title, more = {}) => ({
   ...more,
 });
 
+// Width of a text in letters of some px.
+let pen;
+export function textWidth(text, size) {
+  pen ??= document.createElement("canvas").getContext("2d");
+  pen.font = `${size}px ${FONT}`;
+  return pen.measureText(text).width;
+}
+
 // A curve; `more` may hold further settings of the trace and of its line.
 export const line = (x, y, name, colour, { line: stroke = {}, ...more } = {}) => ({
   type: "scatter",

@@ -6,6 +6,7 @@ import { strokeOf } from "./strokes.js";
 export * from "./course.js";
 export * from "./format.js";
 export * from "./geometry.js";
+export * from "./labels.js";
 export * from "./links.js";
 export * from "./scales.js";
 export { svgDash } from "./strokes.js";
