@@ -54,7 +54,7 @@ VENO_VENOUS = (
 EXCHANGERS, PLACES = (Tissue(), NativeLung(), MembraneLung(*MEMBRANE)), ("tissue", "lung", "oxy")
 
 
-def veno_venous(output, ecmo, mixing=1.0, exchangers=EXCHANGERS, law="severinghaus1979", **values):
+def veno_venous(output, ecmo, mixing=1.0, exchangers=EXCHANGERS, law="severinghaus1979", **values: float):
     """Gas state of a patient on V-V ECMO with one right atrium, flows in L/min."""
     named = {key.replace("gas_", "gas.").replace("ecmo_", "ecmo."): value for key, value in values.items()}
     # All as arrays of floats: what is traced with whole numbers is compiled again.

@@ -3,9 +3,10 @@
 import pytest
 
 from eclsim.cases.reading import read_mapping
+from eclsim.identification.report import track_page
 from eclsim.identification.series import series_of, series_parameters
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.tracking import TrackSettings, track
+from eclsim.identification.tracking import Interval, TrackedPoint, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
 from eclsim.outputs.results import simulate
 from eclsim.parameters.regulation import SET_POINT
@@ -96,7 +97,8 @@ def test_a_row_without_gases_leaves_what_they_tell_of_as_it_was(mornings):
     for name, value in TRUTH.items():
         assert last.parameters[name].lower < value < last.parameters[name].upper
     assert last.parameters[VO2].median == pytest.approx(240.0, rel=0.1)
-    assert not any(point.doubts for point in result.points)
+    assert [point.doubtful for point in result.points] == [(), ("CO",), ("CO",)]
+    assert all(doubt.startswith("CO: nothing measured") for point in result.points for doubt in point.doubts)
 
 
 def test_what_no_row_reads_is_named(mornings):
@@ -115,6 +117,28 @@ def test_a_held_shunt_is_doubted_in_every_row_that_tells_of_it(mornings):
     only = track(mornings[1:2], settings=TrackSettings(FitSettings(("Rmc",)))).points[0]
     assert only.verdict.level != "good"
     assert any("the shunt of the lungs is held" in reason.sentence for reason in only.verdict.doubts)
+
+
+def test_an_output_that_nothing_tells_is_doubted_at_its_number():
+    """It leans high: of five series with noise two missed the truth by more than 1.5 L/min."""
+    gases = {"MAP": 70.0, "SaO2": 90.0, "SpreO2": 70.0}
+    series = {
+        "open": on_ecmo(gas={}, measurements=gases),
+        "measured": on_ecmo(gas={}, measurements={**gases, "CO": 6.0}),
+        "consumption given": on_ecmo(gas={"vo2_ml_min": 240.0}, measurements=gases),
+        "no gases": on_ecmo(measurements={"MAP": 70.0}),
+    }
+    free, told = FitSettings(("Rmc", SHUNT, VO2)), {}
+    for name, each in series.items():
+        known = series_of(free, [("1", each)])
+        told[name] = [d for d in known.doubts(*known.checked(each)) if d.startswith("CO: ")]
+    assert [name for name, doubts in told.items() if doubts] == ["open"]
+    interval = Interval(5.0, 6.0, 7.0)
+    point = TrackedPoint("1", {}, {}, {"CO": interval, "MAP": interval}, 0.1, doubts=tuple(told["open"]))
+    assert point.doubtful == ("CO",)
+    page = track_page({"series": [{"id": "P", "points": [point.as_object()], "assumed_interval_hours": None}],
+                       "refused": [], "settings": {"drifts": [0.1]}}, {})  # fmt: skip
+    assert page.count("doubtful: see above") == 1
 
 
 def test_a_set_point_that_nobody_measured_is_doubted():

@@ -502,11 +502,14 @@ def _tracked_outputs(point: Data) -> Table:
     for name in dict.fromkeys([*point["outputs"], *point["measurements"]]):
         measurement = point["measurements"].get(name, {})
         off = measurement.get("deviation")
-        unusual = "unusual" if measurement.get("unusual") else ""
+        remark = "unusual" if measurement.get("unusual") else ""
+        remark = remark if measurement.get("used", True) else "not used"
+        if name in point.get("doubtful", ()):
+            remark = "doubtful: see above"
         rows.append(
             (f"{name} [{unit_of(name)}]", number(measurement.get("measured")),
              _range(point["expected"].get(name)), MISSING if off is None else f"{off:+.1f}",
-             _median(point["outputs"].get(name)), unusual if measurement.get("used", True) else "not used")
+             _median(point["outputs"].get(name)), remark)
         )  # fmt: skip
     head = ("Output", "Measured", "Expected", "Deviation [SD]", "Model afterwards", "Remark")
     return Table(head, rows, numeric=(1, 2, 3, 4))

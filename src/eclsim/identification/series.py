@@ -25,6 +25,7 @@ from eclsim.identification.settings import (
     ready,
     told_by_gases,
     told_of_volume,
+    untold_output,
 )
 from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.orbit.model import circuit_of
@@ -93,13 +94,14 @@ class Series:
         return {name: self.limits[name] for name in self.settings.names if name in self.limits}
 
     def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
-        """Why what is learnt from a case is not to be trusted: what is held although it is not known."""
+        """Why what is learnt from a case is not to be trusted: what is held unknown, or left open."""
         left_open = () if case.regulation is None else case.regulation.open_set_points
         still_open = [str(w) for w in checked.warnings if w.key in left_open]
         free = self.settings.names
         held = (
             *held_by_assumption(case, checked.targets, free),
             *held_consumption(case, checked.targets, free),
+            *untold_output(case, checked.targets, self.measured, free),
         )
         return (*held, *still_open)
 

@@ -259,6 +259,27 @@ def held_consumption(case: Case, measured: Collection[str], free: Collection[str
     ]
 
 
+def untold_output(
+    case: Case, measured: Collection[str], ever: Collection[str], free: Collection[str]
+) -> list[str]:
+    """A sentence about a cardiac output that is followed by gases, with the consumption free as well.
+
+    Args:
+        case: one of a series.
+        measured: there.
+        ever: at any time of the series.
+        free: parameters.
+    """
+    gases = [name for name in MEASURED_GASES if name in measured]
+    if not gases or "CO" in ever or VO2 not in assumed_of_gases(case) & {*free}:
+        return []
+    return [
+        f"CO: nothing measured tells the cardiac output, since {', '.join(gases)} are met with more output, "
+        "more consumption, less shunt and less resistance as well; it leans high, and in made-up patients "
+        f"its 90 % interval missed the truth by up to 1.7 L/min: measure CO, or give {VO2}"
+    ]
+
+
 def held_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
     """A sentence about a blood volume that is held although nobody gave it and no measurement tells of it."""
     if not _holds_volume(case, free) or {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured}:

@@ -136,7 +136,7 @@ class TrackedPoint:
         warnings: what there is to say of the beat at the medians of the parameters.
         hours: since the measurement before, known or assumed; None at the first point.
         seconds: wall time of forecast and update.
-        doubts: what is held although it is not known, so that the estimate makes up for it.
+        doubts: what is held although it is not known, so that the estimate makes up for it; what is open.
     """
 
     name: str
@@ -157,12 +157,18 @@ class TrackedPoint:
     seconds: float = 0.0
     doubts: tuple[str, ...] = ()
 
+    @property
+    def doubtful(self) -> tuple[str, ...]:
+        """Outputs whose intervals are not to be trusted; `doubts` says why."""
+        return tuple(n for n in self.outputs if any(doubt.startswith(f"{n}: ") for doubt in self.doubts))
+
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON; null for what is not known."""
         names = {"name": "id", "hours": "hours_since_last", "innovations": "measurements"}
         content = {names.get(name, name): value for name, value in asdict(self).items()}
         verdict = None if self.verdict is None else self.verdict.as_object()
-        return {**content, "verdict": verdict, "seconds": round(self.seconds, 3)}
+        seconds = round(self.seconds, 3)
+        return {**content, "doubtful": self.doubtful, "verdict": verdict, "seconds": seconds}
 
 
 @dataclass(frozen=True)
