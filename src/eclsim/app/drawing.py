@@ -40,7 +40,7 @@ def drawing_of(case: Case) -> dict[str, Any]:
 
 @lru_cache(maxsize=512)
 def _drawing(circuit: Circuit) -> dict[str, Any]:
-    from eclsim.reporting.schematic_layout import TITLE_HEIGHT, dead_ends, plan_of
+    from eclsim.reporting.schematic_layout import TITLE_HEIGHT, plan_of, without_flow
     from eclsim.reporting.schematic_routes import route
 
     plan = plan_of(circuit)
@@ -50,16 +50,17 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
     left, right = min([sides[0], *reach]) - 2.0, max([sides[1], *reach]) + 2.0
     top = TITLE_HEIGHT - 2.0
     groups = {c.name: c.group for c in circuit.connections}
-    ends = dead_ends(circuit)
-    lines = [_line(line, plan, paths[line.name], page) for line in plan.lines]
-    lines = [line | {"silent": not ends.isdisjoint(line["ends"])} for line in lines]
-    silent = {line.frame for line, drawn in zip(plan.lines, lines, strict=True) if drawn["silent"]}
+    silent = without_flow(circuit)
+    lines = [
+        _line(line, plan, paths[line.name], page) | {"silent": line.name in silent} for line in plan.lines
+    ]
+    still = {line.frame for line in plan.lines if line.name in silent}
     return {
         "view": [left, top, right - left, page.height - top + 1.0],
         "frames": [
             {"group": g, "x": sides[0], "y": -y1 + 1.0, "w": sides[1] - sides[0], "h": y1 - y0 - 2.0,
              "title": [_title_side(plan, page, g), _title_height(plan, page, g)], "ink": ink(g),
-             **_frame_texts(g), **({"flows": ""} if g in silent else {})}
+             **_frame_texts(g), **({"flows": ""} if g in still else {})}
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, plan, page),

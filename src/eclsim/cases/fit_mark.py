@@ -12,13 +12,13 @@ import tomllib
 import zlib
 from dataclasses import dataclass
 
-LEVELS = ("good", "doubtful", "poor")
-_MARK = re.compile(r"# eclsim identify: (good|doubtful|poor) fit \(of what has the mark ([0-9a-f]{8})\)")
 _WORDS = {
     "good": "its parameters were fitted by eclsim identify: a good fit",
     "doubtful": "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report",
     "poor": "its parameters are a POOR fit of eclsim identify: not to be used",
 }
+LEVELS = tuple(_WORDS)
+_MARK = re.compile(rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \(of what has the mark ([0-9a-f]{{8}})\)")
 _HEAD = 40
 """Lines in which a mark is looked for."""
 

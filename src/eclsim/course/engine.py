@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -108,14 +107,6 @@ class History:
     passed_over: list[PassedOver] = field(default_factory=list)
 
 
-class Noted(NamedTuple):
-    """What a predictor knew at a member's last moment: point, place and outputs (`Predictor`)."""
-
-    point: np.ndarray | None
-    place: np.ndarray
-    read: dict[str, float]
-
-
 class Engine:
     """Marches members through their timelines.
 
@@ -152,7 +143,7 @@ class Engine:
         self.table = {key: np.zeros(count) for timeline in timelines for key in timeline.start[1]}
         self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
         self.settling_s = [0.0] * count
-        self.noted = [Noted(None, np.zeros(0), {})] * count
+        self.noted = [predictor.noted() for predictor in self.predictors]
 
     def march(self) -> list[History]:
         """From the start, the beat before events at minute 0, to the end of every member."""
@@ -217,18 +208,22 @@ class Engine:
         remain = np.setdiff1d(who, np.concatenate([over, lost]))
         return np.sort(np.concatenate([remain, entered, carried])).astype(int)
 
+    def _may_leave_ramp(self, member: int) -> bool:
+        """Whether a member is on a ramp, which may be followed beat by beat."""
+        ramp_end = self.timelines[member].ramp_end(int(self.segment[member]))
+        return self.options.hand_over and ramp_end > float(self.time[member])
+
     def _hurried(self, who: np.ndarray, length: np.ndarray) -> dict[int, Event]:
         """Those whose steady gases ran ahead of the blood in a step of a ramp, back at the beat before it."""
         events: dict[int, Event] = {}
         for m, of_step in zip(who, length, strict=True):
-            predictor, settling_s = self.predictors[m], self.predictors[m].settling_s
-            ramp_end = self.timelines[m].ramp_end(int(self.segment[m]))
-            if not self.options.hand_over or ramp_end <= float(self.time[m]):
+            if not self._may_leave_ramp(m):
                 continue
-            ahead, share = self._ahead(m, self._circuit(m)), min(1.0, settling_s / float(of_step))
+            predictor, ahead = self.predictors[m], self._ahead(m, self._circuit(m))
+            share = min(1.0, predictor.settling_s / float(of_step))
             before = {name: self.noted[m].read[name] for name in ahead.gases}
             if farthest(before, ahead.gases, share)[0] > 1.0:
-                predictor.point, predictor.place, predictor.read = self.noted[m]
+                predictor.back_to(self.noted[m])
                 here = self._ahead(m, self._circuit(m))
                 events[int(m)] = Event(predictor.beat, here.gases, here.volumes, ahead, share)
         return events
@@ -237,12 +232,11 @@ class Engine:
         """Those whose steady beat a ramp took away or too far, followed beat by beat until they are there."""
         carried: list[int] = []
         for m in lost:
-            timeline, segment = self.timelines[m], int(self.segment[m])
-            if not self.options.hand_over or timeline.ramp_end(segment) <= float(self.time[m]):
+            if not self._may_leave_ramp(m):
                 continue
             here = self._ahead(m, self._circuit(m))
             event = Event(self.predictors[m].beat, here.gases, here.volumes, None, 1.0)
-            if self._followed(m, event, has_beat=False, of=segment):
+            if self._followed(m, event, has_beat=False, of=int(self.segment[m])):
                 carried.append(m)
         for m, event in hurried.items():
             if self._followed(m, event, has_beat=True, of=int(self.segment[m])):
@@ -398,9 +392,8 @@ class Engine:
             history.times.append(float(self.time[m]))
             history.states.append(self.states[:, m].copy())
             history.rates.append(self.slopes[:, m].copy())
-            predictor = self.predictors[m]
-            history.points.append(predictor.point)
-            self.noted[m] = Noted(predictor.point, predictor.place, predictor.read)
+            history.points.append(self.predictors[m].point)
+            self.noted[m] = self.predictors[m].noted()
 
     def _stop(self, who: np.ndarray) -> None:
         for m in who:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,14 @@ def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
     slowest = float(modes[modes < 1.0].max(initial=0.0))
     period = 60.0 / float(np.asarray(beat.values_in_effect(member)[HEART_RATE]))
     return float(SETTLED * period / -np.log(slowest)) if slowest > 0.0 else period
+
+
+class Noted(NamedTuple):
+    """A beat that a predictor had: point, place and outputs."""
+
+    point: np.ndarray | None
+    place: np.ndarray
+    read: dict[str, float]
 
 
 class Predictor:
@@ -95,6 +103,14 @@ class Predictor:
         self.read = {name: float(beat.output(name)[member]) for name in beat.names}
         if beat.response is not None:
             self.response = beat.response[member]
+
+    def noted(self) -> Noted:
+        """The last beat, to come back to."""
+        return Noted(self.point, self.place, self.read)
+
+    def back_to(self, noted: Noted) -> None:
+        """Take an earlier beat of the same circuit for the last one."""
+        self.point, self.place, self.read = noted
 
     def learn(self, column: int, change: np.ndarray) -> None:
         """The derivative along one slow state, by a difference."""

@@ -23,6 +23,7 @@ BLOOD_PH = (6.8, 7.7)
 FAR_MMHG, STUDIED_MMHG = 10.0, 25.0
 """PaCO2 above the set point from which the published answer to it has the wrong sign, and from which the one
 measured in patients, up to 19 mmHg, is extrapolated."""
+_INSTEAD = f"; {keys.CARBON_DIOXIDE} = 1 takes the answer measured in patients instead"
 
 
 class _Effect(NamedTuple):
@@ -142,13 +143,11 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
         text += (
             "with the chemoreflex cardiac output and pulmonary pressure fall and resistance rises, where in "
             "healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen and "
-            f"Eger 1974, Kiely 1996); {keys.CARBON_DIOXIDE} = 1 takes the answer measured in patients instead"
+            f"Eger 1974, Kiely 1996){_INSTEAD}"
         )
     elif measured < 1.0 and published:
-        text += (
-            "the organs' answer to it was published for small changes, and is not held against people; "
-            f"{keys.CARBON_DIOXIDE} = 1 takes the answer measured in patients instead"
-        )
+        text += "the organs' answer to it was published for small changes, and is not held against people"
+        text += _INSTEAD
     elif measured > 0.0 and pressure > rest + STUDIED_MMHG:
         text += "the answer to it was measured up to 19 mmHg above (Thorens 1996), and is extrapolated"
     else:

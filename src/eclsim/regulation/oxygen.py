@@ -145,7 +145,7 @@ class ChemoreflexConstants(NamedTuple):
     rest: Gases
 
 
-def _published_share(pco2: Number, rest: Number, response: Number) -> Number:
+def _published_pco2(pco2: Number, rest: Number, response: Number) -> Number:
     """PCO2 at which published answers are taken, beside a measured one of some share."""
     return rest + (1.0 - response) * (pco2 - rest)
 
@@ -183,7 +183,7 @@ class Chemoreflex(Reflex):
             )
         )
         response = value_of(values, self.carbon_dioxide_response)
-        now = now._replace(carbon_dioxide=_published_share(now.carbon_dioxide, rest.carbon_dioxide, response))
+        now = now._replace(carbon_dioxide=_published_pco2(now.carbon_dioxide, rest.carbon_dioxide, response))
         strength = value_of(values, self.strength)
         more = ChemoreflexConstants(
             1.0, constants.set_points, constants.blood_volume_ml, constants.gain, strength, now, rest
@@ -272,7 +272,7 @@ def local_settings(bed: str) -> tuple[str, str, str, str]:
 
 def local_law(n: Array) -> Array:
     """From arterial content, oxygen supplied and gained, PCO2 and `local_settings` to the factor."""
-    published = _published_share(n[3], n[6], n[7])
+    published = _published_pco2(n[3], n[6], n[7])
     factor = local_factor(venous_content(n[0], n[1], n[2]), published, (n[5], n[6]), n[4])
     return jnp.stack([factor * measured_factor(n[3], n[6], n[7])])
 

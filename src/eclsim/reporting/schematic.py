@@ -25,9 +25,9 @@ from eclsim.reporting.schematic_layout import (
     Layout,
     Plan,
     arrange,
-    dead_ends,
     fixed_site,
     plan_of,
+    without_flow,
 )
 from eclsim.reporting.schematic_pen import Pen, look_of
 from eclsim.reporting.schematic_routes import (
@@ -81,10 +81,8 @@ def draw_circuit(
     plan = plan_of(circuit)
     page = arrange(plan)
     paths = route(plan, page)
-    ends = dead_ends(circuit)
-    silent = frozenset(c.name for c in circuit.connections if {c.source, c.target} & ends)
     groups = {part.name: part.group for part in (*circuit.compartments, *circuit.connections)}
-    labels = Labels(result, groups, silent)
+    labels = Labels(result, groups, without_flow(circuit))
     with_gas = any(labels.saturation(name) is not None for name in page.places)
     note, scale = 5.0 if plan.undrawn else 0.0, 5.0 if with_gas else 0.0
     pen = _pen(ax, page, paths.values(), extra=note + scale)
@@ -107,7 +105,7 @@ class Labels:
     Args:
         result: the simulated case.
         groups: of compartments and connections.
-        silent: connections to where nothing flows through, whose mean flow says nothing.
+        silent: connections whose mean flow says nothing.
     """
 
     result: "xr.Dataset | None"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
@@ -239,11 +239,18 @@ def plan_of(circuit: Circuit) -> Plan:
     return plan
 
 
+@lru_cache(maxsize=256)
 def dead_ends(circuit: Circuit) -> frozenset[str]:
     """Compartments that nothing flows through, such as a balloon: the mean flow is 0 in a steady beat."""
     sites = [site for c in circuit.connections for site in (c.source, c.target)]
     touched = Counter(name for site in sites for name in ((site,) if isinstance(site, str) else site.sites))
     return frozenset(name for name, count in touched.items() if count == 1)
+
+
+def without_flow(circuit: Circuit) -> frozenset[str]:
+    """Connections to dead ends: their mean flow says nothing."""
+    ends = dead_ends(circuit)
+    return frozenset(c.name for c in circuit.connections if {c.source, c.target} & ends)
 
 
 def fixed_site(site: object) -> str | None:

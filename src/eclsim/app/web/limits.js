@@ -1,5 +1,5 @@
 // The limits that the beat breaks, the gravest first, in sight in every view; and how to read its numbers.
-import { SIGNS, fill, listening } from "eclsim-page";
+import { SIGNS, fill, listening, sized } from "eclsim-page";
 
 export default {
   template: `
@@ -16,6 +16,7 @@ export default {
     <p v-if="hidden" class="further">▼ {{ more }}</p>
   </section>`,
   mixins: [
+    sized("list"),
     listening({
       display(display) {
         this.labels = Object.fromEntries(display.figures.map((figure) => [figure.output, figure.label]));
@@ -38,14 +39,7 @@ export default {
     labels: {},
     hidden: 0,
   }),
-  unmounted() {
-    this.observer.disconnect();
-  },
   methods: {
-    setUp() {
-      this.observer = new ResizeObserver(() => this.measure());
-      this.observer.observe(this.$refs.list);
-    },
     // How many limits are below the edge of the list.
     measure() {
       const { list } = this.$refs;

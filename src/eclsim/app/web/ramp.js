@@ -1,5 +1,6 @@
 // What the speed of a pump does: pressures, flows and pressures in the circuits over its whole range.
 import {
+  FONT,
   bandsOf,
   bus,
   extent,
@@ -11,9 +12,10 @@ import {
   placeLabels,
   speedsText,
   stroke,
+  textWidth,
   timeOf,
 } from "eclsim-page";
-import { Chart, axis, line, textWidth } from "eclsim-page/chart.js";
+import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
 const ROWS = { 2: [[0.54, 1], [0, 0.46]], 3: [[0.78, 1], [0.52, 0.72], [0, 0.45]] }; // prettier-ignore
@@ -143,7 +145,7 @@ export default {
     },
     named({ short, number }, { kind, value }) {
       const text = `${short} ${this.texts[`kind_${kind}`]} ${fixed(value, 0)}`;
-      return { value, text, wide: textWidth(text, LETTERS), colour: stroke(number).colour };
+      return { value, text, wide: textWidth(text, `${LETTERS}px ${FONT}`), colour: stroke(number).colour };
     },
     limitLine: ({ value, colour }) => ({
       type: "line",

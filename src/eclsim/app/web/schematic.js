@@ -1,7 +1,18 @@
 // The circuit, live: mean pressures coloured by limits, mean flows, and lines of devices that can be moved.
-import { SIGNS, fill, fixed, handleOf, listening, nearest, placed, polyline } from "eclsim-page";
+import {
+  FONT,
+  SIGNS,
+  fill,
+  fixed,
+  handleOf,
+  listening,
+  nearest,
+  placed,
+  polyline,
+  sized,
+  textWidth,
+} from "eclsim-page";
 
-const LETTERING = 'system-ui, "Segoe UI", Roboto, sans-serif';
 const LETTERS = 4.05; // mm, as in the style sheet
 const FONTS = {
   name: { size: LETTERS, weight: 400 },
@@ -69,7 +80,7 @@ export default {
       </g>
     </svg></div>
     <figcaption>
-      <button v-if="fitted < leastLetter" type="button" :aria-pressed="isWhole" @click="chosen = !isWhole">{{
+      <button v-if="isSmall" type="button" :aria-pressed="isWhole" @click="chosen = !isWhole">{{
         isWhole ? texts.schematic_larger : texts.schematic_whole }}</button>
       <span v-if="below" class="below" role="status">{{ texts.schematic_below }}</span>
       <span class="key warning">{{ texts.legend_warning }}</span>
@@ -82,6 +93,7 @@ export default {
     </figcaption>
   </figure>`,
   mixins: [
+    sized("sheet"),
     listening({
       drawing(drawing) {
         this.drawing = drawing;
@@ -108,12 +120,8 @@ export default {
     dragged: null,
     below: false,
     fitted: LEAST_LETTER,
-    leastLetter: LEAST_LETTER,
     chosen: undefined,
   }),
-  unmounted() {
-    this.observer.disconnect();
-  },
   watch: {
     isWhole() {
       this.$nextTick(() => this.measure());
@@ -126,9 +134,13 @@ export default {
     movable() {
       return this.drawing.lines.filter((l) => l.moves);
     },
+    // Whether letters of the whole circuit would be too small.
+    isSmall() {
+      return this.fitted < LEAST_LETTER;
+    },
     // The whole circuit is shown as long as it can be read, or as somebody chose.
     isWhole() {
-      return this.fitted < LEAST_LETTER && (this.chosen ?? this.fitted >= WHOLE_LETTER);
+      return this.isSmall && (this.chosen ?? this.fitted >= WHOLE_LETTER);
     },
     least() {
       if (this.isWhole) return {};
@@ -145,10 +157,6 @@ export default {
     },
   },
   methods: {
-    setUp() {
-      this.observer = new ResizeObserver(() => this.measure());
-      this.observer.observe(this.$refs.sheet);
-    },
     // How large letters are in the whole circuit, and whether a part of it is beyond the edge of its pane.
     measure() {
       const { sheet } = this.$refs;
@@ -165,9 +173,7 @@ export default {
     ink: (item) => `--ink-of: var(--${item.ink}, var(--soft))`,
     // Where a text is wider than its room in the letters of this browser, it is drawn narrower.
     squeezed(text, { size, weight }, room) {
-      this.pen ??= document.createElement("canvas").getContext("2d");
-      this.pen.font = `${weight} 100px ${LETTERING}`;
-      const width = (this.pen.measureText(text).width * size) / 100;
+      const width = (textWidth(text, `${weight} 100px ${FONT}`) * size) / 100;
       return width > room ? { textLength: room, lengthAdjust: "spacingAndGlyphs" } : {};
     },
     // What the saturation leaves of a box.

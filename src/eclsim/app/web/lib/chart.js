@@ -1,7 +1,6 @@
 // Charts by Plotly, which comes with the page; drawn only while their view is seen.
-import { bus, dark, ink } from "eclsim-page";
+import { FONT, bus, dark, ink } from "eclsim-page";
 
-const FONT = 'system-ui, "Segoe UI", Roboto, sans-serif';
 const LOAD_AFTER = 2500; // ms after the first beat
 const CONFIG = {
   displaylogo: false,
@@ -35,14 +34,6 @@ export const axis = (title, more = {}) => ({
   automargin: true,
   ...more,
 });
-
-// Width of a text in letters of some px.
-let pen;
-export function textWidth(text, size) {
-  pen ??= document.createElement("canvas").getContext("2d");
-  pen.font = `${size}px ${FONT}`;
-  return pen.measureText(text).width;
-}
 
 // A curve; `more` may hold further settings of the trace and of its line.
 export const line = (x, y, name, colour, { line: stroke = {}, ...more } = {}) => ({

@@ -45,6 +45,17 @@ export const listening = (topics) => ({
   },
 });
 
+// For a view with `measure`: again whenever an element of it, by its name, has another size.
+export const sized = (name) => ({
+  mounted() {
+    this.observer = new ResizeObserver(() => this.measure());
+    this.observer.observe(this.$refs[name]);
+  },
+  unmounted() {
+    this.observer.disconnect();
+  },
+});
+
 function redraw() {
   this.show();
 }

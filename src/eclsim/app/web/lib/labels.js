@@ -1,7 +1,17 @@
-// Where the names of limits stand in a chart, so that they lie on no curve, line or other name.
+// How wide texts are, and where the names of limits stand in a chart, so that they lie on no curve, line or
+// other name.
+export const FONT = 'system-ui, "Segoe UI", Roboto, sans-serif';
 const TALL = 13; // px
 const STEPS = 40; // places along a line that are tried, from the right
 const SAMPLES = 12; // of a curve along a name
+
+// Width [px] of a text in a font as CSS has it.
+let pen;
+export function textWidth(text, font) {
+  pen ??= document.createElement("canvas").getContext("2d");
+  pen.font = font;
+  return pen.measureText(text).width;
+}
 
 const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 
