@@ -278,3 +278,20 @@ def test_steady_beats_alone_say_where_gases_run_ahead_on_a_ramp_and_at_minute_0(
     assert re.match(words, sentence), sentence
     _, gentle = swept(LOW | {"set": {"ecmo.sweep_l_min": 1.5}}, minutes=7.0, options=STEADY)
     assert not gentle.attrs["approximations"]
+
+
+@pytest.mark.slow
+def test_an_event_shortly_before_the_end_is_followed_as_far_as_the_course_goes(tmp_path):
+    """Less than the settling time was left: the steady beat stood there at once, and nothing said so."""
+    stop = '[[events]]\nat_min = 4.5\nset = { "ecmo.speed_rpm" = 1200 }\n'
+    own = case(tmp_path, stop)
+    result = course(own, minutes=5.0, every_min=1.0, outputs=OUTPUTS)
+    assert result.attrs["settling_s"] > 30.0
+    every = course_beats(own, minutes=5.0, outputs=OUTPUTS, every_min=0.005)
+    ((begin, until),) = spans(result)
+    assert (begin, round(until, 1)) == (4.5, 4.9)
+    shown = result["time_min"].to_numpy()
+    shown = shown[shown < 4.9]
+    there = np.interp(shown, every["time_min"], every["MAP"])
+    assert np.abs(there - np.interp(shown, result["time_min"], result["MAP"])).max() < 0.5
+    assert result["beat_by_beat"][-1] == 1

@@ -352,7 +352,7 @@ class Engine:
         reason = self._reason(member, event) if has_beat else NO_STEADY_BEAT
         begin, timeline = float(self.time[member]), self.timelines[member]
         end = min(begin + (LONGEST_SPAN_S if has_beat else TO_THE_END_S), timeline.end - SHORTEST_S)
-        if not reason or end - begin < settling:
+        if not reason or end <= begin:
             return has_beat
         if event.refusal:
             self.histories[member].passed_over.append(PassedOver(begin, reason, event.refusal))
