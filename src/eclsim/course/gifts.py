@@ -16,7 +16,7 @@ _STAYS = {
     ),
 }
 _INSTEAD = (
-    "pressures and output fall back too soon; what takes the place of lost blood stays as measured. "
+    "pressures and output fall back too soon; what takes the place of lost blood stays about as measured. "
     "fluid.filtration_ml_min_mmHg = 4, Csvn = 95 and the reflex heldt2010 keep crystalloid as in volunteers"
 )
 
