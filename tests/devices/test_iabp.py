@@ -178,6 +178,23 @@ def test_it_is_said_that_its_effect_is_the_most_to_be_expected(alone, assisted):
     assert not [sentence for sentence in empty.attrs["warnings"] if "ideal balloon" in sentence]
 
 
+def test_an_empty_balloon_beside_ecmo_is_not_said_to_make_the_pressures():
+    # The weak heart ejects so late that the highest pressure stands behind the phase of inflation.
+    beat = eclsim.simulate(case(ecmo=ECMO, iabp={"volume_ml": 0}))
+    assert numbers(beat, "iabp_augmented_pressure")[0] == numbers(beat, "SP")[0]
+    assert not [sentence for sentence in beat.attrs["warnings"] if "balloon" in sentence]
+
+
+@pytest.mark.parametrize(("phase", "early"), [(0.2, True), (0.31, False), (0.5, False)])
+def test_a_balloon_that_inflates_before_the_valve_shuts_is_warned_of(phase, early):
+    beat = eclsim.simulate(balloon(inflation_phase=phase))
+    said = [text for text in beat.attrs["warnings"] if "before the aortic valve shuts" in text]
+    assert len(said) == early
+    valve = beat["Qlv"].values[beat["phase"].values >= phase]
+    assert (valve[0] > 10.0) == early
+    assert ("the balloon's, in diastole" in " ".join(beat.attrs["warnings"])) != early
+
+
 @pytest.mark.parametrize(
     ("section", "line"),
     [

@@ -230,6 +230,40 @@ def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():
     assert not any("suction" in sentence for _, sentence in said(empty, circulation() + lvad("la")))
 
 
+def test_a_right_ventricle_that_a_pump_empties_is_warned_of():
+    circuit = circulation() + lvad("rv", "pas")
+    empty = {"ejection_fraction_rv": 80.0, "ESVRV": 12.0, "end_diastolic_pressure_rv": 1.0}
+    found = findings(empty, {}, circuit)
+    assert [(one.kind, one.quantity) for one in found] == [
+        ("warning", "ESVRV"),
+        ("caution", "ejection_fraction_rv"),
+    ]
+    assert "empties the right ventricle to 12 mL (end-diastolic pressure 1.0 mmHg): suction" in (
+        found[0].sentence
+    )
+    assert "say nothing of ejection through the pulmonary valve" in found[1].sentence
+    (only,) = findings(empty | {"ESVRV": 45.0}, {}, circuit)
+    assert only.kind == "caution"
+
+
+def test_a_pump_that_lets_blood_back_is_not_said_to_empty_the_ventricle():
+    outputs = {"ejection_fraction_lv": 31.0, "lvad_flow": -2.7}
+    (caution,) = (one for one in findings(outputs, {}, circulation() + lvad()) if one.kind == "caution")
+    assert "the LVAD lets blood back into the left ventricle" in caution.sentence
+
+
+def test_a_collapse_beside_crrt_names_the_pump_that_takes_the_blood_away():
+    beside = circulation() + crrt("svn", "ra") + lvad("rv", "pas")
+    places = {"Vra": (-2.6, 10.0), "Vrv": (-34.0, 9.0), "Psvn": (-400.0, 5.0)}
+    for found in findings({}, places, beside):
+        assert "the LVAD drains more than flows in" in found.sentence
+    drained = circulation() + crrt("svn", "ra") + ecmo("svn", "ra", return_cannula="venous")
+    (vein,) = findings({}, {"Psvn": (-400.0, 5.0)}, drained)
+    assert "the ECMO drains more than flows in" in vein.sentence
+    (alone,) = findings({}, {"Psvn": (-400.0, 5.0)}, circulation() + crrt("svn", "ra"))
+    assert "the CRRT drains more than flows in" in alone.sentence
+
+
 def test_an_assumed_membrane_is_said_until_the_case_has_its_own():
     circuit, names = circulation() + crrt("ra", "svn"), ("transmembrane_pressure", "MAP")
     assumed = {one.parameter: one.value for one in CRRT.assumptions}
