@@ -3,6 +3,7 @@ import pytest
 from eclsim.devices.crrt import CRRT, crrt
 from eclsim.devices.ecmo import ecmo
 from eclsim.devices.lvad import lvad
+from eclsim.devices.vent import VENT, Vent
 from eclsim.outputs.alarms import assumptions, findings, impossible, watched_signals
 from eclsim.patient.circulation import circulation
 
@@ -228,6 +229,18 @@ def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():
     )
     assert "lvad_flow" in found.concerns
     assert not any("suction" in sentence for _, sentence in said(empty, circulation() + lvad("la")))
+
+
+def test_an_ejection_fraction_is_read_with_care_where_a_vent_or_ecmo_drains_the_ventricle():
+    outputs = {"ejection_fraction_lv": 18.0, "LVO": 0.0, "vent_flow": 3.9}
+    vent = VENT.circuit(Vent(site="lv", fr=23))
+    drained = {"vent": circulation() + ecmo("ra", "ao") + vent, "ECMO": circulation() + ecmo("lv", "ao")}
+    for name, circuit in drained.items():
+        said = [f for f in findings(outputs, {}, circuit) if f.quantity == "ejection_fraction_lv"]
+        assert [f.kind for f in said] == ["caution"]
+        assert said[0].sentence.lower().startswith(f"the {name} empties the left ventricle".lower())
+    beside = circulation() + ecmo("ra", "ao") + VENT.circuit(Vent(site="la", fr=15))
+    assert not [f for f in findings(outputs, {}, beside) if f.quantity == "ejection_fraction_lv"]
 
 
 def test_a_right_ventricle_that_a_pump_empties_is_warned_of():

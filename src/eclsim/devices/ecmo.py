@@ -45,6 +45,7 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
+from eclsim.devices.drained_ventricle import counted
 from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
 from eclsim.devices.products import (
     LABEL_FLOWS,
@@ -850,11 +851,12 @@ class EcmoDevice(Device[Ecmo]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """A flow outside the label, used-up sweep gas, what is not shown of the left ventricle."""
+        """A flow outside the label, used-up sweep gas, what is not shown of the ventricles."""
         return [
             *_outside_label(names, outputs, values),
             *_used_up(names, outputs, values),
             *_left_ventricle_unlike(names, outputs, circuit),
+            *counted(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
 
 

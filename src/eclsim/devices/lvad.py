@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
-    CAUTION,
     Control,
     Curve,
     Finding,
@@ -31,6 +30,7 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming
+from eclsim.devices.drained_ventricle import VENTRICLES, counted, drained_ventricles
 from eclsim.devices.plausibility import check_sites, check_speed, patient_site
 from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names, pump_values
 from eclsim.inputs.fields import number, one_of
@@ -45,8 +45,6 @@ GROUP = "lvad"
 SUCTION_LVEDP_MMHG, SUCTION_ML = 4.0, 30.0
 """End-diastolic pressure of a drained left ventricle, and smallest volume of any, below which suction is
 likely; a convention of this project. A right ventricle fills at lower pressures."""
-VENTRICLES = MappingProxyType({"lv": ("left ventricle", "aortic"), "rv": ("right ventricle", "pulmonary")})
-"""A ventricle that may be drained in words, and the valve through which it ejects."""
 _SPEEDS = "the speed range is the usual clinical one, not part of the published constants"
 
 PUMPS = by_key(
@@ -193,24 +191,10 @@ class LvadDevice(Device[Lvad]):
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
         """What an ejection fraction is where a pump empties a ventricle; whether it sucks it shut."""
-        place = names.place("lvadpump")
-        drained = next((str(c.source) for c in circuit.connections if c.name == place), "")
-        name = f"ejection_fraction_{drained}"
-        if drained not in VENTRICLES or name not in outputs:
-            return []
-        ventricle, valve = VENTRICLES[drained]
-        takes = (
-            f"empties the {ventricle}: its ejection fraction and stroke volume count what the pump takes, "
-            f"and say nothing of ejection through the {valve} valve"
-        )
-        lets = (
-            f"lets blood back into the {ventricle}: its ejection fraction and stroke volume count what it "
-            "ejects anew of that"
-        )
-        text = f"the {names.label} {takes if outputs.get(names.output('lvad_flow'), 0.0) >= 0.0 else lets}"
-        concerns = (name, f"stroke_volume_{drained}")
-        found = Finding(CAUTION, name, outputs[name], float("nan"), text, concerns=concerns)
-        return [found, *_suction(names, outputs, drained)]
+        found = counted(names, outputs, circuit, self.connections, "lvad_flow")
+        for drained in drained_ventricles(names, circuit, self.connections):
+            found += _suction(names, outputs, drained)
+        return found
 
 
 def _suction(names: Naming, outputs: Mapping[str, float], drained: str) -> list[Finding]:

@@ -50,6 +50,7 @@ IDLE = 1e-6
 """Change of all goals, in scales, over the whole range of a setting that none of them depends on."""
 SMALLEST_REGION = 1e-9
 MOST_STEPS = 80
+NO_BEAT = "no steady beat was found"
 SCANNED = {1: 9, 2: 7, 3: 5}
 """Values of each setting that are tried first, by the number of settings; with more of them, three."""
 
@@ -267,6 +268,7 @@ class _Bedside:
         self.low = np.array([setting.low for setting in settings])
         self.span = np.array([setting.high for setting in settings]) - self.low
         self.beats = 0
+        self.lost = NO_BEAT  # why the last place that gave no point gave none
 
     @property
     def own(self) -> np.ndarray:
@@ -293,6 +295,7 @@ class _Bedside:
         """Outputs and slopes at a place; None where there is no determined steady beat."""
         beat = self.beat(place[:, None], outputs)
         if not beat.determined[0]:
+            self.lost = _lost(beat)
             return None
         try:
             linear = beat.linearise(outputs, [setting.name for setting in self.settings])
@@ -313,6 +316,11 @@ class _Bedside:
         beat = self.beat(places, outputs)
         values = np.where(beat.determined, np.stack([beat.output(name) for name in outputs]), np.nan)
         return places, values, beat
+
+
+def _lost(beat: SteadyBeat) -> str:
+    """Why a beat gives a search no numbers to go on from."""
+    return "valves stay shut all beat, so that it is one of many" if beat.converged[0] else NO_BEAT
 
 
 def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
@@ -427,7 +435,7 @@ def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _End
         if merit - expected <= 1e-12:
             return _End(now, "")
         if region < SMALLEST_REGION:
-            return _End(now, "" if trial is not None else "beside these settings no steady beat was found")
+            return _End(now, "" if trial is not None else f"beside these settings {bedside.lost}")
         if step == MOST_STEPS:
             break
         trial, trial_merit = moved(now, move)

@@ -197,7 +197,8 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
         text += f"{opens}, and as much as it lets through leaks back"
     elif carried >= CLOSED_L_MIN:
         text += (
-            f"{opens}, the {' and the '.join(pumps)} carries the left ventricle's output "
+            f"{opens}, the {' and the '.join(pumps)} {'carry' if len(pumps) > 1 else 'carries'} the left "
+            f"ventricle's output "
             f"({carried:.2f} L/min)"
         )
     else:
