@@ -214,6 +214,20 @@ def test_derivatives_and_batches_are_those_of_single_beats(case):
             assert float(exact.sel(output=output, parameter=name)) == pytest.approx(slope, rel=3e-4, abs=1e-7)
 
 
+def test_the_first_fluid_clears_as_much_as_it_is():
+    # Without any the slopes by every fluid were 0; a mL/h of each clears a mL/h of all that passes freely.
+    names = ("clearance_urea", "clearance_potassium", "base_gain", "PaCO2")
+    dry = VV | {"crrt": ON_ECMO | dict.fromkeys(FLUIDS, 0.0) | {"replacement_pre_ml_h": 0.0}}
+    fluids = [f"crrt.{key}" for key in (*FLUIDS, "replacement_pre_ml_h")]
+    model = eclsim.model_of(read_mapping(dry).case)
+    slopes = eclsim.derivatives(model, names, fluids)
+    np.testing.assert_allclose(slopes.sel(output=list(names[:2])).values, 1.0 / 60.0, rtol=1e-9)
+    ahead = eclsim.simulate_many(model, {"crrt.dialysate_ml_h": [0.0, 0.01]}, outputs=names)
+    for name in names:
+        difference = float(np.diff(ahead[name].values)[0]) / 0.01
+        assert float(slopes.sel(output=name, parameter=fluids[0])) == pytest.approx(difference, rel=1e-4)
+
+
 def test_more_filtered_than_there_is_plasma_is_no_number_and_no_failure(case):
     many = eclsim.simulate_many(
         case, {"crrt.replacement_post_ml_h": [1000.0, 13000.0]}, ["clearance_urea", "MAP"]

@@ -201,6 +201,27 @@ def test_a_file_that_registers_nothing_or_fails_is_refused(tmp_path, capsys):
     assert "no Python file" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("written", "instead", "why"),
+    [
+        ('Limit("rvad_inlet_pressure"', 'Limit("rvad_inlet_presure"', "did you mean rvad_inlet_pressure"),
+        ('"alarm", "below"', '"alarm", "belw"', "'alarm', 'belw'; allowed: collapse, alarm, warning; below"),
+        ('mean("rvad_head"', 'mean("rvad_flow"', "output 'rvad_flow': the name of another output"),
+        ('mean("rvad_head"', 'mean("PF"', "output 'PF': the name of another output"),
+        ('mean("rvad_head"', 'mean("MAP"', "output 'MAP': the name of an output of the patient"),
+    ],
+)
+def test_outputs_of_other_names_and_limits_of_none_are_refused(written, instead, why, tmp_path, capsys):
+    # A misspelt limit raised no alarm; an output "MAP" stood in the place of the patient's.
+    file = tmp_path / "own.py"
+    assert written in FILE.read_text()
+    file.write_text(FILE.read_text().replace(written, instead, 1))
+    with pytest.raises(SystemExit) as left:
+        main(["--device", str(file), "devices"])
+    assert left.value.code == 2
+    assert why in " ".join(capsys.readouterr().err.split())
+
+
 def test_a_case_file_cannot_name_code(tmp_path):
     text = CASE.read_text().replace("format = 1", f'format = 1\ndevice = "{FILE}"')
     file = tmp_path / "case.toml"

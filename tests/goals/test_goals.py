@@ -298,3 +298,33 @@ def test_a_goal_that_nothing_moves_is_refused():
     rolled = read_mapping(case.as_mapping() | {"ecmo": ecmo}).case
     with pytest.raises(GoalError, match=r"MAP: not moved by ecmo.sweep_l_min"):
         reach(rolled, "MAP > 65")
+
+
+def test_a_goal_is_looked_for_where_only_other_settings_move_it():
+    # At its own speed the LVAD keeps the aortic valve shut: LVO is 0 with a slope of 0.
+    patient = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
+    parts = {"patient": patient, "parameters": {"Emaxlv": 0.5, "Emaxrv": 0.3}}
+    pump = {"pump": "HM3", "speed_rpm": 5000, "inlet_site": "lv", "outlet_site": "ao"}
+    case = read_mapping({"format": 1, "lvad": pump} | parts).case
+    assert float(simulate(model_of(case))["LVO"]) == pytest.approx(0.0, abs=1e-3)
+    found = reach(case, "LVO 0.2..0.3")
+    assert found.reached
+    speeds = np.linspace(3000.0, 5000.0, 21)
+    ejected = simulate_many(model_of(case), {"lvad.speed_rpm": list(speeds)}, outputs=["LVO"])["LVO"].values
+    below, above = speeds[ejected > 0.3].max(), speeds[ejected < 0.2].min()
+    assert below < found.values[0] < above
+    assert found.outputs["LVO"] == pytest.approx(0.3, abs=1e-4)
+
+
+def test_a_search_that_ends_where_valves_stay_shut_says_so():
+    # "no steady beat was found" stood there, while there is one: it is one of many.
+    patient = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
+    ecmo = {"pump": "Rotaflow", "speed_rpm": 3200, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+    weak = {"Emaxlv": 0.5, "Emaxrv": 0.3, "Rmc": 0.8}
+    raw = {"format": 1, "blood_volume_policy": "patient_held", "patient": patient, "parameters": weak}
+    case = read_mapping(raw | {"ecmo": ecmo}).case
+    found = reach(case, "MAP > 200")
+    assert found.status is search.ReachStatus.NOT_CONVERGED
+    assert "valves stay shut all beat, so that it is one of many" in found.message
+    beyond = model_of(case).with_values({"ecmo.speed_rpm": found.values[0] + 20.0})
+    assert simulate(beyond).attrs["status"] == "one_of_many"

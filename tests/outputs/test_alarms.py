@@ -3,6 +3,7 @@ import pytest
 from eclsim.devices.crrt import CRRT, crrt
 from eclsim.devices.ecmo import ecmo
 from eclsim.devices.lvad import lvad
+from eclsim.devices.vent import VENT, Vent
 from eclsim.outputs.alarms import assumptions, findings, impossible, watched_signals
 from eclsim.patient.circulation import circulation
 
@@ -234,6 +235,52 @@ def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():
     )
     assert "lvad_flow" in found.concerns
     assert not any("suction" in sentence for _, sentence in said(empty, circulation() + lvad("la")))
+
+
+def test_an_ejection_fraction_is_read_with_care_where_a_vent_or_ecmo_drains_the_ventricle():
+    outputs = {"ejection_fraction_lv": 18.0, "LVO": 0.0, "vent_flow": 3.9}
+    vent = VENT.circuit(Vent(site="lv", fr=23))
+    drained = {"vent": circulation() + ecmo("ra", "ao") + vent, "ECMO": circulation() + ecmo("lv", "ao")}
+    for name, circuit in drained.items():
+        said = [f for f in findings(outputs, {}, circuit) if f.quantity == "ejection_fraction_lv"]
+        assert [f.kind for f in said] == ["caution"]
+        assert said[0].sentence.lower().startswith(f"the {name} empties the left ventricle".lower())
+    beside = circulation() + ecmo("ra", "ao") + VENT.circuit(Vent(site="la", fr=15))
+    assert not [f for f in findings(outputs, {}, beside) if f.quantity == "ejection_fraction_lv"]
+
+
+def test_a_right_ventricle_that_a_pump_empties_is_warned_of():
+    circuit = circulation() + lvad("rv", "pas")
+    empty = {"ejection_fraction_rv": 80.0, "ESVRV": 12.0, "end_diastolic_pressure_rv": 1.0}
+    found = findings(empty, {}, circuit)
+    assert [(one.kind, one.quantity) for one in found] == [
+        ("warning", "ESVRV"),
+        ("caution", "ejection_fraction_rv"),
+    ]
+    assert "empties the right ventricle to 12 mL (end-diastolic pressure 1.0 mmHg): suction" in (
+        found[0].sentence
+    )
+    assert "say nothing of ejection through the pulmonary valve" in found[1].sentence
+    (only,) = findings(empty | {"ESVRV": 45.0}, {}, circuit)
+    assert only.kind == "caution"
+
+
+def test_a_pump_that_lets_blood_back_is_not_said_to_empty_the_ventricle():
+    outputs = {"ejection_fraction_lv": 31.0, "lvad_flow": -2.7}
+    (caution,) = (one for one in findings(outputs, {}, circulation() + lvad()) if one.kind == "caution")
+    assert "the LVAD lets blood back into the left ventricle" in caution.sentence
+
+
+def test_a_collapse_beside_crrt_names_the_pump_that_takes_the_blood_away():
+    beside = circulation() + crrt("svn", "ra") + lvad("rv", "pas")
+    places = {"Vra": (-2.6, 10.0), "Vrv": (-34.0, 9.0), "Psvn": (-400.0, 5.0)}
+    for found in findings({}, places, beside):
+        assert "the LVAD drains more than flows in" in found.sentence
+    drained = circulation() + crrt("svn", "ra") + ecmo("svn", "ra", return_cannula="venous")
+    (vein,) = findings({}, {"Psvn": (-400.0, 5.0)}, drained)
+    assert "the ECMO drains more than flows in" in vein.sentence
+    (alone,) = findings({}, {"Psvn": (-400.0, 5.0)}, circulation() + crrt("svn", "ra"))
+    assert "the CRRT drains more than flows in" in alone.sentence
 
 
 def test_an_assumed_membrane_is_said_until_the_case_has_its_own():

@@ -10,8 +10,10 @@ from eclsim.app.beat import compute_beat, plain
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
 from eclsim.devices.ecmo import ecmo
 from eclsim.identification.density import members_of
+from eclsim.orbit.model import model_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.alarms import findings
@@ -77,6 +79,28 @@ def test_what_another_start_moves_is_what_is_marked(beat):
     assert abs(other.outputs()["PF"] - float(beat["PF"])) < 1e-3
 
 
+@pytest.mark.slow
+def test_where_a_ventricle_still_ejects_flows_are_marked_too():
+    """An RVAD past a shut right ventricle: what that holds is missing where the left one fills."""
+    pump = {"pump": "HM3", "speed_rpm": 3000, "inlet_site": "lv", "outlet_site": "ao"}
+    right = {"pump": "HVAD", "speed_rpm": 2200, "inlet_site": "ra", "outlet_site": "pas"}
+    raw = {
+        "format": 1, "blood_volume_policy": "patient_held", "lvad": {"left": pump, "right": right},
+        "patient": {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90},
+        "parameters": {"Emaxlv": 0.3, "Emaxrv": 0.1, "Rmc": 0.8, "P0svn": 12.0},
+    }  # fmt: skip
+    patient, only = model_of(read_mapping(raw).case), np.array([0])
+    beat = simulate(patient)
+    assert beat.attrs["status"] == "one_of_many"
+    assert any("the flows through the heart that still beats" in text for text in beat.attrs["warnings"])
+    found = steady_beat(Batch.of(patient)).orbits
+    waited = found.wait(only, start_state(patient)[:, None], 1000)
+    other = measured(replace(found, states=waited), None, (), ()).outputs()
+    moved = {name for name, value in other.items() if abs(value - float(beat[name])) > 0.01 * abs(value)}
+    assert {"LVO", "CO", "lvad.left.flow", "systemic_flow"} <= moved
+    assert moved <= {name for name in other if beat[name].attrs.get("finding")}
+
+
 def test_a_batch_says_so_of_each_member_whatever_its_outputs():
     result = simulate_many(model("V-A"), {"Emaxlv": [1.5, 0.1], "ecmo.speed_rpm": [3425.0, 4500.0]}, ("MAP",))
     assert list(result.data_vars) == [
@@ -135,7 +159,11 @@ def test_only_what_the_closed_valves_part_is_named():
     only = sealed(right | {"EDVRV": 90.0, "MAP": 70.0, "PF": 4.0, "oxygenator_pressure_drop": 20.0}, VPA)
     assert only is not None
     assert only.parts == (("rv",),)
-    assert only.concerns == ("EDVRV", "MAP")
+    left = ("mitral_valve_flow", "aortic_valve_flow")
+    assert only.concerns == (*left, "EDVRV", "MAP", "PF", "oxygenator_pressure_drop")
+    none = sealed(SHUT | {"EDVRV": 90.0, "MAP": 70.0, "PF": 4.0, "oxygenator_pressure_drop": 20.0}, VPA)
+    assert none is not None
+    assert none.concerns == ("EDVRV", "MAP")
     assert "how much blood the right ventricle holds is not determined" in only.sentence
     still = sealed(SHUT, BARE)
     assert still is not None

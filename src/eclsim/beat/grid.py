@@ -24,6 +24,8 @@ SEGMENTS = ((0.45, 24), (0.6, 6), (0.9, 3), (1.0, 7))
 LARGEST_ANGLE = 0.7
 """Largest step times angular frequency: outputs are within 0.1 % of the converged ones (docs, Numerics)."""
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
+STEPS_OF_A_DRIVE = 40.0
+"""Steps that a movement from outside takes at least, such as that of a balloon in diastasis."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,26 @@ def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
         speeds = [speed for speed, _ in oscillations(assembly, values)]
         fastest = reduce(np.maximum, speeds, np.zeros(()))
         step = PhaseGrid(1).systolic_step * 60.0 / np.asarray(values[HEART_RATE], dtype=float)
-        wanted = np.ceil(np.nan_to_num(step * fastest / LARGEST_ANGLE, nan=1.0, posinf=math.inf))
+        finer = reduce(np.maximum, _driven(assembly, values), step * fastest / LARGEST_ANGLE)
+        wanted = np.ceil(np.nan_to_num(finer, nan=1.0, posinf=math.inf))
     allowed = np.array(RESOLUTIONS)
     return allowed[np.minimum(np.searchsorted(allowed, wanted), len(allowed) - 1)]
+
+
+def _driven(assembly: Assembly, values: Values) -> list[np.ndarray]:
+    """Resolution at which each movement from outside takes `STEPS_OF_A_DRIVE` steps wherever it happens."""
+    result = []
+    for compartment in assembly.circuit.compartments:
+        driven = compartment.component.driven(values)
+        if driven is None:
+            continue
+        begin, length, start = np.asarray(driven[0]), driven[1], 0.0
+        for end, blocks in SEGMENTS:
+            step = (end - start) / (blocks * STEPS_PER_BLOCK)
+            there = (begin < end) & (begin + length > start)
+            result.append(np.where(there, step * STEPS_OF_A_DRIVE / length, 0.0))
+            start = end
+    return result
 
 
 def oscillations(assembly: Assembly, values: Values) -> list[tuple[np.ndarray, str]]:

@@ -126,11 +126,13 @@ def _load_devices(files: list[str] | None) -> None:
     if not files:
         return
     from eclsim.devices.registry import FILES, DeviceError, load_device_file
+    from eclsim.outputs.registry import all_outputs
 
     os.environ[FILES] = os.pathsep.join(map(os.path.abspath, files))
     try:
         for file in files:
             load_device_file(file)
+            all_outputs()  # refuses outputs that would stand in the place of the patient's
     except DeviceError as error:
         fail(f"--device {error}")
 

@@ -201,6 +201,13 @@ class Storage(Component, ABC, Generic[Constants]):
     def pressure(self, volume: Number, activation: Number, constants: Constants) -> tuple[Number, Number]:
         """Pressure [mmHg] and stiffness [mmHg/mL] at a stressed volume [mL] and an activation of 0 to 1."""
 
+    def driven(self, values: Values) -> tuple[Number, float] | None:
+        """Phase at which it is moved from outside, and the share of the beat that this takes; None for most.
+
+        Steps are fine there, as they are in systole.
+        """
+        return None
+
     def outlet(self, volume: Number, constants: Constants) -> Number:
         """Resistance [mmHg s/mL] in series with each connection that begins here; asked if it `narrows`."""
         raise NotImplementedError

@@ -257,6 +257,10 @@ class Balloon(Chamber[BalloonConstants]):
         """Volume and phase."""
         return BalloonConstants(value_of(values, self.gas), value_of(values, self.inflation))
 
+    def driven(self, values: Values) -> tuple[Number, float]:
+        """Its inflation, which may fall into the pause of the heart."""
+        return value_of(values, self.inflation), self.ramp
+
     def pressure(
         self, volume: Number, activation: Number, constants: BalloonConstants
     ) -> tuple[Number, Number]:

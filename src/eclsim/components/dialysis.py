@@ -343,7 +343,7 @@ def _filterable(blood: Array, dialysate: Array, filtered: Array, area_product: A
     q = jnp.exp(-along_dialysate - along_blood)
     left = blood - filtered
     cleared = effluent * (left - q * blood) / (left - q * effluent)
-    return jnp.where(effluent > 0.0, jnp.where(left > 0.0, cleared, jnp.nan), 0.0)
+    return jnp.where(effluent >= 0.0, jnp.where(left > 0.0, cleared, jnp.nan), 0.0)
 
 
 def _bernoulli(x: Array) -> Array:

@@ -29,6 +29,8 @@ GASES = "gas.vo2_ml_min"
 Kind = Literal["collapse", "alarm", "warning"]
 GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
 """Kinds of limits. Beyond a "collapse" the numbers cannot be those of a patient."""
+SIDES = ("below", "above")
+"""Where a value may be beyond a limit."""
 COLLAPSE_MMHG = -300.0
 """Pressure that no vein withstands: the vessel has collapsed and a pump would not reach the computed flow."""
 CAUTION = "caution"

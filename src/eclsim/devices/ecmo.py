@@ -45,6 +45,7 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
+from eclsim.devices.drained_ventricle import counted
 from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
 from eclsim.devices.products import (
     LABEL_FLOWS,
@@ -850,10 +851,12 @@ class EcmoDevice(Device[Ecmo]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """A flow outside the oxygenator's label, and what is not shown of the left ventricle."""
+        """A flow outside the label, used-up sweep gas, what is not shown of the ventricles."""
         return [
             *_outside_label(names, outputs, values),
+            *_used_up(names, outputs, values),
             *_left_ventricle_unlike(names, outputs, circuit),
+            *counted(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
 
 
@@ -876,6 +879,29 @@ def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[
         f"the label of its oxygenator, {low:g} to {high:g} L/min"
     )
     return [Finding("warning", name, flow, end, sentence, concerns=(name,))]
+
+
+def _used_up(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Sweep gas that the blood takes up, so that none leaves with the carbon dioxide of the blood."""
+    gained, removed = (outputs.get(names.output(name)) for name in ("VO2_oxygenator", "VCO2_oxygenator"))
+    sweep = values.get(names.parameter("ecmo.sweep_l_min"), 0.0)
+    if gained is None or removed is None:
+        return []
+    from eclsim.components.exchangers import FLOWMETER_TO_STPD, USED_UP
+
+    brought = 1000.0 * FLOWMETER_TO_STPD * sweep
+    left = brought - gained + removed
+    if not (gained > 0.5 * brought > LEAST_EXHAUST and left < max(USED_UP * brought, LEAST_EXHAUST)):
+        return []
+    text = (
+        f"the blood of the {names.label} takes up nearly all of its sweep gas ({gained:.0f} of "
+        f"{brought:.0f} mL/min STPD): hardly any leaves the oxygenator, which removes "
+        f"{max(removed, 0.0):.0f} mL/min of carbon dioxide; raise the sweep"
+    )
+    about, *concerns = (
+        names.output(name) for name in ("VCO2_oxygenator", "VO2_oxygenator", "PpostCO2", "PexhaustCO2")
+    )
+    return [Finding(CAUTION, about, removed, math.nan, text, concerns=(about, *concerns))]
 
 
 def _left_ventricle_unlike(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:

@@ -131,7 +131,9 @@ class IabpDevice(Device[Iabp]):
         if volume > 0.0 and "CO" in outputs:
             concerns = tuple(name for name in _MOVED if name in outputs)
             result.append(Finding(CAUTION, "CO", outputs["CO"], float("nan"), _IDEAL, concerns=concerns))
-        if "SP" in outputs and augmented >= outputs["SP"]:
+        if volume > 0.0 and (early := _early(names, outputs, values)):
+            result.append(early)
+        elif volume > 0.0 and "SP" in outputs and augmented >= outputs["SP"]:
             text = (
                 "the highest aortic pressure is the balloon's, in diastole: SP, DP and pulse pressure are "
                 f"made by the {names.label}; for what the heart does read "
@@ -140,6 +142,20 @@ class IabpDevice(Device[Iabp]):
             concerns = ("SP", "DP", "pulse_pressure")
             result.append(Finding(CAUTION, "SP", outputs["SP"], float("nan"), text, concerns=concerns))
         return result
+
+
+def _early(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> Finding | None:
+    """A balloon that fills while the left ventricle still ejects."""
+    phase, name = values.get(names.parameter(_INFLATION), NOTCH), names.output(_SYSTOLIC.name)
+    if not phase < NOTCH or name not in outputs:
+        return None
+    text = (
+        f"the {names.label} inflates at {phase:g} of the beat, before the aortic valve shuts ({NOTCH:g}): "
+        f"the left ventricle ejects against it; SP, {names.output(_AUGMENTED.name)} and {name} are read in "
+        "the midst of ejection, and their difference is no augmentation"
+    )
+    concerns = ("SP", name, *(names.output(one.name) for one in (_AUGMENTED, _DIFFERENCE)))
+    return Finding("warning", name, outputs[name], float("nan"), text, concerns=concerns)
 
 
 IABP = IabpDevice()

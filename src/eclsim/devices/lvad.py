@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
-    CAUTION,
     Control,
     Curve,
     Finding,
@@ -31,6 +30,7 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming
+from eclsim.devices.drained_ventricle import VENTRICLES, counted, drained_ventricles
 from eclsim.devices.plausibility import check_sites, check_speed, patient_site
 from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names, pump_values
 from eclsim.inputs.fields import number, one_of
@@ -42,9 +42,9 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Site
 
 GROUP = "lvad"
-SUCTION_LVEDP_MMHG, SUCTION_LV_ML = 4.0, 30.0
-"""End-diastolic pressure and smallest volume of a drained left ventricle below which suction is likely; a
-convention of this project."""
+SUCTION_LVEDP_MMHG, SUCTION_ML = 4.0, 30.0
+"""End-diastolic pressure of a drained left ventricle, and smallest volume of any, below which suction is
+likely; a convention of this project. A right ventricle fills at lower pressures."""
 _SPEEDS = "the speed range is the usual clinical one, not part of the published constants"
 
 PUMPS = by_key(
@@ -190,34 +190,29 @@ class LvadDevice(Device[Lvad]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What an ejection fraction is where a pump empties the left ventricle; whether it sucks it shut."""
-        name, pump = "ejection_fraction_lv", names.place("lvadpump")
-        if name not in outputs or not any(c.name == pump and c.source == "lv" for c in circuit.connections):
-            return []
-        text = (
-            f"the {names.label} empties the left ventricle: its ejection fraction and stroke volume count "
-            "what the pump takes, and say nothing of ejection through the aortic valve"
-        )
-        concerns = (name, "stroke_volume_lv")
-        found = Finding(CAUTION, name, outputs[name], float("nan"), text, concerns=concerns)
-        return [found, *_suction(names, outputs)]
+        """What an ejection fraction is where a pump empties a ventricle; whether it sucks it shut."""
+        found = counted(names, outputs, circuit, self.connections, "lvad_flow")
+        for drained in drained_ventricles(names, circuit, self.connections):
+            found += _suction(names, outputs, drained)
+        return found
 
 
-def _suction(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
-    """A left ventricle so empty that its wall would lie on the pump's inlet."""
-    pressure, volume = outputs.get("end_diastolic_pressure_lv", math.inf), outputs.get("ESVLV", math.inf)
-    if pressure >= SUCTION_LVEDP_MMHG and volume >= SUCTION_LV_ML:
+def _suction(names: Naming, outputs: Mapping[str, float], drained: str) -> list[Finding]:
+    """A ventricle so empty that its wall would lie on the pump's inlet."""
+    quantity, smallest = f"end_diastolic_pressure_{drained}", f"ESV{drained.upper()}"
+    pressure, volume = outputs.get(quantity, math.inf), outputs.get(smallest, math.inf)
+    lowest = SUCTION_LVEDP_MMHG if drained == "lv" else -math.inf
+    if pressure >= lowest and volume >= SUCTION_ML:
         return []
     flow = names.output("lvad_flow")
+    filling = f" (end-diastolic pressure {pressure:.1f} mmHg)" if math.isfinite(pressure) else ""
     text = (
-        f"the {names.label} empties the left ventricle to {volume:.0f} mL (end-diastolic pressure "
-        f"{pressure:.1f} mmHg): suction is likely, and the flow too high, as the model's ventricle does not "
-        "collapse; lower the speed or give blood"
+        f"the {names.label} empties the {VENTRICLES[drained][0]} to {volume:.0f} mL{filling}: suction is "
+        "likely, and the flow too high, as the model's ventricle does not collapse; lower the speed or give "
+        "blood"
     )
-    quantity = "end_diastolic_pressure_lv"
-    return [
-        Finding("warning", quantity, pressure, SUCTION_LVEDP_MMHG, text, concerns=(flow, "ESVLV", quantity))
-    ]
+    about = (quantity, pressure, lowest) if pressure < lowest else (smallest, volume, SUCTION_ML)
+    return [Finding("warning", *about, text, concerns=(flow, smallest, quantity))]
 
 
 LVAD = LvadDevice()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel
 
 from eclsim.devices.crrt import CRRT, Crrt
-from eclsim.devices.description import Output
+from eclsim.devices.description import GRAVEST_FIRST, SIDES, Output
 from eclsim.devices.device import AnyDevice, Device, Naming, device_key
 from eclsim.devices.ecmo import ECMO, Ecmo
 from eclsim.devices.iabp import IABP, Iabp
@@ -29,7 +29,7 @@ from eclsim.parameters import patient_parameters
 from eclsim.parameters.parameter import Parameter
 from eclsim.parameters.thiel2025 import ALIASES
 from eclsim.patient.sites import ARTERIAL_SITES
-from eclsim.spelling import nearest
+from eclsim.spelling import nearest, spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -182,6 +182,28 @@ def _check(device: AnyDevice) -> None:
     if taken := [p.key for p in device.parameters if p.key in known]:
         message = "the name of a parameter of the patient or of another device; give it one of its own"
         raise DeviceError(f"device {key}, parameter {taken[0]!r}: {message}")
+    _check_outputs(device, others)
+
+
+def _check_outputs(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
+    """Refuse outputs of another's name, and limits that no number of the device would ever break."""
+    own = [entry.name for entry in device.outputs]
+    known = {entry.name for other in others for entry in other.outputs}
+    for name in own:
+        if own.count(name) > 1 or name in known:
+            message = "the name of another output; give it one of its own"
+            raise DeviceError(f"device {device.key}, output {name!r}: {message}")
+    for limit in device.limits:
+        where = f"device {device.key}, limit of {limit.quantity!r}"
+        if limit.quantity not in own:
+            hint = spelling_hint(limit.quantity, own)
+            raise DeviceError(f"{where}: no output of it; allowed: {', '.join(own) or 'none'}{hint}")
+        if limit.side not in SIDES or limit.kind not in GRAVEST_FIRST:
+            allowed = f"{', '.join(GRAVEST_FIRST)}; {', '.join(SIDES)}"
+            raise DeviceError(f"{where}: {limit.kind!r}, {limit.side!r}; allowed: {allowed}")
+    if device.assist_flow and device.assist_flow not in own:
+        hint = spelling_hint(device.assist_flow, own)
+        raise DeviceError(f"device {device.key}, assist_flow {device.assist_flow!r}: no output of it{hint}")
 
 
 def device_of(key: str) -> AnyDevice | None:

@@ -12,8 +12,9 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
-from eclsim.devices.description import Control, Knob, Limit, Look, Mark, mean_flow, picker
-from eclsim.devices.device import CaseValues, Device
+from eclsim.devices.description import Control, Finding, Knob, Limit, Look, Mark, mean_flow, picker
+from eclsim.devices.device import CaseValues, Device, Naming
+from eclsim.devices.drained_ventricle import counted
 from eclsim.devices.ecmo import CANNULAE
 from eclsim.devices.second_cannulae import BACKWARD_L_MIN
 from eclsim.inputs.fields import number, one_of
@@ -95,6 +96,12 @@ class VentDevice(Device[Vent]):
         if "ecmo" not in case.devices:
             message = "drains into the ECMO circuit, but the case has no [ecmo] section"
             remarks.error(key, message, allowed="one [ecmo] section beside it")
+
+    def findings(
+        self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+    ) -> list[Finding]:
+        """What an ejection fraction is where it empties the left ventricle."""
+        return counted(names, outputs, circuit, self.connections, "vent_flow")
 
 
 VENT = VentDevice()

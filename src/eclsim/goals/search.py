@@ -50,6 +50,7 @@ IDLE = 1e-6
 """Change of all goals, in scales, over the whole range of a setting that none of them depends on."""
 SMALLEST_REGION = 1e-9
 MOST_STEPS = 80
+NO_BEAT = "no steady beat was found"
 SCANNED = {1: 9, 2: 7, 3: 5}
 """Values of each setting that are tried first, by the number of settings; with more of them, three."""
 
@@ -212,8 +213,10 @@ def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -
         now = next((point for point in points if point is not None), None)
     if now is None:
         return bedside.settings
-    scales = np.array([goal.scale for goal in goals])[:, None]
-    acts = np.atleast_1d((np.abs(now.slopes) > IDLE * scales).any(axis=0))
+    scales = np.array([goal.scale for goal in goals])
+    acts = np.atleast_1d((np.abs(now.slopes) > IDLE * scales[:, None]).any(axis=0))
+    if not acts.all():
+        acts |= _moves_somewhere(bedside, outputs, scales)
     turned = {one.name for one in bedside.settings}
     if not any(is_of_gas(goal.output) for goal in goals):
         turned &= set(bedside.model.circuit.parameter_names())  # what moves blood
@@ -223,6 +226,16 @@ def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -
         there = ", ".join(one.name for one in bedside.settings)
         raise GoalError([f"{', '.join(outputs)}: not moved by {there}; name what may be turned (vary)"])
     return chosen
+
+
+def _moves_somewhere(bedside: _Bedside, outputs: Sequence[str], scales: np.ndarray) -> np.ndarray:
+    """Whether each setting moves an output anywhere in its range: a valve may open at low speed only."""
+    _, values, _ = bedside.scan(outputs)
+    count = len(bedside.settings)
+    grid = values.reshape(len(outputs), *(bedside.axis_count,) * count) / scales.reshape(-1, *(1,) * count)
+    # Places without a beat are NaN, and say nothing.
+    spreads = (np.abs(np.diff(grid, axis=k + 1)) for k in range(count))
+    return np.array([bool((spread > MET).any()) for spread in spreads])
 
 
 class _Point(NamedTuple):
@@ -255,6 +268,7 @@ class _Bedside:
         self.low = np.array([setting.low for setting in settings])
         self.span = np.array([setting.high for setting in settings]) - self.low
         self.beats = 0
+        self.lost = NO_BEAT  # why the last place that gave no point gave none
 
     @property
     def own(self) -> np.ndarray:
@@ -281,6 +295,7 @@ class _Bedside:
         """Outputs and slopes at a place; None where there is no determined steady beat."""
         beat = self.beat(place[:, None], outputs)
         if not beat.determined[0]:
+            self.lost = _lost(beat)
             return None
         try:
             linear = beat.linearise(outputs, [setting.name for setting in self.settings])
@@ -289,14 +304,23 @@ class _Bedside:
         result = _Point(place, linear.values, linear.slopes * self.span)
         return result if np.isfinite(result.values).all() and np.isfinite(result.slopes).all() else None
 
+    @property
+    def axis_count(self) -> int:
+        """Values of each setting that a scan tries."""
+        return SCANNED.get(len(self.settings), 3)
+
     def scan(self, outputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, SteadyBeat]:
         """Places all over the ranges (settings, members), the outputs there, and their beats."""
-        count = SCANNED.get(len(self.settings), 3)
-        axis = np.linspace(0.0, 1.0, count)
+        axis = np.linspace(0.0, 1.0, self.axis_count)
         places = np.array(list(itertools.product(axis, repeat=len(self.settings)))).T
         beat = self.beat(places, outputs)
         values = np.where(beat.determined, np.stack([beat.output(name) for name in outputs]), np.nan)
         return places, values, beat
+
+
+def _lost(beat: SteadyBeat) -> str:
+    """Why a beat gives a search no numbers to go on from."""
+    return "valves stay shut all beat, so that it is one of many" if beat.converged[0] else NO_BEAT
 
 
 def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
@@ -411,7 +435,7 @@ def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _End
         if merit - expected <= 1e-12:
             return _End(now, "")
         if region < SMALLEST_REGION:
-            return _End(now, "" if trial is not None else "beside these settings no steady beat was found")
+            return _End(now, "" if trial is not None else f"beside these settings {bedside.lost}")
         if step == MOST_STEPS:
             break
         trial, trial_merit = moved(now, move)

@@ -152,17 +152,28 @@ def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str
 
 
 def _drained(circuit: Circuit) -> dict[str, str]:
-    """By compartment what to do where it collapses: the device that drains its side of the heart."""
-    groups = {c.name: c.group for c in circuit.compartments}
-    result: dict[str, str] = {}
-    for connection in circuit.connections:
-        source, group = str(connection.source), connection.group
-        if device_key(group) not in devices() or device_key(groups.get(source, "")) in devices():
-            continue
-        side = next((s for s in _SIDES if source in s), ())
-        (names,) = namings([group])
-        message = f"the {names.label} drains more than flows in: lower its flow or give blood"
-        result = dict.fromkeys(side, message) | result
+    """By compartment what to do where it collapses: the device that drains its side of the heart.
+
+    Where several do: a pump of the circulation that drains this very place, else one whose blood does not
+    come back to this side, as that of a CRRT does.
+    """
+    groups = {c.name: device_key(c.group) for c in circuit.compartments}
+    outer = [c for c in circuit.connections if device_key(c.group) in devices()]
+    drains = [(str(c.source), c.group) for c in outer if groups.get(str(c.source)) not in devices()]
+    given = {(str(c.target), c.group) for c in outer}
+    result = {}
+    for side in _SIDES:
+        comes_back = {group for site, group in given if site in side}
+        on_this_side = [(source, group) for source, group in drains if source in side]
+        for place in side if on_this_side else ():
+            ranks = (
+                (not (carries and source == place), group in comes_back, not carries)
+                for source, group in on_this_side
+                for carries in (devices()[device_key(group)].carries_circulation,)
+            )
+            _, (_, group) = min(zip(ranks, on_this_side, strict=True), key=lambda ranked: ranked[0])
+            (names,) = namings([group])
+            result[place] = f"the {names.label} drains more than flows in: lower its flow or give blood"
     return result
 
 
@@ -186,7 +197,8 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
         text += f"{opens}, and as much as it lets through leaks back"
     elif carried >= CLOSED_L_MIN:
         text += (
-            f"{opens}, the {' and the '.join(pumps)} carries the left ventricle's output "
+            f"{opens}, the {' and the '.join(pumps)} {'carry' if len(pumps) > 1 else 'carries'} the left "
+            f"ventricle's output "
             f"({carried:.2f} L/min)"
         )
     else:

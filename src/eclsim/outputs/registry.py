@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.devices.description import GASES, Output, highest, lowest, mean, mean_flow
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import devices, named_output, namings, registered
+from eclsim.devices.registry import DeviceError, devices, named_output, namings, registered
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED
 from eclsim.spelling import spelling_hint
@@ -296,7 +296,16 @@ def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
 
 @lru_cache(maxsize=8)
 def _usual(registered: tuple[object, ...]) -> Mapping[str, Output]:
-    """All outputs of the patient and of the only instance of each device, as long as these are registered."""
+    """All outputs of the patient and of the only instance of each device, as long as these are registered.
+
+    Raises:
+        DeviceError: a device of one's own has an output of the name of one of the patient's.
+    """
+    patients = {entry.name for entry in (*_PRESSURES_AND_FLOWS, *_PULMONARY_PRESSURES_AND_VOLUMES, *_MORE)}
+    for key, device in devices().items():
+        if taken := [entry.name for entry in device.outputs if entry.name in patients]:
+            message = "the name of an output of the patient; give it one of its own"
+            raise DeviceError(f"device {key}, output {taken[0]!r}: {message}")
     return all_outputs([Naming(device) for device in devices().values()])
 
 

@@ -6,7 +6,7 @@ blood there and as much less elsewhere, so that it is one of many, and which one
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
@@ -55,7 +55,10 @@ def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
     parts = tuple(part for part in parts if part is not largest)
     names = _listed([VALVES[name] for name in valves])
     reason = f"no blood passes the {names} valve{'s' * (len(valves) > 1)} all beat"
-    return Sealed(parts, reason, _sentence(parts, reason), _undetermined(outputs, circuit, parts))
+    beats = any(name in laws and name not in valves for name in VALVES)
+    given = {f"Q{name}" for name, law in laws.items() if name in valves or law.given_flow}
+    concerns = _undetermined(outputs, circuit, parts, given if beats else None)
+    return Sealed(parts, reason, _sentence(parts, reason, beats), concerns)
 
 
 def shut_valves(outputs: Mapping[str, float]) -> tuple[str, ...]:
@@ -81,16 +84,25 @@ def _parts(circuit: Circuit, shut: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 
 def _undetermined(
-    outputs: Mapping[str, float], circuit: Circuit, parts: tuple[tuple[str, ...], ...]
+    outputs: Mapping[str, float],
+    circuit: Circuit,
+    parts: tuple[tuple[str, ...], ...],
+    given: Collection[str] | None,
 ) -> tuple[str, ...]:
-    """Outputs read off what is shut in, and levels anywhere else: the rest has as much less as is shut in."""
+    """Outputs read off what is shut in, and levels anywhere else: the rest has as much less as is shut in.
+
+    Where a heart still beats in the rest, how much it ejects follows from that blood too, and with it all
+    but `given` flows: of roller pumps, and none through shut valves. Without such a heart it is None.
+    """
     within = {kind + name for part in parts for name in part for kind in "PV"}
     anywhere = {kind + c.name for c in circuit.compartments for kind in "PV"}
     needs = {name: _needs(name) for name in outputs}
     return tuple(
         name
         for name, read in needs.items()
-        if within.intersection(read) or (len(read) == 1 and read[0] in anywhere)
+        if within.intersection(read)
+        or (len(read) == 1 and read[0] in anywhere)
+        or (given is not None and not set(read) <= set(given))
     )
 
 
@@ -101,14 +113,15 @@ def _needs(name: str) -> tuple[str, ...]:
         return ()
 
 
-def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:
+def _sentence(parts: tuple[tuple[str, ...], ...], reason: str, beats: bool) -> str:
     listing = _listed([" with the ".join(_labels(part)) for part in parts], "the ")
+    flows = ", and the flows through the heart that still beats" if beats else ""
     return (
         f"{reason}: how much blood {listing} hold{'s' * (len(parts) == 1)} is not determined by the case, "
         "but by where the computation began. With it go the volumes and pressures there and, because the "
-        "rest of the circulation has the other blood, all pressures, of arteries and lines too: another "
-        "start changes them by tens of mL and some mmHg, at worst tens of mmHg. Do not read them; raise "
-        "Emaxlv or Emaxrv or lower the pump speed until the valves open"
+        f"rest of the circulation has the other blood, all pressures, of arteries and lines too{flows}: "
+        "another start changes them by tens of mL and some mmHg, at worst tens of mmHg. Do not read them; "
+        "raise Emaxlv or Emaxrv or lower the pump speed until the valves open"
     )
 
 

@@ -1,0 +1,53 @@
+"""What a device that drains a ventricle makes of its ejection fraction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from eclsim.devices.description import CAUTION, Finding
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
+    from eclsim.devices.device import Naming
+
+VENTRICLES = MappingProxyType({"lv": ("left ventricle", "aortic"), "rv": ("right ventricle", "pulmonary")})
+"""A ventricle that may be drained in words, and the valve through which it ejects."""
+
+
+def drained_ventricles(names: Naming, circuit: Circuit, places: Collection[str]) -> tuple[str, ...]:
+    """Ventricles that a device drains through some of its connections: "lv", "rv"."""
+    own = set(map(names.place, places))
+    sources = (str(c.source) for c in circuit.connections if c.name in own)
+    return tuple(source for source in sources if source in VENTRICLES)
+
+
+def counted(
+    names: Naming, outputs: Mapping[str, float], circuit: Circuit, places: Collection[str], flow: str
+) -> list[Finding]:
+    """What the ejection fraction of a ventricle is that a device drains.
+
+    Args:
+        names: of the instance.
+        outputs: of the beat, by name.
+        circuit: of patient and devices.
+        places: connections of the device that may drain a ventricle.
+        flow: the device's output of their flow, which may run backwards.
+    """
+    backwards = outputs.get(names.output(flow), 0.0) < 0.0
+    result = []
+    for drained in drained_ventricles(names, circuit, places):
+        name, (ventricle, valve) = f"ejection_fraction_{drained}", VENTRICLES[drained]
+        if name not in outputs:
+            continue
+        does, counts = "empties", "what the device takes"
+        counts += f", and say nothing of ejection through the {valve} valve"
+        if backwards:
+            does, counts = "lets blood back into", "what it ejects anew of that"
+        text = f"the {names.label} {does} the {ventricle}: "
+        text += f"its ejection fraction and stroke volume count {counts}"
+        concerns = (name, f"stroke_volume_{drained}")
+        result.append(Finding(CAUTION, name, outputs[name], math.nan, text, concerns=concerns))
+    return result
