@@ -115,6 +115,22 @@ def test_shards_and_merge_give_the_identical_file(tmp_path, plan, count):
     np.testing.assert_array_equal(merged.indices.estimates.ST, straight.indices.estimates.ST)
 
 
+@pytest.mark.parametrize("damage", ["another block", "a flipped bit"])
+def test_a_block_that_is_not_its_own_or_was_damaged_is_refused(tmp_path, plan, damage):
+    with pytest.raises(ShardDone):
+        run(plan, tmp_path, shard=Shard(1, 2))
+    file = tmp_path / "blocks" / "block-00003.parquet"
+    content = bytearray(file.read_bytes())
+    if damage == "another block":
+        content = (tmp_path / "blocks" / "block-00002.parquet").read_bytes()
+    else:
+        content[len(content) // 3] ^= 4
+    file.write_bytes(content)
+    said = {"another block": "of another task, under a wrong name", "a flipped bit": "truncated or edited"}
+    with pytest.raises(ExecutionError, match=f"block-00003.parquet: {said[damage]}"):
+        run(plan, tmp_path, resume=True)
+
+
 def test_a_merge_names_what_is_missing(tmp_path, plan):
     with pytest.raises(ExecutionError, match=r"holds no analysis \(design.json is missing\)"):
         merge_shards(tmp_path)

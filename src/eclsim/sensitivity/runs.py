@@ -21,6 +21,7 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.circuit.network import Circuit
+from eclsim.devices.registry import own_files
 from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
 from eclsim.execution.folder import read_inputs
 from eclsim.files import whole_file
@@ -128,6 +129,7 @@ class SteadyBeatEvaluator:
             "outputs": list(self.outputs),
             "blood_volume_policy": self.policy,
             "resolution": self.resolution,
+            **own_files(),
         }
 
 
@@ -258,8 +260,8 @@ class SampleFolder:
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
 
-    def _write_block(self, path: Path, runs: Runs, _: str) -> None:
-        _write(path, _columns(runs, self.outputs), self._about)
+    def _write_block(self, path: Path, runs: Runs, mark: str) -> None:
+        _write(path, _columns(runs, self.outputs), self._about | {"hash": mark})
 
     @property
     def _about(self) -> Description:
@@ -290,14 +292,14 @@ def _write(path: Path, columns: Mapping[str, np.ndarray], about: Description) ->
     arrays = [pa.array(c).dictionary_encode() if c.dtype == object else pa.array(c) for c in columns.values()]
     metadata = {"eclsim": json.dumps(about, ensure_ascii=False)}
     table = pa.Table.from_arrays(arrays, names=list(columns)).replace_schema_metadata(metadata)
-    pq.write_table(table, path, compression="zstd", use_dictionary=False)
+    pq.write_table(table, path, compression="zstd", use_dictionary=False, write_page_checksum=True)
 
 
 def _read(path: Path, outputs: tuple[str, ...], rows: slice = slice(None)) -> tuple[Runs, str]:
     import pyarrow.parquet as pq
 
     names = [*outputs, "status", "beats", "residual"]
-    table = pq.read_table(path, columns=names)
+    table = pq.read_table(path, columns=names, page_checksum_verification=True)
     about = json.loads((table.schema.metadata or {}).get(b"eclsim", b"{}"))
     columns = [table.column(name).to_numpy()[rows] for name in names]
     values = np.stack(columns[: len(outputs)], axis=1)
