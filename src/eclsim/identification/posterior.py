@@ -276,6 +276,8 @@ class PosteriorResult:
             for p, g in zip(self.predictions, self.gaussian_predictions, strict=True)
         ]
         return {
+            "id": self.name,
+            "blood_volume_policy": self.density.policy,
             "method": self.settings.method,
             "kind": self.kind,
             "trusted": self.trusted,
@@ -478,7 +480,7 @@ def _tree(result: PosteriorResult) -> xr.DataTree:
         "inference_library": "eclsim", "inference_library_version": __version__,
         "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
         "doubts": "; ".join(result.doubts), "warnings": "; ".join(first.warnings),
-        "blood_volume_policy": density.policy,
+        "id": result.name, "blood_volume_policy": density.policy,
     }  # fmt: skip
 
     def of_outputs(dims: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, xr.Variable]:
