@@ -187,6 +187,7 @@ def members_of(
     outputs: tuple[str, ...],
     policy: str = AS_PUBLISHED,
     start: Mapping[str, float] | None = None,
+    waveforms: tuple[str, ...] = (),
 ) -> SteadyBeat:
     """Beats of members that share a circuit, those alone with numbers that are determined.
 
@@ -197,9 +198,11 @@ def members_of(
         outputs: names of the registry.
         policy: blood volume policy.
         start: values that all members are close to, at whose beat searches begin.
+        waveforms: whose smallest and largest values are wanted.
     """
     batch = Batch(model.circuit, values, count, policy)
-    beat = steady_beat(batch, outputs, options=SETTLED, start=start, execution=execution_of(count))
+    how = {"options": SETTLED, "start": start, "execution": execution_of(count)}
+    beat = steady_beat(batch, outputs, waveforms=waveforms, **how)
     return beat.determined_only()
 
 
