@@ -194,12 +194,15 @@ def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[flo
     from eclsim.crrt_study.rule import RuleError
     from eclsim.crrt_study.study import crrt_study
     from eclsim.identification.samples import doubts_of
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         with Progress() as progress:
             study = crrt_study(case, **vars(_options(o)), samples=samples, progress=progress)
     except RuleError as error:
         fail(error)
+    except CaseError as error:
+        fail(*(mistake.at(o.posterior or o.file, None) for mistake in error.mistakes))
     doubts = doubts_of(o.posterior, case) if o.posterior else ()
     return replace(study, warnings=(*doubts, *study.warnings))
 
