@@ -162,6 +162,19 @@ def test_draws_that_no_patient_can_have_are_counted_and_in_no_interval():
     )
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"method": "NUTS"}, "method = 'NUTS': allowed: nuts, "),
+        ({"prior": "flat"}, "prior = 'flat': allowed: log-un"),
+    ],
+)
+def test_a_method_or_prior_that_there_is_not_is_refused(wrong, said):
+    """Any other prior was sampled as log-normal, any other method as weighted draws."""
+    with pytest.raises(ValueError, match=said):
+        PosteriorSettings(**wrong)
+
+
 def test_a_posterior_of_patients_that_cannot_be_is_not_trusted(result):
     first, second = result.predictions
     assert result.as_object()["predictions"][0]["draws_impossible"] == 0

@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -55,6 +55,16 @@ SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6
 """Enough for a density: outputs differ from those of the exact orbit by 1e-4 of their uncertainty."""
 
 
+def check_prior(kind: str) -> None:
+    """Refuse a prior that there is not: any other name would be taken for the last one.
+
+    Raises:
+        ValueError: With what is allowed.
+    """
+    if kind not in get_args(PriorKind):
+        raise ValueError(f"prior = {kind!r}: allowed: {', '.join(get_args(PriorKind))}")
+
+
 @dataclass(frozen=True)
 class Prior(Box):
     """Independent priors of the coordinates of free parameters, between their bounds.
@@ -69,6 +79,7 @@ class Prior(Box):
     @classmethod
     def within(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
         """Of free parameters with bounds."""
+        check_prior(kind)
         return cls(box.names, box.clip(box.start), box.lower, box.upper, kind)
 
     def values_of(self, z: np.ndarray) -> np.ndarray:

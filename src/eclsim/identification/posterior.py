@@ -20,6 +20,7 @@ from eclsim.identification.density import (
     Prior,
     PriorKind,
     approximate,
+    check_prior,
     members_of,
 )
 from eclsim.identification.fit import FitResult
@@ -85,6 +86,11 @@ class PosteriorSettings:
     uncertainties: Mapping[str, Uncertainty] | None = None
     sampling: Sampling = field(default_factory=Sampling)
     volume_policy: VolumePolicy | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in KINDS:
+            raise ValueError(f"method = {self.method!r}: allowed: {', '.join(KINDS)}")
+        check_prior(self.prior)
 
 
 @dataclass(frozen=True)
