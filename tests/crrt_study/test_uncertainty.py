@@ -44,3 +44,15 @@ def test_samples_that_nothing_reads_or_that_cannot_be_are_refused(samples, said)
 def test_speeds_from_python_are_checked_as_those_of_the_command_line(speeds):
     with pytest.raises(SpeedError, match="are no speeds; allowed"):
         crrt_study(paper_case(), schemes="d", speeds=speeds)
+
+
+def test_samples_that_no_patient_can_have_say_nothing_of_limits():
+    """At 5500 rpm a chamber is without blood where Rmc = 0.9: that beat converged, and counted."""
+    case = paper_case().with_section("ecmo", speed_rpm=5500.0)
+    chosen = {"schemes": "d", "speeds": [5500.0], "volume_policy": "as_published"}
+    both = crrt_study(case, **chosen, samples={"Rmc": [0.4, 0.9]})
+    alone = crrt_study(case, **chosen, samples={"Rmc": [0.4]}).uncertainty
+    assert both.samples_without_a_beat == {"d": 1}
+    assert both.uncertainty["settled"].item() == 0.5
+    for name in ("Pcrrttuin_quantiles", "Psart_quantiles"):
+        np.testing.assert_allclose(both.uncertainty[name], alone[name], rtol=1e-6)
