@@ -1,6 +1,7 @@
 """Clinical data into cohorts: bundles and long tables, conversions that are said, all mistakes at once."""
 
 import json
+import re
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -229,3 +230,91 @@ def test_where_nothing_is_left_it_is_said_what_was_left_out(tmp_path):
         import_cohort(
             bundle(tmp_path, PATIENT, observation("8478-0", 80, "mm[Hg]", status="entered-in-error"))
         )
+
+
+# --- whose values, and which ones --------------------------------------------------------------------
+
+TWO = [observation("8867-4", 82, "/min"), observation("8478-0", 80, "mm[Hg]")]
+
+
+def of(reference: str, *resources: dict[str, Any]) -> list[dict[str, Any]]:
+    return [r | {"subject": {"reference": reference}} for r in resources]
+
+
+@pytest.mark.parametrize("base", [None, 80.0])
+def test_size_measured_at_admission_is_the_patients_in_every_data_point(tmp_path, base):
+    admission = "2024-02-28T09:00:00+01:00"
+    later = observation("29463-7", 47, "kg", "2024-03-02T09:00:00+01:00")
+    file = bundle(
+        tmp_path,
+        PATIENT,
+        *TWO,
+        observation("8302-2", 150, "cm", admission),
+        observation("29463-7", 45, "kg", admission),
+        later,
+        observation("8478-0", 70, "mm[Hg]", "2024-03-02T12:00:00+01:00"),
+    )
+    case = base and Case(
+        patient=Patient(id="base", sex="female", age_years=50, heart_rate_bpm=70, height_cm=175, weight_kg=80)
+    )
+    result = import_cohort(file, case or None)
+    assert [(r["MAP"], r["height_cm"], r["weight_kg"]) for r in result.rows] == [
+        ("80", "150", "45"),
+        ("70", "150", "47"),
+    ]
+    assert any(f"weight_kg: 45, measured {admission}" in str(n) for n in result.notes)
+
+
+def test_a_reference_with_a_version_names_its_patient_and_not_the_version(tmp_path):
+    other = PATIENT | {"id": "P02", "gender": "male"}
+    low = observation("8478-0", 60, "mm[Hg]", "2024-03-01T12:00:00+01:00")
+    values = [*of("Patient/P01/_history/1", *TWO), *of("https://x.org/fhir/Patient/P02/_history/1", low)]
+    rows = import_cohort(bundle(tmp_path, PATIENT, other, *values)).rows
+    assert [(r["patient_id"], r["sex"], r["MAP"]) for r in rows] == [
+        ("P01", "female", "80"),
+        ("P02", "male", "60"),
+    ]
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_patient_is_one_whether_called_by_address_or_by_id(tmp_path, named):
+    person = PATIENT if named else {k: v for k, v in PATIENT.items() if k != "id"}
+    values = of("urn:uuid:11", *TWO) + of("Patient/P01", observation("8741-1", 4, "L/min")) * named
+    entries = [{"fullUrl": "urn:uuid:11", "resource": person}, *({"resource": v} for v in values)]
+    path = tmp_path / "bundle.json"
+    path.write_text(json.dumps({"resourceType": "Bundle", "entry": entries}))
+    (row,) = import_cohort(path).rows
+    assert row["patient_id"] == ("P01" if named else "11")
+    assert (row["sex"], row["age_years"], row["MAP"]) == ("female", "68", "80")
+
+
+@pytest.mark.parametrize(
+    ("resources", "said"),
+    [
+        (of("Device/P01", *TWO), "the subject is a Device"),
+        ([PATIENT | {"gender": "male"}, *TWO], "two Patient resources of this id"),
+        ([TWO[0] | {"effectiveDateTime": "1950-01-01"}], "birthDate = 1955-04-17: after the first"),
+        (
+            [TWO[1] | {"valueQuantity": {"value": 10.7, "unit": "kPa", "code": "mm[Hg]"}}],
+            "10.7 mm[Hg], 10.7 kPa: its unit is coded as one and written as another",
+        ),
+    ],
+)
+def test_doubt_whose_value_or_in_which_unit_is_refused(tmp_path, resources, said):
+    with pytest.raises(CaseError, match=re.escape(said)):
+        import_cohort(bundle(tmp_path, PATIENT, *resources))
+
+
+def test_a_page_of_a_search_says_that_the_others_are_missing(tmp_path):
+    path = bundle(tmp_path, PATIENT, *TWO)
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"total": 300, "link": [{"relation": "next", "url": "x"}]}))
+    first, second = map(str, import_cohort(path).warnings)
+    assert "one page of several" in first
+    assert "total = 300: 3 entries are here" in second
+
+
+def test_an_age_in_months_is_not_taken_for_years(tmp_path):
+    file = long_table(tmp_path, "A,2024-03-01,age_years,30,months", "A,2024-03-01,MAP,80,mmHg")
+    with pytest.raises(CaseError, match='age_years = "months": another unit; allowed: years'):
+        import_cohort(file)

@@ -99,13 +99,15 @@ def test_draws_of_a_posterior_become_a_band(shell):
     import xarray as xr
 
     draws, case = shell.folder / "posterior.nc", shell.case(more=EVENTS)
-    group = xr.Dataset({"Rmc": (("chain", "draw"), [[0.8, 0.9], [1.0, 1.1]])})
+    group = xr.Dataset({"Rmc": (("chain", "draw"), [[0.8, 0.9], [1.0, 1.1]])}, attrs={"doubts": "r_hat 1.4"})
     xr.DataTree.from_dict({"posterior": group}).to_netcdf(draws, engine="h5netcdf")
     chosen = ("course", case, "--until", "8", "--every", "4", "--posterior", draws)
     done = shell.run(*chosen, "--json", "-", "--figures", shell.folder / "figures")
     assert done.exit_code == 0, done.stderr
     found = json.loads(done.stdout)
     assert (found["draws"], found["failed"], found["parameters"]) == (4, 0, ["Rmc"])
+    assert found["warnings"][0] == "posterior: r_hat 1.4"
+    assert "posterior: r_hat 1.4" in done.stderr
     low, high = (found["quantiles_percent"]["MAP"][q] for q in ("5", "95"))
     assert all(a < b for a, b in zip(low, high, strict=True))
     assert (shell.folder / "figures" / "P01_course.png").exists()

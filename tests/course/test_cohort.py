@@ -170,6 +170,8 @@ def test_a_band_holds_the_courses_of_its_draws(cases, tmp_path):
 def test_a_draw_of_what_the_case_has_not_is_refused(cases):
     with pytest.raises(CaseError, match=r"regulation\.sensitivity: the course of this case has no such"):
         course_band(cases[0], {"regulation.sensitivity": [1.0, 2.0]}, **CHOSEN)
+    with pytest.raises(CaseError, match="samples = Rmc 2, Rsvn 1: numbers of samples"):
+        course_band(cases[0], {"Rmc": [0.8, 0.9], "Rsvn": [0.01]}, **CHOSEN)
 
 
 def test_an_event_sets_what_draws_differ_in(cases):

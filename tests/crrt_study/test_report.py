@@ -197,6 +197,6 @@ def test_how_sure_it_is_tells_the_share_of_samples_with_a_beat(hostile_study):
     assert "81 to 91 %" in text
     assert "> 99 %" in text
     assert (
-        "Samples of the patient's parameters without a steady beat, of 1000: 100 (scheme a), 4 (scheme h)"
-        in text
+        "Samples of the patient's parameters without a steady beat that a patient can have, of 1000: "
+        "100 (scheme a), 4 (scheme h)" in text
     )

@@ -304,3 +304,26 @@ def test_crrt_is_connected_at_its_positions(rvad):
     without = {key: value for key, value in case.as_mapping().items() if key != "rvad"}
     with pytest.raises(CaseError, match=r"the case has no \[rvad\] section"):
         read_mapping(without)
+
+
+def test_work_that_is_resumed_knows_the_file_of_a_device(tmp_path):
+    """An edited device file gives other results: those of the file before are not gone on with."""
+    from eclsim.execution import Distribution, ExecutionError
+    from eclsim.sensitivity.analysis import SobolSettings, plan_analysis
+
+    def opened(text: str) -> None:
+        file = tmp_path / "percutaneous_rvad.py"
+        file.write_text(text)
+        load_device_file(str(file))
+        try:
+            settings = SobolSettings(samples=2, parameters=("Rmc",), outputs=("CO",))
+            store = plan_analysis(read_case(CASE).case, settings).folder(tmp_path / "kept")
+            with Distribution(resume=True).running() as executor:
+                store.open(executor)
+        finally:
+            forget_device("rvad")
+
+    opened(FILE.read_text())
+    opened(FILE.read_text())
+    with pytest.raises(ExecutionError, match=r"model\.device_files\.rvad was '\w+' and is '\w+'"):
+        opened(FILE.read_text() + "\n# another law\n")

@@ -4,6 +4,7 @@ import json
 import os
 import random
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -180,6 +181,59 @@ def test_a_damaged_result_is_refused_before_anything_is_computed(tmp_path, damag
     assert not (tmp_path / "00011.json").exists()
     file.unlink()
     assert len(complete(tmp_path, resume=True)) == 12
+
+
+def test_a_result_under_the_name_of_another_task_is_not_taken_for_its(tmp_path):
+    with pytest.raises(ShardDone):
+        complete(tmp_path, shard=Shard(1, 2))
+    file = tmp_path / "00008.json"
+    file.write_bytes((tmp_path / "00002.json").read_bytes())
+    with pytest.raises(
+        ExecutionError, match=r"00008\.json: of another task, under a wrong name; take it away"
+    ):
+        complete(tmp_path, resume=True)
+    file.unlink()
+    assert repr(complete(tmp_path, resume=True)) == repr([answer(k) for k in range(12)])
+
+
+def test_files_of_other_names_are_no_results_and_stay(tmp_path):
+    with pytest.raises(ShardDone):
+        complete(tmp_path, shard=Shard(1, 2))
+    copies = [tmp_path / "00008 (conflicted copy).json", tmp_path / "2024-notes.json"]
+    for copy in copies:
+        copy.write_text("{}")
+    assert len(complete(tmp_path, resume=True)) == 12
+    assert len(complete(tmp_path, force=True)) == 12
+    assert all(copy.exists() for copy in copies)
+
+
+@dataclass(frozen=True)
+class Slow:
+    """A task that is still running when somebody else asks for one of the same name."""
+
+    factor: int
+
+    def __call__(self, number: int) -> int:
+        time.sleep(0.2)
+        return self.factor * number
+
+
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
+def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
+    pytest.importorskip("dask.distributed")
+    from dask.distributed import LocalCluster
+
+    results = {}
+
+    def run(factor: int) -> None:
+        with Distribution(dask=cluster.scheduler_address).running() as executor:
+            tasks = Tasks("products", "numbers", Slow(factor), range(5))
+            results[factor] = executor.complete(tasks, None, json_format(int))
+
+    workers = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    with workers as cluster, ThreadPoolExecutor(2) as pool:
+        list(pool.map(run, (1, 100)))
+    assert results == {1: [0, 1, 2, 3, 4], 100: [0, 100, 200, 300, 400]}
 
 
 def test_progress_counts_and_shows_what_a_task_says():

@@ -12,12 +12,13 @@ from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.posterior import PosteriorSettings, posterior
+from eclsim.identification.posterior import PosteriorSettings, posterior, predict
 from eclsim.identification.report import posterior_text
 from eclsim.identification.samples import read_samples
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.sensitivity.inputs import Uncertainty
+from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
 NAMES = ("Rmc", "Emaxlv")
 CASE = Case(
@@ -138,6 +139,51 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     assert f"3 of the {len(outputs)} weighted draws have no steady heartbeat" in posterior_text(
         lost.as_object()
     )
+
+
+def test_draws_that_no_patient_can_have_are_counted_and_in_no_interval():
+    """At this speed half of the draws have a chamber without blood; their MAP is some 10 mmHg higher."""
+    from eclsim.simulation.single import simulate_many
+
+    model = reference_model(PAPER_PATIENT).with_values({"ecmo.speed_rpm": 5500.0})
+    rng = np.random.default_rng(1)
+    draws = {n: model.values[n] * np.exp(0.3 * rng.standard_normal(24)) for n in ("Rmc", "Csvn")}
+    prediction = predict(model, draws, ("MAP",), "ecmo.speed_rpm=5500")
+    beats = simulate_many(model, draws, ["MAP"])
+    impossible = (beats["impossible"] == 1).to_numpy()
+    assert 0 < prediction.draws_impossible < 24
+    assert np.isnan(prediction.values[impossible]).all()
+    assert (
+        np.isfinite(prediction.values).sum()
+        == 24 - prediction.draws_impossible - prediction.draws_without_beat
+    )
+    assert f"{prediction.draws_impossible} of 24 draws are beats that no patient can have" in " ".join(
+        prediction.doubts
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"method": "NUTS"}, "method = 'NUTS': allowed: nuts, "),
+        ({"prior": "flat"}, "prior = 'flat': allowed: log-un"),
+    ],
+)
+def test_a_method_or_prior_that_there_is_not_is_refused(wrong, said):
+    """Any other prior was sampled as log-normal, any other method as weighted draws."""
+    with pytest.raises(ValueError, match=said):
+        PosteriorSettings(**wrong)
+
+
+def test_a_posterior_of_patients_that_cannot_be_is_not_trusted(result):
+    first, second = result.predictions
+    assert result.as_object()["predictions"][0]["draws_impossible"] == 0
+    impossible = replace(first, impossible=0.05)
+    assert "50 of 1000 draws are beats that no patient can have" in impossible.beyond_patients[0]
+    assert not first.beyond_patients
+    table = posterior_text(replace(result, predictions=(first, replace(second, impossible=0.05))).as_object())
+    assert "50 of 1000 draws are beats that no patient can have" in table
+    assert table.count("NOT TO BE TRUSTED") == 1
 
 
 def test_predictions_of_a_poor_fit_are_not_trusted(fit):

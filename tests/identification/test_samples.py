@@ -1,9 +1,14 @@
 """Samples of parameters: what a posterior writes is read again, and what is no such table is refused."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+import xarray as xr
 
-from eclsim.identification.samples import MOST, SamplesError, read_samples, write_samples
+from eclsim.cases.case import Case, Patient
+from eclsim.identification.samples import MOST, SamplesError, doubts_of, read_samples, write_samples
 
 
 def test_samples_are_read_and_thinned(tmp_path):
@@ -59,3 +64,44 @@ def test_what_is_written_is_read(tmp_path):
     draws = np.random.default_rng(0).uniform(0.3, 0.7, (2 * MOST, 1))
     write_samples(("Rmc",), draws, tmp_path / "samples.csv")
     assert read_samples(tmp_path / "samples.csv")["Rmc"] == pytest.approx(draws[::2, 0].tolist(), rel=1e-7)
+
+
+CASE = Case(patient=Patient(id="P01", sex="female", age_years=50, heart_rate_bpm=70))
+TRUSTED = {"trusted": 1, "doubts": "", "id": "P01/2", "blood_volume_policy": "as_published"}
+
+
+def posterior_file(folder: Path, form: str, about: dict[str, object]) -> Path:
+    """The draws of a posterior as eclsim writes them, with what it says of itself."""
+    if form == "csv":
+        write_samples(("Rmc",), np.array([[0.8], [0.9]]), folder / "samples.csv")
+        doubts = [text for text in str(about["doubts"]).split("; ") if text]
+        content = about | {"trusted": bool(about["trusted"]), "doubts": doubts}
+        (folder / "posterior.json").write_text(json.dumps(content))
+        return folder / "samples.csv"
+    group = xr.Dataset({"Rmc": (("chain", "draw"), [[0.8, 0.9]])}, attrs=about)
+    xr.DataTree.from_dict({"posterior": group}).to_netcdf(folder / "posterior.nc", engine="h5netcdf")
+    return folder / "posterior.nc"
+
+
+@pytest.mark.parametrize("form", ["csv", "nc"])
+@pytest.mark.parametrize(
+    ("about", "said"),
+    [
+        ({}, ()),
+        ({"trusted": 0, "doubts": "r_hat 1.4; POOR FIT"}, ("r_hat 1.4", "POOR FIT")),
+        ({"trusted": 0}, ("nothing says that its draws are to be trusted",)),
+        ({"id": "P02"}, ("its draws are those of patient 'P02', the case is of 'P01'",)),
+        ({"blood_volume_policy": "patient_held"}, ("fitted with the blood volume policy patient_held",)),
+    ],
+)
+def test_samples_bring_the_doubts_of_their_posterior_and_whose_they_are(tmp_path, form, about, said):
+    doubts = doubts_of(posterior_file(tmp_path, form, TRUSTED | about), CASE)
+    assert bool(doubts) == bool(said)
+    assert all(text in "\n".join(doubts) for text in said)
+
+
+def test_a_table_of_ones_own_has_nothing_to_say_and_a_damaged_summary_is_no_trust(tmp_path):
+    write_samples(("Rmc",), np.array([[0.8]]), tmp_path / "samples.csv")
+    assert doubts_of(tmp_path / "samples.csv", CASE) == ()
+    (tmp_path / "posterior.json").write_text("{")
+    assert "cannot be read" in doubts_of(tmp_path / "samples.csv", CASE)[0]

@@ -2,14 +2,17 @@
 
 import csv
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from eclsim.cases import read_case
+from eclsim.cases.case import Case, Patient
 from eclsim.cli import main
 from eclsim.devices.crrt import SCHEMES
+from eclsim.orbit.model import UnknownValueError
 from eclsim.orbit.status import Status
 from eclsim.sensitivity.analysis import (
     TARGETS,
@@ -352,3 +355,19 @@ def test_a_patient_without_a_steady_beat_is_not_ranked(tmp_path, capsys):
     assert result["message"] in message.err
     assert json.loads((tmp_path / "out" / "identifiability.json").read_text()) == result
     assert not (tmp_path / "out" / "figures").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"values": {"Rmcc": 0.5}}, "no parameter 'Rmcc'"),
+        ({"until": -1.0}, "until = -1: allowed: above 0"),
+        ({"until": math.nan}, "until = nan: allowed: above 0"),
+        ({"parameters": "Rmc"}, r"parameters = 'Rmc': allowed: a list of names"),
+    ],
+)
+def test_settings_from_python_that_would_be_read_otherwise_are_refused(settings, said):
+    """A misspelt start value was left out in silence: the analysis was that of another patient."""
+    case = Case(patient=Patient(id="P", sex="female", age_years=50, heart_rate_bpm=70))
+    with pytest.raises((InputError, UnknownValueError), match=said):
+        sensitivity(case, settings=SobolSettings(**{"samples": 2, **settings}))

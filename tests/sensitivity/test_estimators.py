@@ -151,7 +151,7 @@ def test_sizes_of_which_no_part_has_two_whole_rows_have_no_convergence():
     design = Design((Continuous("x", 0.0, 1.0), Continuous("y", 0.0, 1.0)), 32, second_order=False)
     values = design.unit().sum(axis=1, keepdims=True)
     failed = ~np.isin(np.repeat(np.arange(32), design.runs_per_row), (3, 20))
-    runs = Runs(values, np.where(failed, 3, 0), np.zeros(len(values), dtype=int), np.zeros(len(values)))
+    runs = replace(Runs.of(values), status=np.where(failed, 3, 0))
     mean = conclude(design, ("sum",), runs).convergence["mean"]
     assert np.isnan(mean.sel(rows=16)).all()
     assert np.isfinite(mean.sel(rows=32)).all()
@@ -162,6 +162,6 @@ def test_a_design_whose_runs_failed_says_of_what():
     values = np.full((8 * design.runs_per_row, 1), np.nan)
     status = np.full(len(values), WITHOUT_GASES + 1)
     status[0] = int(Status.NOT_CONVERGED)
-    runs = Runs(values, status, np.zeros(len(values), dtype=int), np.zeros(len(values)))
+    runs = replace(Runs.of(values), status=status)
     with pytest.raises(ValueError, match=rf"no_oxygen {len(values) - 1}, not_converged 1\)"):
         conclude(design, ("sum",), runs)

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,13 @@ from eclsim.sensitivity.identifiability import (
     propose,
     relative_errors,
 )
-from eclsim.sensitivity.inputs import InputError, Uncertainty, read_uncertainties, uncertainties_of
+from eclsim.sensitivity.inputs import (
+    InputError,
+    Uncertainty,
+    read_uncertainties,
+    standard_uncertainties,
+    uncertainties_of,
+)
 
 
 def scaled(columns: dict[str, list[float]]) -> ScaledSensitivities:
@@ -140,3 +148,15 @@ def test_uncertainties_of_what_is_not_measured_are_refused():
         uncertainties_of(["MAP"], {"SP": Uncertainty(1.0)})
     with pytest.raises(InputError, match="EDVLV=5%"):
         uncertainties_of(["EDVLV"], {})
+
+
+@pytest.mark.parametrize("numbers", [(-3.0, 0.0), (0.0, 0.0), (math.nan, 0.0), (math.inf, 0.0), (0.0, -0.1)])
+def test_an_uncertainty_that_cannot_be_is_refused(numbers):
+    """One of 0 made every effect infinite or NaN, and nothing was called identifiable."""
+    with pytest.raises(InputError, match="allowed: finite, none below 0, one of them above 0"):
+        Uncertainty(*numbers)
+
+
+def test_a_plain_number_as_uncertainty_says_what_to_write():
+    with pytest.raises(InputError, match=r"uncertainty of MAP: 3.0; allowed: Uncertainty\(3.0\)"):
+        standard_uncertainties({"MAP": 80.0}, {"MAP": 3.0})  # pyright: ignore[reportArgumentType]  # the mistake

@@ -13,9 +13,12 @@ from eclsim.execution import folder as folder_module
 from eclsim.files import whole_file
 from eclsim.sensitivity import runs as runs_module
 from eclsim.sensitivity.analysis import Analysis, merge_shards, run_analysis
+from eclsim.sensitivity.design import Design
+from eclsim.sensitivity.inputs import Continuous
 from eclsim.sensitivity.results import SensitivityResult, conclude
 from eclsim.sensitivity.runs import DESIGN, SAMPLES, Runs, SteadyBeatEvaluator
-from eclsim.validation.reference_cases import reference_model
+from eclsim.simulation.single import simulate_many
+from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
 MOMENTS = 50
 
@@ -34,7 +37,17 @@ def run(
 def test_the_samples_hold_inputs_outputs_design_seed_and_version(tmp_path, plan):
     result = run(plan, tmp_path)
     table = pq.read_table(tmp_path / SAMPLES)
-    assert table.column_names == ["x1", "x2", "x3", "y", "square", "status", "beats", "residual"]
+    assert table.column_names == [
+        "x1",
+        "x2",
+        "x3",
+        "y",
+        "square",
+        "status",
+        "beats",
+        "residual",
+        "impossible",
+    ]
     assert np.array_equal(table.column("y").to_numpy(), result.runs.values[:, 0])
     about = table.schema.metadata[b"eclsim"].decode()
     design = json.loads((tmp_path / DESIGN).read_text())
@@ -115,6 +128,22 @@ def test_shards_and_merge_give_the_identical_file(tmp_path, plan, count):
     np.testing.assert_array_equal(merged.indices.estimates.ST, straight.indices.estimates.ST)
 
 
+@pytest.mark.parametrize("damage", ["another block", "a flipped bit"])
+def test_a_block_that_is_not_its_own_or_was_damaged_is_refused(tmp_path, plan, damage):
+    with pytest.raises(ShardDone):
+        run(plan, tmp_path, shard=Shard(1, 2))
+    file = tmp_path / "blocks" / "block-00003.parquet"
+    content = bytearray(file.read_bytes())
+    if damage == "another block":
+        content = (tmp_path / "blocks" / "block-00002.parquet").read_bytes()
+    else:
+        content[len(content) // 3] ^= 4
+    file.write_bytes(content)
+    said = {"another block": "of another task, under a wrong name", "a flipped bit": "truncated or edited"}
+    with pytest.raises(ExecutionError, match=f"block-00003.parquet: {said[damage]}"):
+        run(plan, tmp_path, resume=True)
+
+
 def test_a_merge_names_what_is_missing(tmp_path, plan):
     with pytest.raises(ExecutionError, match=r"holds no analysis \(design.json is missing\)"):
         merge_shards(tmp_path)
@@ -183,7 +212,7 @@ def test_failed_runs_take_their_rows_along_and_are_named(plan):
     assert indices.as_object()["failed"] == 4
     # The same as a design that never had these rows.
     rows = np.delete(values.reshape(4096, design.runs_per_row, 2), [0, 5, 900], axis=0)
-    without = replace(runs, values=rows.reshape(-1, 2), status=np.zeros(rows.shape[0] * rows.shape[1], int))
+    without = Runs.of(rows.reshape(-1, 2))
     again = conclude(design, plan.evaluator.outputs, without).indices
     assert np.array_equal(indices.estimates.ST, again.estimates.ST)
 
@@ -209,3 +238,24 @@ def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
     result = evaluator({"Rmc": np.linspace(0.4, 0.6, 8)}, 8)
     assert np.isfinite(result.values).all()
     assert requests == [1, 1]
+
+
+def test_runs_that_no_patient_can_have_are_counted_and_said():
+    """The pump empties a chamber in some runs: they have a steady beat, and the indices rest on them."""
+    patient = reference_model(PAPER_PATIENT)
+    base = {**patient.values, "ecmo.speed_rpm": 5000.0}
+    plan = Analysis(
+        Design(
+            (Continuous("Rmc", 0.3, 1.5), Continuous("ecmo.speed_rpm", 4000.0, 6000.0)), 4, second_order=False
+        ),
+        SteadyBeatEvaluator(patient.circuit, base, ("MAP",), "as_published", 512),
+    )
+    runs = plan.block(0)
+    settings = plan.design.settings(plan.design.unit())
+    alone = simulate_many(patient, settings, ["MAP"])
+    expected = ((alone["impossible"] == 1) & (alone["status"] == "converged")).to_numpy()
+    np.testing.assert_array_equal(runs.impossible & (runs.status == 0), expected & (runs.status == 0))
+    indices = conclude(plan.design, ("MAP",), runs).indices
+    assert indices.as_object()["impossible"] == indices.impossible > 0
+    assert any(f"{indices.impossible} of the runs that count" in text for text in indices.doubts)
+    assert not any("no patient" in text for text in replace(indices, impossible=0).doubts)

@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
 from eclsim.cases.cohort_rows import read_table
-from eclsim.cases.observations import ABOUT, BY_CODE, LOINC, SNOMED, Imported, Observation, data_points
+from eclsim.cases.observations import (
+    ABOUT,
+    BY_CODE,
+    LOINC,
+    SNOMED,
+    Imported,
+    Observation,
+    data_points,
+    differ,
+)
 from eclsim.cases.sections import Gas
 from eclsim.files import csv_text
 from eclsim.inputs.files import decoded, json_of, read_bytes
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.inputs.numbers import is_missing
 from eclsim.spelling import did_you_mean
+from eclsim.units import known_unit
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -130,6 +140,10 @@ def read_long_table(
 
 
 def _say_about(row: dict[str, str], cells: dict[str, str], line: int, result: Imported) -> None:
+    unit = known_unit(row["unit"]) or row["unit"]
+    if unit not in ("", "1", *(["years"] if row["code"] == "age_years" else [])):
+        allowed = "years" if row["code"] == "age_years" else "no unit"
+        result.mistakes.append(Mistake(row["code"], "another unit", shown(row["unit"]), allowed, line=line))
     if cells.setdefault(row["code"], row["value"]) != row["value"]:
         both = f"{cells[row['code']]} and {row['value']}"
         result.mistakes.append(Mistake(row["code"], "two values for one patient", both, line=line))
@@ -170,20 +184,77 @@ def read_bundle(
     file = os.fsdecode(path)
     bundle = _json_of(file)
     result = Imported()
-    patients, values = {}, []
-    for number, resource in _resources(bundle, result):
-        place = f"entry {number}"
-        if resource.get("resourceType") == "Patient":
-            patients[str(resource.get("id", ""))] = resource
-        elif resource.get("resourceType") == "Observation":
-            values += _observations(resource, place, result)
-        else:
+    result.warnings += _other_pages(bundle)
+    entries = list(_resources(bundle, result))
+    patients, names = _patients(entries, result)
+    values = []
+    for place, _, resource in entries:
+        if resource.get("resourceType") == "Observation":
+            values += _observations(resource, place, names, result)
+        elif resource.get("resourceType") != "Patient":
             kind = str(resource.get("resourceType"))
             result.warnings.append(
                 Mistake(place, "neither a Patient nor an Observation: not read", shown(kind))
             )
-    about = {name: _about(name, patients.get(name), values, result) for name in {o.patient for o in values}}
+    about = {
+        name: _about(name, patients.get(name), values, result) for name in sorted({o.patient for o in values})
+    }
     return values, about, result
+
+
+def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
+    """That a bundle is one page of several, or holds less than was found."""
+    if any(_mapping(link).get("relation") == "next" for link in bundle.get("link") or []):
+        message = "one page of several: the patients and values of the pages after it are not here"
+        yield Mistake("link", message, "next", "all pages in one bundle")
+    found = [e for e in bundle["entry"] if _mapping(_mapping(e).get("search")).get("mode") != "include"]
+    total = bundle.get("total")
+    if isinstance(total, int) and total > len(found):
+        yield Mistake("total", f"{len(found)} entries are here: the others are missing", str(total))
+
+
+def _patients(
+    entries: Sequence[tuple[str, str, Mapping[str, Any]]], result: Imported
+) -> tuple[dict[str, Mapping[str, Any]], dict[str, str]]:
+    """Patient resources by name, and the name of each by all that a reference may call it."""
+    patients: dict[str, Mapping[str, Any]] = {}
+    names: dict[str, str] = {}
+    for place, url, resource in entries:
+        if resource.get("resourceType") != "Patient":
+            continue
+        name = str(resource.get("id") or _last(url))
+        if not _same_person(patients.setdefault(name, resource), resource):
+            message = "two Patient resources of this id that differ in gender or birth date"
+            result.mistakes.append(Mistake(place, message, shown(name)))
+        names |= {key: name for key in (url, f"Patient/{name}") if key}
+    return patients, names
+
+
+def _same_person(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    return all(one.get(key) == other.get(key) for key in ("gender", "birthDate"))
+
+
+def _last(url: str) -> str:
+    """The last part of an address: "P01" of "https://hospital/fhir/Patient/P01", the number of a urn:uuid."""
+    return url.rpartition("/")[2].removeprefix("urn:uuid:")
+
+
+def _subject(resource: Mapping[str, Any], names: Mapping[str, str]) -> tuple[str, str]:
+    """Name of the patient that a resource is about, or empty with the reason.
+
+    A reference may be relative, whole or a urn:uuid, and may end with a version (`/_history/2`).
+    """
+    subject = _mapping(resource.get("subject"))
+    reference = str(subject.get("reference") or "").partition("/_history/")[0]
+    if not reference:
+        return "", "no subject: whose value is it?"
+    kind = reference.split("/")[-2] if "/" in reference else str(subject.get("type") or "Patient")
+    if kind != "Patient":
+        return "", f"the subject is a {kind}; allowed: a Patient (take out what is of no patient)"
+    contained = {f"#{_mapping(c).get('id')}" for c in resource.get("contained") or []}
+    if reference in contained:
+        return "", f"the subject {reference} is inside the Observation; allowed: one Patient entry for all"
+    return names.get(reference) or _last(reference), ""
 
 
 def _json_of(file: str) -> Mapping[str, Any]:
@@ -196,24 +267,26 @@ def _json_of(file: str) -> Mapping[str, Any]:
     return content
 
 
-def _resources(bundle: Mapping[str, Any], result: Imported) -> Iterator[tuple[int, Mapping[str, Any]]]:
+def _resources(bundle: Mapping[str, Any], result: Imported) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Place, address and content of every entry that holds a resource."""
     for number, entry in enumerate(bundle["entry"], start=1):
-        resource = entry.get("resource") if isinstance(entry, dict) else None
+        resource = _mapping(entry).get("resource")
         if isinstance(resource, dict):
-            yield number, resource
+            yield f"entry {number}", str(entry.get("fullUrl") or ""), resource
         else:
             result.mistakes.append(Mistake(f"entry {number}", "holds no resource"))
 
 
-def _observations(resource: Mapping[str, Any], place: str, result: Imported) -> list[Observation]:
+def _observations(
+    resource: Mapping[str, Any], place: str, names: Mapping[str, str], result: Imported
+) -> list[Observation]:
     """The values of one Observation: its own, or those of its components (as of blood pressure panels)."""
     if resource.get("status") in _NOT_VALID:
         result.notes.append(Mistake(place, f"status {resource['status']}: not read"))
         return []
-    reference = _mapping(resource.get("subject")).get("reference", "")
-    patient = str(reference).rpartition("/")[2].removeprefix("urn:uuid:")
+    patient, wrong = _subject(resource, names)
     if not patient:
-        result.mistakes.append(Mistake(place, "no subject: whose value is it?"))
+        result.mistakes.append(Mistake(place, wrong))
         return []
     when = resource.get("effectiveDateTime") or resource.get("effectiveInstant")
     when = when or _mapping(resource.get("effectivePeriod")).get("start") or ""
@@ -245,8 +318,12 @@ def _value(
     if quantity.get("comparator"):
         result.mistakes.append(Mistake(key, "a limit, not a value", f"{quantity['comparator']}{value}"))
         return []
-    unit = str(quantity.get("code") or quantity.get("unit") or "")
-    return [Observation(patient, when, code, float(value), unit, place)]
+    coded, written = str(quantity.get("code") or ""), str(quantity.get("unit") or "")
+    if differ(coded, written):
+        message = "its unit is coded as one and written as another: which one is right?"
+        result.mistakes.append(Mistake(key, message, f"{value:g} {coded}, {value:g} {written}"))
+        return []
+    return [Observation(patient, when, code, float(value), coded or written, place)]
 
 
 def code_of(part: Mapping[str, Any]) -> str:
@@ -284,6 +361,10 @@ def _about(
     except ValueError:
         message = "no full date, so no age"
         result.mistakes.append(Mistake(f"Patient {name} birthDate", message, allowed="1955-04-17"))
+        return cells
+    if day < born:
+        message = f"after the first observation, of {day}"
+        result.mistakes.append(Mistake(f"Patient {name} birthDate", message, str(born)))
         return cells
     cells["age_years"] = str(day.year - born.year - ((day.month, day.day) < (born.month, born.day)))
     return cells

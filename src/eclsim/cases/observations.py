@@ -96,7 +96,7 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
         raise UnitError(f"no unit; {kind.column} needs one, such as {kind.unit}")
     if quantity in ("rate", "speed") and unit.strip() in ("/min", "1/min"):
         return value, ""
-    known = known_unit(_UCUM.get(unit.strip(), unit))
+    known = _known(unit)
     if known is None or quantity_of(known) != quantity:
         raise UnitError(f"unit {unit!r} is no unit of a {quantity}; {kind.column} is in {kind.unit}")
     if known == kind.unit:
@@ -105,10 +105,23 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
     return converted, f"{value:g} {known} = {converted:g} {kind.unit}"
 
 
+def differ(one: str, other: str) -> bool:
+    """Whether two spellings are of two units of one quantity, such as "mm[Hg]" and "kPa"."""
+    known, also = _known(one), _known(other)
+    same_quantity = known and also and quantity_of(known) == quantity_of(also)
+    return bool(same_quantity) and known != also
+
+
+def _known(unit: str) -> str | None:
+    return known_unit(_UCUM.get(unit.strip(), unit))
+
+
 # --- observations -----------------------------------------------------------------------------------
 
 
 ABOUT = ("sex", "age_years")
+SIZE = ("height_cm", "weight_kg")
+"""What is measured once and belongs to every data point of the patient."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,11 +239,12 @@ def _rows_of(
         return
     first: datetime | None = None
     row: dict[str, str] = {}
+    rows: list[tuple[datetime, dict[str, str]]] = []
     spread = 0
     for when, record, kind, value in sorted(entries, key=lambda e: (e[0], e[2].column)):
         if first is None or when - first > within:
             first, row = when, {"patient_id": patient, "measurement": record.time.strip(), **about}
-            result.rows.append(row)
+            rows.append((first, row))
         elif when > first:
             spread += 1
         text = f"{value:.10g}"
@@ -241,7 +255,29 @@ def _rows_of(
                 Mistake(f"{patient} {row['measurement']} {kind.column}", message, both, line=record.line)
             )
         row[kind.column] = text
+    result.rows += _with_size(patient, rows, [*_HEAD, *about], result)
     if spread:
         minutes = within.total_seconds() / 60.0
         message = f"{spread} values up to {minutes:g} min after the first of a data point belong to it"
         result.notes.append(Mistake(patient, message))
+
+
+_HEAD = ("patient_id", "measurement")
+
+
+def _with_size(
+    patient: str, rows: Sequence[tuple[datetime, dict[str, str]]], other: Sequence[str], result: Imported
+) -> list[dict[str, str]]:
+    """Data points with the height and weight that the patient had: the last before each, else the first.
+
+    Times at which nothing but these was measured are no data points.
+    """
+    for name in SIZE:
+        known = [(when, row[name], row["measurement"]) for when, row in rows if name in row]
+        for when, row in rows:
+            if known and name not in row and not {*row} <= {*other, *SIZE}:
+                _, row[name], time = max((k for k in known if k[0] <= when), default=known[0])
+                message = f"{row[name]}, measured {time}"
+                result.notes.append(Mistake(f"{patient} {row['measurement']} {name}", message))
+    measured = [row for _, row in rows if not {*row} <= {*other, *SIZE}]
+    return measured or [row for _, row in rows]

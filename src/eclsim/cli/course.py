@@ -259,7 +259,7 @@ def _band(o: CourseOptions) -> bool:
     from eclsim.course.band import band_object, course_band
     from eclsim.course.cohort import PRELOAD
     from eclsim.execution import ExecutionError
-    from eclsim.identification.samples import read_samples
+    from eclsim.identification.samples import doubts_of, read_samples
     from eclsim.inputs.mistakes import CaseError
 
     (case,), _ = _cases(o)
@@ -280,6 +280,8 @@ def _band(o: CourseOptions) -> bool:
         fail(error)
     except CaseError as error:
         fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
+    doubts = doubts_of(o.posterior or "", case)
+    band = band.assign_attrs(warnings=[*doubts, *band.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_band_tables(band, folder)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -193,12 +193,18 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
 def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[float]] | None) -> CrrtStudy:
     from eclsim.crrt_study.rule import RuleError
     from eclsim.crrt_study.study import crrt_study
+    from eclsim.identification.samples import doubts_of
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         with Progress() as progress:
-            return crrt_study(case, **vars(_options(o)), samples=samples, progress=progress)
+            study = crrt_study(case, **vars(_options(o)), samples=samples, progress=progress)
     except RuleError as error:
         fail(error)
+    except CaseError as error:
+        fail(*(mistake.at(o.posterior or o.file, None) for mistake in error.mistakes))
+    doubts = doubts_of(o.posterior, case) if o.posterior else ()
+    return replace(study, warnings=(*doubts, *study.warnings))
 
 
 # --- a table of measurements, or a folder of cases ------------------------------------------------

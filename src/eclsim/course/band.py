@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from eclsim.cases.samples import check_samples
 from eclsim.course.alarms import NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
 from eclsim.course.course import refuse_unknown, usual_every
@@ -63,7 +64,8 @@ def course_band(
         these that break a limit. Attributes as of `eclsim.course`, and `draws`, `failed` (that ended early).
 
     Raises:
-        CaseError: the file is no case, or an event lies after the end.
+        CaseError: the file is no case, an event lies after the end, or parameters have different numbers of
+            samples or values out of range.
         FlowNotReachedError: the case names a pump flow that no speed gives.
         ExecutionError: the folder holds other courses, or workers cannot be reached.
         ShardDone: this was a shard.
@@ -71,6 +73,7 @@ def course_band(
     began = clock.perf_counter()
     solved = with_speed(as_case(case), volume_policy)[0]
     refuse_unknown(Timeline(solved, minutes * MINUTE), samples)
+    check_samples(samples, samples)
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over=False)
     chosen = _thinned(samples, draws)
     courses = courses_of_draws(solved, chosen, compute, folder, executor, progress)

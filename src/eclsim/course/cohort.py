@@ -17,6 +17,7 @@ from eclsim.course.course import course_many, usual_every
 from eclsim.course.engine import CourseOptions
 from eclsim.course.result import attributes_of
 from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.devices.registry import own_files
 from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
 from eclsim.execution.tasks import in_process
 from eclsim.orbit.model import CaseSource, as_case
@@ -165,8 +166,9 @@ def _complete(
     progress: Progress | None,
 ) -> list[xr.Dataset]:
     tasks = Tasks(
-        "courses", unit, compute, groups, {**inputs, "course": vars(compute)}, side_by_side=len(groups) > 1
-    )
+        "courses", unit, compute, groups, {**inputs, "course": vars(compute), **own_files()},
+        side_by_side=len(groups) > 1,
+    )  # fmt: skip
     executor = executor or Executor(Distribution(), in_process)
     results = executor.complete(tasks, folder, _FORMAT, progress)
     return [xr.Dataset.from_dict(course) for group in results for course in group]

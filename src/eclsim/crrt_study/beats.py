@@ -487,7 +487,7 @@ NOT_COMPUTED = "not_computed"
 
 
 def samples_without_a_beat(uncertainty: xr.Dataset) -> dict[str, int]:
-    """Number of samples without a steady beat, by scheme; only those that have any."""
+    """Number of samples without a steady beat that a patient can have, by scheme that has any."""
     count = np.rint((1.0 - uncertainty["settled"].values) * uncertainty.attrs["samples"]).astype(int)
     letters = uncertainty["scheme"].values.astype(str)
     return {str(letter): int(n) for letter, n in zip(letters, count, strict=True) if n}
@@ -511,7 +511,8 @@ def not_known(study: CrrtStudy) -> list[str]:
     if study.samples_without_a_beat and study.uncertainty is not None:
         count = ", ".join(f"{number} (scheme {k})" for k, number in study.samples_without_a_beat.items())
         total = study.uncertainty.attrs["samples"]
-        lines.append(f"Samples of the patient's parameters without a steady beat, of {total}: {count}")
+        what = "Samples of the patient's parameters without a steady beat that a patient can have"
+        lines.append(f"{what}, of {total}: {count}")
     return lines + [
         f"What this means: {advice}" for advice in dict.fromkeys(u.advice for u in study.unsettled)
     ]

@@ -276,7 +276,8 @@ def uncertainty(
         judged: limits that are judged.
 
     Returns:
-        Over `scheme`: `settled`, the share of the samples whose steady beat was found. Of these alone:
+        Over `scheme`: `settled`, the share of the samples whose steady beat was found, and is one that a
+        patient can have (no chamber without blood, no vein sucked shut). Of these alone:
         `probability_kept` over `scheme` and `limit`, and `<quantity>_quantiles` over `scheme` and `quantile`;
         NaN where there is none. The share of all samples lies between `probability_at_least`, where those
         without a beat break the limit, and `probability_at_most`, where they keep it.
@@ -286,8 +287,13 @@ def uncertainty(
     patients = {name: np.asarray(values, dtype=float) for name, values in samples.items()}
     records = circuits.run(np.array([speed]), policy, patients=patients)
     shape = (len(circuits.schemes), -1)
-    settled = records.determined.reshape(shape)
-    margins = _margins({o.quantity: value(records, o.quantity).reshape(shape) for o in judged}, judged)
+    possible = records.determined & ~records.collapsed
+    settled = possible.reshape(shape)
+
+    def values(name: str) -> np.ndarray:
+        return np.where(possible, value(records, name), np.nan).reshape(shape)
+
+    margins = _margins({o.quantity: values(o.quantity) for o in judged}, judged)
     counts = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
     known, total = settled.sum(axis=1)[:, None], settled.shape[1]
     dims = ("scheme", "limit")
@@ -304,7 +310,7 @@ def uncertainty(
     for name in QUANTITIES:
         with warnings.catch_warnings():  # NaN where no beat was found
             warnings.filterwarnings("ignore", message="All-NaN")
-            quantiles = np.nanquantile(value(records, name).reshape(shape), QUANTILES, axis=1).T
+            quantiles = np.nanquantile(values(name), QUANTILES, axis=1).T
         data[f"{name}_quantiles"] = (("scheme", "quantile"), quantiles, {})
     coordinates = {
         "scheme": [s.letter for s in circuits.schemes],

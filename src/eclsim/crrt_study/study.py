@@ -145,19 +145,22 @@ def crrt_study(
         progress: is told what is being computed.
 
     Raises:
-        CaseError: If the file cannot be read.
+        CaseError: If the file cannot be read, or samples have names that the study does not read, different
+            lengths or values out of range.
         FlowNotReachedError: If no speed gives the pump flow that the case names.
         RuleError: If the rule cannot be read, or asks for what is not computed.
         StudyError: If the case has no ECMO circuit with a rotary pump, or the policy is none.
         SchemeError: If a scheme cannot be read.
-        SpeedError: If a speed cannot be read.
+        SpeedError: If a speed cannot be read, or is not above 0.
     """
+    from eclsim.cases.samples import check_samples
     from eclsim.crrt_study import beats as crrt_datasets
     from eclsim.crrt_study.beats import split_differences, study_circuits, summarise
     from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
     from eclsim.crrt_study.one_housing import in_one_housing, without_renox
     from eclsim.crrt_study.ranking import rank
     from eclsim.outputs.alarms import assumptions
+    from eclsim.outputs.signals import parameters_read
     from eclsim.simulation.target_flow import with_speed
 
     case = as_case(case)
@@ -167,10 +170,13 @@ def crrt_study(
     judged_by = read_rule(rule)
     own_speed = case_speed(case)
     asked = usual_speeds(case) if speeds is None else speeds
-    rpm = np.unique([*(parse_speeds(asked) if isinstance(asked, str) else asked), own_speed]).astype(float)
+    text = asked if isinstance(asked, str) else ",".join(str(float(speed)) for speed in asked)
+    rpm = np.unique([*parse_speeds(text), own_speed]).astype(float)
     flow = crrt_flow(case, crrt_flow_ml_min)
     circuits = study_circuits(without_renox(case), chosen, flow)
     check_quantities(judged_by, crrt_datasets.quantities(circuits))
+    if samples is not None:
+        check_samples(samples, (*parameters_read(circuits.circuit), "total_blood_volume_ml"))
     at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own_speed)[0])
     runs, without_crrt = [], []
     for k, policy in enumerate(policies):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import sys
@@ -46,6 +47,7 @@ _PACKAGE: tuple[AnyDevice, ...] = (
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
 """Files that were run, and the group of entry points once it was looked through."""
+_DIGESTS: dict[str, str] = {}
 ENTRY_POINTS = "eclsim.devices"
 """Group of entry points under which an installed package offers devices."""
 FILES = "ECLSIM_DEVICES"
@@ -138,7 +140,19 @@ def load_device_file(file: str) -> list[AnyDevice]:
     result = [device for key, device in _OTHERS.items() if before.get(key) is not device]
     if not result:
         raise DeviceError(f"{file}: registers no device; call eclsim.register_device(YourDevice) in it")
+    with open(path, "rb") as handle:
+        digest = hashlib.file_digest(handle, "sha256").hexdigest()[:16]
+    _DIGESTS.update({device.key: digest for device in result})
     return result
+
+
+def own_files() -> dict[str, dict[str, str]]:
+    """What results follow from besides the package: SHA-256 of the file of each device of one's own, by key.
+
+    Empty where there is none. For the inputs of work that is kept and resumed.
+    """
+    digests = {key: digest for key, digest in sorted(_DIGESTS.items()) if key in _OTHERS}
+    return {"device_files": digests} if digests else {}
 
 
 def _load_others() -> None:

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, TypeVar
+from uuid import uuid4
 
 from eclsim._version import __version__
 from eclsim.execution.folder import ExecutionError
@@ -84,11 +85,13 @@ def _run(
 
     with _client(cluster()) as client:
         shared = client.scatter(tasks.compute, broadcast=True)
+        # A scheduler that several people use answers a name it knows with the result it has: no name twice.
+        run = uuid4().hex
         # In order of number: stopped early, the tasks done are the first ones.
         futures = [
             client.submit(
                 _on_worker, shared, tasks.arguments[number], number, __version__,
-                key=f"{tasks.title}-{number}", pure=False, priority=-number,
+                key=f"{tasks.title}-{run}-{number}", pure=False, priority=-number,
             )
             for number in numbers
         ]  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,8 +32,8 @@ class Format(Generic[Result]):
 
     Args:
         suffix: of the file.
-        write: writes a result to a path, with the fingerprint of its inputs.
-        read: reads it, with the fingerprint found; `ValueError` where the file is damaged.
+        write: writes a result to a path, with the mark of its inputs and its task.
+        read: reads it, with the mark found; `ValueError` where the file is damaged.
     """
 
     suffix: str
@@ -131,7 +132,7 @@ class TaskFolder(Generic[Result]):
 
     def clear(self) -> None:
         """Take away what the folder holds of this work."""
-        for path in [self.file, *self.folder.glob(f"{self.name}[0-9]*{self.format.suffix}")]:
+        for path in [self.file, *(self.path(number) for number in self.finished())]:
             path.unlink(missing_ok=True)
 
     def path(self, number: int) -> Path:
@@ -139,28 +140,34 @@ class TaskFolder(Generic[Result]):
         return self.folder / f"{self.name}{number:05d}{self.format.suffix}"
 
     def finished(self) -> set[int]:
-        """Numbers of the tasks whose results are there."""
+        """Numbers of the tasks whose results are there; files of other names are nobody's results."""
         files = self.folder.glob(f"{self.name}[0-9]*{self.format.suffix}")
-        return {int(path.name.removesuffix(self.format.suffix).removeprefix(self.name)) for path in files}
+        texts = (path.name.removesuffix(self.format.suffix).removeprefix(self.name) for path in files)
+        return {int(text) for text in texts if re.fullmatch(r"[0-9]{5,}", text)}
 
     def save(self, number: int, result: Result) -> None:
         """Keep a result."""
         with whole_file(self.path(number)) as partial:
-            self.format.write(partial, result, self.fingerprint)
+            self.format.write(partial, result, self._mark(number))
 
     def load(self, number: int) -> Result:
         """A result that was kept."""
-        return self.read(self.path(number), self.format.read)
+        return self.read(self.path(number), self.format.read, self._mark(number))
 
-    def read(self, path: Path, read: Callable[[Path], tuple[Result, str]]) -> Result:
-        """Results in a file, if they are of these inputs."""
+    def _mark(self, number: int) -> str:
+        """Of a file: what its result follows from and whose it is, for a file under another's name is not."""
+        return f"{self.fingerprint}-{number}"
+
+    def read(self, path: Path, read: Callable[[Path], tuple[Result, str]], mark: str = "") -> Result:
+        """Results in a file, if they are of these inputs and of the task of a mark, if there is one."""
         try:
-            result, fingerprint = read(path)
+            result, found = read(path)
         except (OSError, ValueError, KeyError, TypeError) as error:
             text = f"truncated or edited ({str(error).splitlines()[0]})"
             raise ExecutionError(f"{path}: {text}; take it away and it is computed again") from error
-        if fingerprint != self.fingerprint:
-            raise ExecutionError(f"{path}: of another analysis; take it away or choose another folder")
+        if found != (mark or self.fingerprint):
+            other = "task, under a wrong name" if found.startswith(self.fingerprint) else "analysis"
+            raise ExecutionError(f"{path}: of another {other}; take it away or choose another folder")
         return result
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.writing import case_text
+from eclsim.devices.registry import own_files
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
 from eclsim.identification.fit import FitResult, broken_off, fit_cases
@@ -79,7 +80,7 @@ def fit_tasks(
     points: Sequence[CohortPoint], settings: FitSettings, digest: str
 ) -> Tasks[Group, list[KeptFit]]:
     """The groups of a cohort."""
-    inputs = {"cohort_file": digest, "points": len(points), **settings.as_object()}
+    inputs = {"cohort_file": digest, "points": len(points), **settings.as_object(), **own_files()}
     return Tasks(
         "fits", "groups of data points", FitGroup(settings), _groups(points, bool(settings.shared)), inputs
     )
@@ -222,7 +223,7 @@ def with_fitted(case: Case, result: Mapping[str, Any]) -> Case:
 def as_they_are(cases: Sequence[Case], where: str) -> FittedCases:
     """Cases that have their parameters already."""
     by_name = {case.patient.id: case for case in cases}
-    inputs = {"cases": {name: case_text(case) for name, case in by_name.items()}}
+    inputs = {"cases": {name: case_text(case) for name, case in by_name.items()}, **own_files()}
     return FittedCases(by_name, {}, {}, f"read from {where}", tuple((name,) for name in by_name), inputs)
 
 

@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -55,6 +55,16 @@ SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6
 """Enough for a density: outputs differ from those of the exact orbit by 1e-4 of their uncertainty."""
 
 
+def check_prior(kind: str) -> None:
+    """Refuse a prior that there is not: any other name would be taken for the last one.
+
+    Raises:
+        ValueError: With what is allowed.
+    """
+    if kind not in get_args(PriorKind):
+        raise ValueError(f"prior = {kind!r}: allowed: {', '.join(get_args(PriorKind))}")
+
+
 @dataclass(frozen=True)
 class Prior(Box):
     """Independent priors of the coordinates of free parameters, between their bounds.
@@ -69,6 +79,7 @@ class Prior(Box):
     @classmethod
     def within(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
         """Of free parameters with bounds."""
+        check_prior(kind)
         return cls(box.names, box.clip(box.start), box.lower, box.upper, kind)
 
     def values_of(self, z: np.ndarray) -> np.ndarray:
@@ -187,6 +198,7 @@ def members_of(
     outputs: tuple[str, ...],
     policy: str = AS_PUBLISHED,
     start: Mapping[str, float] | None = None,
+    waveforms: tuple[str, ...] = (),
 ) -> SteadyBeat:
     """Beats of members that share a circuit, those alone with numbers that are determined.
 
@@ -197,9 +209,11 @@ def members_of(
         outputs: names of the registry.
         policy: blood volume policy.
         start: values that all members are close to, at whose beat searches begin.
+        waveforms: whose smallest and largest values are wanted.
     """
     batch = Batch(model.circuit, values, count, policy)
-    beat = steady_beat(batch, outputs, options=SETTLED, start=start, execution=execution_of(count))
+    how = {"options": SETTLED, "start": start, "execution": execution_of(count)}
+    beat = steady_beat(batch, outputs, waveforms=waveforms, **how)
     return beat.determined_only()
 
 

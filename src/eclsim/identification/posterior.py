@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.cases.quantities import stated, with_values
+from eclsim.circuit.assembly import assemble
 from eclsim.devices.description import GASES as VO2
 from eclsim.files import finite
 from eclsim.identification.density import (
@@ -19,6 +20,7 @@ from eclsim.identification.density import (
     Prior,
     PriorKind,
     approximate,
+    check_prior,
     members_of,
 )
 from eclsim.identification.fit import FitResult
@@ -29,7 +31,8 @@ from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_o
 from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
 from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
-from eclsim.outputs.signals import output_names
+from eclsim.outputs.alarms import NO_PATIENT, watched_signals
+from eclsim.outputs.signals import all_signals, output_names
 from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
 from eclsim.parameters.adult_ranges import adult_ranges
 
@@ -84,6 +87,11 @@ class PosteriorSettings:
     sampling: Sampling = field(default_factory=Sampling)
     volume_policy: VolumePolicy | None = None
 
+    def __post_init__(self) -> None:
+        if self.method not in KINDS:
+            raise ValueError(f"method = {self.method!r}: allowed: {', '.join(KINDS)}")
+        check_prior(self.prior)
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -92,12 +100,15 @@ class Prediction:
     Args:
         settings: what differs from the measured settings, as written; empty for those themselves.
         outputs: names.
-        values: shape (draws, outputs); NaN where a draw has no steady beat, or no steady gas state.
+        values: shape (draws, outputs); NaN where a draw has no steady beat, none that a patient can have, or
+            no steady gas state.
         intervals: 5 %, 50 % and 95 % quantile of each output, shape (outputs, 3).
         without_beat: share of the draws without a steady beat; the intervals speak of the others.
         without_gases: share of the draws with a steady beat and no steady gas state; the intervals of gases
             speak of the others.
         warnings: what there is to say of the beat at the medians of the draws.
+        impossible: share of the draws with a beat that no patient can have, a chamber without blood or a
+            vein sucked shut; the intervals speak of the others.
         starved: share of the draws whose tissues extract more than is plausible even in severe illness, or
             get less oxygen than they want.
     """
@@ -110,6 +121,7 @@ class Prediction:
     without_gases: float = 0.0
     warnings: tuple[str, ...] = ()
     starved: float = 0.0
+    impossible: float = 0.0
 
     @property
     def label(self) -> str:
@@ -122,6 +134,11 @@ class Prediction:
         return round(self.without_beat * len(self.values))
 
     @property
+    def draws_impossible(self) -> int:
+        """Draws with a beat that no patient can have."""
+        return round(self.impossible * len(self.values))
+
+    @property
     def draws_without_gases(self) -> int:
         """Draws with a steady beat and no steady gas state."""
         return round(self.without_gases * len(self.values))
@@ -130,16 +147,28 @@ class Prediction:
     def doubts(self) -> tuple[str, ...]:
         """Why the intervals are not to be trusted, whatever the draws; empty where they are."""
         lost = (
-            ("heartbeat", self.draws_without_beat, "intervals"),
-            ("gas state", self.draws_without_gases, "intervals of gases"),
+            ("have no steady heartbeat", self.draws_without_beat, "intervals"),
+            (f"are beats {NO_PATIENT}", self.draws_impossible * bool(self.settings), "intervals"),
+            ("have no steady gas state", self.draws_without_gases, "intervals of gases"),
         )
         return tuple(
-            f"{draws} of {len(self.values)} draws have no steady {what} at these settings (at most "
+            f"{draws} of {len(self.values)} draws {what} at these settings (at most "
             f"{LARGEST_SHARE:.0%}): {self._left(draws, intervals)}; choose settings closer to the measured "
             "ones"
             for what, draws, intervals in lost
             if draws > LARGEST_SHARE * len(self.values)
         ) + (self.starving if self.settings else ())
+
+    @property
+    def beyond_patients(self) -> tuple[str, ...]:
+        """A sentence where too many draws are beats that no patient can have."""
+        if self.impossible <= LARGEST_SHARE:
+            return ()
+        draws = f"{self.draws_impossible} of {len(self.values)} draws"
+        return (
+            f"{draws} are beats {NO_PATIENT}, at most {LARGEST_SHARE:.0%}: parameters fit, and the patient "
+            "does not exist; measure a filling pressure, or narrow the bounds",
+        )
 
     @property
     def starving(self) -> tuple[str, ...]:
@@ -268,6 +297,7 @@ class PosteriorResult:
                 "without_steady_beat": p.without_beat,
                 "draws": len(p.values),
                 "draws_without_steady_beat": p.draws_without_beat,
+                "draws_impossible": p.draws_impossible,
                 "draws_without_steady_gases": p.draws_without_gases,
                 "share_of_draws_starved": p.starved,
                 "doubts": [*self.doubts, *p.doubts],
@@ -276,6 +306,8 @@ class PosteriorResult:
             for p, g in zip(self.predictions, self.gaussian_predictions, strict=True)
         ]
         return {
+            "id": self.name,
+            "blood_volume_policy": self.density.policy,
             "method": self.settings.method,
             "kind": self.kind,
             "trusted": self.trusted,
@@ -348,7 +380,7 @@ def posterior(
     models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
     draws = samples.reshape(-1, samples.shape[-1])
     exact = _with_warnings(models, density, draws, _predict_all(models, density, draws))
-    doubts = (*doubts, *exact[0].starving)
+    doubts = (*doubts, *exact[0].beyond_patients, *exact[0].starving)
     by_gaussian = exact
     if settings.method != "gaussian":
         of_gaussian = density.prior.values_of(gaussian.draws(PREDICTED_DRAWS, seed))
@@ -439,8 +471,10 @@ def predict(
     known = output_names(model.circuit)
     read = (*outputs, *(n for n in EXTRACTED if n in known and n not in outputs))
     drawn = {**model.values, **parameters}
-    beat = members_of(model, drawn, count, read, policy, {**model.values, **medians})
-    values = beat.values.T[:, : len(outputs)]
+    watched = watched_signals(all_signals(assemble(model.circuit)))
+    beat = members_of(model, drawn, count, read, policy, {**model.values, **medians}, watched)
+    impossible = beat.collapsed
+    values = np.where(impossible, np.nan, beat.values).T[:, : len(outputs)]
     intervals = np.full((len(outputs), 3), np.nan)
     for column, interval in zip(values.T, intervals, strict=True):
         found = column[np.isfinite(column)]
@@ -448,7 +482,8 @@ def predict(
             interval[:] = weighted_quantile(found, np.ones(len(found)), QUANTILES)
     return Prediction(
         settings, outputs, values, intervals, float(1.0 - beat.determined.mean()),
-        float(beat.without_gases.mean()), starved=_starved(beat, read, drawn),
+        float((beat.without_gases & ~impossible).mean()), starved=_starved(beat, read, drawn),
+        impossible=float(impossible.mean()),
     )  # fmt: skip
 
 
@@ -478,7 +513,7 @@ def _tree(result: PosteriorResult) -> xr.DataTree:
         "inference_library": "eclsim", "inference_library_version": __version__,
         "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
         "doubts": "; ".join(result.doubts), "warnings": "; ".join(first.warnings),
-        "blood_volume_policy": density.policy,
+        "id": result.name, "blood_volume_policy": density.policy,
     }  # fmt: skip
 
     def of_outputs(dims: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, xr.Variable]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +15,11 @@ from eclsim.cases.quantities import quantity
 from eclsim.devices.registry import parameters
 from eclsim.files import csv_text, write_text
 from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.model import AS_PUBLISHED
 from eclsim.spelling import spelling_hint
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
 
 OPEN = ("total_blood_volume_ml", "heart_rate_bpm")
 """Quantities of a patient, beside the tables' parameters, that may be uncertain."""
@@ -60,6 +66,45 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         raise SamplesError("; ".join(mistakes[:MOST_MISTAKES]) + (f"; and {more} more" if more > 0 else ""))
     thinned = values[:: math.ceil(len(values) / MOST)]
     return {name: [row[k] for row in thinned] for k, name in enumerate(head)}
+
+
+def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
+    """Why a study of samples is not to be trusted: what their posterior says of itself, and of whom it is.
+
+    Of `samples.csv` the `posterior.json` beside it says so; any other table knows nothing of itself.
+
+    Args:
+        path: of samples that `read_samples` reads.
+        case: that they are used with.
+    """
+    about = _about(Path(path))
+    doubts = list(filter(None, about["doubts"]))
+    if not doubts and not about["trusted"]:
+        doubts = ["nothing says that its draws are to be trusted"]
+    name, policy, own = about["id"], about["blood_volume_policy"], case.blood_volume_policy or AS_PUBLISHED
+    if name and name != case.patient.id and name.partition("/")[0] != case.patient.id.partition("/")[0]:
+        doubts.append(f"its draws are those of patient '{name}', the case is of '{case.patient.id}'")
+    if policy and policy != own:
+        doubts.append(f"its draws were fitted with the blood volume policy {policy}, the case has {own}")
+    return tuple(f"posterior: {doubt}" for doubt in doubts)
+
+
+def _about(path: Path) -> dict[str, Any]:
+    """What a posterior says of itself besides its draws."""
+    usual: dict[str, Any] = {"id": "", "blood_volume_policy": "", "doubts": (), "trusted": True}
+    if path.suffix == ".nc":
+        import xarray as xr
+
+        with xr.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
+            attributes = draws.attrs
+        return {**usual, "trusted": False, **attributes, "doubts": (attributes.get("doubts", ""),)}
+    summary = path.with_name("posterior.json")
+    if path.name != "samples.csv" or not summary.exists():
+        return usual
+    try:
+        return {**usual, **json.loads(summary.read_text(encoding="utf-8"))}
+    except (OSError, ValueError, TypeError):
+        return {**usual, "doubts": (f"{summary} cannot be read, which says whether they are to be trusted",)}
 
 
 _Rows = Sequence[tuple[int, Sequence[str]]]

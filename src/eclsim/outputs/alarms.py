@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
 from eclsim.devices.device import Naming, device_key
@@ -18,8 +20,10 @@ from eclsim.patient.sites import DRAINED
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
-__all__ = ["CAUTION", "Finding", "findings", "gravest_first", "impossible"]
+__all__ = ["CAUTION", "Finding", "collapsed", "findings", "gravest_first", "impossible"]
 
+NO_PATIENT = "that no patient can have (a chamber without blood, a vein sucked shut)"
+"""What is said of beats that are `collapsed`."""
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
 KINDS = (*GRAVEST_FIRST, CAUTION)
 THIN_WALLED = {
@@ -81,6 +85,25 @@ def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in signals if name[0] in "PV" and name[1:] in places)
 
 
+def collapsed(signals: Iterable[str], lowest: np.ndarray) -> np.ndarray:
+    """Which members have a chamber without blood, or a vessel under a suction that its wall does not bear.
+
+    Args:
+        signals: names of waveforms.
+        lowest: smallest value of each, shape (signals, members).
+    """
+    result = np.zeros(np.shape(lowest)[-1], dtype=bool)
+    for name, smallest in zip(signals, lowest, strict=True):
+        result |= _is_collapsed(name, smallest)
+    return result
+
+
+def _is_collapsed(name: str, smallest: Any) -> Any:
+    if name[0] == "V" and name[1:] in CHAMBERS:
+        return smallest <= 0.0
+    return smallest < COLLAPSE_MMHG if name[0] == "P" and name[1:] in THIN_WALLED else False
+
+
 def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str, float]) -> list[Finding]:
     """Assumed values of devices that outputs follow from, where a case sets no others.
 
@@ -137,12 +160,14 @@ def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str
     result = []
     for name, (smallest, _) in extremes.items():
         place = name[1:]
+        if not _is_collapsed(name, smallest):
+            continue
         cause = f"; {drained[place]}" if place in drained else ""
-        if name[0] == "V" and place in CHAMBERS and smallest <= 0.0:
+        if name[0] == "V":
             text = f"volume of the {CHAMBERS[place]} falls to {smallest:.1f} mL: the chamber collapses{cause}"
             concerns = tuple(f"{what}{place.upper()}" for what in ("EDV", "ESV"))
             result.append(Finding("collapse", name, smallest, 0.0, text, concerns=concerns))
-        if name[0] == "P" and place in THIN_WALLED and smallest < COLLAPSE_MMHG:
+        else:
             text = (
                 f"pressure in the {THIN_WALLED[place]} {smallest:.1f} mmHg is below {COLLAPSE_MMHG:g} mmHg: "
             )

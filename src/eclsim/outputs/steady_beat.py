@@ -26,7 +26,7 @@ from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
-from eclsim.outputs.alarms import Finding, findings, gravest_first
+from eclsim.outputs.alarms import Finding, collapsed, findings, gravest_first
 from eclsim.outputs.coupling import CoupledAnchor, open_parameters, settle, solved_for, total, with_neutral
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gas import PlaceGases, gases_of_places
@@ -106,6 +106,11 @@ class SteadyBeat:
     def without_gases(self) -> np.ndarray:
         """Members with a steady beat and no steady gas state, shape (members,)."""
         return self.determined & (self.gas_status != GasStatus.STEADY)
+
+    @property
+    def collapsed(self) -> np.ndarray:
+        """Members whose beat no patient can have, shape (members,); as far as their waveforms were wanted."""
+        return collapsed(self.signals, self.statistics[1])
 
     @property
     def of_gases(self) -> tuple[str, ...]:

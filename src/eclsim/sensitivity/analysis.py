@@ -89,6 +89,7 @@ def sensitivity(
 
     Raises:
         InputError: names or ranges that the case cannot have.
+        UnknownValueError: a start value of `values` that nothing reads.
         DesignError: a design that cannot be made, or that does not fit into memory.
         ExecutionError: the folder holds something else, or workers cannot be reached.
         ShardDone: this was a shard, whose runs are in the folder now.
@@ -114,7 +115,8 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     from eclsim.outputs.signals import output_names
 
     s = settings
-    base = {**model_of(case).values, **(s.values or {})}
+    _check(s)
+    base = dict(model_of(case).with_values(s.values).values)
     parameters = CARDIOVASCULAR if s.parameters is None else s.parameters
     chosen = varied(case, base, parameters, s.include, s.groups, s.perturbation_percent)
     available = output_names(chosen.circuit)
@@ -128,6 +130,14 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     policy = s.volume_policy or case.volume_policy
     evaluator = SteadyBeatEvaluator(chosen.circuit, chosen.base, outputs, policy, resolution, case.patient.id)
     return Analysis(design, evaluator)
+
+
+def _check(settings: SobolSettings) -> None:
+    if settings.until is not None and not 0.0 < settings.until < math.inf:
+        raise InputError([f"until = {settings.until:g}: allowed: above 0, such as 0.02"])
+    for key in ("parameters", "include", "groups", "outputs"):
+        if isinstance(names := getattr(settings, key), str):
+            raise InputError([f"{key} = {names!r}: allowed: a list of names, such as [{names!r}]"])
 
 
 def check_memory(design: Design, outputs: int) -> None:

@@ -427,11 +427,15 @@ def identifiability(
         volume_policy: blood volume policy; left out, the case's.
 
     Raises:
-        InputError: names that the case does not have.
+        InputError: names that the case does not have, a limit below 1 or a threshold below 0.
         NoDerivativesError: the case has no steady beat, or none with derivatives: nothing can be ranked.
     """
     from eclsim.outputs.results import beat_warnings, derivatives
 
+    if not (1.0 <= limit < np.inf and 0.0 <= threshold < np.inf):
+        raise InputError(
+            [f"limit = {limit:g}, threshold = {threshold:g}: allowed: from 1, from 0, both finite"]
+        )
     case, _ = with_speed(as_case(case), volume_policy)
     model = model_of(case)
     names = tuple(dict.fromkeys(CARDIOVASCULAR if parameters is None else parameters))

@@ -7,6 +7,7 @@ below.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -356,6 +357,12 @@ class Uncertainty:
     absolute: float = 0.0
     relative: float = 0.0
 
+    def __post_init__(self) -> None:
+        both = (self.absolute, self.relative)
+        if not (all(0.0 <= number < math.inf for number in both) and max(both) > 0.0):
+            text = f"uncertainty absolute = {self.absolute:g}, relative = {self.relative:g}"
+            raise InputError([f"{text}: allowed: finite, none below 0, one of them above 0"])
+
     def at(self, value: float) -> float:
         """In the unit of the output."""
         return max(self.absolute, self.relative * abs(value))
@@ -401,7 +408,13 @@ def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Unce
     Args:
         values: measured [mmHg, L/min].
         known: uncertainty of each, at least.
+
+    Raises:
+        InputError: One is a plain number, which does not say whether it is absolute.
     """
+    if wrong := [name for name in values if not isinstance(known[name], Uncertainty)]:
+        allowed = "Uncertainty(3.0) in its unit, or Uncertainty(relative=0.05)"
+        raise InputError([f"uncertainty of {name}: {known[name]}; allowed: {allowed}" for name in wrong])
     return {n: known[n].at(v) or known[n].at(LEAST_FLOW) for n, v in values.items()}
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.files import csv_text, write_json, write_text
+from eclsim.outputs.alarms import NO_PATIENT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
 from eclsim.sensitivity.runs import Runs, status_word
@@ -70,6 +71,8 @@ class Indices:
         seconds: wall clock time.
         warnings: what there is to say of the beat at the values that the inputs are varied around.
         constant: outputs that vary by no more than rounding, whose indices are zero.
+        impossible: runs in these rows with a beat that no patient can have, a chamber without blood or a vein
+            sucked shut.
     """
 
     factors: tuple[str, ...]
@@ -82,6 +85,7 @@ class Indices:
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
     constant: tuple[str, ...] = ()
+    impossible: int = 0
 
     @property
     def ranked(self) -> bool:
@@ -140,8 +144,8 @@ class Indices:
         names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
         about = {
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
-            "rows_used": self.rows_used, "warnings": [*self.warnings, *self.doubts],
-            "constant": list(self.constant),
+            "rows_used": self.rows_used, "impossible": self.impossible,
+            "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
         }  # fmt: skip
         used = dims[: 3 if "S2" in numbers else 2]
         return xr.Dataset(data, {dim: names[dim] for dim in used}, about)
@@ -179,6 +183,7 @@ class Indices:
             "evaluations": self.evaluations,
             "failed": len(self.failed),
             "rows_used": self.rows_used,
+            "impossible": self.impossible,
             "seconds": round(self.seconds, 3),
             "warnings": [*self.warnings, *self.doubts],
             "constant": list(self.constant),
@@ -254,8 +259,9 @@ def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sensitivit
     )
     evaluations, used = len(runs.status), int(good.sum())
     indices = Indices(
-        design.factors, outputs, estimates, len(values), evaluations, failed, used, constant=constant
-    )
+        design.factors, outputs, estimates, len(values), evaluations, failed, used, constant=constant,
+        impossible=int(runs.impossible.reshape(len(good), -1)[good].sum()),
+    )  # fmt: skip
     return SensitivityResult(design, indices, runs)
 
 
@@ -399,6 +405,13 @@ def _doubts(indices: Indices) -> Iterator[str]:
         kinds = ", ".join(sorted({f.status for f in indices.failed}))
         failed = f"{len(indices.failed)} of {indices.evaluations} runs failed ({kinds})"
         yield f"{failed}; {indices.samples - indices.rows_used} rows are left out"
+    if indices.impossible:
+        share = 100.0 * indices.impossible / (indices.rows_used * indices.evaluations / indices.samples)
+        yield (
+            f"{indices.impossible} of the runs that count ({share:.2g} %) are beats {NO_PATIENT}: "
+            "what the indices say rests on them too; narrow "
+            "--perturbation, or lower the speed"
+        )
     if not indices.ranked:
         yield (
             f"{indices.rows_used} of {indices.samples} rows are left to estimate from: nothing is ranked or "

@@ -21,6 +21,7 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.circuit.network import Circuit
+from eclsim.devices.registry import own_files
 from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
 from eclsim.execution.folder import read_inputs
 from eclsim.files import whole_file
@@ -42,24 +43,26 @@ class Runs:
         status: 0 where a run succeeded, shape (runs,).
         beats: beats computed for each run.
         residual: largest relative change of a state over the beat.
+        impossible: whether no patient can have the beat, shape (runs,).
     """
 
     values: np.ndarray
     status: np.ndarray
     beats: np.ndarray
     residual: np.ndarray
+    impossible: np.ndarray
 
     @classmethod
     def of(cls, values: np.ndarray) -> Runs:
         """Outputs of a function that needs no solver; what is not finite has failed."""
         failed = ~np.isfinite(values).all(axis=1)
         zeros = np.zeros(len(values))
-        return cls(values, np.where(failed, 3, 0), zeros.astype(int), zeros)
+        return cls(values, np.where(failed, 3, 0), zeros.astype(int), zeros, zeros.astype(bool))
 
     @classmethod
     def joined(cls, pieces: list[Runs]) -> Runs:
         """Runs one after the other."""
-        names = ("values", "status", "beats", "residual")
+        names = ("values", "status", "beats", "residual", "impossible")
         return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
 
     def complete_rows(self, design: Design) -> tuple[np.ndarray, np.ndarray]:
@@ -108,16 +111,20 @@ class SteadyBeatEvaluator:
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
         """Run some points."""
+        from eclsim.circuit.assembly import assemble
         from eclsim.orbit.execution import Execution
         from eclsim.orbit.steady import Batch
+        from eclsim.outputs.alarms import watched_signals
+        from eclsim.outputs.signals import all_signals
         from eclsim.outputs.steady_beat import steady_beat
 
         batch = Batch(self.circuit, {**self.base, **settings}, count, self.policy)
         beat = steady_beat(
-            batch, self.outputs, start=self.base, resolution=self.resolution, execution=Execution(threads=1)
-        ).determined_only()
+            batch, self.outputs, waveforms=watched_signals(all_signals(assemble(self.circuit))),
+            start=self.base, resolution=self.resolution, execution=Execution(threads=1),
+        ).determined_only()  # fmt: skip
         status = np.where(beat.without_gases, WITHOUT_GASES + beat.gas_status, beat.status)
-        return Runs(beat.values.T, status, beat.orbits.beats, beat.orbits.residual)
+        return Runs(beat.values.T, status, beat.orbits.beats, beat.orbits.residual, beat.collapsed)
 
     def description(self) -> Description:
         """As plain data."""
@@ -128,6 +135,7 @@ class SteadyBeatEvaluator:
             "outputs": list(self.outputs),
             "blood_volume_policy": self.policy,
             "resolution": self.resolution,
+            **own_files(),
         }
 
 
@@ -258,8 +266,8 @@ class SampleFolder:
         if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
 
-    def _write_block(self, path: Path, runs: Runs, _: str) -> None:
-        _write(path, _columns(runs, self.outputs), self._about)
+    def _write_block(self, path: Path, runs: Runs, mark: str) -> None:
+        _write(path, _columns(runs, self.outputs), self._about | {"hash": mark})
 
     @property
     def _about(self) -> Description:
@@ -280,6 +288,7 @@ def _columns(runs: Runs, outputs: tuple[str, ...]) -> dict[str, np.ndarray]:
         "status": runs.status.astype(np.int8),
         "beats": runs.beats.astype(np.int32),
         "residual": runs.residual.astype(float),
+        "impossible": runs.impossible.astype(bool),
     }
 
 
@@ -290,14 +299,14 @@ def _write(path: Path, columns: Mapping[str, np.ndarray], about: Description) ->
     arrays = [pa.array(c).dictionary_encode() if c.dtype == object else pa.array(c) for c in columns.values()]
     metadata = {"eclsim": json.dumps(about, ensure_ascii=False)}
     table = pa.Table.from_arrays(arrays, names=list(columns)).replace_schema_metadata(metadata)
-    pq.write_table(table, path, compression="zstd", use_dictionary=False)
+    pq.write_table(table, path, compression="zstd", use_dictionary=False, write_page_checksum=True)
 
 
 def _read(path: Path, outputs: tuple[str, ...], rows: slice = slice(None)) -> tuple[Runs, str]:
     import pyarrow.parquet as pq
 
-    names = [*outputs, "status", "beats", "residual"]
-    table = pq.read_table(path, columns=names)
+    names = [*outputs, "status", "beats", "residual", "impossible"]
+    table = pq.read_table(path, columns=names, page_checksum_verification=True)
     about = json.loads((table.schema.metadata or {}).get(b"eclsim", b"{}"))
     columns = [table.column(name).to_numpy()[rows] for name in names]
     values = np.stack(columns[: len(outputs)], axis=1)
