@@ -73,6 +73,11 @@ test("limits are listed by kind with their sign", () => {
   assert.equal(limitLines([]), "");
 });
 
+test("limits have all their digits: a pH of 7.65 is not 8, an extraction of 0.5 not 1", () => {
+  const above = (value) => limitLines([{ kind: "alarm", side: "above", value }]);
+  assert.deepEqual([7.65, 0.5, 0.25, -300].map(above), ["▲ > 7.65", "▲ > 0.5", "▲ > 0.25", `▲ > ${MINUS}300`]);
+});
+
 test("gaps of a sentence are filled with what was typed, whatever signs it has", () => {
   assert.equal(fill("{a} of {b}", { a: 1, b: "$&" }), "1 of $&");
 });
