@@ -277,6 +277,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "ramp_speed": "Pump speed [rpm]",
         "ramp_pressure": "Pressure [mmHg]",
         "ramp_flow": "Flow [L/min]",
+        "study_failed": "This could not be computed; the log of the server says why.",
         "ramp_lost": "No steady beat at {speeds} rpm.",
         # schemes
         "schemes_none": "The nine schemes need oxygenator and rotary pump, and no CRRT with a name.",
@@ -481,6 +482,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "bands_loops": "pale: {loops} of {count} draws, the farthest 10 % left out",
         "bands_lost": "left out: {count} without steady beat or gases",
         "bands_impossible": "left out: ✕ {count} impossible",
+        "bands_failed": "The bands could not be computed.",
         "bands_show": "Show bands",
         "bands_hide": "Hide bands",
         "bands_computing": "computing bands …",

@@ -82,9 +82,14 @@ class ViewStudy(_OneAtATime):
 
         try:
             return await self.engine.study(work)
-        except Exception:  # the view stays empty; the page goes on
+        except Exception:  # the view says so; the page goes on
             log.exception("%s failed", self.view)
-            return None
+            return failed_study(state)
+
+
+def failed_study(state: PageState) -> dict[str, Any]:
+    """What a view gets in place of its numbers where these could not be computed."""
+    return {"of": key_of(state), "failed": text("study_failed")}
 
 
 class CourseStudy(_OneAtATime):
@@ -260,6 +265,6 @@ class PosteriorBands(_OneAtATime):
 
         try:
             return await self.engine.study(work)
-        except Exception:  # there are no bands; the page goes on
+        except Exception:  # there are no bands, which the page says
             log.exception("bands failed")
-            return None
+            return failed_study(shown[0])

@@ -27,7 +27,8 @@ const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
 export default {
   template: `
   <div class="ecl-fill">
-    <p v-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
+    <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
+    <p v-else-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
     <p v-for="line in empty ? [] : later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
     <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
     <div v-show="!empty" :class="['ecl-chart', { 'ecl-old': isOld }]" ref="chart" role="group"
@@ -36,8 +37,9 @@ export default {
   mixins: [
     drawing(["ramp_pinned", "ramp_bands"], {
       ramp(ramp) {
-        this.ramp = ramp;
-        this.empty = !ramp;
+        this.failed = ramp?.failed ?? "";
+        this.ramp = this.failed ? null : ramp;
+        this.empty = !this.ramp;
         this.drawn = ramp?.of;
         this.show();
       },
@@ -49,7 +51,7 @@ export default {
       },
     }),
   ],
-  data: () => ({ empty: false, note: "", time: "", pinned: null, of: "", drawn: "" }),
+  data: () => ({ empty: false, failed: "", note: "", time: "", pinned: null, of: "", drawn: "" }),
   computed: {
     // The curves are those of a state before.
     isOld() {
@@ -83,7 +85,7 @@ export default {
       const { ramp } = this;
       const bands = bandsOf(ramp, "ramp_bands");
       const kept = bus.last("ramp_pinned");
-      const shadow = kept && kept.of === this.pinned?.of && kept.key === ramp.key ? kept : undefined;
+      const shadow = kept?.outputs && kept.of === this.pinned?.of && kept.key === ramp.key ? kept : undefined;
       return ramp.curves.flatMap(({ name, label, panel, number }) => {
         const { colour, dash } = stroke(number);
         const where = { xaxis: "x", yaxis: AXES[panel], hovertemplate: "%{x:.0f} rpm: %{y:.2f}" };

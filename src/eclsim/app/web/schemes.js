@@ -18,7 +18,8 @@ const LINES = ["access", "return"];
 export default {
   template: `
   <div class="ecl-schemes">
-    <p v-if="empty" class="ecl-empty">{{ texts.schemes_none }}</p>
+    <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
+    <p v-else-if="empty" class="ecl-empty">{{ texts.schemes_none }}</p>
     <template v-else>
       <p v-for="line in later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
       <p class="head">{{ heading }}<br />
@@ -53,8 +54,9 @@ export default {
   mixins: [
     drawing(["schemes_pinned"], {
       schemes(schemes) {
-        this.schemes = schemes;
-        this.empty = !schemes;
+        this.failed = schemes?.failed ?? "";
+        this.schemes = this.failed ? null : schemes;
+        this.empty = !this.schemes;
         this.drawn = schemes?.of;
         this.show();
       },
@@ -70,6 +72,7 @@ export default {
   data: () => ({
     cells: [],
     empty: false,
+    failed: "",
     heading: "",
     device: "",
     values: {},
@@ -96,7 +99,7 @@ export default {
       const { schemes } = this;
       if (!schemes) return;
       const kept = bus.last("schemes_pinned");
-      const shadow = kept && kept.of === this.pinned?.of ? kept : undefined;
+      const shadow = kept?.cells && kept.of === this.pinned?.of ? kept : undefined;
       this.device = schemes.device;
       this.heading = fill(this.texts.schemes_flow, { flow: fixed(schemes.flow, 0) });
       const waves = schemes.cells.flatMap((cell) => LINES.flatMap((line) => cell[line].wave));
