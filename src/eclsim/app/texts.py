@@ -311,6 +311,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_of_start": "would hold from 00:00, not from the minute that is shown: go to the start, or "
         "stop recording knobs",
         "timeline_lanes": "Curves",
+        "moment_failed": "The beat of {time} could not be computed: what is shown is of the minute before.",
         "timeline_passing": "Not steady",
         "gases_passing": "beat by beat the gases of each compartment are not listed",
         "lane_blood_volume": "Blood volume",

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.course import LENGTHS, compute_course, plain_course
+from eclsim.app.course import BEATS, LENGTHS, compute_course, plain_course
 from eclsim.app.state import key_of
 from eclsim.app.texts import text
 from eclsim.inputs.mistakes import CaseError
@@ -165,11 +165,17 @@ class CourseStudy(_OneAtATime):
             minute = min(minute, course.end)
             try:
                 beat = await self.engine.moment(lambda c=course, m=minute: c.beat(m))
-            except Exception:  # the moment is not shown; the page goes on
+            except Exception:  # the page goes on with the minute that it shows, and says so
                 log.exception("a moment failed")
+                self.session.send("failed", text("moment_failed", time=self._clock(minute)))
                 continue
             if course is self.course:
                 self.session.show_moment(course.state, beat, minute)
+
+    def _clock(self, minute: float) -> str:
+        from eclsim.course.alarms import clock_time
+
+        return clock_time(minute, self.minutes in BEATS)
 
 
 class PosteriorBands(_OneAtATime):
