@@ -118,8 +118,22 @@ def test_blood_that_is_given_is_in_the_patient(given):
 def test_devices_are_connected_and_taken_away(key, device):
     case = CASES[key]
     there = getattr(case, device) is not None
+    if device == "renox" and case.ecmo is None:
+        with pytest.raises(CaseError, match="RenOx stands in an ECMO circuit"):
+            connect(case, device)
+        return
     changed = connect(case, device)
     assert (getattr(changed, device) is not None) is not there
+
+
+def test_renox_is_switched_on_and_its_fluids_are_turned():
+    case = turn(connect(CASES["paper"], "renox"), "renox.dialysate_ml_h", 3000)
+    slow, fast = (compute_beat(PageState(turn(case, "renox.dialysate_ml_h", flow))) for flow in (1500, 3000))
+    assert fast.outputs["renox_clearance_urea"] == pytest.approx(50, rel=0.01), "all of 3000 mL/h"
+    assert slow.outputs["renox_clearance_urea"] == pytest.approx(25, rel=0.01)
+    with pytest.raises(CaseError, match="RenOx stands in an ECMO circuit"):
+        connect(case, "ecmo")
+    assert connect(case, "renox") == CASES["paper"]
 
 
 def test_crrt_moves_to_the_patient_when_ecmo_goes():
