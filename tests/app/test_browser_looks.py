@@ -218,6 +218,8 @@ def test_charts_keep_their_size_while_nobody_touches_them(open_page, shots, widt
 
 def test_on_a_phone_nothing_overflows_and_schemes_have_units(open_page, shots):
     page = open_page("paper", viewport=PHONE)
+    knobs, circuit = (page.locator(f".ecl-{part}").bounding_box() for part in ("left", "middle"))
+    assert circuit["y"] < knobs["y"], "the circuit is not below all knobs"
     show(page, "schemes")
     page.wait_for_function("eclsim.bus.last('schemes')?.cells.length === 9")
     page.locator(".ecl-schemes button").first.wait_for()

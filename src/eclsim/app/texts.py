@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -542,6 +543,14 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "Alt+1 to Alt+8 open the views.",
     }
 )
+
+
+_MINUS = re.compile(r"(?<![\w.)-])-(?=\d)")
+
+
+def with_minus(sentence: str) -> str:
+    """A sentence of the command line as the page writes numbers: a minus before them is no hyphen."""
+    return _MINUS.sub("\N{MINUS SIGN}", sentence)
 
 
 def text(key: str, **values: object) -> str:

@@ -43,7 +43,7 @@ export default {
           <span v-if="c.converged && c.possible" class="values">
             <span v-for="line in ['access', 'return']" :key="line" :class="[line, c[line].level]">{{
               texts['scheme_' + line] }} <b>{{ value(c[line]) }}</b> mmHg</span>
-            <span>MAP <b>{{ fixed(c.MAP, 0) }}</b> mmHg</span>
+            <span :class="c.MAP.level">MAP <b>{{ value(c.MAP) }}</b> mmHg</span>
           </span>
           <span v-else class="values"><span class="alarm">{{
             c.converged ? texts.impossible_column : texts.not_converged }}</span></span>
@@ -87,7 +87,6 @@ export default {
     },
   },
   methods: {
-    fixed,
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,
     about(cell) {
       return fill(this.texts.scheme_use, { letter: cell.letter, name: cell.name });
