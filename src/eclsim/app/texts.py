@@ -66,6 +66,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "output_measured": "Measured",
         "provenance_no_device": "no device",
         "badge_changed": "Changed",
+        "badge_doubt_changed": "{doubt}, changed",
         "badge_preset": "Preset",
         "badge_paper": "Preset",
         "badge_unfitted": "Not fitted",
