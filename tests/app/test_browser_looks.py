@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -348,3 +349,22 @@ def test_whatever_is_pressed_is_large_enough(open_page, viewport):
         assert page.evaluate(small) == []
 
     eventually(large)
+
+
+def test_titles_of_the_ramp_lie_beside_each_other(open_page, served):
+    """With gases the panels are low: "Pressure [mmHg]" ran into "Flow [L/min]"."""
+    case = connect(PRESETS["paper"].case(), "gas")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    show(page, "ramp")
+    page.wait_for_function("eclsim.bus.last('ramp')?.speeds.length >= 15")
+
+    def apart() -> None:
+        titles = page.locator(
+            ".ecl-fill .g-ytitle text, .ecl-fill .g-y2title text, .ecl-fill .g-y3title text"
+        )
+        boxes = sorted((one.bounding_box() for one in titles.all()), key=lambda box: box["y"])
+        assert len(boxes) == 3
+        for above, below in pairwise(boxes):
+            assert above["y"] + above["height"] < below["y"]
+
+    eventually(apart)

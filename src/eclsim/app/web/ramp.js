@@ -20,6 +20,7 @@ import { Chart, axis, line } from "eclsim-page/chart.js";
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
 const ROWS = { 2: [[0.54, 1], [0, 0.46]], 3: [[0.78, 1], [0.52, 0.72], [0, 0.45]] }; // prettier-ignore
 const LETTERS = 11; // px
+const TITLE = 12; // px of an axis
 const ROOM = 18; // px beyond the last limit, for its name
 const MARGIN = { l: 56, r: 14, t: 24, b: 66 };
 const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
@@ -171,6 +172,13 @@ export default {
       font: { size: LETTERS, color: colour },
       borderpad: 0,
     }),
+    // An upright axis: where a low panel has no room for its title, the unit alone.
+    upright(title, settings) {
+      const [bottom, top] = settings.domain;
+      const room = (this.$refs.chart.clientHeight - MARGIN.t - MARGIN.b) * (top - bottom);
+      const fits = textWidth(title, `${TITLE}px ${FONT}`) < room;
+      return axis(fits ? title : title.replace(/^.*\[(.*)\]$/, "$1"), settings);
+    },
     layout({ shapes, labels, range }) {
       const { own, speeds, curves } = this.ramp;
       const rows = ROWS[curves.some((curve) => curve.panel === "circuit") ? 3 : 2];
@@ -200,10 +208,11 @@ export default {
           anchor: rows.length === 3 ? "y3" : "y2",
           range: [speeds[0], speeds.at(-1)],
         }),
-        yaxis: axis(this.texts.ramp_pressure, { domain: rows[0], rangemode: "tozero" }),
-        yaxis2: axis(this.texts.ramp_flow, { domain: rows[1], rangemode: "tozero" }),
+        yaxis: this.upright(this.texts.ramp_pressure, { domain: rows[0], rangemode: "tozero" }),
+        yaxis2: this.upright(this.texts.ramp_flow, { domain: rows[1], rangemode: "tozero" }),
       };
-      if (rows.length === 3) layout.yaxis3 = axis(this.texts.ramp_pressure, { domain: rows[2], range });
+      if (rows.length === 3)
+        layout.yaxis3 = this.upright(this.texts.ramp_pressure, { domain: rows[2], range });
       return layout;
     },
   },
