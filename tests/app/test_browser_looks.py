@@ -368,3 +368,24 @@ def test_titles_of_the_ramp_lie_beside_each_other(open_page, served):
             assert above["y"] + above["height"] < below["y"]
 
     eventually(apart)
+
+
+def test_on_paper_all_knobs_limits_and_doubts_are_there(open_page, served):
+    """The panel of knobs was cut off at the height of a screen, the list of limits after two of them."""
+    case = connect(connect(PRESETS["paper"].case(), "gas"), "lvad")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}", viewport={"width": 794, "height": 1123})
+    page.emulate_media(media="print")
+
+    def whole() -> None:
+        cut = page.evaluate(
+            """() => ['.ecl-left', '.ecl-provenance', '.ecl-limits'].filter((name) => {
+            const { scrollHeight, clientHeight } = document.querySelector(name);
+            return scrollHeight > clientHeight + 1; })"""
+        )
+        assert cut == []
+
+    eventually(whole)
+    expect(page.locator(".ecl-limits .further")).to_be_hidden()
+    assert page.evaluate("getComputedStyle(document.querySelector('.ecl-notice')).position") == "static"
+    doubt = page.locator(".ecl-limits details p").first
+    assert doubt.bounding_box()["height"] > 10
