@@ -1,6 +1,8 @@
 """`eclsim course` and `eclsim plan` as a user runs them."""
 
+import csv
 import json
+from pathlib import Path
 
 import pytest
 
@@ -110,3 +112,30 @@ def test_draws_of_a_posterior_become_a_band(shell):
     xr.DataTree.from_dict({"posterior": group.rename(Rmc="Rmcc")}).to_netcdf(draws, engine="h5netcdf")
     refused = shell.run(*chosen, "--json", "-")
     assert (refused.exit_code, "did you mean Rmc" in refused.stderr) == (2, True)
+
+
+@pytest.mark.slow
+def test_a_cohort_says_in_whom_steady_beats_run_ahead_of_the_blood(shell):
+    examples, folder = Path(__file__).parents[2] / "examples", shell.folder / "cases"
+    sweep = '[[events]]\nat_min = 2\nset = { "ecmo.sweep_l_min" = %s }\nramp_min = 2\n'
+    folder.mkdir()
+    for name, end in (("low", 0.05), ("high", 1.8)):
+        case = (examples / "veno_venous_gas.toml").read_text().replace("vv-gas", name)
+        (folder / f"{name}.toml").write_text(case + sweep % end)
+    chosen = (
+        "course",
+        folder,
+        "--until",
+        "5",
+        "--every",
+        "1",
+        "--steady-only",
+        "--out",
+        shell.folder / "out",
+    )
+    done = shell.run(*chosen)
+    assert done.exit_code == 0, done.stderr
+    assert "in 1 of 2 patients, such as at 00:04 steady beats run ahead: SaO2 goes from 94 to" in done.stderr
+    high, low = csv.DictReader((shell.folder / "out" / "courses.csv").read_text().splitlines())
+    assert "steady beats run ahead" in low["approximations"]
+    assert high["approximations"] == ""

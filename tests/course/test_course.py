@@ -248,7 +248,7 @@ def test_a_sweep_that_stops_takes_its_time_or_a_warning_says_that_it_does_not(tm
     single = CourseOptions(hand_over=False)
     steady = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES, options=single)
     (message,) = [line for line in steady.attrs["warnings"] if "at once" in line]
-    assert message.startswith("at 00:05 steady beats take SaO2 from 94 to 2")
+    assert message.startswith("at 00:05 steady beats run ahead: SaO2 goes from 94 to 2")
 
 
 @pytest.mark.slow

@@ -154,3 +154,14 @@ def test_pressures_fall_in_wider_veins_with_steady_beats_as_beat_by_beat(tmp_pat
         end, as_beats = float(steady[name][-1]), float(beats[name][-1])
         assert end == pytest.approx(as_beats, abs=bar)
         assert end < 0.99 * float(steady[name][0])
+
+
+def test_what_is_solved_for_with_the_gases_is_changed_by_no_ramp(tmp_path):
+    """Its parameter is NaN until then, and NaN is not itself: every event within a ramp was refused."""
+    organs = "[gas]\n[regulation]\nhypoxic_vasodilation = 1.0\n"
+    ramp = '[[events]]\nat_min = 2\nset = { "ecmo.sweep_l_min" = 1.0 }\nramp_min = 6\n'
+    within = "[[events]]\nat_min = 4\nset = { Rmc = 1.2 }\n"
+    (tmp_path / "case.toml").write_text(ON_ECMO + organs + ramp + within)
+    sweep, resistance = Timeline(read_case(tmp_path / "case.toml").case, 600.0).changes
+    assert set(sweep.after) == {"ecmo.sweep_l_min"}
+    assert set(resistance.after) == {"Rmc"}

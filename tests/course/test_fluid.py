@@ -127,8 +127,8 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
 @pytest.mark.parametrize(
     ("give", "sections", "said"),
     [
-        ({"crystalloid_ml": 500}, {}, ["crystalloid (a twentieth"]),
-        ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["crystalloid (a twentieth"]),
+        ({"crystalloid_ml": 500}, {}, ["of crystalloid given beyond what was lost"]),
+        ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["a half (Ernest 2001)"]),
         ({"crystalloid_ml": 500}, {"fluid": {"capillary_refill": False}}, []),
         ({"red_cells_ml": 300}, {}, ["without the potassium"]),
         ({"bleed_ml": 300}, {}, []),

@@ -196,7 +196,12 @@ CAUTIONS = {
     "hypercapnia with the measured answer": (
         {"PaCO2": 60.0},
         {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0,
-         "regulation.carbon_dioxide_response": 1.0}, "",
+         "regulation.carbon_dioxide_response": 1.0}, "mean arterial pressure falls (9 % for 19 mmHg)",
+    ),
+    "half of the measured answer": (
+        {"PaCO2": 55.0, "MAP": 60.0},
+        {"regulation.set_point_paco2_mmHg": 40.0, "regulation.carbon_dioxide_response": 0.5},
+        "likely too low",
     ),
     "beyond the measured answer": (
         {"PaCO2": 70.0},
@@ -214,6 +219,7 @@ CAUTIONS = {
 def test_what_drugs_and_reflexes_do_beyond_their_measurements_is_a_caution(outputs, values, said):
     found = [one for one in findings(outputs, {}, None, values) if one.kind == "caution"]
     assert [said in one.sentence for one in found] == ([True] if said else [])
+    assert all(one.concerns for one in found), "else it is said nowhere"
 
 
 def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():

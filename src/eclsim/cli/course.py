@@ -297,6 +297,7 @@ def _band(o: CourseOptions) -> bool:
 def _cohort(o: CourseOptions) -> bool:
     """Follow several patients; whether all reached their end and no row was refused."""
     from eclsim.course import files
+    from eclsim.course.band import approximated
     from eclsim.course.cohort import PRELOAD, course_cohort
     from eclsim.execution import ExecutionError
     from eclsim.inputs.mistakes import CaseError
@@ -327,7 +328,7 @@ def _cohort(o: CourseOptions) -> bool:
         if hand_over(content, target):
             typer.echo(_cohort_text(content))
     lost = [f"{one['id']}: {one['message']}" for one in content["courses"] if not one["converged"]]
-    warn(lost)
+    warn([*lost, *approximated(results, "patients")])
     return not (lost or refused)
 
 

@@ -126,7 +126,7 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     return xr.Dataset(data, coordinates).assign_attrs(
         about, draws=len(courses), failed=len(failed), parameters=list(parameters), alarms="[]",
         converged=int(not failed), message=_ended(failed, len(courses)),
-        warnings=[_ended(failed, len(courses))] * bool(failed) + _approximated(courses)
+        warnings=[_ended(failed, len(courses))] * bool(failed) + approximated(courses, "draws")
         + [_counted(marked, time, words) for _, words, marked in unreadable if marked.any()],
     )  # fmt: skip
 
@@ -233,16 +233,20 @@ def _counted(marked: np.ndarray, time: np.ndarray, words: str) -> str:
     )
 
 
-def _approximated(courses: Sequence[xr.Dataset]) -> list[str]:
-    """Where steady beats stand for what takes time, of one draw for each kind, and in how many draws.
+def approximated(courses: Sequence[xr.Dataset], of: str) -> list[str]:
+    """Where steady beats stand for what takes time, of one course for each kind, and in how many.
 
     What courses say of the fluid that is given likewise.
+
+    Args:
+        courses: as `eclsim.course_many` gives them.
+        of: what they are, such as "draws".
     """
     kinds: dict[str, list[str]] = {}
     said_by_each = ([*one.attrs["approximations"], *one.attrs.get("cautions", ())] for one in courses)
     for sentence in (sentence for said in said_by_each for sentence in said):
         kinds.setdefault(NUMBER.sub("", sentence), []).append(sentence)
-    return [f"in {len(said)} of {len(courses)} draws, such as {said[0]}" for said in kinds.values()]
+    return [f"in {len(said)} of {len(courses)} {of}, such as {said[0]}" for said in kinds.values()]
 
 
 def band_object(band: xr.Dataset) -> dict[str, Any]:

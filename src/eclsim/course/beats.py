@@ -224,14 +224,22 @@ class ShownBeats:
         self.every, self.most, self.events = every, most, np.asarray(events, dtype=float)
         self._next, self._stride, self._count = 0.0, 1, 0
         self._spread, self._behind_events = list[KeptBeat](), list[KeptBeat]()
+        self._last: KeptBeat | None = None
 
     @property
     def beats(self) -> list[KeptBeat]:
         """In their order."""
         return sorted([*self._spread, *self._behind_events], key=lambda beat: beat.time)
 
+    @property
+    def to_the_last(self) -> list[KeptBeat]:
+        """The same and the last beat, if that is another."""
+        shown = self.beats
+        return shown if self._last is None or shown[-1] is self._last else [*shown, self._last]
+
     def offer(self, time: float, beat: KeptBeat) -> None:
         """Keep a beat if it is one to be shown."""
+        self._last = beat
         since = time - self.events
         if self.every is None and bool(((since > -1e-9) & (since < BEHIND_EVENT_S)).any()):
             self._behind_events.append(beat)
@@ -400,6 +408,10 @@ class BeatMarch:
         if self.in_time is None or at.gases is None:
             return values
         return values | _columns(self.in_time.in_effect(at.gases, _numbers(values)))
+
+    def on_ramp(self, time: float) -> bool:
+        """Whether a setting still changes on a ramp at a time [s]."""
+        return self.timeline.ramp_end(self._segment(time)) > time
 
     def _segment(self, time: float) -> int:
         return int(np.searchsorted(self.timeline.breaks, time + 1e-9, side="right") - 1)

@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 
 from eclsim.course.alarms import alarms, clock_time, findings_of_shown
-from eclsim.course.engine import MANY, CourseOptions, Engine, History
-from eclsim.course.handover import GASES_MOVE, LAG
+from eclsim.course.engine import MANY, SHORTEST_S, CourseOptions, Engine, History
+from eclsim.course.handover import BLOOD_S, GASES_MOVE, LAG, farthest
 from eclsim.course.laws import Laws, laws_of
-from eclsim.course.moments import Moments, beats_at, in_effect_at, moments_of
+from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import MOST_SPANS, TIME, attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -253,7 +253,8 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     broken = alarms(moment_findings, outputs, minute, moments.by_beat[places], shown)
     message = _ended(moments.stopped[member], minute)
     ahead = _passed_over(history) + _too_fast(history, laws, settling)
-    ahead += _oxygen_at_once(time, outputs, engine.timelines[member])
+    ahead += _unsettled(history)
+    ahead += _gases_at_once(time, outputs, engine, member, moments.by_beat[places])
     sentences = [message] * bool(message) + [alarm.sentence for alarm in broken]
     balance = balance_of(laws, states, in_effect)
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
@@ -290,20 +291,44 @@ def _passed_over(history: History) -> list[str]:
     ]
 
 
-def _oxygen_at_once(time: np.ndarray, outputs: Mapping[str, np.ndarray], timeline: Timeline) -> list[str]:
-    """The first event at which steady beats change the saturation at once, where blood takes its time."""
-    saturation = outputs.get("SaO2", np.zeros(len(time)))
+def _unsettled(history: History) -> list[str]:
+    """Spans that ended before the patient had settled, though the course goes on."""
+    return [
+        f"beats were followed from {clock_time(span.begin / MINUTE)} to {clock_time(span.end / MINUTE)} and "
+        "had not settled then: steady beats run ahead from there"
+        for span in history.spans
+        if not (span.settled or history.stopped) and span.end < history.times[-1] - SHORTEST_S
+    ]
+
+
+def _gases_at_once(
+    time: np.ndarray, outputs: Mapping[str, np.ndarray], engine: Engine, member: int, by_beat: np.ndarray
+) -> list[str]:
+    """The first event at which steady beats change the gases at once, where blood takes its time.
+
+    Ramps are held against the time in which blood is renewed; where beats in a row may be followed,
+    they were held against it before.
+    """
+    timeline, settling = engine.timelines[member], max(engine.settling_s[member], BLOOD_S)
+    gases = {n: outputs[n] for n in GASES_MOVE if n in outputs and np.isfinite(outputs[n]).all()}
     for change in timeline.changes:
-        before, after = np.searchsorted(time, [change.begin - BEFORE_S - 1e-6, change.begin - 1e-6])
-        if change.end > change.begin or after >= len(time) or before == after:
+        ramp = change.end > change.begin
+        if ramp and engine.options.hand_over:
             continue
-        ends = saturation[before], saturation[after]
-        if abs(ends[1] - ends[0]) > GASES_MOVE["SaO2"]:
-            return [
-                f"at {clock_time(change.begin / MINUTE)} steady beats take SaO2 from {ends[0]:.0f} to "
-                f"{ends[1]:.0f} % at once, for which blood needs a minute or more; follow these minutes beat "
-                "by beat"
-            ]
+        passed = settling if ramp else BEFORE_S
+        during = (time >= change.begin - ROUNDED_S) & (time <= change.end + ROUNDED_S)
+        for k in np.flatnonzero(during & ~by_beat):
+            before = {n: float(np.interp(time[k] - passed, time, column)) for n, column in gases.items()}
+            if not ramp and change.begin == 0.0:
+                before = engine.at_rest[member]
+            now = {n: float(column[k]) for n, column in gases.items()}
+            apart, words = farthest(before, now, 1.0)
+            if apart > 1.0:
+                within = f"within {settling:.0f} s" if ramp else "at once"
+                return [
+                    f"at {clock_time(time[k] / MINUTE)} steady beats run ahead: {words} {within}, which "
+                    "takes a minute or more; follow these minutes beat by beat"
+                ]
     return []
 
 

@@ -31,6 +31,7 @@ from eclsim.course.handover import (
     follow_until_settled,
     lag_of,
     reason_of,
+    shares_of,
 )  # fmt: skip
 from eclsim.course.laws import Laws
 from eclsim.course.predictor import Predictor, anchor_at, point_of
@@ -116,6 +117,9 @@ class Engine:
         policy: blood volume policy.
         options: accuracy.
         execution: how batches are computed.
+
+    Attributes:
+        at_rest: gases of each member before events at minute 0, as far as they are in `GASES_MOVE`.
     """
 
     def __init__(
@@ -144,6 +148,7 @@ class Engine:
         self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
         self.settling_s = [0.0] * count
         self.noted = [predictor.noted() for predictor in self.predictors]
+        self.at_rest = [dict[str, float]() for _ in timelines]
 
     def march(self) -> list[History]:
         """From the start, the beat before events at minute 0, to the end of every member."""
@@ -152,6 +157,7 @@ class Engine:
             self._settle(member)
         settings = self._settings(everyone, self.time)
         beat, solved = self._solve(everyone, settings, None)
+        self.at_rest = [{n: p.read[n] for n in GASES_MOVE if n in p.read} for p in self.predictors]
         self.states[:] = self.laws.start(settings, beat)
         self.segment[:] = 0
         for member in range(len(everyone)):
@@ -220,12 +226,12 @@ class Engine:
             if not self._may_leave_ramp(m):
                 continue
             predictor, ahead = self.predictors[m], self._ahead(m, self._circuit(m))
-            share = min(1.0, predictor.settling_s / float(of_step))
+            shares = shares_of(predictor.settling_s, float(of_step))
             before = {name: self.noted[m].read[name] for name in ahead.gases}
-            if farthest(before, ahead.gases, share)[0] > 1.0:
+            if farthest(before, ahead.gases, shares[1])[0] > 1.0:
                 predictor.back_to(self.noted[m])
                 here = self._ahead(m, self._circuit(m))
-                events[int(m)] = Event(predictor.beat, here.gases, here.volumes, ahead, share)
+                events[int(m)] = Event(predictor.beat, here.gases, here.volumes, ahead, *shares)
         return events
 
     def _carried_over(self, lost: np.ndarray, hurried: Mapping[int, Event]) -> np.ndarray:
@@ -235,7 +241,7 @@ class Engine:
             if not self._may_leave_ramp(m):
                 continue
             here = self._ahead(m, self._circuit(m))
-            event = Event(self.predictors[m].beat, here.gases, here.volumes, None, 1.0)
+            event = Event(self.predictors[m].beat, here.gases, here.volumes, None, 1.0, 1.0)
             if self._followed(m, event, has_beat=False, of=int(self.segment[m])):
                 carried.append(m)
         for m, event in hurried.items():
@@ -306,7 +312,7 @@ class Engine:
         nothing = not segment and not timeline.begins_at_once
         if nothing or predictor.point is None or predictor.circuit is None:
             return None
-        before, share = self._ahead(member, predictor.circuit), 1.0
+        before, shares = self._ahead(member, predictor.circuit), (1.0, 1.0)
         reconnected = any(self._circuit(member) is not circuit for circuit in self.circuits[member])
         refusal, beat, ahead = RECONNECTED if reconnected else "", predictor.beat, None
         length = timeline.ramp_end(segment) - time
@@ -314,8 +320,8 @@ class Engine:
             who = np.array([member])
             solved = self._rates(who, np.array([time + length]), self.states[:, who])[1]
             ahead = self._ahead(member, self._circuit(member)) if solved[0] else None
-            share = min(1.0, predictor.settling_s / length)
-        return Event(beat, before.gases, before.volumes, ahead, share, refusal)
+            shares = shares_of(predictor.settling_s, length)
+        return Event(beat, before.gases, before.volumes, ahead, *shares, refusal)
 
     def _ahead(self, member: int, circuit: Circuit) -> Ahead:
         """What a member's last beat, which was of that circuit, has of blood and gases."""
@@ -330,7 +336,7 @@ class Engine:
         settling, rates = self.predictors[member].settling_s, self.slopes[:, member]
         now = event.ahead or self._ahead(member, self._circuit(member))
         shift = event.share * shift_ml(event.volumes, now.volumes)
-        gases = farthest(event.gases, now.gases, event.share)
+        gases = farthest(event.gases, now.gases, event.gas_share)
         return reason_of(shift, lag_of(rates, settling, self.laws), gases, rates, settling, self.laws)
 
     def _followed(self, member: int, event: Event, has_beat: bool, of: int | None = None) -> bool:
@@ -346,7 +352,7 @@ class Engine:
         reason = self._reason(member, event) if has_beat else NO_STEADY_BEAT
         begin, timeline = float(self.time[member]), self.timelines[member]
         end = min(begin + (LONGEST_SPAN_S if has_beat else TO_THE_END_S), timeline.end - SHORTEST_S)
-        if not reason or end - begin < settling:
+        if not reason or end <= begin:
             return has_beat
         if event.refusal:
             self.histories[member].passed_over.append(PassedOver(begin, reason, event.refusal))
@@ -529,7 +535,7 @@ class Engine:
 
     def _beats(self, members: np.ndarray, values: dict[str, np.ndarray], start: Anchor | None) -> SteadyBeat:
         batch = Batch(self._circuit(members[0]), values, len(members), self.policy)
-        reads = self.reads if self.options.hand_over else self.laws.reads
+        reads = self.reads if self.options.hand_over or start is None else self.laws.reads
         last_try = start is None or (self.length[members] <= SHORTEST_S).any()
         options = self.options.orbits if last_try else replace(self.options.orbits, newton_iterations=0)
         return steady_beat(batch, reads, options=options, start=start, execution=self.execution)

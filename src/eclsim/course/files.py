@@ -150,11 +150,12 @@ def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]
     for stem, course in begun:
         write_tables(course, places, stem)
     write_json(content, folder / SUMMARY)
-    head = ("id", "status", "minutes", "alarms", "MAP_lowest_mmHg", "message")
+    head = ("id", "status", "minutes", "alarms", "MAP_lowest_mmHg", "message", "approximations")
     rows = []
     for course, result in zip(content["courses"], results, strict=True):
         lowest = float(result["MAP"].min()) if "MAP" in result else math.nan
         count = sum(alarm["kind"] == "alarm" for alarm in course["alarms"])
-        rows.append((course["id"], course["status"], course["minutes"], count, lowest, course["message"]))
+        said = course["message"], "; ".join(result.attrs["approximations"])
+        rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said))
     write_text(csv_text(head, rows), folder / TABLE)
     return content

@@ -34,6 +34,8 @@ LONGEST_SPAN_S = 1800.0
 """Longest span that is followed beat by beat; behind it steady beats go on."""
 TO_THE_END_S = 600.0
 """The same where no steady beat is ahead, as for a patient without any oxygen; there a course ends."""
+BLOOD_S = 60.0
+"""In which blood is renewed; where the circulation settles sooner, its gases do not."""
 LONGEST_RAMP = 10.0
 """Settling times within which a ramp may be too fast."""
 RECONNECTED = "an event connects the circuit in another way"
@@ -64,6 +66,7 @@ class Event(NamedTuple):
         volumes: of that beat, by compartment [mL].
         ahead: the steady beat at the end of a ramp; None without one.
         share: of the ramp that is done while the circulation settles.
+        gas_share: of the ramp that is done while blood is renewed, too.
         refusal: why this patient is not followed beat by beat, in words; empty where nothing is in the way.
     """
 
@@ -72,6 +75,7 @@ class Event(NamedTuple):
     volumes: Mapping[str, float]
     ahead: Ahead | None
     share: float
+    gas_share: float
     refusal: str = ""
 
 
@@ -99,6 +103,7 @@ class Span:
         reason: why, in words.
         march: that followed it.
         beats: that are shown.
+        settled: whether its end is the steady beat, or as close as beats come.
     """
 
     begin: float
@@ -106,10 +111,16 @@ class Span:
     reason: str
     march: BeatMarch
     beats: list[KeptBeat] = field(default_factory=list)
+    settled: bool = True
 
     def as_object(self) -> dict[str, float | str]:
         """As plain data for JSON."""
         return {"from_min": self.begin / MINUTE, "until_min": self.end / MINUTE, "reason": self.reason}
+
+
+def shares_of(settling_s: float, length_s: float) -> tuple[float, float]:
+    """Of a change along so many seconds, what circulation and gases are behind by."""
+    return min(1.0, settling_s / length_s), min(1.0, max(settling_s, BLOOD_S) / length_s)
 
 
 def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
@@ -190,7 +201,12 @@ def follow_until_settled(
         if ((events > before_this) & (events <= at.time)).any():
             looks.clear()  # how far it was to the beat that is no longer ahead
         if march.stopped or at.time >= end - settling_s / 3.0:
-            break
+            at = march.follow(at, end, shown, every_beat=False)
+            return Span(start.time, at.time, reason, march, shown.to_the_last, False), at
+        if march.on_ramp(at.time):
+            looks.clear()  # beats that come no closer to what still moves are not at rest
+            if at.time - start.time < patience:
+                continue
         goal = steady(at)
         now = np.inf if goal is None or goal.lag > LAG else march.apart(at, goal.moment)
         before = [left for time, left in looks if time <= at.time - 0.9 * patience]

@@ -209,6 +209,17 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
         added = columns.get(name, np.full(count, np.nan))
         moments.values[name] = np.concatenate([column, added])
     moments.findings += beat_findings if with_findings else [[] for _ in beats]
+    if not span.settled and history.times[-1] - span.end <= SHORTEST_S:
+        _end_with(moments, places[moments.time[places] > span.end - ROUNDED_S])
+
+
+def _end_with(moments: Moments, last: np.ndarray) -> None:
+    """Where a course ends before it has settled its last moments are the last beat, not the steady one."""
+    moments.by_beat[last] = True
+    for column in moments.values.values():
+        column[last] = column[-1]
+    for place in last:
+        moments.findings[place] = moments.findings[-1]
 
 
 @dataclass(frozen=True)

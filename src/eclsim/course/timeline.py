@@ -135,7 +135,7 @@ class Timeline:
             if connected != circuit:
                 _refuse_ramp(event, n)
                 circuit = connected
-            keys = [key for key in after if values.get(key, after[key]) != after[key] or key not in values]
+            keys = [key for key, value in after.items() if not _same(values.get(key), value)]
             before = {key: values.get(key, 0.0) for key in keys}
             begin = event.at_min * MINUTE
             changes.append(
@@ -240,6 +240,11 @@ def _made(circuit: Circuit, values: Mapping[str, float], start: Circuit, own: Ma
     same = [c for c in circuit.compartments if c == mine.get(c.name)]
     doors = {key: own[key] for key in (EXTRA_VOLUME, UNSTRESSED)}
     return float(sum(start_volume(c, {**values, **doors}) - start_volume(c, own) for c in same))
+
+
+def _same(before: float | None, after: float) -> bool:
+    """Whether a parameter stays; one that is solved for with the gases is NaN before and after."""
+    return before == after or (before is not None and math.isnan(before) and math.isnan(after))
 
 
 def _parameters(settings: Mapping[str, object]) -> set[str]:

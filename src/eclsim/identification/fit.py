@@ -442,10 +442,9 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
     for sentence in held_by_assumption(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
-    if result.optimum.shared is None and (found := left_open(*_as_fitted(result))) is not None:
-        reasons.append(Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence))
     result, consumption = _with_consumption(result)
-    reasons += consumption
+    result, held_values = _with_held(result)
+    reasons += held_values + consumption
     for held in (held_volume, held_oxygenator):
         for sentence in held(result.case, result.measured, result.parameters):
             reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
@@ -461,14 +460,34 @@ def _with_consumption(result: FitResult) -> tuple[FitResult, list[Reason]]:
         sentences = held_consumption(result.case, result.measured, result.parameters)
         level = Level.GOOD if result.optimum.shared is None else Level.DOUBTFUL
         return result, [Reason(Aspect.HELD, level, "", sentence) for sentence in sentences]
-    wider = {
-        name: replace(result.parameters[name], lower=low, upper=high)
-        for name, (low, high) in carried.intervals.items()
-    }
-    result = replace(result, parameters={**result.parameters, **wider})
     why = "makes up for what is wrong with the oxygen consumption, which is held at a formula's value"
-    result = replace(result, parameters=result._undetermined(dict.fromkeys(wider, why)))
-    return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", carried.sentence)]
+    return _widened(result, carried.intervals, why), [
+        Reason(Aspect.HELD, Level.DOUBTFUL, "", carried.sentence)
+    ]
+
+
+def _with_held(result: FitResult) -> tuple[FitResult, list[Reason]]:
+    """The fit with the intervals that held parameters leave, and what there is to say."""
+    if result.optimum.shared is not None:
+        return result, []
+    case, free, errors, policy = _as_fitted(result)
+    found = left_open(case, free, result.measured, errors, policy)
+    if found is None:
+        return result, []
+    why = f"makes up for {', '.join(found.held)}, which {'are' if len(found.held) > 1 else 'is'} held"
+    result = _widened(result, found.parameters, why)
+    return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence)]
+
+
+def _widened(result: FitResult, reaches: Mapping[str, tuple[float, float]], why: str) -> FitResult:
+    """The fit with intervals that reach further, of parameters that are not determined after all."""
+    fitted = result.parameters
+    wider = {
+        name: replace(fitted[name], lower=min(low, fitted[name].lower), upper=max(high, fitted[name].upper))
+        for name, (low, high) in reaches.items()
+    }
+    result = replace(result, parameters={**fitted, **wider})
+    return replace(result, parameters=result._undetermined(dict.fromkeys(wider, why)))
 
 
 def _as_fitted(

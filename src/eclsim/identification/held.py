@@ -2,8 +2,9 @@
 
 Blood gases, or few measurements, are often fitted with some of the seven parameters held, since their effects
 cannot be told from others'. What they are held at is then taken as known, and intervals of a failing heart
-come out as narrow ones of a healthy heart and wide vessels. By the derivatives at the fit and the bounds as
-prior (Gaussian approximation) the reach of what was not measured is said instead.
+come out as narrow ones of a healthy heart and wide vessels. Whether that may be so the derivatives at the
+fit tell; how far it goes, further fits do, with everything free and the output in question at other values
+(profile likelihood). To first order alone the cardiac output of 3 L/min of such a heart lay outside.
 
 Likewise an oxygen consumption by the formula, which nobody measured: arterial gases alone follow from it and
 the shunt together, and what is wrong with it goes into the shunt.
@@ -12,7 +13,7 @@ the shunt together, and what is wrong with it goes into the shunt.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,8 +21,10 @@ import numpy as np
 from eclsim.cases.quantities import stated
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.devices.description import GASES as VO2
-from eclsim.identification.objective import NORMAL_90, Box
-from eclsim.identification.quantities import unit_of
+from eclsim.identification.least_squares import refine
+from eclsim.identification.objective import NORMAL_90, Box, Objective, Target
+from eclsim.identification.profiles import REFITTING, RISE_90, interval_90
+from eclsim.identification.quantities import Scale, unit_of
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import NoDerivativesError
 from eclsim.outputs.results import derivatives
@@ -37,29 +40,55 @@ CONSUMPTION_SPREAD = 0.25
 the cooled to the septic: an assumption."""
 OPEN = 1.3
 """Ratio of the ends of a 90 % interval to the value, from which an output counts as left open."""
+ELSEWHERE = (1.0, *np.geomspace(1.0 / 6.0, 4.0, 10).tolist())
+"""Values that an output is asked to take, as shares of the fit's, its own among them."""
+ASKED = 0.01
+"""How nearly it is asked to, as a share of that value."""
+
+
+class Reach(NamedTuple):
+    """Values of an output or parameter at which the measurements are met.
+
+    Args:
+        low: smallest, in its unit.
+        high: largest.
+        or_less: nothing smaller was tried.
+        or_more: nothing larger was tried.
+    """
+
+    low: float
+    high: float
+    or_less: bool = False
+    or_more: bool = False
+
+    def __str__(self) -> str:
+        low, high = f"{self.low:.3g}", f"{self.high:.3g}"
+        return f"{low}{' or less' * self.or_less} to {high}{' or more' * self.or_more}"
 
 
 @dataclass(frozen=True)
 class LeftOpen:
-    """Outputs that follow from held parameters.
+    """What follows from held parameters.
 
     Attributes:
         held: parameters at their usual values.
-        intervals: 90 % of each output that is left open, in its unit, were these free as well.
+        outputs: 90 % of each output that is left open, in its unit, were these free as well.
         values: of the fit.
+        parameters: lower and upper end of each free parameter that reaches further too.
     """
 
     held: tuple[str, ...]
-    intervals: Mapping[str, tuple[float, float]]
+    outputs: Mapping[str, Reach]
     values: Mapping[str, float]
+    parameters: Mapping[str, tuple[float, float]]
 
     @property
     def sentence(self) -> str:
         """In words, with what to do."""
         held, are = ", ".join(self.held), "are" if len(self.held) > 1 else "is"
         each = ", ".join(
-            f"{name} {low:.3g} to {high:.3g} {unit_of(name)} in place of {self.values[name]:.3g}"
-            for name, (low, high) in self.intervals.items()
+            f"{name} {reach} {unit_of(name)} in place of {self.values[name]:.3g}"
+            for name, reach in self.outputs.items()
         )
         return (
             f"{held} {are} held at the usual value, and what was not measured follows from that: free as "
@@ -132,6 +161,7 @@ def carried_consumption(
 def left_open(
     fitted: Case,
     free: Mapping[str, tuple[float, float, float]],
+    measured: Mapping[str, float],
     errors: Mapping[str, float],
     policy: str,
 ) -> LeftOpen | None:
@@ -140,6 +170,7 @@ def left_open(
     Args:
         fitted: the case with its fitted values.
         free: value, lower and upper bound of each free parameter, in its unit.
+        measured: value of each measurement.
         errors: standard uncertainty of each measurement.
         policy: blood volume policy.
     """
@@ -155,10 +186,75 @@ def left_open(
     linear = _linearised(model, free, held, errors, read, policy)
     if linear is None:
         return None
-    open_ones = _intervals(read, linear)
-    if next(iter(open_ones), "") != READ[0]:
+    suspected = _suspected(read, linear)
+    if next(iter(suspected), "") != READ[0]:
         return None
-    return LeftOpen(tuple(held), open_ones, dict(zip(read, linear.values.tolist(), strict=True)))
+    box = Box.of({**free, **held})
+    curves = [
+        _asked(name, value, Target(model, measured, errors), box, policy) for name, value in suspected.items()
+    ]
+    return LeftOpen(
+        tuple(held),
+        {name: curve.reach(name) for name, curve in zip(suspected, curves, strict=True)},
+        suspected,
+        _wider(np.concatenate([curve.x[curve.rises <= RISE_90] for curve in curves]), linear),
+    )
+
+
+def _wider(within: np.ndarray, linear: _Linear) -> dict[str, tuple[float, float]]:
+    """Ends of the free parameters that reach further than those of the fit do, by more than `OPEN`.
+
+    Args:
+        within: coordinates of fits that meet the measurements, free parameters first, (fits, parameters).
+        linear: the fit.
+    """
+    own, errors = linear.own, np.sqrt(np.diag(linear.covariance))
+    wider = {}
+    for k, name in enumerate(own.names):
+        low, high = (float(end(within[:, k])) for end in (np.min, np.max))
+        narrow = own.clip(own.start + np.outer((-NORMAL_90, NORMAL_90), errors))[:, k]
+        if max(high, narrow[1]) - min(low, narrow[0]) > OPEN * (narrow[1] - narrow[0]):
+            wider[name] = (own.scale.value(k, low), own.scale.value(k, high))
+    return wider
+
+
+class _Curve(NamedTuple):
+    """Fits with an output at several values, these rising, shape (fits, ...).
+
+    Attributes:
+        values: of the output.
+        rises: of chi-square from the least.
+        x: coordinates of the parameters.
+    """
+
+    values: np.ndarray
+    rises: np.ndarray
+    x: np.ndarray
+
+    def reach(self, name: str) -> Reach:
+        """Where chi-square stays within 90 %."""
+        low, high = interval_90(self.values, self.rises, Scale.of((name,)))
+        return Reach(low, high, bool(low <= self.values[0]), bool(high >= self.values[-1]))
+
+
+def _asked(name: str, value: float, likelihood: Target, box: Box, policy: str) -> _Curve:
+    """Fit again, everything free, with an output that is asked to be elsewhere as if it were measured."""
+    asked = value * np.array(ELSEWHERE)
+    targets = [
+        replace(
+            likelihood,
+            measured={**likelihood.measured, name: one},
+            scales={**likelihood.scales, name: ASKED * one},
+        )
+        for one in asked.tolist()
+    ]
+    objective, points = Objective(targets, box.names, policy), np.arange(len(targets))
+    fits = refine(objective, points, np.tile(box.start, (len(targets), 1)), box, REFITTING)
+    values = fits.outputs[:, objective.outputs.index(name)]
+    chi_square = fits.costs - ((values - asked) / (ASKED * asked)) ** 2
+    found = np.flatnonzero(np.isfinite(chi_square))
+    found = found[np.argsort(values[found], kind="stable")]
+    return _Curve(values[found], chi_square[found] - chi_square[found].min(initial=np.inf), fits.x[found])
 
 
 class _Linear(NamedTuple):
@@ -205,16 +301,16 @@ def _linearised(
     )
 
 
-def _intervals(names: Sequence[str], linear: _Linear) -> dict[str, tuple[float, float]]:
-    """Of the outputs that are wider with everything free by more than `OPEN`."""
+def _suspected(names: Sequence[str], linear: _Linear) -> dict[str, float]:
+    """Values of the outputs that are wider with everything free by more than `OPEN`, to first order."""
     relative, free = linear.slopes / linear.values[:, None], len(linear.own.names)
     everything = _reach(relative, linear.with_more)
     without = _reach(relative[:, :free], linear.covariance)
-    result = {}
-    for name, value, wide, narrow in zip(names, linear.values.tolist(), everything, without, strict=True):
-        if np.isfinite(wide) and value > 0.0 and wide > OPEN and wide > OPEN * narrow:
-            result[name] = (value / float(wide), value * float(wide))
-    return result
+    return {
+        name: value
+        for name, value, wide, narrow in zip(names, linear.values.tolist(), everything, without, strict=True)
+        if np.isfinite(wide) and value > 0.0 and wide > OPEN and wide > OPEN * narrow
+    }
 
 
 def _reach(relative: np.ndarray, covariance: np.ndarray) -> np.ndarray:
