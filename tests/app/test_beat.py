@@ -1,5 +1,7 @@
 """The page's lean beat is the same as that of `eclsim simulate`."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -138,3 +140,11 @@ def test_a_reflex_sets_the_length_of_the_beat():
     unregulated = compute_beat(healthy.with_case(turn(healthy.case, "parameters.Emaxlv", 0.9)))
     assert weak.period < at_rest.period, "the heart is driven"
     assert weak.outputs["MAP"] > unregulated.outputs["MAP"] + 3.0
+
+
+def test_sentences_of_the_page_have_a_minus():
+    case = turn(connect(PRESETS["paper"].case(), "gas"), "ecmo.speed_rpm", 5000)
+    shown = plain(compute_beat(PageState(case)), ())
+    sentences = [sentence for _, sentence in shown["notes"]] + list(shown["cautions"].values())
+    assert any("\u2212" in sentence for sentence in sentences)
+    assert not any(re.search(r"(^|[ (])-\d", sentence) for sentence in sentences)

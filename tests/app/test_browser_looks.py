@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -218,6 +219,8 @@ def test_charts_keep_their_size_while_nobody_touches_them(open_page, shots, widt
 
 def test_on_a_phone_nothing_overflows_and_schemes_have_units(open_page, shots):
     page = open_page("paper", viewport=PHONE)
+    knobs, circuit = (page.locator(f".ecl-{part}").bounding_box() for part in ("left", "middle"))
+    assert circuit["y"] < knobs["y"], "the circuit is not below all knobs"
     show(page, "schemes")
     page.wait_for_function("eclsim.bus.last('schemes')?.cells.length === 9")
     page.locator(".ecl-schemes button").first.wait_for()
@@ -346,3 +349,43 @@ def test_whatever_is_pressed_is_large_enough(open_page, viewport):
         assert page.evaluate(small) == []
 
     eventually(large)
+
+
+def test_titles_of_the_ramp_lie_beside_each_other(open_page, served):
+    """With gases the panels are low: "Pressure [mmHg]" ran into "Flow [L/min]"."""
+    case = connect(PRESETS["paper"].case(), "gas")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    show(page, "ramp")
+    page.wait_for_function("eclsim.bus.last('ramp')?.speeds.length >= 15")
+
+    def apart() -> None:
+        titles = page.locator(
+            ".ecl-fill .g-ytitle text, .ecl-fill .g-y2title text, .ecl-fill .g-y3title text"
+        )
+        boxes = sorted((one.bounding_box() for one in titles.all()), key=lambda box: box["y"])
+        assert len(boxes) == 3
+        for above, below in pairwise(boxes):
+            assert above["y"] + above["height"] < below["y"]
+
+    eventually(apart)
+
+
+def test_on_paper_all_knobs_limits_and_doubts_are_there(open_page, served):
+    """The panel of knobs was cut off at the height of a screen, the list of limits after two of them."""
+    case = connect(connect(PRESETS["paper"].case(), "gas"), "lvad")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}", viewport={"width": 794, "height": 1123})
+    page.emulate_media(media="print")
+
+    def whole() -> None:
+        cut = page.evaluate(
+            """() => ['.ecl-left', '.ecl-provenance', '.ecl-limits'].filter((name) => {
+            const { scrollHeight, clientHeight } = document.querySelector(name);
+            return scrollHeight > clientHeight + 1; })"""
+        )
+        assert cut == []
+
+    eventually(whole)
+    expect(page.locator(".ecl-limits .further")).to_be_hidden()
+    assert page.evaluate("getComputedStyle(document.querySelector('.ecl-notice')).position") == "static"
+    doubt = page.locator(".ecl-limits details p").first
+    assert doubt.bounding_box()["height"] > 10

@@ -111,7 +111,7 @@ def test_the_pinned_state_stands_beside_the_one_that_is_shown(open_page, shots):
     show(page, "compare")
     heads = page.locator(".ecl-compare thead th")
     expect(heads).to_have_text([text("output"), text("compare_now"), text("pinned")])
-    expect(page.locator(".ecl-compare tr.knob td").first).to_have_text("1.10")
+    expect(page.locator(".ecl-compare tr.knob td").first).to_have_text("1.1")
     picture(page, shots, "compare_pinned")
     show(page, "ramp")
     page.wait_for_function("eclsim.bus.last('ramp_pinned')?.of === eclsim.bus.last('pinned').of")

@@ -6,12 +6,14 @@ import re
 
 import pytest
 
+from eclsim.app import knobs
+from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
 from eclsim.identification.verdict import FitVerdict, Goodness, agreement, headline
-from page_in_browser import beat, choose, eventually, expect, open_file, picture, show, turn, wait_for
+from page_in_browser import PHONE, beat, choose, eventually, expect, open_file, picture, show, turn, wait_for
 from small_cohort import cohort
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
@@ -185,3 +187,15 @@ def test_a_row_of_a_cohort_says_which_one_it_is_and_that_it_is_not_fitted(open_p
     provenance(page).to_contain_text("ward.csv, data point P01/2")
     page.get_by_text(f"{text('key_measured')} 75").wait_for()
     picture(page, shots, "cohort_row")
+
+
+def test_on_a_phone_all_that_is_known_of_a_fit_is_in_sight(open_page, served):
+    state = PageState(PRESETS["paper"].case(), origin="fit", source="measured_on_monday.toml", verdict="poor")
+    turned = state.with_case(knobs.turn(state.case, "parameters.Emaxlv", 2.0))
+    page = open_page(url=f"{served.url}/#{link_of(turned)}", viewport=PHONE)
+    provenance(page).to_contain_text("POOR")
+    heights = page.evaluate(
+        "(({ scrollHeight, clientHeight }) => [scrollHeight, clientHeight])"
+        "(document.querySelector('.ecl-provenance'))"
+    )
+    assert heights[0] <= heights[1]

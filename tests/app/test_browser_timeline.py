@@ -44,6 +44,17 @@ def test_an_event_is_set_where_somebody_clicked_and_the_page_follows(open_page, 
     wait_for(page, "beat.minute === 0")
 
 
+def test_the_minute_that_is_shown_is_that_of_the_numbers(open_page):
+    """Where a moment takes long, or fails, the page still shows the one before."""
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    shown = page.locator(".ecl-timeline .shown")
+    expect(shown).to_contain_text(text("timeline_at", time="00:00"))
+    page.evaluate("eclsim.bus.publish('beat', { ...eclsim.bus.last('beat'), minute: 30 })")
+    expect(shown).to_contain_text(text("timeline_at", time="00:30"))
+
+
 def test_a_double_click_adds_or_removes_one_event(open_page):
     page = open_page("healthy")
     page.get_by_role("button", name=text("timeline_open")).click()

@@ -6,6 +6,9 @@ import re
 
 import pytest
 
+from eclsim.app import knobs
+from eclsim.app.course import with_event
+from eclsim.app.state import PageState, key_of, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from page_in_browser import beat, expect, knob, picture, show, turn, wait_for
@@ -61,6 +64,16 @@ def test_the_speed_ramp_says_what_it_needs(open_page):
     page.get_by_text(text("schemes_none")).wait_for()
 
 
+def test_a_ramp_that_failed_is_no_missing_pump(open_page):
+    page = open_page()
+    for view in ("ramp", "schemes"):
+        show(page, view)
+        page.wait_for_function(f"eclsim.bus.last('{view}')?.of")
+        page.evaluate(f"eclsim.bus.publish('{view}', {{ of: '', failed: 'it failed' }})")
+        expect(page.locator(".q-tab-panel:visible [role=alert]")).to_have_text("it failed")
+        expect(page.get_by_text(text(f"{view}_none"))).to_have_count(0)
+
+
 def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     page = open_page()
     show(page, "identify")
@@ -98,6 +111,27 @@ def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     show(page, "monitor")
     page.wait_for_function("eclsim.bus.last('bands')?.of === eclsim.bus.last('beat').of")
     expect(page.get_by_role("group", name=text("bands_label"))).to_be_visible()
+
+
+def test_events_that_last_longer_and_knobs_turned_a_little_are_differences(open_page, served):
+    case = PRESETS["paper"].case()
+    states = [
+        PageState(with_event(case, {"at_min": 0.5, "give": {"crystalloid_ml": 500}, "over_min": over}))
+        for over in (5, 60)
+    ]
+    states.append(states[0].with_case(knobs.turn(states[0].case, "ecmo.speed_rpm", 3425.4)))
+    page = open_page()
+    for k, state in enumerate(states):
+        page.evaluate(f"location.hash = '{link_of(state)}'")
+        page.wait_for_function(f"eclsim.bus.last('beat').of === '{key_of(state)}'")
+        page.keyboard.press("Alt+s")
+        page.wait_for_function(f"eclsim.bus.last('saved')?.length === {k + 1}")
+    show(page, "compare")
+    rows = page.locator(".ecl-compare tr.knob")
+    expect(rows.filter(has_text=text("timeline_events")).locator("td")).to_contain_text(
+        ["00:00:30 Crystalloid 500 mL over 5 min", "over 5 min", "over 60 min", "over 5 min"]
+    )
+    expect(rows.filter(has_text="rpm").locator("td")).to_have_text(["3425.4", "3425", "3425", "3425.4"])
 
 
 def test_states_are_compared(open_page, shots):

@@ -7,6 +7,7 @@ import numpy as np
 
 from eclsim.app.course import PageCourse
 from eclsim.app.state import preset_state
+from eclsim.app.texts import text
 from eclsim.app.updates import CourseStudy
 
 STATE = preset_state("healthy")
@@ -21,6 +22,9 @@ class StubSession:
 
     def show_start(self):
         self.told.append(("start", 0.0))
+
+    def send(self, topic, data):
+        self.told.append((topic, data))
 
     def show_moment(self, state, beat, minute):
         self.told.append((beat, minute))
@@ -63,3 +67,9 @@ def test_behind_the_end_of_a_course_that_stopped_nothing_is_shown(monkeypatch):
 def test_a_course_that_did_not_begin_shows_the_start():
     course = PageCourse(STATE, followed())  # type: ignore[arg-type]
     assert shown(course, 12.0) == [("knobs of", 0.0), ("start", 0.0)]
+
+
+def test_a_moment_that_fails_is_said(monkeypatch):
+    monkeypatch.setattr(PageCourse, "beat", lambda *_: 1 / 0)
+    course = PageCourse(STATE, followed(0.0, 30.0))  # type: ignore[arg-type]
+    assert shown(course, 12.0)[-1] == ("failed", text("moment_failed", time="00:12"))

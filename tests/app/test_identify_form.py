@@ -10,7 +10,7 @@ import pytest
 from eclsim.app import identify
 from eclsim.app.fitting import FitError, judged, on_the_page, to_fit
 from eclsim.app.identify import Identification, checked_form, fields, values_of
-from eclsim.app.knobs import connect, turn
+from eclsim.app.knobs import LUNGS_ALONE, connect, turn
 from eclsim.app.provenance import circuit_text, fitted_case, fitted_with, provenance
 from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
 from eclsim.app.updates import PosteriorBands
@@ -419,7 +419,7 @@ def test_measured_gases_are_fitted_by_what_they_tell_of():
 
 def test_a_shunt_that_nobody_has_turned_on_the_page_is_an_assumed_one():
     raw = read_case(EXAMPLE).case.as_mapping()
-    for turned, known in ((0.4, False), (0.3, True)):
+    for turned, known in ((0.4, False), (LUNGS_ALONE["shunt_fraction"], False), (0.3, True)):
         case = to_fit(raw | {"gas": {**raw["gas"], "shunt_fraction": turned}}, "as_published", ("Rmc",))[0]
         assert case.gas.shunt_fraction == turned
         assert ("shunt_fraction" in case.gas.model_fields_set) is known

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from eclsim.app.beat import compute_beat
 from eclsim.app.display import described
 from eclsim.app.drawing import drawing_of
 from eclsim.app.knobs import (
@@ -14,10 +15,11 @@ from eclsim.app.knobs import (
     turn,
     value_of,
 )
+from eclsim.app.state import PageState
 from eclsim.app.texts import ENGLISH
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case, read_mapping
-from eclsim.cases.sections import PATIENT_SECTIONS
+from eclsim.cases.sections import PATIENT_SECTIONS, Gas
 from eclsim.devices.description import Knob, Picker, plain_control
 from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
 from eclsim.inputs.mistakes import CaseError
@@ -116,8 +118,22 @@ def test_blood_that_is_given_is_in_the_patient(given):
 def test_devices_are_connected_and_taken_away(key, device):
     case = CASES[key]
     there = getattr(case, device) is not None
+    if device == "renox" and case.ecmo is None:
+        with pytest.raises(CaseError, match="RenOx stands in an ECMO circuit"):
+            connect(case, device)
+        return
     changed = connect(case, device)
     assert (getattr(changed, device) is not None) is not there
+
+
+def test_renox_is_switched_on_and_its_fluids_are_turned():
+    case = turn(connect(CASES["paper"], "renox"), "renox.dialysate_ml_h", 3000)
+    slow, fast = (compute_beat(PageState(turn(case, "renox.dialysate_ml_h", flow))) for flow in (1500, 3000))
+    assert fast.outputs["renox_clearance_urea"] == pytest.approx(50, rel=0.01), "all of 3000 mL/h"
+    assert slow.outputs["renox_clearance_urea"] == pytest.approx(25, rel=0.01)
+    with pytest.raises(CaseError, match="RenOx stands in an ECMO circuit"):
+        connect(case, "ecmo")
+    assert connect(case, "renox") == CASES["paper"]
 
 
 def test_crrt_moves_to_the_patient_when_ecmo_goes():
@@ -187,6 +203,23 @@ def test_sections_of_the_patient_are_switched_and_knobs_come_with_them():
     with pytest.raises(CaseError, match=r"0[.]4"):
         turn(on, "gas.fio2", "40")
     assert connect(on, "gas") == case
+
+
+@pytest.mark.parametrize("preset", ["healthy", "cardiogenic-shock", "right-heart-failure", "lvad"])
+def test_lungs_that_nothing_helps_are_not_those_of_a_patient_on_an_oxygenator(preset):
+    """Default lungs rest on ECMO; alone they gave a healthy adult a pH of 7.14 and a saturation of 83 %."""
+    beat = compute_beat(PageState(connect(PRESETS[preset].case(), "gas")))
+    outputs = beat.outputs
+    assert 95 < outputs["SaO2"] < 99
+    assert 35 < outputs["PaCO2"] < 45
+    assert 7.35 < outputs["pHa"] < 7.45
+    alarms = [finding.sentence for finding in beat.findings if finding.kind == "alarm"]
+    assert not any("satur" in sentence or "PCO2" in sentence for sentence in alarms)
+
+
+def test_lungs_beside_an_oxygenator_are_those_of_a_case_file():
+    for preset in ("paper", "vv-ecmo"):
+        assert connect(PRESETS[preset].case(), "gas").gas.model_dump() == Gas().model_dump()
 
 
 def test_regions_are_a_choice_and_leave_no_site_that_is_gone():

@@ -14,6 +14,7 @@ from eclsim.app.files import parse_posterior
 from eclsim.app.knobs import connect, turn
 from eclsim.app.posterior import MEMBERS, PosteriorDraws, read_posterior
 from eclsim.app.state import PageState, key_of, link_of, state_of
+from eclsim.app.texts import text
 from eclsim.app.updates import PosteriorBands
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.sections import Gas
@@ -165,7 +166,7 @@ def test_hidden_bands_are_taken_away_and_not_computed(quick):
     assert session.bands() == [key_of(STATE)]
 
 
-def test_bands_that_fail_leave_the_page_as_it_was(monkeypatch):
+def test_bands_that_fail_say_so(monkeypatch):
     monkeypatch.setattr(updates, "PAUSE_S", 0.01)
     monkeypatch.setattr(studies, "beat_bands", lambda *_: 1 / 0)
 
@@ -173,7 +174,7 @@ def test_bands_that_fail_leave_the_page_as_it_was(monkeypatch):
         one.add("1", MADE_UP)
         await until(session.bands)
 
-    assert follow(action).told[-1] == ("bands", {"of": key_of(STATE)})
+    assert follow(action).told[-1] == ("bands", {"of": key_of(STATE), "failed": text("study_failed")})
 
 
 def test_a_link_names_no_posterior():

@@ -57,6 +57,27 @@ def test_where_the_parameters_come_from_is_said(state, kind, level):
     assert ("poor" in provenance(state)["badge"].lower()) == (state.verdict == "poor")
 
 
+@pytest.mark.parametrize(
+    ("state", "badge"),
+    [
+        (PageState(PAPER, origin="fit", verdict="poor"), "Poor fit, changed"),
+        (PageState(PAPER, origin="fit", verdict="doubtful"), "Doubtful fit, changed"),
+        (PageState(UNFITTED, origin="file", source="ward.csv"), "Not fitted, changed"),
+        (PageState(PAPER, origin="fit", verdict="good"), "Changed"),
+        (preset_state("paper"), "Changed"),
+    ],
+)
+def test_a_turned_knob_hides_no_doubt_about_the_fit(state, badge):
+    assert provenance(state.with_case(turn(state.case, "patient.heart_rate_bpm", 91)))["badge"] == badge
+
+
+def test_the_verdict_stands_before_all_else_that_is_said_of_a_fit():
+    """The line may be cut off where it is long: what is seen of it must not reassure."""
+    filled = turn(PAPER, "volume_ml", 300)
+    said = provenance(PageState(filled, origin="fit", source="p.toml", verdict="poor"))["text"]
+    assert said.index("POOR") < min(said.index("as set"), said.index("p.toml"))
+
+
 MEASURED = Measurements(MAP=75.0, CO=3.0)
 
 

@@ -8,6 +8,7 @@ from eclsim.app import studies
 from eclsim.app.kept import Kept
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, key_of
+from eclsim.app.texts import text
 from eclsim.app.updates import ViewStudy
 from eclsim.cases.presets import PRESETS
 
@@ -59,3 +60,13 @@ def test_the_pinned_state_is_computed_once_after_the_one_that_is_shown():
 
 def test_nothing_is_computed_for_a_view_that_is_not_seen():
     assert told(lambda s: setattr(s, "view", "monitor")) == []
+
+
+def test_what_fails_is_no_circuit_without_a_pump(monkeypatch):
+    """A view without numbers says that a pump is missing: where the computation failed it must not."""
+
+    def fails(_state):
+        raise ArithmeticError
+
+    monkeypatch.setattr(studies, "ramp", fails)
+    assert told(lambda _: None) == [("ramp", {"of": key_of(STATE), "failed": text("study_failed")})]

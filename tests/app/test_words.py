@@ -6,7 +6,7 @@ from pathlib import Path
 import eclsim.app
 from eclsim.app.files import KINDS
 from eclsim.app.page import VIEWS
-from eclsim.app.texts import ENGLISH
+from eclsim.app.texts import ENGLISH, with_minus
 
 HERE = Path(eclsim.app.__file__).parent
 SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
@@ -47,3 +47,9 @@ def test_nothing_is_fetched_from_elsewhere():
     styles = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.css"))
     addresses = re.findall(r"(?:https?:)?//[\w.-]+\.\w+/", SCRIPTS + styles)
     assert addresses == []
+
+
+def test_a_minus_stands_before_numbers_and_no_hyphen_is_one():
+    assert with_minus("-5.4 mmHg (-57 % at worst)") == "\u22125.4 mmHg (\u221257 % at worst)"
+    for plain in ("Table S-4", "doi 10.3389/a-909990", "V-A, mid-1990s", "5-95 %", "(10)-12", "a - 3"):
+        assert with_minus(plain) == plain

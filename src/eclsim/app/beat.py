@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.texts import text
+from eclsim.app.texts import text, with_minus
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import resolve_parameters, switched_circuit
 from eclsim.files import finite
@@ -190,7 +190,7 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
         "means": finite(beat.means, digits=6),
         "outputs": finite(beat.outputs, digits=6),
-        "notes": [[f.kind, f.sentence] for f in beat.findings],
+        "notes": [[f.kind, with_minus(f.sentence)] for f in beat.findings],
         "cautions": _cautions(beat.findings),
         "levels": beat.levels(),
         "places": beat.place_levels(),
@@ -234,7 +234,7 @@ def _cautions(findings: Iterable[Finding]) -> dict[str, str]:
     for finding in findings:
         for name in finding.concerns if finding.kind == CAUTION else ():
             result.setdefault(name, []).append(finding.sentence)
-    return {name: "; ".join(sentences) for name, sentences in result.items()}
+    return {name: with_minus("; ".join(sentences)) for name, sentences in result.items()}
 
 
 def _rounded(wave: np.ndarray) -> list[float | None]:

@@ -13,7 +13,7 @@ import numpy as np
 from eclsim.app.display import figures_of, unit_of
 from eclsim.app.knobs import VOLUME, ambiguous_comma, as_written, controls, turned_value, value_of
 from eclsim.app.state import key_of
-from eclsim.app.texts import ENGLISH, text
+from eclsim.app.texts import ENGLISH, text, with_minus
 from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
@@ -106,7 +106,13 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     return {
         "of": key_of(course.state), "minutes": minutes, "time": course.times,
         "rows": rows, "message": str(result.attrs["message"]),
-        "alarms": finite([one for one in alarms if one["kind"] != CAUTION][:MOST_ALARMS]),
+        "alarms": finite(
+            [
+                one | {"sentence": with_minus(one["sentence"])}
+                for one in alarms
+                if one["kind"] != CAUTION
+            ][:MOST_ALARMS]
+        ),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
         "approximations": [str(s) for kind in ("approximations", "cautions") for s in result.attrs[kind]],
         "seconds": round(float(result.attrs["seconds"]), 2),

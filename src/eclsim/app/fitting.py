@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.knobs import LUNGS_ALONE
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import Gas
@@ -212,12 +213,17 @@ def to_fit(
     if "CVP" in raw["measurements"]:
         raw = {**raw, "fluid": raw.get("fluid", {})}
         usual = (*usual, EXTRA_VOLUME)
-    gas = raw.get("gas", {})
-    if gas.get("shunt_fraction") == Gas().shunt_fraction:
-        # The page's sections hold every key: a shunt that nobody has turned is an assumed one.
-        raw = {**raw, "gas": {key: value for key, value in gas.items() if key != "shunt_fraction"}}
-    case = read_mapping(raw).case
+    case = _with_assumed_shunt(read_mapping(raw).case)
     return case, replace(settings, parameters=tuple(free) or free_parameters(case, usual, policy))
+
+
+def _with_assumed_shunt(case: Case) -> Case:
+    """The page's sections hold every key: a shunt that nobody has turned is an assumed one."""
+    gas = case.gas
+    if gas is None or gas.shunt_fraction not in (Gas().shunt_fraction, LUNGS_ALONE["shunt_fraction"]):
+        return case
+    given = gas.model_fields_set - {"shunt_fraction"}
+    return case.model_copy(update={"gas": Gas.model_construct(given, **gas.model_dump())})
 
 
 def _done(

@@ -6,14 +6,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.resolve import resolve_parameters
+from eclsim.cases.resolve import circuit_of, resolve_parameters
 from eclsim.cases.sections import PATIENT_SECTIONS, by_instance, within
 from eclsim.devices.description import Control, Knob, Picker, plain_control
-from eclsim.devices.registry import devices
+from eclsim.devices.registry import devices, naming_of
+from eclsim.gas.network import gas_exchanges
 from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
@@ -32,6 +33,13 @@ _CONSUMPTION = "gas.vo2_ml_min"
 _SWITCH = MappingProxyType({"true": True, "false": False})
 _SWITCHED_ON = MappingProxyType({"regulation": {"baroreflex": 1.0}, "physiology": {"regional": True}})
 """What a section holds when it is switched on; all others have their defaults."""
+LUNGS_ALONE = MappingProxyType(
+    {"haemoglobin_g_dl": 14.0, "alveolar_ventilation_l_min": 4.4, "shunt_fraction": 0.05, "fio2": 0.21}
+)
+"""Blood and lungs [g/dL, L/min, 1, 1] of a patient whom no oxygenator helps: sound ones, breathing air.
+
+Those of a case file are of a patient on ECMO, whose lungs rest: alone they leave nobody alive for long.
+"""
 _FILLED = ("svn", "pvn")
 """Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
 START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
@@ -203,7 +211,7 @@ def connect(case: Case, key: str) -> Case:
     if key in raw:
         del raw[key]
     else:
-        raw[key] = dict(devices()[key].usual if key in devices() else _SWITCHED_ON.get(key, {}))
+        raw[key] = dict(devices()[key].usual if key in devices() else _switched_on(case, key))
     sites = {site for instance in case.instances() if instance.device.key in raw for site in instance.sites()}
     for place, other in devices().items():
         for name, section in by_instance(other, raw[place]).items() if place in raw else ():
@@ -211,6 +219,14 @@ def connect(case: Case, key: str) -> Case:
                 moved = other.reconnected(section, {*sites, *PATIENT_SITES})
                 raw[place] = {**raw[place], name: moved} if name else moved
     return read_mapping(raw).case
+
+
+def _switched_on(case: Case, key: str) -> Mapping[str, Any]:
+    """What an optional section holds when it is switched on."""
+    if key != "gas":
+        return _SWITCHED_ON.get(key, {})
+    of_devices = [naming_of(exchange.group) for exchange in gas_exchanges(circuit_of(case))]
+    return {} if any(of_devices) else LUNGS_ALONE
 
 
 def as_written(value: object) -> object:

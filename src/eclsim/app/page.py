@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from eclsim.app.engine import Engine
 
 WEB = Path(__file__).parent / "web"
-STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views", "gases", "timeline")]
+STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views", "gases", "timeline", "print")]
 SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
 """To the knobs without a change of the address, whose part behind # is the patient of a link."""
 VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")

@@ -40,6 +40,9 @@ def provenance(state: PageState) -> dict[str, Any]:
     badge = kind
     source = state.source or text("provenance_no_file")
     sentences = [text(f"provenance_{kind}", source=source)]
+    if kind == "fit" and state.verdict:
+        badge = f"fit_{state.verdict}"
+        sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
     before, unsaid = was_changed(state.start.case), kind == "parameters" and measured is not None
     if kind == "fit" and (others := held(state.start.case)):
         sentences[0] += " " + text("provenance_held", what=", ".join(others))
@@ -51,17 +54,23 @@ def provenance(state: PageState) -> dict[str, Any]:
         sentences.append(text("provenance_changed_before"))
     if state.changed:
         sentences.append(text("provenance_changed", what=", ".join(changes(state))))
-    if kind == "fit" and state.verdict:
-        badge = f"fit_{state.verdict}"
-        sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
     doubted = kind in ("unfitted", "posterior") or (kind == "fit" and state.verdict != "good")
     doubted |= unsaid or before
     return {
-        "title": title_of(state), "badge": text("badge_changed" if state.changed else f"badge_{badge}"),
+        "title": title_of(state), "badge": _badge(badge, state.changed),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
         "measured": _measured(measured) if measured else {},
         "circuit": fitted_with(state),
     }  # fmt: skip
+
+
+def _badge(kind: str, changed: bool) -> str:
+    """A change by hand hides no doubt about what was changed."""
+    if not changed:
+        return text(f"badge_{kind}")
+    if kind in ("preset", "paper", "parameters", "fit_good"):
+        return text("badge_changed")
+    return text("badge_doubt_changed", doubt=text(f"badge_{kind}"))
 
 
 def _measured(measurements: Measurements) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -65,6 +66,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "output_measured": "Measured",
         "provenance_no_device": "no device",
         "badge_changed": "Changed",
+        "badge_doubt_changed": "{doubt}, changed",
         "badge_preset": "Preset",
         "badge_paper": "Preset",
         "badge_unfitted": "Not fitted",
@@ -277,6 +279,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "ramp_speed": "Pump speed [rpm]",
         "ramp_pressure": "Pressure [mmHg]",
         "ramp_flow": "Flow [L/min]",
+        "study_failed": "This could not be computed; the log of the server says why.",
         "ramp_lost": "No steady beat at {speeds} rpm.",
         # schemes
         "schemes_none": "The nine schemes need oxygenator and rotary pump, and no CRRT with a name.",
@@ -310,6 +313,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_of_start": "would hold from 00:00, not from the minute that is shown: go to the start, or "
         "stop recording knobs",
         "timeline_lanes": "Curves",
+        "moment_failed": "The beat of {time} could not be computed: what is shown is of the minute before.",
         "timeline_passing": "Not steady",
         "gases_passing": "beat by beat the gases of each compartment are not listed",
         "lane_blood_volume": "Blood volume",
@@ -481,6 +485,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "bands_loops": "pale: {loops} of {count} draws, the farthest 10 % left out",
         "bands_lost": "left out: {count} without steady beat or gases",
         "bands_impossible": "left out: ✕ {count} impossible",
+        "bands_failed": "The bands could not be computed.",
         "bands_show": "Show bands",
         "bands_hide": "Hide bands",
         "bands_computing": "computing bands …",
@@ -539,6 +544,14 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "Alt+1 to Alt+8 open the views.",
     }
 )
+
+
+_MINUS = re.compile(r"(?<![\w.)-])-(?=\d)")
+
+
+def with_minus(sentence: str) -> str:
+    """A sentence of the command line as the page writes numbers: a minus before them is no hyphen."""
+    return _MINUS.sub("\N{MINUS SIGN}", sentence)
 
 
 def text(key: str, **values: object) -> str:

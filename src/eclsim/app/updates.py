@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.course import LENGTHS, compute_course, plain_course
+from eclsim.app.course import BEATS, LENGTHS, compute_course, plain_course
 from eclsim.app.state import key_of
 from eclsim.app.texts import text
 from eclsim.inputs.mistakes import CaseError
@@ -82,9 +82,14 @@ class ViewStudy(_OneAtATime):
 
         try:
             return await self.engine.study(work)
-        except Exception:  # the view stays empty; the page goes on
+        except Exception:  # the view says so; the page goes on
             log.exception("%s failed", self.view)
-            return None
+            return failed_study(state)
+
+
+def failed_study(state: PageState) -> dict[str, Any]:
+    """What a view gets in place of its numbers where these could not be computed."""
+    return {"of": key_of(state), "failed": text("study_failed")}
 
 
 class CourseStudy(_OneAtATime):
@@ -160,11 +165,17 @@ class CourseStudy(_OneAtATime):
             minute = min(minute, course.end)
             try:
                 beat = await self.engine.moment(lambda c=course, m=minute: c.beat(m))
-            except Exception:  # the moment is not shown; the page goes on
+            except Exception:  # the page goes on with the minute that it shows, and says so
                 log.exception("a moment failed")
+                self.session.send("failed", text("moment_failed", time=self._clock(minute)))
                 continue
             if course is self.course:
                 self.session.show_moment(course.state, beat, minute)
+
+    def _clock(self, minute: float) -> str:
+        from eclsim.course.alarms import clock_time
+
+        return clock_time(minute, self.minutes in BEATS)
 
 
 class PosteriorBands(_OneAtATime):
@@ -260,6 +271,6 @@ class PosteriorBands(_OneAtATime):
 
         try:
             return await self.engine.study(work)
-        except Exception:  # there are no bands; the page goes on
+        except Exception:  # there are no bands, which the page says
             log.exception("bands failed")
-            return None
+            return failed_study(shown[0])

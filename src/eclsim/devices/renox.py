@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from eclsim.devices.crrt import Crrt, assumed_membrane, filter_limits
 from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, SOLUTES
-from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
+from eclsim.devices.description import BeatMeasures, Control, Finding, Knob, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.dialysed_blood import FLUIDS, USUAL_FLUID, dialysed_blood, filtered, fluid_flow
 from eclsim.inputs.mistakes import Remarks
@@ -84,6 +84,7 @@ class RenoxDevice(Device[Renox]):
 
     key, name, section = GROUP, "RenOx", Renox
     parameters = MEMBRANE
+    usual = MappingProxyType({"dialysate_ml_h": 2000.0})
     assumptions = assumed_membrane(MEMBRANE, f"{GROUP}_")
     limits = filter_limits(f"{GROUP}_")
     nominal = MappingProxyType(
@@ -148,6 +149,12 @@ class RenoxDevice(Device[Renox]):
         """Haematocrit and carbon dioxide of the blood in the housing."""
         return dialysed_blood(section, haemoglobin_g_dl, gases)
 
+    def controls(self, section: Renox, sites: Mapping[str, str]) -> list[Control]:
+        """Both flows of fluid."""
+        highest = {"dialysate_ml_h": 4000.0, "net_ultrafiltration_ml_h": 500.0}
+        fields = Renox.fields()
+        return [Knob(key, fields[key].description, "mL/h", 0.0, high, 50.0) for key, high in highest.items()]
+
     def summary(self, section: Renox) -> str:
         """Dialysate and net ultrafiltration."""
         return f"dialysate {section.dialysate_ml_h:g}, net {section.net_ultrafiltration_ml_h:g} mL/h"
@@ -156,9 +163,9 @@ class RenoxDevice(Device[Renox]):
         """It needs the one ECMO circuit that it is part of."""
         circuits = case.of("ecmo")
         if list(circuits) != ["ecmo"]:
-            message = "stands in an ECMO circuit for its oxygenator, but the case has no [ecmo] section"
+            message = "RenOx stands in an ECMO circuit for its oxygenator, but the case has no [ecmo] section"
             if circuits:
-                message = "stands in the only ECMO circuit, but the case has several or a named one"
+                message = "RenOx stands in the only ECMO circuit, but the case has several or a named one"
             remarks.error(key, message, allowed="one [ecmo] section")
         if key != GROUP:
             remarks.error(key, "two in one circuit are not modelled", allowed=f"one [{GROUP}] section")

@@ -12,6 +12,7 @@ import {
   laterThanStart,
   leftOut,
   limitLines,
+  settingsText,
   signed,
   speedsText,
 } from "../../../src/eclsim/app/web/lib/format.js";
@@ -71,6 +72,22 @@ test("limits are listed by kind with their sign", () => {
   ];
   assert.equal(limitLines(limits), "! < 65, > 107\n▲ < 55");
   assert.equal(limitLines([]), "");
+});
+
+test("limits have all their digits: a pH of 7.65 is not 8, an extraction of 0.5 not 1", () => {
+  const above = (value) => limitLines([{ kind: "alarm", side: "above", value }]);
+  assert.deepEqual([7.65, 0.5, 0.25, -300].map(above), [
+    "▲ > 7.65",
+    "▲ > 0.5",
+    "▲ > 0.25",
+    `▲ > ${MINUS}300`,
+  ]);
+});
+
+test("settings that differ are written differently, as beside their knobs where that tells them apart", () => {
+  assert.deepEqual(settingsText([0.75989, 1.1, undefined, -5]), ["0.7599", "1.1", "–", `${MINUS}5`]);
+  assert.deepEqual(settingsText([3425, 3425.4]), ["3425", "3425.4"]);
+  assert.deepEqual(settingsText(["aorta", "aorta"]), ["aorta", "aorta"]);
 });
 
 test("gaps of a sentence are filled with what was typed, whatever signs it has", () => {

@@ -5,8 +5,8 @@ const TOPICS = { monitor: "bands", loops: "bands", gases: "bands", outputs: "ban
 const ENOUGH = 0.9; // of the draws: a band of fewer is one of a part of what is possible
 const summary = (bands) => {
   if (!bands) return bands;
-  const { of, count, lost, impossible, fewest } = bands;
-  return { of, count, lost, impossible, fewest, loops: bands.loops?.lv?.length };
+  const { of, failed, count, lost, impossible, fewest } = bands;
+  return { of, failed, count, lost, impossible, fewest, loops: bands.loops?.lv?.length };
 };
 
 export default {
@@ -54,6 +54,7 @@ export default {
       if (this.time && this.topic === "bands") return fill(this.texts.bands_start, { time: this.time });
       const bands = this[this.topic];
       if (bands?.of !== this.beat) return this.texts.bands_computing;
+      if (bands.failed) return this.texts.bands_failed;
       if (!bands.count) return "";
       const { count, loops = 0, fewest } = bands;
       const text = this.view === "loops" ? this.texts.bands_loops : this.texts.bands_what;

@@ -1,5 +1,17 @@
 // Saved states side by side: what differs in the knobs, the main outputs, arterial pressure and loops.
-import { clock, compact, fill, ink, isPossible, listening, stroke, svgDash, tab, timeOf } from "eclsim-page";
+import {
+  clock,
+  compact,
+  fill,
+  ink,
+  isPossible,
+  listening,
+  settingsText,
+  stroke,
+  svgDash,
+  tab,
+  timeOf,
+} from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const NAMES = "names"; // of the saved states of this tab, by what they were computed from
@@ -129,7 +141,7 @@ export default {
       const panels = this.columns.flatMap((s) => s.panel ?? []);
       const { device = "", label = key, unit, options } = panels.find((k) => k.key === key) ?? {};
       const words = Object.fromEntries(options ?? []);
-      const cells = this.columns.map((s) => words[s.values[key]] ?? format(s.values[key]));
+      const cells = settingsText(this.columns.map((s) => words[s.values[key]] ?? s.values[key]));
       return { key, label: `${device} ${label}`.trim(), unit: unit ?? "", cells, kind: "knob" };
     },
     policyRow() {
@@ -137,7 +149,9 @@ export default {
       return { key: "policy", label: this.texts.policy, unit: "", cells, kind: "knob" };
     },
     eventsRow() {
-      const said = ({ at, words }) => `${clock(at)} ${words}`;
+      const [over, min] = [this.texts.timeline_over, this.texts.timeline_minutes];
+      const said = ({ at, words, lasts }) =>
+        `${clock(at, at % 1 > 0)} ${words}${lasts ? ` ${over} ${lasts} ${min}` : ""}`;
       const cells = this.columns.map((s) => (s.events ?? []).map(said).join(", ") || "–");
       return { key: "events", label: this.texts.timeline_events, unit: "", cells, kind: "knob" };
     },

@@ -20,6 +20,7 @@ import { Chart, axis, line } from "eclsim-page/chart.js";
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
 const ROWS = { 2: [[0.54, 1], [0, 0.46]], 3: [[0.78, 1], [0.52, 0.72], [0, 0.45]] }; // prettier-ignore
 const LETTERS = 11; // px
+const TITLE = 12; // px of an axis
 const ROOM = 18; // px beyond the last limit, for its name
 const MARGIN = { l: 56, r: 14, t: 24, b: 66 };
 const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
@@ -27,7 +28,8 @@ const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
 export default {
   template: `
   <div class="ecl-fill">
-    <p v-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
+    <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
+    <p v-else-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
     <p v-for="line in empty ? [] : later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
     <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
     <div v-show="!empty" :class="['ecl-chart', { 'ecl-old': isOld }]" ref="chart" role="group"
@@ -36,8 +38,9 @@ export default {
   mixins: [
     drawing(["ramp_pinned", "ramp_bands"], {
       ramp(ramp) {
-        this.ramp = ramp;
-        this.empty = !ramp;
+        this.failed = ramp?.failed ?? "";
+        this.ramp = this.failed ? null : ramp;
+        this.empty = !this.ramp;
         this.drawn = ramp?.of;
         this.show();
       },
@@ -49,7 +52,7 @@ export default {
       },
     }),
   ],
-  data: () => ({ empty: false, note: "", time: "", pinned: null, of: "", drawn: "" }),
+  data: () => ({ empty: false, failed: "", note: "", time: "", pinned: null, of: "", drawn: "" }),
   computed: {
     // The curves are those of a state before.
     isOld() {
@@ -83,7 +86,7 @@ export default {
       const { ramp } = this;
       const bands = bandsOf(ramp, "ramp_bands");
       const kept = bus.last("ramp_pinned");
-      const shadow = kept && kept.of === this.pinned?.of && kept.key === ramp.key ? kept : undefined;
+      const shadow = kept?.outputs && kept.of === this.pinned?.of && kept.key === ramp.key ? kept : undefined;
       return ramp.curves.flatMap(({ name, label, panel, number }) => {
         const { colour, dash } = stroke(number);
         const where = { xaxis: "x", yaxis: AXES[panel], hovertemplate: "%{x:.0f} rpm: %{y:.2f}" };
@@ -169,6 +172,13 @@ export default {
       font: { size: LETTERS, color: colour },
       borderpad: 0,
     }),
+    // An upright axis: where a low panel has no room for its title, the unit alone.
+    upright(title, settings) {
+      const [bottom, top] = settings.domain;
+      const room = (this.$refs.chart.clientHeight - MARGIN.t - MARGIN.b) * (top - bottom);
+      const fits = textWidth(title, `${TITLE}px ${FONT}`) < room;
+      return axis(fits ? title : title.replace(/^.*\[(.*)\]$/, "$1"), settings);
+    },
     layout({ shapes, labels, range }) {
       const { own, speeds, curves } = this.ramp;
       const rows = ROWS[curves.some((curve) => curve.panel === "circuit") ? 3 : 2];
@@ -198,10 +208,11 @@ export default {
           anchor: rows.length === 3 ? "y3" : "y2",
           range: [speeds[0], speeds.at(-1)],
         }),
-        yaxis: axis(this.texts.ramp_pressure, { domain: rows[0], rangemode: "tozero" }),
-        yaxis2: axis(this.texts.ramp_flow, { domain: rows[1], rangemode: "tozero" }),
+        yaxis: this.upright(this.texts.ramp_pressure, { domain: rows[0], rangemode: "tozero" }),
+        yaxis2: this.upright(this.texts.ramp_flow, { domain: rows[1], rangemode: "tozero" }),
       };
-      if (rows.length === 3) layout.yaxis3 = axis(this.texts.ramp_pressure, { domain: rows[2], range });
+      if (rows.length === 3)
+        layout.yaxis3 = this.upright(this.texts.ramp_pressure, { domain: rows[2], range });
       return layout;
     },
   },

@@ -18,7 +18,8 @@ const LINES = ["access", "return"];
 export default {
   template: `
   <div class="ecl-schemes">
-    <p v-if="empty" class="ecl-empty">{{ texts.schemes_none }}</p>
+    <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
+    <p v-else-if="empty" class="ecl-empty">{{ texts.schemes_none }}</p>
     <template v-else>
       <p v-for="line in later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
       <p class="head">{{ heading }}<br />
@@ -42,7 +43,7 @@ export default {
           <span v-if="c.converged && c.possible" class="values">
             <span v-for="line in ['access', 'return']" :key="line" :class="[line, c[line].level]">{{
               texts['scheme_' + line] }} <b>{{ value(c[line]) }}</b> mmHg</span>
-            <span>MAP <b>{{ fixed(c.MAP, 0) }}</b> mmHg</span>
+            <span :class="c.MAP.level">MAP <b>{{ value(c.MAP) }}</b> mmHg</span>
           </span>
           <span v-else class="values"><span class="alarm">{{
             c.converged ? texts.impossible_column : texts.not_converged }}</span></span>
@@ -53,8 +54,9 @@ export default {
   mixins: [
     drawing(["schemes_pinned"], {
       schemes(schemes) {
-        this.schemes = schemes;
-        this.empty = !schemes;
+        this.failed = schemes?.failed ?? "";
+        this.schemes = this.failed ? null : schemes;
+        this.empty = !this.schemes;
         this.drawn = schemes?.of;
         this.show();
       },
@@ -70,6 +72,7 @@ export default {
   data: () => ({
     cells: [],
     empty: false,
+    failed: "",
     heading: "",
     device: "",
     values: {},
@@ -84,7 +87,6 @@ export default {
     },
   },
   methods: {
-    fixed,
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,
     about(cell) {
       return fill(this.texts.scheme_use, { letter: cell.letter, name: cell.name });
@@ -96,7 +98,7 @@ export default {
       const { schemes } = this;
       if (!schemes) return;
       const kept = bus.last("schemes_pinned");
-      const shadow = kept && kept.of === this.pinned?.of ? kept : undefined;
+      const shadow = kept?.cells && kept.of === this.pinned?.of ? kept : undefined;
       this.device = schemes.device;
       this.heading = fill(this.texts.schemes_flow, { flow: fixed(schemes.flow, 0) });
       const waves = schemes.cells.flatMap((cell) => LINES.flatMap((line) => cell[line].wave));

@@ -197,10 +197,12 @@ export default {
     beatByBeat() {
       return this.length < 60;
     },
+    // The minute of the numbers on the page, which follow the cursor.
     shown() {
-      const words = this.recording && this.minute ? "timeline_at_recorded" : "timeline_at";
-      const at = fill(this.texts[words], { time: this.time(this.minute) });
-      return this.course?.message && this.minute >= this.end ? `${at} ${this.texts.timeline_ended}` : at;
+      const { minute = 0 } = this.shownBeat ?? {};
+      const words = this.recording && minute ? "timeline_at_recorded" : "timeline_at";
+      const at = fill(this.texts[words], { time: this.time(minute) });
+      return this.course?.message && minute >= this.end ? `${at} ${this.texts.timeline_ended}` : at;
     },
     addLabel() {
       return fill(this.texts.timeline_add, { time: this.time(this.minute) });

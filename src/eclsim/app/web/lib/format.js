@@ -70,12 +70,23 @@ export const signed = (value, digits) => (value >= 0 ? "+" : "") + fixed(value, 
 export const gravest = (levels, outputs) =>
   GRAVEST.find((kind) => outputs.some((name) => levels[name] === kind)) ?? "ok";
 
+// A number with all its digits, as a limit or a setting is given: 7.65 is neither 8 nor 7.7.
+export const exact = (value) => (isMissing(value) ? MISSING : String(value).replaceAll("-", MINUS));
+
+// Settings of a knob side by side: four digits as beside it, all where these do not tell them apart.
+export function settingsText(values) {
+  const written = (digits) =>
+    values.map((v) => (typeof v === "number" ? exact(Number(v.toPrecision(digits))) : (v ?? MISSING)));
+  const count = (some) => new Set(some).size;
+  return count(written(4)) === count(values) ? written(4) : written(15);
+}
+
 // "! < 65, > 107" and below it "▲ < 55, > 133": what lies beyond a bound has the sign.
 export function limitLines(limits) {
   const bounds = (kind) =>
     limits
       .filter((limit) => limit.kind === kind)
-      .map((limit) => `${limit.side === "below" ? "<" : ">"} ${fixed(limit.value, 0)}`);
+      .map((limit) => `${limit.side === "below" ? "<" : ">"} ${exact(limit.value)}`);
   const kinds = GRAVEST.toReversed().filter((kind) => bounds(kind).length);
   return kinds.map((kind) => SIGNS[kind] + bounds(kind).join(", ")).join("\n");
 }
