@@ -7,23 +7,29 @@ nothing but one number per measure and direction is kept.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from eclsim.beat.compilation import Key
+from eclsim.beat.recording import MEAN, has_mean
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
+from eclsim.devices.registry import registered
 from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
 from eclsim.outputs.measures import Measures, Points, jacobian, whole_beat
-from eclsim.outputs.registry import output
-from eclsim.outputs.signals import needed_signals
+from eclsim.outputs.registry import all_outputs, contract, output
+from eclsim.outputs.signals import needed_signals, output_names
 from eclsim.units import ML_S_PER_L_MIN
 
+WATCHED = ("CVP", "venous_pressure")
+"""Outputs that limits and searches ask for besides those that every result leads with."""
 Sum = tuple[str, int]
 """A weighted sum that a measure depends on: its signal and its number."""
 
@@ -216,11 +222,65 @@ def linearise(
     keys = sorted(measures.sums)
     weights = np.array([measures.sums[key] for key in keys]).reshape(len(keys), -1)
     weights[:, -1] += weights[:, 0]
-    summed = tuple(name for name, _ in keys)
-    orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, weights[:, 1:].T)
+    summed, places = _rounded_up(tuple(name for name, _ in keys), program.assembly.circuit)
+    wide = np.zeros((program.grid.n_steps, len(summed)))
+    wide[:, places] = weights[:, 1:].T
+    orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, wide)
+    orbit = replace(orbit, sums=orbit.sums[places], sums_of_states=orbit.sums_of_states[places])
     table = measures.slopes(result, [*keys, *parameters])
     slopes, direct = np.ascontiguousarray(table[:, : len(keys)]), table[:, len(keys) :]
     at = np.array([number.value for number in result])
     return Linearisation(
         at, slopes @ orbit.sums + direct, orbit, at + slopes @ (orbit.sums_of_states @ orbit.step)
     )
+
+
+def _rounded_up(sums: tuple[str, ...], circuit: Circuit) -> tuple[tuple[str, ...], list[int]]:
+    """Signals of the smallest usual list of sums that holds some sums, and where these stand in it.
+
+    A beat with tangents is compiled for each list of sums (6 s). With few lists, what one question about a
+    circuit compiles serves the next; 60 sums that nobody asked for make such a beat a sixth slower.
+    """
+    wanted = Counter(sums)
+    lists = (usual for usual in usual_sums(circuit) if Counter(usual) >= wanted)
+    signals, taken, places = next(lists, sums), Counter[str](), []
+    for name in sums:
+        places.append(signals.index(name) + taken[name])
+        taken[name] += 1
+    return signals, places
+
+
+def usual_sums(circuit: Circuit) -> tuple[tuple[str, ...], ...]:
+    """Signals of the weighted sums that usual questions about a circuit need, sorted, shortest list first.
+
+    Outputs that every result leads with, those of devices and `WATCHED`; with these the flows that carry
+    gases; all outputs and these flows.
+    """
+    return _usual_sums(circuit, registered())
+
+
+@lru_cache(maxsize=64)
+def _usual_sums(circuit: Circuit, among: tuple[object, ...]) -> tuple[tuple[str, ...], ...]:
+    plain = [name for name in output_names(circuit) if _reads_waveforms_alone(name)]
+    others = {*all_outputs(())} - {*(entry.name for entry in contract(())), *WATCHED}
+    first = _sums_of([name for name in plain if name not in others], circuit)
+    flows = ["Q" + connection.name for connection in circuit.connections]
+    carried = [flow + MEAN if has_mean(circuit, flow) else flow for flow in flows]
+    lists = first, [*first, *carried, *carried], [*_sums_of(plain, circuit), *carried, *carried]
+    return tuple(tuple(sorted(one)) for one in lists)
+
+
+def _reads_waveforms_alone(name: str) -> bool:
+    entry = output(name)
+    return not (entry.parameters or entry.all_flows or entry.in_effect)
+
+
+def _sums_of(outputs: Sequence[str], circuit: Circuit) -> list[str]:
+    """Signals of the weighted sums that outputs are made of, found on made-up waveforms."""
+    phases = np.linspace(0.0, 1.0, 6)
+    signals = needed_signals(circuit, outputs)
+    waveforms = {name: 2.0 + k + np.sin(7.0 * phases + k) for k, name in enumerate(signals)}
+    measures = LinearMeasures(waveforms, phases, circuit)
+    for name in outputs:
+        output(name).compute(measures)
+    return [signal for signal, _ in measures.sums]

@@ -1,0 +1,74 @@
+"""Derivatives of outputs: few programs serve all questions about a circuit, and give the same numbers."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases.reading import read_mapping
+from eclsim.orbit import derivatives as orbit_derivatives
+from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs import derivatives
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import steady_beat
+
+ECMO = {
+    "pump": "Rotaflow", "speed_rpm": 2600, "oxygenator": "Quadrox-i Adult", "mode": "VV", "drainage_fr": 25,
+    "return_fr": 21,
+}  # fmt: skip
+GIVEN = {
+    "format": 1,
+    "patient": {
+        "id": "P",
+        "sex": "male",
+        "age_years": 50,
+        "heart_rate_bpm": 80,
+        "height_cm": 178,
+        "weight_kg": 80,
+    },
+    "ecmo": ECMO,
+}  # fmt: skip
+WITH_GAS = {**GIVEN, "ecmo": {**ECMO, "sweep_l_min": 3.0}, "gas": {"haemoglobin_g_dl": 10.0}}
+NAMES = ("Rmc", "Emaxlv", "ecmo.speed_rpm")
+
+
+def beat_of(given):
+    model = model_of(read_mapping(given).case)
+    return steady_beat(Batch.of(model), output_names(model.circuit))
+
+
+@pytest.mark.parametrize(
+    ("given", "questions", "programs"),
+    [
+        (GIVEN, [("MAP",), ("CO", "PCWP", "SP", "DP"), ("PF", "CVP", "EDVLV", "drainage_pressure")], 1),
+        (WITH_GAS, [("MAP", "SaO2", "PF"), ("SpreO2", "CO", "MPAP"), ("PaCO2",)], 1),
+        (GIVEN, [("MAP",), ("stroke_work_lv",)], 2),
+    ],
+)
+def test_usual_questions_share_a_program(given, questions, programs):
+    beat = beat_of(given)
+    orbit_derivatives._tangents.cache_clear()
+    for outputs in questions:
+        beat.linearise(outputs, NAMES)
+    assert orbit_derivatives._tangents.cache_info().misses == programs
+
+
+@pytest.mark.parametrize("given", [GIVEN, WITH_GAS])
+def test_sums_that_nobody_asked_for_change_no_derivative(given, monkeypatch):
+    beat = beat_of(given)
+    outputs = ("MAP", "SP", "CO", "PF", "EDVLV", *(("SaO2", "PaCO2") if "gas" in given else ()))
+    padded = beat.linearise(outputs, NAMES)
+    monkeypatch.setattr(derivatives, "usual_sums", lambda circuit: ())
+    alone = beat.linearise(outputs, NAMES)
+    assert len(alone.orbit.sums) == len(padded.orbit.sums)
+    for name in ("values", "slopes", "values_on_orbit"):
+        np.testing.assert_allclose(getattr(padded, name), getattr(alone, name), rtol=1e-10, atol=1e-12)
+
+
+def test_a_signal_that_several_sums_share_stands_in_as_many_places():
+    circuit = model_of(read_mapping(GIVEN).case).circuit
+    signals, places = derivatives._rounded_up(("Pao", "Pao", "Qpas"), circuit)
+    assert signals == derivatives.usual_sums(circuit)[0]
+    assert [signals[k] for k in places] == ["Pao", "Pao", "Qpas"]
+    assert len(set(places)) == 3
+    unusual = ("Pao",) * 9
+    assert derivatives._rounded_up(unusual, circuit) == (unusual, list(range(9)))
