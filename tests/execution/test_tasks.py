@@ -221,6 +221,7 @@ class Slow:
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
     pytest.importorskip("dask.distributed")
+    import dask
     from dask.distributed import LocalCluster
 
     results = {}
@@ -234,6 +235,7 @@ def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
     with workers as cluster, ThreadPoolExecutor(2) as pool:
         list(pool.map(run, (1, 100)))
     assert results == {1: [0, 1, 2, 3, 4], 100: [0, 100, 200, 300, 400]}
+    assert dask.config.get("scheduler", None) is None, "what else runs in this process would be sent there"
 
 
 def test_progress_counts_and_shows_what_a_task_says():

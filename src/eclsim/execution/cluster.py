@@ -96,7 +96,7 @@ def _run(
             for number in numbers
         ]  # fmt: skip
         try:
-            for _, result in as_completed(futures, with_results=True):  # pyright: ignore[reportGeneralTypeIssues] - Dask's own types
+            for _, result in as_completed(futures, loop=client.loop, with_results=True):  # pyright: ignore[reportGeneralTypeIssues] - Dask's own types
                 yield result
         except KilledWorker as error:
             raise ExecutionError(f"{tasks.title}: a worker died, for want of memory? {error}") from None
@@ -108,7 +108,8 @@ def _client(cluster: str | LocalCluster) -> Client:
     from dask.distributed import Client
 
     try:
-        return Client(cluster)
+        # Not everybody's: what else runs in this process would go to a client that is closed by then.
+        return Client(cluster, set_as_default=False)
     except (OSError, ValueError) as error:
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         allowed = "allowed: local, tcp://HOST:PORT"

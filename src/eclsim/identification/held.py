@@ -49,7 +49,7 @@ ASKED = 0.01
 class Reach(NamedTuple):
     """Values of an output or parameter at which the measurements are met.
 
-    Args:
+    Attributes:
         low: smallest, in its unit.
         high: largest.
         or_less: nothing smaller was tried.
