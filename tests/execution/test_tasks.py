@@ -221,7 +221,6 @@ class Slow:
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
     pytest.importorskip("dask.distributed")
-    import dask
     from dask.distributed import LocalCluster
 
     results = {}
@@ -235,7 +234,22 @@ def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
     with workers as cluster, ThreadPoolExecutor(2) as pool:
         list(pool.map(run, (1, 100)))
     assert results == {1: [0, 1, 2, 3, 4], 100: [0, 100, 200, 300, 400]}
-    assert dask.config.get("scheduler", None) is None, "what else runs in this process would be sent there"
+
+
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
+def test_what_else_runs_in_a_process_is_not_sent_to_the_scheduler_of_an_analysis():
+    """Where two were at work and the first ended first, no NetCDF file could be written any more."""
+    pytest.importorskip("dask.distributed")
+    import dask
+    from dask.distributed import LocalCluster
+
+    workers = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    with workers as cluster:
+        analyses = [_client(cluster.scheduler_address) for _ in range(2)]
+        assert dask.config.get("scheduler", None) is None
+        for client in analyses:
+            client.close()
+        assert dask.config.get("scheduler", None) is None
 
 
 def test_progress_counts_and_shows_what_a_task_says():
