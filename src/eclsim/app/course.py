@@ -99,6 +99,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     result = course.followed.result
     alarms = json.loads(result.attrs["alarms"])
     impossible = _within(result["time_min"].to_numpy(), [one for one in alarms if one["kind"] == "collapse"])
+    broken = [one | {"sentence": with_minus(one["sentence"])} for one in alarms if one["kind"] != CAUTION]
     rows = [
         lane._asdict() | {"values": finite(np.where(lane.usual & impossible, np.nan, lane.values), digits=5)}
         for lane in lanes_of(course.state.case, result)
@@ -106,13 +107,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     return {
         "of": key_of(course.state), "minutes": minutes, "time": course.times,
         "rows": rows, "message": str(result.attrs["message"]),
-        "alarms": finite(
-            [
-                one | {"sentence": with_minus(one["sentence"])}
-                for one in alarms
-                if one["kind"] != CAUTION
-            ][:MOST_ALARMS]
-        ),
+        "alarms": finite(broken[:MOST_ALARMS]),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
         "approximations": [str(s) for kind in ("approximations", "cautions") for s in result.attrs[kind]],
         "seconds": round(float(result.attrs["seconds"]), 2),

@@ -17,15 +17,14 @@ from eclsim.app.display import curves_of, plain_curves, sweep_of, waves_of
 from eclsim.app.state import key_of
 from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.files import finite
 from eclsim.identification.density import SETTLED
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import impossible, watched_signals
+from eclsim.outputs.alarms import impossible
 from eclsim.outputs.limits import limits_of
-from eclsim.outputs.signals import output_names
+from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import steady_beat
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def _judging(circuit: Circuit) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Outputs and waveforms that say whether a patient can have a beat."""
     known = output_names(circuit)
     judged = (n for n in known if any(limit.kind == "collapse" for limit in limits_of(n, known)))
-    return tuple(judged), watched_signals(all_signals(assemble(circuit)))
+    return tuple(judged), watched_waveforms(circuit)
 
 
 def schemes(state: PageState) -> dict[str, Any] | None:

@@ -32,12 +32,12 @@ from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import Finding, findings, watched_signals
+from eclsim.outputs.alarms import Finding, findings
 from eclsim.outputs.gas import artery_of
 from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
-from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
+from eclsim.outputs.signals import needed_parameters, needed_signals, output_names, watched_waveforms
 from eclsim.outputs.steady_beat import judging_outputs, statistics_of, steady_beat
 from eclsim.parameters.regulation import UNSTRESSED, local_resistance
 from eclsim.simulation.target_flow import with_speed
@@ -278,7 +278,7 @@ class BeatMarch:
         flows = tuple("Q" + c.name for c in self.circuit.connections) if exchanging else ()
         self.judged = tuple(dict.fromkeys((*self.names, *judging_outputs(self.circuit))))
         self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.judged, *self.reads))), flows)
-        self.watched = watched_signals(all_signals(self.assembly))
+        self.watched = watched_waveforms(self.circuit)
         self.stopped = ""
         self.in_time = GasesInTime(self.circuit, self.signals, start) if exchanging else None
 

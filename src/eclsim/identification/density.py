@@ -212,8 +212,9 @@ def members_of(
         waveforms: whose smallest and largest values are wanted.
     """
     batch = Batch(model.circuit, values, count, policy)
-    how = {"options": SETTLED, "start": start, "execution": execution_of(count)}
-    beat = steady_beat(batch, outputs, waveforms=waveforms, **how)
+    beat = steady_beat(
+        batch, outputs, waveforms=waveforms, options=SETTLED, start=start, execution=execution_of(count)
+    )
     return beat.determined_only()
 
 

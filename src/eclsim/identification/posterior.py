@@ -11,7 +11,6 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.cases.quantities import stated, with_values
-from eclsim.circuit.assembly import assemble
 from eclsim.devices.description import GASES as VO2
 from eclsim.files import finite
 from eclsim.identification.density import (
@@ -31,8 +30,8 @@ from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_o
 from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
 from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
-from eclsim.outputs.alarms import NO_PATIENT, watched_signals
-from eclsim.outputs.signals import all_signals, output_names
+from eclsim.outputs.alarms import NO_PATIENT
+from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
 from eclsim.parameters.adult_ranges import adult_ranges
 
@@ -471,7 +470,7 @@ def predict(
     known = output_names(model.circuit)
     read = (*outputs, *(n for n in EXTRACTED if n in known and n not in outputs))
     drawn = {**model.values, **parameters}
-    watched = watched_signals(all_signals(assemble(model.circuit)))
+    watched = watched_waveforms(model.circuit)
     beat = members_of(model, drawn, count, read, policy, {**model.values, **medians}, watched)
     impossible = beat.collapsed
     values = np.where(impossible, np.nan, beat.values).T[:, : len(outputs)]

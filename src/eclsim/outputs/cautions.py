@@ -149,6 +149,7 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
         text += "the organs' answer to it was published for small changes, and is not held against people"
         text += _INSTEAD
     elif measured > 0.0:
+        others = ()
         text += (
             "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), where it was "
             "unchanged in the patients whose resistance this is (Thorens 1996) and rises in healthy people "
@@ -156,8 +157,8 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
         )
         if pressure > rest + STUDIED_MMHG:
             text += "; the answer was measured up to 19 mmHg above, and is extrapolated"
-            return [_about("MAP", outputs.get("MAP", math.nan), text, "MAP", "CO", "MPAP", "heart_rate")]
-        return [_about("MAP", outputs.get("MAP", math.nan), text, "MAP")]
+            others = ("CO", "MPAP", "heart_rate")
+        return [_about("MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
     else:
         return []
     return [_about("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]

@@ -222,7 +222,9 @@ def linearise(
     keys = sorted(measures.sums)
     weights = np.array([measures.sums[key] for key in keys]).reshape(len(keys), -1)
     weights[:, -1] += weights[:, 0]
-    summed, places = _rounded_up(tuple(name for name, _ in keys), program.assembly.circuit)
+    usual = usual_sums(program.assembly.circuit)
+    summed, found = _rounded_up(tuple(name for name, _ in keys), usual)
+    places = list(found)
     wide = np.zeros((program.grid.n_steps, len(summed)))
     wide[:, places] = weights[:, 1:].T
     orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, wide)
@@ -235,19 +237,22 @@ def linearise(
     )
 
 
-def _rounded_up(sums: tuple[str, ...], circuit: Circuit) -> tuple[tuple[str, ...], list[int]]:
+@lru_cache(maxsize=256)
+def _rounded_up(
+    sums: tuple[str, ...], usual: tuple[tuple[str, ...], ...]
+) -> tuple[tuple[str, ...], tuple[int, ...]]:
     """Signals of the smallest usual list of sums that holds some sums, and where these stand in it.
 
     A beat with tangents is compiled for each list of sums (6 s). With few lists, what one question about a
     circuit compiles serves the next; 60 sums that nobody asked for make such a beat a sixth slower.
     """
     wanted = Counter(sums)
-    lists = (usual for usual in usual_sums(circuit) if Counter(usual) >= wanted)
-    signals, taken, places = next(lists, sums), Counter[str](), []
+    signals = next((one for one in usual if Counter(one) >= wanted), sums)
+    taken, places = Counter[str](), []
     for name in sums:
         places.append(signals.index(name) + taken[name])
         taken[name] += 1
-    return signals, places
+    return signals, tuple(places)
 
 
 def usual_sums(circuit: Circuit) -> tuple[tuple[str, ...], ...]:

@@ -301,7 +301,7 @@ def _usual(registered: tuple[object, ...]) -> Mapping[str, Output]:
     Raises:
         DeviceError: a device of one's own has an output of the name of one of the patient's.
     """
-    patients = {entry.name for entry in (*_PRESSURES_AND_FLOWS, *_PULMONARY_PRESSURES_AND_VOLUMES, *_MORE)}
+    patients = all_outputs(())
     for key, device in devices().items():
         if taken := [entry.name for entry in device.outputs if entry.name in patients]:
             message = "the name of an output of the patient; give it one of its own"

@@ -21,10 +21,10 @@ from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
-from eclsim.outputs.alarms import findings, impossible, sentences, watched_signals
+from eclsim.outputs.alarms import findings, impossible, sentences
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import contract, output
-from eclsim.outputs.signals import signal_labels, unstressed_volume
+from eclsim.outputs.signals import signal_labels, unstressed_volume, watched_waveforms
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 STEPS_AT_RESOLUTION_1 = 400
@@ -113,7 +113,7 @@ def simulate_many(
     values = {**model.values, **{k: np.asarray(v, dtype=float) for k, v in changes.items()}}
     batch = Batch(model.circuit, values, count, volume_policy or model.policy)
     start = model.values if nominal_values(model.circuit) is None else None
-    watched = watched_signals(all_signals(assemble(model.circuit)))
+    watched = watched_waveforms(model.circuit)
     beat = steady_beat(batch, outputs, waveforms=watched, options=options, start=start, execution=execution)
     said = [beat.findings(k) for k in range(count)]
     data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
@@ -148,7 +148,7 @@ def beat_warnings(
         shown: outputs of the analysis; how others are to be read is left out. None for all.
     """
     model = as_model(case)
-    watched = watched_signals(all_signals(assemble(model.circuit)))
+    watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
     if not beat.converged[0]:
         return (beat.message(),)
@@ -182,7 +182,7 @@ def derivatives(
     """
     model = as_model(case)
     model.with_values(dict.fromkeys(parameters, 0.0))
-    watched = watched_signals(all_signals(assemble(model.circuit)))
+    watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()
     try:

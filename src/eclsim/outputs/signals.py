@@ -15,6 +15,7 @@ from eclsim.components.base import Number, Values
 from eclsim.components.exchangers import GasExchanger
 from eclsim.devices.description import GASES
 from eclsim.devices.registry import registered
+from eclsim.outputs.alarms import watched_signals
 from eclsim.outputs.registry import available, output
 
 WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
@@ -82,6 +83,11 @@ def _needed_parameters(
 
         names += parameters_of(steady_controls(circuit))
     return tuple(dict.fromkeys(names))
+
+
+def watched_waveforms(circuit: Circuit) -> tuple[str, ...]:
+    """Waveforms of a circuit whose extremes say whether a beat is one that a patient can have."""
+    return watched_signals(all_signals(assemble(circuit)))
 
 
 def parameters_read(circuit: Circuit) -> tuple[str, ...]:

@@ -111,16 +111,14 @@ class SteadyBeatEvaluator:
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
         """Run some points."""
-        from eclsim.circuit.assembly import assemble
         from eclsim.orbit.execution import Execution
         from eclsim.orbit.steady import Batch
-        from eclsim.outputs.alarms import watched_signals
-        from eclsim.outputs.signals import all_signals
+        from eclsim.outputs.signals import watched_waveforms
         from eclsim.outputs.steady_beat import steady_beat
 
         batch = Batch(self.circuit, {**self.base, **settings}, count, self.policy)
         beat = steady_beat(
-            batch, self.outputs, waveforms=watched_signals(all_signals(assemble(self.circuit))),
+            batch, self.outputs, waveforms=watched_waveforms(self.circuit),
             start=self.base, resolution=self.resolution, execution=Execution(threads=1),
         ).determined_only()  # fmt: skip
         status = np.where(beat.without_gases, WITHOUT_GASES + beat.gas_status, beat.status)
