@@ -46,6 +46,18 @@ def test_collapsed_chambers_are_named_in_sight_and_not_under_a_green_light(
     picture(page, shots, f"impossible_{viewport['width']}")
 
 
+def test_before_there_are_numbers_nothing_is_said_of_their_limits(contexts, served):
+    """A green "break no limit" stood on the page until the first beat came, or for good where none did."""
+    page = contexts(viewport=LAPTOP).new_page()
+    page.route_web_socket("**", lambda silent: None)
+    page.route("**/_nicegui_ws/**", lambda route: route.abort())
+    page.goto(link(served, "paper", {}))
+    expect(page.locator(".ecl-limits")).to_be_attached()
+    expect(page.locator(".ecl-limits")).not_to_contain_text(text("no_alarms"))
+    assert not page.evaluate("window.eclsim?.bus.last('beat')")
+    page.close()
+
+
 def test_flow_backwards_through_the_pump_is_an_alarm_everywhere(open_page, served, shots):
     page = open_page(url=link(served, "paper", {"ecmo.speed_rpm": 0}))
     assert beat(page)["outputs"]["PF"] < 0

@@ -7,7 +7,7 @@ export default {
     tabindex="0" @scroll.passive="measure">
     <div role="status">
       <p v-if="!possible" class="verdict"><b>✕ {{ texts.impossible_long }}</b></p>
-      <p v-if="!broken.length" class="quiet">✓ {{ texts.no_alarms }}</p>
+      <p v-if="judged && !broken.length" class="quiet">✓ {{ texts.no_alarms }}</p>
       <p v-for="[kind, text] in broken" :key="text" :class="kind"><b>{{ signs[kind] }}</b>{{ text }}</p>
     </div>
     <details v-if="cautions.length"><summary>† {{ heading }}</summary>
@@ -22,6 +22,7 @@ export default {
         this.labels = Object.fromEntries(display.figures.map((figure) => [figure.output, figure.label]));
       },
       beat(beat) {
+        this.judged = true;
         this.possible = beat.possible;
         this.broken = beat.notes.filter(([kind]) => kind !== "caution");
         this.cautions = beat.notes.filter(([kind]) => kind === "caution").map(([, text]) => text);
@@ -32,6 +33,7 @@ export default {
   ],
   data: () => ({
     signs: SIGNS,
+    judged: false, // until there is a beat
     possible: true,
     broken: [],
     cautions: [],
