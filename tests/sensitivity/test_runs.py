@@ -8,13 +8,15 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from eclsim.cases.reading import read_mapping
 from eclsim.execution import Distribution, ExecutionError, Executor, Shard, ShardDone
 from eclsim.execution import folder as folder_module
 from eclsim.files import whole_file
 from eclsim.sensitivity import runs as runs_module
-from eclsim.sensitivity.analysis import Analysis, merge_shards, run_analysis
+from eclsim.sensitivity.analysis import Analysis, SobolSettings, merge_shards, run_analysis, sensitivity
 from eclsim.sensitivity.design import Design
-from eclsim.sensitivity.inputs import Continuous
+from eclsim.sensitivity.failures import failed_region
+from eclsim.sensitivity.inputs import Categorical, Continuous
 from eclsim.sensitivity.results import SensitivityResult, conclude
 from eclsim.sensitivity.runs import DESIGN, SAMPLES, Runs, SteadyBeatEvaluator
 from eclsim.simulation.single import simulate_many
@@ -215,6 +217,73 @@ def test_failed_runs_take_their_rows_along_and_are_named(plan):
     without = Runs.of(rows.reshape(-1, 2))
     again = conclude(design, plan.evaluator.outputs, without).indices
     assert np.array_equal(indices.estimates.ST, again.estimates.ST)
+
+
+def with_failures(plan: Analysis, failed) -> SensitivityResult:
+    """An analysis whose runs failed where a function of the inputs, shape (runs,) each, says so."""
+    design = plan.design
+    unit = design.unit()
+    lost = failed(*(i.table_column(unit[:, k]) for k, i in enumerate(design.inputs)))
+    runs = Runs.joined([plan.block(b) for b in range(design.blocks)])
+    return conclude(design, plan.evaluator.outputs, replace(runs, status=np.where(lost, 2, 0)))
+
+
+def test_it_is_said_where_among_the_inputs_runs_failed(plan):
+    """A corner of two of three inputs, -pi to pi: 3 % of the runs."""
+    indices = with_failures(plan, lambda x1, x2, x3: (x1 > 2.0) & (x3 < -2.0)).indices
+    region = indices.where_failed
+    assert region is not None
+    first, second = sorted(region.conditions, key=lambda condition: condition.name)
+    assert (first.name, first.relation, second.name, second.relation) == ("x1", ">", "x3", "<")
+    assert first.limit == pytest.approx(2.0, abs=0.01)
+    assert second.limit == pytest.approx(-2.0, abs=0.01)
+    assert region.failed == region.of_failed == len(indices.failed)
+    assert region.share == pytest.approx(1.0, abs=0.02)
+    assert region.share_elsewhere == 0.0
+    assert any(f"runs fail mostly where {region.conditions[0]} and" in doubt for doubt in indices.doubts)
+    assert indices.as_object()["where_failed"]["conditions"][0]["name"] in ("x1", "x3")
+
+
+def test_runs_that_fail_anywhere_are_not_put_down_to_an_input(plan):
+    chance = np.random.default_rng(3)
+    indices = with_failures(plan, lambda x1, x2, x3: chance.random(len(x1)) < 0.01).indices
+    assert len(indices.failed) > 100
+    assert indices.where_failed is None
+    assert "no input sets the failed runs apart from the others" in indices.doubts
+
+
+def test_it_is_said_which_choice_failed():
+    inputs = (Continuous("a", 0.0, 1.0), Categorical("scheme", ("p", "q", "r"), (("s", (0.0, 1.0, 2.0)),)))
+    design = Design(inputs, 256)
+    unit = design.unit()
+    a, scheme = (i.table_column(unit[:, k]) for k, i in enumerate(inputs))
+    region = failed_region(design, (scheme == "q") & (a > 0.6))
+    assert region is not None
+    assert {str(condition)[:8] for condition in region.conditions} == {"scheme =", "a > 0.60"}
+
+
+@pytest.mark.slow
+def test_hearts_that_a_fast_pump_shuts_are_where_runs_of_a_patient_fail():
+    case = read_mapping(
+        {
+            "format": 1,
+            "patient": {"id": "P", "sex": "male", "age_years": 50, "heart_rate_bpm": 95},
+            "ecmo": {
+                "pump": "Rotaflow", "speed_rpm": 3600, "oxygenator": "Quadrox-i Adult", "mode": "VA",
+                "drainage_fr": 25, "return_fr": 17,
+            },
+            "parameters": {"Emaxlv": 0.5},
+        }
+    ).case  # fmt: skip
+    settings = SobolSettings(
+        samples=64, perturbation_percent=35.0, parameters=("Emaxlv", "Csart", "Edla"),
+        include=("ecmo.speed_rpm",), second_order=False, outputs=("MAP",),
+    )  # fmt: skip
+    result = sensitivity(case, settings=settings)
+    region = result.indices.where_failed
+    assert region is not None
+    assert str(region.conditions[0]).startswith(("Emaxlv <", "ecmo.speed_rpm >"))
+    assert region.share > 4.0 * region.share_elsewhere
 
 
 def test_when_every_row_has_failed_it_says_so(plan):

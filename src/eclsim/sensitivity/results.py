@@ -19,6 +19,7 @@ from eclsim.files import csv_text, write_json, write_text
 from eclsim.outputs.alarms import NO_PATIENT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
+from eclsim.sensitivity.failures import FailedRegion, failed_region
 from eclsim.sensitivity.runs import Runs, status_word
 
 if TYPE_CHECKING:
@@ -73,6 +74,7 @@ class Indices:
         constant: outputs that vary by no more than rounding, whose indices are zero.
         impossible: runs in these rows with a beat that no patient can have, a chamber without blood or a vein
             sucked shut.
+        where_failed: inputs at which most of the failed runs are; None where none sets them apart.
     """
 
     factors: tuple[str, ...]
@@ -86,6 +88,7 @@ class Indices:
     warnings: tuple[str, ...] = ()
     constant: tuple[str, ...] = ()
     impossible: int = 0
+    where_failed: FailedRegion | None = None
 
     @property
     def ranked(self) -> bool:
@@ -182,6 +185,7 @@ class Indices:
             "samples": self.samples,
             "evaluations": self.evaluations,
             "failed": len(self.failed),
+            "where_failed": None if self.where_failed is None else self.where_failed.as_object(),
             "rows_used": self.rows_used,
             "impossible": self.impossible,
             "seconds": round(self.seconds, 3),
@@ -247,9 +251,11 @@ def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sensitivit
     if good.sum() < 2:
         counts = Counter(status_word(int(status)) for status in runs.status[runs.status != 0])
         reasons = ", ".join(f"{word} {count}" for word, count in counts.most_common())
+        region = failed_region(design, runs.status != 0)
+        where = "" if region is None else f"; {region}"
         raise ValueError(
             f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from "
-            f"(failed runs by status: {reasons}); eclsim simulate says what it means of one patient"
+            f"(failed runs by status: {reasons}){where}; eclsim simulate says what it means of one patient"
         )
     estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SIZE)
     moves = varies(values[good], SIZE)
@@ -261,6 +267,7 @@ def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sensitivit
     indices = Indices(
         design.factors, outputs, estimates, len(values), evaluations, failed, used, constant=constant,
         impossible=int(runs.impossible.reshape(len(good), -1)[good].sum()),
+        where_failed=failed_region(design, runs.status != 0) if failed else None,
     )  # fmt: skip
     return SensitivityResult(design, indices, runs)
 
@@ -405,6 +412,7 @@ def _doubts(indices: Indices) -> Iterator[str]:
         kinds = ", ".join(sorted({f.status for f in indices.failed}))
         failed = f"{len(indices.failed)} of {indices.evaluations} runs failed ({kinds})"
         yield f"{failed}; {indices.samples - indices.rows_used} rows are left out"
+        yield str(indices.where_failed or "no input sets the failed runs apart from the others")
     if indices.impossible:
         share = 100.0 * indices.impossible / (indices.rows_used * indices.evaluations / indices.samples)
         yield (
