@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from eclsim.crrt_study.schemes import SpeedError, parse_speeds, usual_speeds
+from eclsim.crrt_study.schemes import SpeedError, StudyError, parse_speeds, usual_speeds
+from eclsim.crrt_study.study import crrt_study
 from eclsim.paper.crrt import paper_case
 
 
@@ -43,3 +44,11 @@ def test_ranges_and_single_speeds_are_merged_in_order():
 def test_what_are_no_speeds_is_refused(text):
     with pytest.raises(SpeedError, match="allowed"):
         parse_speeds(text)
+
+
+def test_a_speed_far_above_the_pump_s_is_refused():
+    """It was simulated, and its pressures shown."""
+    with pytest.raises(
+        StudyError, match="90000 rpm: far above what a Rotaflow runs at; allowed: 1000"
+    ):
+        crrt_study(paper_case(), schemes="g", speeds=[3000, 90000])

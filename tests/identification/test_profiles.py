@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eclsim.identification.least_squares import EXACT, Termination, polish, refine
-from eclsim.identification.objective import Box
+from eclsim.identification.objective import RISE_90, Box
 from eclsim.identification.profiles import (
     held_fits,
     held_values,
@@ -35,6 +35,23 @@ def test_a_profile_is_flat_where_another_parameter_makes_up():
     expected = 2.0 * (np.log(steep.values) - np.log(steep.optimum)[:, None]) ** 2
     near = np.abs(np.log(steep.values)) <= 1.4
     np.testing.assert_allclose(steep.costs[near], expected[near], atol=1e-3)
+
+
+def two_valleys(x: np.ndarray) -> np.ndarray:
+    """Best fits at (-0.5, -1) and (0.5, 1), alike; between them b has a ridge."""
+    return np.stack([(x[:, 0] - 0.5 * x[:, 1]) / 0.2, 10.0 * (x[:, 1] ** 2 - 1.0)], axis=1)
+
+
+def test_a_profile_from_one_valley_finds_the_other():
+    """From (-0.5, -1) alone, a was 0.2 x 1.645 about -0.5."""
+    curves = profiles(FunctionObjective(two_valleys), BOX, np.array([-0.5, -1.0]), steps=17)
+    a = curves.names.index("a")
+    expected = ((np.abs(np.log(curves.values[a])) - 0.5) / 0.2) ** 2
+    inside = expected <= RISE_90
+    np.testing.assert_allclose(curves.costs[a][inside], expected[inside], atol=0.05)
+    lower, upper = interval_90(curves.values[a], curves.costs[a], LOG)
+    assert np.log([lower, upper]) == pytest.approx([-0.83, 0.83], abs=0.02)
+    assert {-1.0, 1.0} <= {*np.sign(curves.within[:, a])}
 
 
 def test_what_is_held_stays():

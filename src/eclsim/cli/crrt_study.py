@@ -171,7 +171,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
 def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:
     """Where the JSON goes and the samples; says everything that is wrong before anything is computed."""
     from eclsim.crrt_study.files import file_names
-    from eclsim.crrt_study.schemes import case_speed, crrt_flow
+    from eclsim.crrt_study.schemes import case_speed, check_speeds, crrt_flow, parse_speeds
     from eclsim.identification.samples import read_samples
 
     samples: list[Mapping[str, Sequence[float]]] = []
@@ -183,6 +183,7 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
         {
             "--crrt-flow:": lambda: crrt_flow(case, o.crrt_flow),
             "": lambda: case_speed(case),
+            "--speeds": lambda: o.speeds is None or check_speeds(case, parse_speeds(o.speeds)),
             "--posterior": lambda: samples.append(read_samples(o.posterior)) if o.posterior else None,
         },
     )

@@ -15,6 +15,7 @@ from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.device import device_key
 from eclsim.devices.ecmo import POSITION_WORDS, PUMPS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
+from eclsim.devices.plausibility import SPEED_LIMIT
 from eclsim.patient.sites import PATIENT_SITES, RIGHT_HEART, VENOUS_SITES
 from eclsim.spelling import spelling_hint
 
@@ -242,6 +243,22 @@ def usual_speeds(case: Case) -> tuple[float, ...]:
     assert isinstance(case.ecmo.pump, str)
     low, high = PUMPS[case.ecmo.pump].speed_range_rpm
     return parse_speeds(f"{low:g}:{high:g}:{SPEED_STEP_RPM:g}")
+
+
+def check_speeds(case: Case, speeds: Sequence[float]) -> None:
+    """No speed may be one that a case file could not have.
+
+    Raises:
+        StudyError: Where one is far above what the case's pump runs at.
+    """
+    if case.ecmo is None or not isinstance(case.ecmo.pump, str):
+        return
+    low, high = PUMPS[case.ecmo.pump].speed_range_rpm
+    if max(speeds) > high * SPEED_LIMIT:
+        raise StudyError(
+            f"{max(speeds):g} rpm: far above what a {case.ecmo.pump} runs at; "
+            f"allowed: {low:g} to {high:g} rpm"
+        )
 
 
 def check_flow(flow: float) -> None:

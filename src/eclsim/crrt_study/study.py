@@ -20,6 +20,7 @@ from eclsim.crrt_study.schemes import (
     PUBLISHED,
     Scheme,
     case_speed,
+    check_speeds,
     crrt_flow,
     parse_speeds,
     policies_of,
@@ -149,7 +150,8 @@ def crrt_study(
             lengths or values out of range.
         FlowNotReachedError: If no speed gives the pump flow that the case names.
         RuleError: If the rule cannot be read, or asks for what is not computed.
-        StudyError: If the case has no ECMO circuit with a rotary pump, or the policy is none.
+        StudyError: If the case has no ECMO circuit with a rotary pump, a speed is far above what that runs
+            at, or the policy is none.
         SchemeError: If a scheme cannot be read.
         SpeedError: If a speed cannot be read, or is not above 0.
     """
@@ -170,8 +172,9 @@ def crrt_study(
     judged_by = read_rule(rule)
     own_speed = case_speed(case)
     asked = usual_speeds(case) if speeds is None else speeds
-    text = asked if isinstance(asked, str) else ",".join(str(float(speed)) for speed in asked)
+    text = asked if isinstance(asked, str) else ",".join(map(str, np.ravel(asked).tolist()))
     rpm = np.unique([*parse_speeds(text), own_speed]).astype(float)
+    check_speeds(case, rpm.tolist())
     flow = crrt_flow(case, crrt_flow_ml_min)
     circuits = study_circuits(without_renox(case), chosen, flow)
     check_quantities(judged_by, crrt_datasets.quantities(circuits))

@@ -12,7 +12,7 @@ from eclsim.inputs.sections import Raw
 from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
 
 # Beyond this share of the highest speed in use a pump curve says nothing any more.
-_SPEED_LIMIT = 1.25
+SPEED_LIMIT = 1.25
 
 
 def patient_site(description: str, *, required: bool = True) -> Field:
@@ -50,7 +50,7 @@ def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: 
         return
     low, high = pumps[name].speed_range_rpm
     span = f"{low:g} to {high:g} rpm"
-    if speed > high * _SPEED_LIMIT:
+    if speed > high * SPEED_LIMIT:
         remarks.error(f"{key}.speed_rpm", f"far above what a {name} runs at", shown(speed), span)
     elif speed == 0:
         message = "the pump stands still in an open circuit: blood flows back through it"

@@ -10,7 +10,7 @@ import numpy as np
 
 from eclsim.files import csv_text, whole_file, write_json, write_text
 from eclsim.identification.cohort import fitted_text, r_squared, stem
-from eclsim.identification.profiles import RISE_90
+from eclsim.identification.objective import RISE_90
 from eclsim.identification.samples import write_samples
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
 

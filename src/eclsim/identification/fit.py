@@ -21,7 +21,7 @@ from eclsim.identification.multi_start import (
     nothing_found,
     silent,
 )
-from eclsim.identification.objective import Box, Objective, Target, correlation
+from eclsim.identification.objective import NORMAL_90, Box, Objective, Target, correlation
 from eclsim.identification.profiles import held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
@@ -48,8 +48,9 @@ from eclsim.identification.verdict import (
     goodness_of,
     plausibility,
     search,
+    unlike,
 )
-from eclsim.inputs.mistakes import CaseError
+from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
@@ -249,8 +250,9 @@ def fit(case: CaseSource, *, settings: FitSettings | None = None, progress: Prog
 
     Raises:
         CaseError: Nothing was measured, bounds that cannot be, or an uncertainty of what was not measured.
+        TypeError: No case, or no `FitSettings`.
     """
-    case, settings = as_case(case), settings or FitSettings()
+    case, settings = as_case(case), as_settings(settings, FitSettings)
     wrong = unmeasured_uncertainties([case], settings)
     if wrong:
         raise CaseError(wrong)
@@ -342,7 +344,9 @@ def _result(
     simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
     goodness = goodness_of(target.measured, simulated, known, scaled.matrix, spread)
     gains = _gains_beyond_bounds(objective, number, optimum, box, goodness.chi_square)
-    parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)), gains)
+    measured, least = np.array(list(target.measured.values())), goodness.chi_square
+    as_good = optimum.starts.within_90(rows, measured, errors, least)
+    parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)), gains, as_good)
     fitted = {n: p.value for n, p in parameters.items()}
     fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
     open_ones = () if case.regulation is None else case.regulation.open_set_points
@@ -500,13 +504,20 @@ def _as_fitted(
 
 
 def _parameters(
-    optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray
-) -> dict[str, FittedParameter]:
-    """Values, intervals and what the measurements tell apart."""
+    optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray,
+    as_good: np.ndarray,
+) -> dict[str, FittedParameter]:  # fmt: skip
+    """Values, intervals and what the measurements tell apart.
+
+    A parameter's interval reaches to every start that met the measurements as well, in whichever valley.
+    """
     low, high = _at_bounds(optimum, box)
     excluded = propose(scaled).excluded if optimum.shared is None else optimum.shared.excluded
     agreed = optimum.starts.end[optimum.starts.agreeing]
     differ = np.ptp(agreed, axis=0) if len(agreed) else np.zeros(len(box.names))
+    gaussian = box.clip(optimum.x + np.outer((-NORMAL_90, NORMAL_90), errors))
+    known = gaussian if optimum.shared else np.vstack([gaussian, as_good])
+    ends = np.array([known.min(axis=0), known.max(axis=0)])
     parameters = {}
     for k, name in enumerate(box.names):
         reason = excluded.get(name, "")
@@ -516,8 +527,12 @@ def _parameters(
             reason = f"starts that fit equally well differ by {box.scale.apart(k, differ[k])}"
         elif not reason and errors[k] > DETERMINED * box.prior_deviations[k]:
             reason = f"fitted with the others, its standard error is {box.scale.error(k, errors[k])}"
-        lower, upper = box.interval(k, optimum.x[k], errors[k])
-        value = box.scale.value(k, optimum.x[k])
+        lower, upper, value = (box.scale.value(k, x[k]) for x in (*ends, optimum.x))
+        if not reason and unlike(ends[:, k], gaussian[:, k]):
+            reason = (
+                f"other starts of the search meet the measurements as well (90 %) from {lower:.3g} to "
+                f"{upper:.3g}, far beyond what the derivatives at the fit say"
+            )
         parameters[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
     return parameters
 

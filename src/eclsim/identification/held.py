@@ -22,8 +22,8 @@ from eclsim.cases.quantities import stated
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.devices.description import GASES as VO2
 from eclsim.identification.least_squares import refine
-from eclsim.identification.objective import NORMAL_90, Box, Objective, Target
-from eclsim.identification.profiles import REFITTING, RISE_90, interval_90
+from eclsim.identification.objective import NORMAL_90, RISE_90, Box, Objective, Target
+from eclsim.identification.profiles import REFITTING, interval_90
 from eclsim.identification.quantities import Scale, unit_of
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import NoDerivativesError
@@ -44,6 +44,8 @@ ELSEWHERE = (1.0, *np.geomspace(1.0 / 6.0, 4.0, 10).tolist())
 """Values that an output is asked to take, as shares of the fit's, its own among them."""
 ASKED = 0.01
 """How nearly it is asked to, as a share of that value."""
+AGAIN = 2
+"""How often what was not met is asked for again."""
 
 
 class Reach(NamedTuple):
@@ -189,10 +191,7 @@ def left_open(
     suspected = _suspected(read, linear)
     if next(iter(suspected), "") != READ[0]:
         return None
-    box = Box.of({**free, **held})
-    curves = [
-        _asked(name, value, Target(model, measured, errors), box, policy) for name, value in suspected.items()
-    ]
+    curves = _curves(suspected, Target(model, measured, errors), Box.of({**free, **held}), policy)
     return LeftOpen(
         tuple(held),
         {name: curve.reach(name) for name, curve in zip(suspected, curves, strict=True)},
@@ -231,30 +230,60 @@ class _Curve(NamedTuple):
     rises: np.ndarray
     x: np.ndarray
 
+    @classmethod
+    def of(cls, values: np.ndarray, rises: np.ndarray, x: np.ndarray) -> _Curve:
+        """Those of some fits that have a steady beat, in order."""
+        found = np.flatnonzero(np.isfinite(rises))
+        found = found[np.argsort(values[found], kind="stable")]
+        return cls(values[found], rises[found], x[found])
+
     def reach(self, name: str) -> Reach:
         """Where chi-square stays within 90 %."""
         low, high = interval_90(self.values, self.rises, Scale.of((name,)))
         return Reach(low, high, bool(low <= self.values[0]), bool(high >= self.values[-1]))
 
 
-def _asked(name: str, value: float, likelihood: Target, box: Box, policy: str) -> _Curve:
-    """Fit again, everything free, with an output that is asked to be elsewhere as if it were measured."""
-    asked = value * np.array(ELSEWHERE)
+def _curves(values: Mapping[str, float], likelihood: Target, box: Box, policy: str) -> list[_Curve]:
+    """Fit again, everything free, with outputs that are asked to be elsewhere as if they were measured.
+
+    From the fit alone such a search may end in a worse valley than there is: what was not met is asked for
+    again, from the patient found so far, whatever he was asked for, who comes nearest to it.
+    """
+    names = [name for name in values for _ in ELSEWHERE]
+    asked = np.outer(list(values.values()), ELSEWHERE).ravel()
     targets = [
         replace(
             likelihood,
             measured={**likelihood.measured, name: one},
             scales={**likelihood.scales, name: ASKED * one},
         )
-        for one in asked.tolist()
+        for name, one in zip(names, asked.tolist(), strict=True)
     ]
     objective, points = Objective(targets, box.names, policy), np.arange(len(targets))
-    fits = refine(objective, points, np.tile(box.start, (len(targets), 1)), box, REFITTING)
-    values = fits.outputs[:, objective.outputs.index(name)]
-    chi_square = fits.costs - ((values - asked) / (ASKED * asked)) ** 2
-    found = np.flatnonzero(np.isfinite(chi_square))
-    found = found[np.argsort(values[found], kind="stable")]
-    return _Curve(values[found], chi_square[found] - chi_square[found].min(initial=np.inf), fits.x[found])
+    places = np.array([objective.outputs.index(name) for name in names])
+
+    def search(points: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates, outputs and chi-square of the measurements alone."""
+        fits = refine(objective, points, starts, box, REFITTING)
+        found = fits.outputs[np.arange(len(points)), places[points]]
+        chi_square = fits.costs - ((found / asked[points] - 1.0) / ASKED) ** 2
+        return fits.x, fits.outputs, np.where(np.isfinite(chi_square), chi_square, np.inf)
+
+    x, outputs, rises = search(points, np.tile(box.start, (len(points), 1)))
+    for _ in range(AGAIN):
+        met = rises <= rises.min() + RISE_90
+        again = points[~met]
+        if not len(again) or not np.isfinite(rises).any():
+            break
+        apart = np.abs(np.log(np.maximum(outputs[met][:, places[again]], 1e-9) / asked[again]))
+        more_x, more_outputs, more = search(again, x[met][np.argmin(apart, axis=0)])
+        better = more < rises[again]
+        chosen = again[better]
+        x[chosen], outputs[chosen], rises[chosen] = more_x[better], more_outputs[better], more[better]
+    rises -= rises.min()
+    return [
+        _Curve.of(outputs[own, places[own]], rises[own], x[own]) for own in points.reshape(len(values), -1)
+    ]
 
 
 class _Linear(NamedTuple):

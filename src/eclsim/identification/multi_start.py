@@ -21,7 +21,7 @@ from eclsim.identification.least_squares import (
     polish,
     refine,
 )
-from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, SharedObjective
+from eclsim.identification.objective import RISE_90, Box, LeastSquaresProblem, Objective, SharedObjective
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
 
@@ -37,6 +37,8 @@ NEXT_TO_NOTHING = 1e-6
 LARGEST_WEIGHT = 0.995
 SHARES = (0.2, 0.5, 0.8)
 """Further starts of common parameters: shares of the way between their bounds."""
+MOST_ENDS, SAME_END = 5, 0.05
+"""Distinct ends of a search that are looked at, and coordinates apart from which two are."""
 LAST_SHARED = Tolerances(1e-6, 1e-12, 1e-8, 40, EXACT.orbits)
 Progress = Callable[[object], None]
 """Is called with something whose text says what is being computed."""
@@ -128,12 +130,28 @@ class Starts:
         first_costs: sum of squares where it began.
         last_costs: and where it ended.
         agreeing: whether it ended in the best optimum.
+        outputs: of the model where it ended, in the order of the objective, shape (starts, outputs).
     """
 
     end: np.ndarray
     first_costs: np.ndarray
     last_costs: np.ndarray
     agreeing: np.ndarray
+    outputs: np.ndarray
+
+    def within_90(
+        self, rows: Sequence[int], measured: np.ndarray, errors: np.ndarray, least: float
+    ) -> np.ndarray:
+        """Ends whose chi-square is within `RISE_90` of the least, shape (ends, parameters).
+
+        Args:
+            rows: places of the measured outputs.
+            measured: their values.
+            errors: their standard uncertainties.
+            least: chi-square of the optimum; an end may have less where the fit has other weights.
+        """
+        squares = np.sum(((self.outputs[:, rows] - measured) / errors) ** 2, axis=1)
+        return self.end[squares <= np.nanmin(squares, initial=least) + RISE_90]
 
 
 @dataclass(frozen=True)
@@ -188,6 +206,15 @@ class Optimum:
     def agreeing(self) -> int:
         """Number of starts that ended here."""
         return int(self.starts.agreeing.sum())
+
+    @property
+    def distinct_ends(self) -> np.ndarray:
+        """The optimum and the ends of other starts, the best first, shape (ends, parameters)."""
+        chosen = [self.x]
+        for end in self.starts.end[np.argsort(self.starts.last_costs, kind="stable")]:
+            if len(chosen) < MOST_ENDS and min(np.abs(end - c).max() for c in chosen) > SAME_END:
+                chosen.append(end)
+        return np.stack(chosen)
 
 
 @dataclass
@@ -323,7 +350,7 @@ def _best(
         return nothing_found(size, count, candidates.nothing_found(), explored)
     last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
     first_costs = np.array(candidates.first_costs)
-    starts = Starts(ended.x, first_costs, ended.costs, agreeing(ended))
+    starts = Starts(ended.x, first_costs, ended.costs, agreeing(ended), ended.outputs)
     settled = last.terminations[0] == Termination.SETTLED
     return Optimum(
         last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, *explored,
@@ -343,7 +370,7 @@ def nothing_found(
         explored: points explored, and of these dropped, shut and gasless (see `Optimum`).
     """
     none, flat = np.zeros((0, size)), np.zeros(0)
-    starts = Starts(none, flat, flat, np.zeros(0, dtype=bool))
+    starts = Starts(none, flat, flat, np.zeros(0, dtype=bool), np.zeros((0, count)))
     return Optimum(
         np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), starts,
         *explored, status,

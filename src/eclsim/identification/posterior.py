@@ -29,6 +29,7 @@ from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, 
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
 from eclsim.identification.verdict import Aspect, Level
+from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.alarms import NO_PATIENT
 from eclsim.outputs.signals import output_names, watched_waveforms
@@ -46,8 +47,6 @@ KINDS: dict[Method, str] = {
     "importance": "posterior (weighted draws)",
     "gaussian": "Gaussian approximation",
 }
-STARTS = 5
-SAME_START = 0.05
 PREDICTED_DRAWS = 1000
 QUANTILES = np.array([0.05, 0.5, 0.95])
 LARGEST_SHARE = 0.02
@@ -351,11 +350,14 @@ def posterior(
     Raises:
         NoSteadyBeatError: The fit has none.
         MissingPackageError: NumPyro is needed and not there.
+        TypeError: No fit, or no `PosteriorSettings`.
     """
-    settings = settings or PosteriorSettings()
+    settings = as_settings(settings, PosteriorSettings)
+    if not isinstance(fit, FitResult):
+        raise TypeError(f"fit: a {type(fit).__name__} is no fit; allowed: what eclsim.fit(case) returns")
     started = time.perf_counter()
     density = density_of(fit, settings)
-    gaussian = approximate(density, _starts(fit))
+    gaussian = approximate(density, fit.optimum.distinct_ends)
     chains = weighted = diagnostics = None
     seed, doubts = settings.sampling.seed, ()
     if settings.method == "gaussian":
@@ -400,16 +402,6 @@ def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
     return PosteriorDensity(
         model_of(fit.case), dict(fit.measured), errors, Prior.within(fit.box, settings.prior), policy
     )
-
-
-def _starts(fit: FitResult) -> np.ndarray:
-    """The optimum and the ends of other starts, the best first."""
-    ends = fit.optimum.starts.end[np.argsort(fit.optimum.starts.last_costs, kind="stable")]
-    chosen = [fit.optimum.x]
-    for end in ends:
-        if len(chosen) < STARTS and min(np.abs(end - c).max() for c in chosen) > SAME_START:
-            chosen.append(end)
-    return np.stack(chosen)
 
 
 def _fitted_model(fit: FitResult, source: CaseSource) -> Model:

@@ -10,13 +10,14 @@ away from the optimum, and a parameter that then ends elsewhere too, at the same
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eclsim.identification.least_squares import Refinement, Tolerances, refine
-from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, Target
+from eclsim.identification.multi_start import EXPLORING, MultiStart, sobol
+from eclsim.identification.objective import RISE_90, Box, LeastSquaresProblem, Objective, Target
 from eclsim.identification.quantities import Scale
 from eclsim.identification.verdict import Aspect, Level, Reason, interval_agreement
 from eclsim.orbit.equation import OrbitOptions
@@ -33,8 +34,12 @@ APART = 0.15
 """A share nearer to the optimum than this, in widths of the bounds, is left out."""
 SAME_OUTPUTS = 3e-3
 """Outputs that differ by less than this share are the same: no measurement tells them apart."""
-RISE_90 = 2.705543454095404
-"""A chi-square with one degree of freedom stays below this in 90 % of all cases."""
+SCATTERED, NEAREST = 64, 2
+"""Points explored for each parameter to find other valleys, and how many of them are starts of a value."""
+PASSES = 4
+"""Of further fits of values next to the interval, at most."""
+WORTH_ANOTHER = 0.1
+"""Chi-square by which such a fit must be better for another pass."""
 STEPS = 9
 STANDARD_STEPS = (-3.0, -1.65, -0.7, 0.7, 1.65, 3.0)
 """Further values of a parameter, in standard errors from the best one."""
@@ -50,6 +55,8 @@ class CostCurves:
         costs: sum of squared residuals; NaN where there is no steady beat, shape (parameters, steps).
         optimum: value of each parameter at the point that the curves go through.
         cost: there.
+        within: coordinates of all points found on the way whose cost is within `RISE_90` of the least, shape
+            (points, parameters).
     """
 
     names: tuple[str, ...]
@@ -57,6 +64,7 @@ class CostCurves:
     costs: np.ndarray
     optimum: np.ndarray
     cost: float
+    within: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def slices(
@@ -88,8 +96,14 @@ def profiles(
     x: np.ndarray,
     steps: int,
     further: np.ndarray | None = None,
+    elsewhere: np.ndarray | None = None,
+    scattered: np.ndarray | None = None,
 ) -> CostCurves:
     """Hold one parameter after the other at values from bound to bound, the others fitted again.
+
+    From the optimum alone a fit may end in a worse valley than there is. Values next to the 90 % interval are
+    fitted once more, from points within it that any fit has found and from scattered ones, as long as that
+    helps.
 
     Args:
         problem: its first data point is meant.
@@ -97,22 +111,93 @@ def profiles(
         x: coordinates of the parameters at the optimum.
         steps: values of each parameter, besides the optimum's own.
         further: coordinates of each parameter to hold it at as well, shape (parameters, further).
+        elsewhere: coordinates of other points that may meet the measurements, shape (points, parameters).
+        scattered: coordinates of points all over the bounds, the best first, shape (points, parameters).
     """
     size = len(box.names)
     along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
     if further is not None:
         along = np.column_stack([along, np.clip(further, box.lower[:, None], box.upper[:, None])])
-    steps = along.shape[1]
-    held = np.repeat(np.arange(size), steps)
+    along = np.sort(along, axis=1)
+    held = np.repeat(np.arange(size), along.shape[1])
     points = np.zeros(len(held), dtype=int)
     refined = refit(problem, points, box, np.tile(x, (len(held), 1)), held, along.ravel())
+    known = x[None] if elsewhere is None else np.vstack([x, elsewhere])
+    known_costs = problem.evaluate(np.zeros(len(known), dtype=int), known, REFITTING.orbits, 1).costs
+    found = _Found(np.vstack([refined.x, known]), np.append(refined.costs, known_costs))
+    costs = found.costs[: len(held)].reshape(along.shape).copy()
     cost = problem.evaluate(points[:1], x[None], resolution=1).costs[0]
-    costs = _nan_for_none(refined.costs).reshape(size, steps)
+    for _ in range(PASSES):
+        held, step, starts = found.worth_another(along, costs, known[:0] if scattered is None else scattered)
+        if not len(held):
+            break
+        first = np.zeros(len(held), dtype=int)
+        again = refit(problem, first, box, starts, held, along[held, step])
+        before = costs[held, step]
+        np.minimum.at(costs, (held, step), again.costs)
+        found = found.with_more(again)
+        if not np.any(costs[held, step] < before - WORTH_ANOTHER):
+            break
     values = np.column_stack([along, x])
     order = np.argsort(values, axis=1, kind="stable")
-    costs = np.take_along_axis(np.column_stack([costs, np.full(size, cost)]), order, axis=1)
+    costs = _nan_for_none(np.column_stack([costs, np.full(size, cost)]))
+    costs = np.take_along_axis(costs, order, axis=1)
     values = np.take_along_axis(values, order, axis=1)
-    return CostCurves(box.names, box.scale.values(values.T).T, costs, box.scale.values(x), float(cost))
+    return CostCurves(
+        box.names, box.scale.values(values.T).T, costs, box.scale.values(x), float(cost), found.within
+    )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """All points that fits have found, shape (points, ...).
+
+    Attributes:
+        x: coordinates of the parameters.
+        costs: there; infinite without a steady beat.
+    """
+
+    x: np.ndarray
+    costs: np.ndarray
+
+    @property
+    def within(self) -> np.ndarray:
+        """Those within `RISE_90` of the least."""
+        return self.x[self.costs <= self.costs.min() + RISE_90]
+
+    def with_more(self, fits: Refinement) -> _Found:
+        """These and further ones."""
+        return _Found(np.vstack([self.x, fits.x]), np.append(self.costs, fits.costs))
+
+    def worth_another(
+        self, along: np.ndarray, costs: np.ndarray, scattered: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Values outside of 90 % with a point within it before the next value, and points to start from.
+
+        They are the nearest such point, the furthest from that, and the best scattered ones at such values.
+
+        Args:
+            along: values of each parameter, rising, shape (parameters, steps).
+            costs: there.
+            scattered: points all over the bounds, the best first, shape (points, parameters).
+
+        Returns:
+            Places of the parameters, of the values, and the points to start from, the last of shape (fits,
+            parameters).
+        """
+        within, limit = self.within, self.costs.min() + RISE_90
+        held, steps, starts = [], [], []
+        for k, s in zip(*np.nonzero(~(costs <= limit)), strict=True):
+            low, high = along[k, max(s - 1, 0)], along[k, min(s + 1, along.shape[1] - 1)]
+            near = within[(within[:, k] >= low) & (within[:, k] <= high)]
+            if len(near):
+                nearest = near[np.argmin(np.abs(near[:, k] - along[k, s]))]
+                furthest = near[np.argmax(np.sum((near - nearest) ** 2, axis=1))]
+                there = scattered[(scattered[:, k] >= low) & (scattered[:, k] <= high)][:NEAREST]
+                starts += [nearest, furthest, *there]
+                held += [k] * (2 + len(there))
+                steps += [s] * (2 + len(there))
+        return np.array(held, dtype=int), np.array(steps, dtype=int), np.array(starts)
 
 
 def _nan_for_none(costs: np.ndarray) -> np.ndarray:
@@ -230,17 +315,24 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     likelihood = Objective(
         [Target(target.model, target.measured, fit.uncertainties)], fit.box.names, fit.objective.policy
     )
-    point = np.zeros(1, dtype=int)
-    best = refine(likelihood, point, fit.optimum.x[None], fit.box, REFITTING)
-    if not np.isfinite(best.costs[0]):
-        return fit.judged([_WITHOUT]), None
-    scaled = best.jacobians[0] * likelihood.weights[0][:, None]
+    starts = fit.optimum.distinct_ends
+    best = refine(likelihood, np.zeros(len(starts), dtype=int), starts, fit.box, REFITTING)
+    if not np.isfinite(best.costs).any():
+        return fit.judged(_without(fit)), None
+    # The fit itself, unless another start is better or the fit's beat is too hard to find.
+    centre = 0 if best.costs[0] <= best.costs.min() + WORTH_ANOTHER else int(np.argmin(best.costs))
+    x = best.x[centre]
+    scaled = best.jacobians[centre] * likelihood.weights[0][:, None]
     spread = fit.box.covariance(scaled)
-    further = best.x[0][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
-    refitted = profiles(likelihood, fit.box, best.x[0], steps=STEPS, further=further)
+    further = x[:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
+    elsewhere = np.vstack([best.x, fit.optimum.starts.end])
+    refitted = profiles(likelihood, fit.box, x, STEPS, further, elsewhere, _scattered(likelihood, fit))
+    within = fit.box.scale.values(refitted.within).T
     intervals = {
-        name: interval_90(values, costs, Scale.of([name]))
-        for name, values, costs in zip(refitted.names, refitted.values, refitted.costs, strict=True)
+        name: _reaching(interval_90(values, costs, Scale.of([name])), points)
+        for name, values, costs, points in zip(
+            refitted.names, refitted.values, refitted.costs, within, strict=True
+        )
     }
     other = {n: {"lower": low, "upper": high} for n, (low, high) in intervals.items()}
     ends = fit.box.scale.values(np.array([fit.box.lower, fit.box.upper])).T.tolist()
@@ -249,15 +341,35 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     beatless = {name: without_beat_beyond(costs) for name, costs in curves}
     gaussian = fit.as_object()["parameters"]
     reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, beatless)
-    curves = FitProfiles(refitted, slices(likelihood, fit.box, best.x[0]), intervals, beatless)
+    curves = FitProfiles(refitted, slices(likelihood, fit.box, x), intervals, beatless)
     return replace(fit, profile=intervals).judged(reasons), curves
 
 
-_WITHOUT = Reason(
-    Aspect.INTERVALS, Level.DOUBTFUL, "",
-    "no profile likelihood could be computed beside this fit, whose steady heartbeat is at the edge of those "
-    "that there are: nothing checks the Gaussian intervals",
-)  # fmt: skip
+def _scattered(likelihood: Objective, fit: FitResult) -> np.ndarray:
+    """Points all over the bounds, the best first: the starts of the search were drawn towards its best."""
+    search = MultiStart(points_per_parameter=SCATTERED, seed=fit.settings.multi_start.seed)
+    x = sobol(fit.box, search)
+    costs = likelihood.evaluate(np.zeros(len(x), dtype=int), x, EXPLORING, REFITTING.resolution).costs
+    return x[np.argsort(costs, kind="stable")[: int(np.isfinite(costs).sum())]]
+
+
+def _reaching(interval: tuple[float, float], within: np.ndarray) -> tuple[float, float]:
+    """An interval that holds all values of points within 90 % too."""
+    return min(interval[0], float(within.min())), max(interval[1], float(within.max()))
+
+
+def _without(fit: FitResult) -> list[Reason]:
+    """Doubts of a fit beside which no profile can be computed, so that it determines no parameter."""
+    why = (
+        "no profile likelihood could be computed beside this fit, whose steady heartbeat is at the edge of "
+        "those that there are: nothing checks the Gaussian intervals"
+    )
+    determined = [name for name, p in fit.parameters.items() if p.identifiable]
+    about = [Reason(Aspect.INTERVALS, Level.DOUBTFUL, "", why)]
+    return about + [
+        Reason(Aspect.INTERVALS, Level.DOUBTFUL, name, f"{name}: not determined without a profile")
+        for name in determined
+    ]
 
 
 def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[float, float]:

@@ -27,12 +27,13 @@ from eclsim.identification.settings import (
     told_of_volume,
     untold_output,
 )
-from eclsim.inputs.mistakes import Mistake, shown
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import circuit_of
 from eclsim.outputs.signals import parameters_read
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.orbit.model import CaseSource
 
 Points = Sequence[tuple[str, "Case"]]
 """Measurements in order: their names and cases."""
@@ -116,6 +117,23 @@ class Series:
 
     def _read_by(self, case: Case) -> set[str]:
         return {*parameters_read(circuit_of(ready(case, self.settings)))}
+
+
+def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str, CaseSource]]:
+    """The points as names with their cases.
+
+    Raises:
+        CaseError: None, or something else, such as the path of a table.
+    """
+    allowed = 'a list of names with cases, such as [("2024-03-01T08:00", case), ...]; tables: eclsim track'
+    listed = isinstance(points, Sequence) and not isinstance(points, str)
+    for one in points if listed else [points]:
+        if not (isinstance(one, (tuple, list)) and len(one) == 2 and isinstance(one[0], str)):
+            what = shown(one) if isinstance(one, str) else f"a {type(one).__name__}"
+            raise CaseError([Mistake("points", f"{what} is no name with a case", allowed=allowed)])
+    if not points:
+        raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
+    return points
 
 
 def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Series:

@@ -35,10 +35,10 @@ from eclsim.identification.importance import Transport, WeightedDraws, importanc
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.series import Series, series_of
+from eclsim.identification.series import Series, named_cases, series_of
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
-from eclsim.inputs.mistakes import CaseError, Mistake, shown
+from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.outputs.signals import of_gases, output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat
@@ -542,9 +542,7 @@ def track(
     Raises:
         CaseError: No points, or as `Tracker.update`.
     """
-    settings = settings or TrackSettings()
-    if not points:
-        raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
+    settings, points = as_settings(settings, TrackSettings), named_cases(points)
     cases = [(name, as_case(source)) for name, source in points]
     known = elapsed_hours([name for name, _ in points])
     assumed = [settings.interval_hours * (1 + lost) for lost in left_out or [0] * len(points)]

@@ -316,7 +316,7 @@ def interval_agreement(
                 f"beyond the {' and the '.join(sides)} end of the latter no steady heartbeat was found, "
                 "which is no limit of the true value"
             )
-        elif _unlike(name, interval, estimate):
+        elif unlike(_ends(name, interval), _ends(name, estimate)):
             verdict = "take the wider of the two"
         if verdict:
             sentence = (
@@ -339,11 +339,15 @@ def _at_bounds(name: str, interval: Mapping[str, Any], bounds: tuple[float, floa
     ]
 
 
-def _unlike(name: str, interval: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether one of two intervals is much wider, or an end of one far beyond that of the other."""
-    ends = _ends(name, interval), _ends(name, other)
-    widths = [max(float(np.ptp(each)), 1e-12) for each in ends]
-    far = float(np.max(np.abs(ends[0] - ends[1]))) > np.log(UNLIKE_END)
+def unlike(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether one of two intervals is much wider, or an end of one far beyond that of the other.
+
+    Args:
+        one: coordinates of its ends.
+        other: likewise.
+    """
+    widths = [max(float(np.ptp(each)), 1e-12) for each in (one, other)]
+    far = float(np.max(np.abs(one - other))) > np.log(UNLIKE_END)
     return far or max(widths) > UNLIKE_WIDTH * min(widths)
 
 

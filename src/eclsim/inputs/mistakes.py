@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,3 +127,22 @@ def shown(value: object) -> str:
         case _:
             text = str(value)
     return text if len(text) <= 80 else text[:76] + " ..."
+
+
+Settings = TypeVar("Settings")
+
+
+def as_settings(given: Settings | None, kind: type[Settings]) -> Settings:
+    """The settings given, or the usual ones.
+
+    Raises:
+        TypeError: Of another kind, such as a dict.
+    """
+    if given is None:
+        return kind()
+    if isinstance(given, kind):
+        return given
+    raise TypeError(
+        f"settings: a {type(given).__name__} is no {kind.__name__}; allowed: eclsim.{kind.__name__}(...), "
+        "whose arguments are the settings"
+    )

@@ -159,8 +159,12 @@ def member_count(changes: Mapping[str, npt.ArrayLike]) -> int:
     """How many variants arrays of changes, or numbers that hold for all, make.
 
     Raises:
-        ValueError: arrays of different lengths.
+        ValueError: arrays of different lengths, or of more than one dimension.
     """
+    for name, given in changes.items():
+        if np.ndim(given) > 1:
+            shape = " x ".join(map(str, np.shape(given)))
+            raise ValueError(f"{name}: an array of {shape}; allowed: a number, or one for each variant")
     lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
     if len(lengths) > 1:
         raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.execution import Distribution, Executor, Progress, Tasks
 from eclsim.execution.tasks import run_tasks
+from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.orbit.status import Status
 from eclsim.sensitivity.design import Design, DesignError
@@ -94,10 +95,11 @@ def sensitivity(
         ExecutionError: the folder holds something else, or workers cannot be reached.
         ShardDone: this was a shard, whose runs are in the folder now.
         ValueError: hardly a row is without failed runs.
+        TypeError: no case, or no `SobolSettings`.
     """
     from eclsim.outputs.results import beat_warnings
 
-    settings = settings or SobolSettings()
+    settings = as_settings(settings, SobolSettings)
     with ExitStack() as stack:
         if not isinstance(distribution, Executor):
             distribution = stack.enter_context((distribution or Distribution()).running(PRELOAD))
