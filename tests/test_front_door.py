@@ -42,7 +42,5 @@ def test_a_posterior_is_that_of_a_fit():
 
 
 def test_variants_have_one_dimension():
-    with pytest.raises(
-        ValueError, match="Rmc: an array of 2 x 3; allowed: a number, or one for each"
-    ):
+    with pytest.raises(ValueError, match="Rmc: an array of 2 x 3; allowed: a number, or one for each"):
         eclsim.simulate_many(CASE, {"Rmc": np.full((2, 3), 0.5)})
