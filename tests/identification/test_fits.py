@@ -332,14 +332,17 @@ def test_a_fit_that_ends_where_valves_stay_shut_is_poor_and_trusted_nowhere(fit,
     assert fit.status is FitStatus.FITTED
 
 
-def test_a_study_leaves_out_a_patient_whose_fit_ends_where_valves_stay_shut(points, monkeypatch):
+def test_a_study_leaves_out_patients_whose_fit_is_poor_or_ends_where_valves_stay_shut(points, monkeypatch):
     monkeypatch.setattr(cohort, "fit_cases", lambda cases, *_: [ended(name, case) for name, case in cases])
-    reading = SimpleNamespace(points=points[:2], digest="abc")
+    points = [*points, CohortPoint("T01", "3", 4, points[0].case)]
+    reading = SimpleNamespace(points=points, digest="abc")
 
     def ended(name, case):
-        shut = name == points[0].name
+        shut, poor = name == points[0].name, name == points[2].name
         status = FitStatus.ONE_OF_MANY if shut else FitStatus.FITTED
         numbers = {"id": name, "cost": 0.1, "status": str(status), "message": status.message,
+                   "verdict": {"level": "poor" if poor else "good",
+                               "goodness": {"differences": {"MAP": 31.0}}},
                    "parameters": {"Rmc": {"value": 0.8}}, "outputs": {"MAP": {"measured": 80.0}}}  # fmt: skip
         return SimpleNamespace(as_object=lambda: numbers, case=case, name=name, simulated={})
 
@@ -347,6 +350,7 @@ def test_a_study_leaves_out_a_patient_whose_fit_ends_where_valves_stay_shut(poin
         fitted = cohort.fit_points(reading, QUICK, folder=None, executor=executor)
     assert list(fitted.cases) == [points[1].name]
     assert "valves stay shut" in fitted.not_fitted[points[0].name]
+    assert "31.0 standard uncertainties (MAP)" in fitted.not_fitted[points[2].name]
 
 
 def test_names_of_files_differ_for_names_that_differ():

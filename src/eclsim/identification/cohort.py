@@ -18,6 +18,7 @@ from eclsim.identification.fit import FitResult, broken_off, fit_cases
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import FLOWS, PRESSURES, measured_and_simulated
 from eclsim.identification.settings import FitSettings
+from eclsim.identification.verdict import Level, headline
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -168,7 +169,7 @@ class FittedCases:
     Args:
         cases: by name of the data point; of a shard, its own.
         misfits: root mean square of the relative differences of each fit, by name; empty if they came fitted.
-        not_fitted: data points that could not be fitted, and why.
+        not_fitted: data points that could not be fitted, or only poorly, and why.
         description: how the parameters were found.
         groups: names that are studied together, all of them.
         inputs: all that the cases follow from, as plain data.
@@ -200,6 +201,9 @@ def fit_points(
             numbers = fit.numbers
             if numbers["cost"] is None or numbers["status"] == FitStatus.ONE_OF_MANY:
                 not_fitted[point.name] = numbers["message"]
+                continue
+            if numbers["verdict"]["level"] == Level.POOR:
+                not_fitted[point.name] = f"{headline(numbers['verdict'])}; nothing is studied of such a fit"
                 continue
             cases[point.name] = with_fitted(point.case, numbers)
             count = sum(cell["measured"] is not None for cell in numbers["outputs"].values())
