@@ -28,7 +28,10 @@ def test_what_is_no_series_of_names_and_cases_is_refused(points):
         (lambda given: eclsim.fit(CASE, settings=given), "FitSettings"),
         (lambda given: eclsim.track([("a", CASE)], settings=given), "TrackSettings"),
         (lambda given: eclsim.sensitivity(CASE, settings=given), "SobolSettings"),
-        (lambda given: eclsim.posterior(CASE, settings=given), "PosteriorSettings"),
+        (
+            lambda given: eclsim.posterior(CASE, settings=given),  # pyright: ignore[reportArgumentType]
+            "PosteriorSettings",
+        ),
     ],
 )
 def test_settings_of_another_kind_are_refused(ask, kind):
@@ -38,7 +41,7 @@ def test_settings_of_another_kind_are_refused(ask, kind):
 
 def test_a_posterior_is_that_of_a_fit():
     with pytest.raises(TypeError, match=r"a Case is no fit; allowed: what eclsim\.fit\(case\) returns"):
-        eclsim.posterior(CASE)
+        eclsim.posterior(CASE)  # pyright: ignore[reportArgumentType]  # on purpose
 
 
 def test_variants_have_one_dimension():
