@@ -20,7 +20,7 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, impossible
 from eclsim.outputs.gas import PlaceGases
-from eclsim.outputs.limits import level, place_levels
+from eclsim.outputs.limits import levels, place_levels
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
@@ -116,8 +116,7 @@ class Beat:
             for name in finding.concerns
             if finding.kind == "alarm" and not math.isfinite(self.outputs.get(name, 0.0))
         }
-        levels = {name: level(name, value, self.outputs) for name, value in self.outputs.items()}
-        return levels | without
+        return levels(self.outputs) | without
 
     def place_levels(self) -> dict[str, str]:
         """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
@@ -178,8 +177,12 @@ def _evenly(
 ) -> dict[str, np.ndarray]:
     """Waveforms at `POINTS` even phases, volumes with what is unstressed in them."""
     even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    before = np.searchsorted(phases, even, side="right") - 1
+    share = (even - phases[before]) / (phases[before + 1] - phases[before])
+    table = np.stack(list(series.values()), axis=1)
+    waves = table[before] + share[:, None] * (table[before + 1] - table[before])
     return {
-        n: np.interp(even, phases, wave) + unstressed_volume(circuit, n, values) for n, wave in series.items()
+        n: wave + unstressed_volume(circuit, n, values) for n, wave in zip(series, waves.T, strict=True)
     }
 
 

@@ -263,13 +263,26 @@ def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
     return next((limit.kind for limit in limits_of(quantity, outputs) if limit.broken_by(value)), "ok")
 
 
+def levels(outputs: Mapping[str, float]) -> dict[str, str]:
+    """How each output of a beat stands to its limits, see `level`.
+
+    Args:
+        outputs: values by name.
+    """
+    result = dict.fromkeys(outputs, "ok")
+    for limit in reversed(_in_order(tuple(outputs), registered())):
+        if limit.broken_by(outputs[limit.quantity]):
+            result[limit.quantity] = limit.kind
+    return result
+
+
 def worst(levels: Iterable[str]) -> str:
     """The gravest of some levels; "ok" if there is none."""
     result = set(levels)
     return next((kind for kind in GRAVEST_FIRST if kind in result), "ok")
 
 
-def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
+def places_with_limits(outputs: Collection[str]) -> Mapping[str, tuple[str, ...]]:
     """Outputs whose limits are those of a compartment, by compartment.
 
     For a device they are its outputs with limits that are read off the pressure of the compartment alone.
@@ -277,6 +290,11 @@ def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
     Args:
         outputs: names of all outputs that the circuit has.
     """
+    return _places_with_limits(tuple(outputs), registered())
+
+
+@lru_cache(maxsize=256)
+def _places_with_limits(outputs: tuple[str, ...], among: tuple[object, ...]) -> Mapping[str, tuple[str, ...]]:
     result = dict(_PLACES)
     for name in outputs:
         known = named_output(name)
@@ -296,8 +314,9 @@ def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
     Args:
         outputs: values by name.
     """
+    found = levels(outputs)
     return {
-        place: worst(level(name, outputs[name], outputs) for name in names if name in outputs)
+        place: worst(found[name] for name in names if name in found)
         for place, names in places_with_limits(outputs).items()
     }
 
