@@ -57,6 +57,9 @@ const common = () => ({
   legend: { orientation: "h", x: 0, y: -0.16, font: { size: 11.5 } },
 });
 
+// Where a beat moves nothing but points, these alone are given to Plotly: it takes two thirds of the time.
+const pointsOf = (traces) => ({ x: traces.map((trace) => trace.x), y: traces.map((trace) => trace.y) });
+
 export class Chart {
   constructor(element, view) {
     this.element = element;
@@ -78,7 +81,11 @@ export class Chart {
     const [traces, layout] = this.waiting;
     this.waiting = undefined;
     const size = { width: this.element.clientWidth, height: this.element.clientHeight };
-    await Plotly.react(this.element, traces, { ...common(), ...layout, ...size, uirevision: "same" }, CONFIG);
+    const whole = { ...common(), ...layout, ...size, uirevision: "same" };
+    const looks = JSON.stringify([whole, traces.map(({ x, y, ...rest }) => rest)]);
+    if (looks === this.looks) await Plotly.restyle(this.element, pointsOf(traces));
+    else await Plotly.react(this.element, traces, whole, CONFIG);
+    this.looks = looks;
     this.drawn = [traces, layout];
   }
   resize() {
