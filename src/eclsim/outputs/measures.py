@@ -296,17 +296,9 @@ class Measures:
         ]
 
 
-def whole_beat(recorded: np.ndarray, least: int = 1) -> np.ndarray:
-    """Signals at all grid points from phase 0 to 1: the steady beat starts where it ends.
-
-    Args:
-        recorded: shape (points, signals, members).
-        least: columns of the result; a single member stands in each of them.
-    """
-    members = max(recorded.shape[-1], least)
-    table = np.empty((len(recorded) + 1, recorded.shape[1], members))
-    table[0], table[1:] = recorded[-1], recorded
-    return table
+def whole_beat(recorded: np.ndarray) -> np.ndarray:
+    """Signals at all grid points from phase 0 to 1: the steady beat starts where it ends."""
+    return np.concatenate([recorded[-1:], recorded])
 
 
 @lru_cache(maxsize=64)

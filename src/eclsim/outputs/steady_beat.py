@@ -349,8 +349,9 @@ def _recorded(
     search = orbits.search(int(members[0]))
     packed = orbits.batch.packed(search.program)[:, members]
     recorded, series = search.record(orbits.states[:, members], packed, signals)
-    # A sum down a single column rounds in another order than down one of several.
-    return recorded, whole_beat(series, least=2), search.program.grid.phases
+    if len(members) == 1:  # a sum down a single column rounds in another order
+        series = np.broadcast_to(series, (*series.shape[:-1], 2))
+    return recorded, whole_beat(series), search.program.grid.phases
 
 
 def judged(
