@@ -56,11 +56,7 @@ class _Search(NamedTuple):
 
 
 def gases(
-    *,
-    po2: Array,
-    pco2: Array = 40.0,
-    law: str = "severinghaus1979",
-    **of: Unpack[Given],
+    *, po2: Array, pco2: Array = 40.0, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
     """Saturation, pH and contents of blood at given partial pressures.
 
@@ -85,11 +81,7 @@ def gases(
 
 
 def gases_with_contents(
-    *,
-    oxygen: Array,
-    carbon_dioxide: Array,
-    law: str = "severinghaus1979",
-    **of: Unpack[Given],
+    *, oxygen: Array, carbon_dioxide: Array, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
     """The same from contents [mL/dL STPD]; NaN where no pressures between 1e-9 and 1e6 mmHg give them.
 
@@ -106,11 +98,7 @@ def gases_with_contents(
 
 
 def gases_with_saturation(
-    *,
-    saturation: Array,
-    pco2: Array = 40.0,
-    law: str = "severinghaus1979",
-    **of: Unpack[Given],
+    *, saturation: Array, pco2: Array = 40.0, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
     """The same from a saturation [-] and a PCO2 [mmHg]; NaN where the saturation is 0 or 1.
 

@@ -45,8 +45,7 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
         "--posterior",
     )
     posterior_method: Literal["nuts", "importance"] = option(
-        "nuts",
-        "nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior.",
+        "nuts", "nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior."
     )
     predict: list[str] = option(
         [],

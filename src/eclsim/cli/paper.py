@@ -35,9 +35,7 @@ class ReproduceOptions(Distributed):
         metavar="LIST",
     )
     samples: int = option(
-        USUAL_SAMPLES,
-        "Rows N of the sensitivity analyses, a power of two; the paper has 2048.",
-        minimum=2,
+        USUAL_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper has 2048.", minimum=2
     )
     explore: int = option(
         USUAL_EXPLORE,

@@ -41,9 +41,7 @@ class SensitivityOptions(CaseChanges, Distributed):
         metavar="NAMES",
     )
     groups: str | None = option(
-        None,
-        "Treat all parameters of a unit as one factor, such as all resistances.",
-        metavar="R,C,L,E",
+        None, "Treat all parameters of a unit as one factor, such as all resistances.", metavar="R,C,L,E"
     )
     outputs: str | None = option(None, "Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
     second_order: bool | None = option(
