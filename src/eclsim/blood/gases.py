@@ -12,8 +12,7 @@ import jax.numpy as jnp
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
 from eclsim.blood.acid_base import bicarbonate, ph_of
-from eclsim.blood.given import refuse
-from eclsim.blood.types import Array, Blood, Given
+from eclsim.blood.types import Array, Blood, Given, refuse
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
