@@ -195,10 +195,17 @@ def test_predictions_of_a_poor_fit_are_not_trusted(fit):
     assert any("POOR FIT" in doubt for doubt in found.doubts)
 
 
-def test_files(result, tmp_path):
-    written = write_posterior(tmp_path, result)
+@pytest.fixture(scope="module")
+def folder(result, tmp_path_factory):
+    """Everything that is written of a posterior."""
+    folder = tmp_path_factory.mktemp("posterior")
+    written = write_posterior(folder, result)
     assert {p.name for p in written} >= {"posterior.nc", "samples.csv", "posterior.json", "pairs.png"}
-    content = json.loads((tmp_path / "posterior.json").read_text())
+    return folder
+
+
+def test_files(folder):
+    content = json.loads((folder / "posterior.json").read_text())
     assert content["trusted"] is True
     assert (
         content["predictions"][1]["outputs"]["CO"]["lower"]
@@ -206,20 +213,18 @@ def test_files(result, tmp_path):
     )
 
 
-def test_samples_are_what_the_crrt_study_reads(result, tmp_path):
-    write_posterior(tmp_path, result)
-    samples = read_samples(tmp_path / "samples.csv")
+def test_samples_are_what_the_crrt_study_reads(result, folder):
+    samples = read_samples(folder / "samples.csv")
     assert set(samples) == set(NAMES)
     assert len(samples["Rmc"]) == 1000
     assert np.median(samples["Rmc"]) == pytest.approx(np.median(result.flat[:, 0]), rel=0.05)
 
 
-def test_arviz_opens_the_netcdf(result, tmp_path):
-    write_posterior(tmp_path, result)
+def test_arviz_opens_the_netcdf(result, folder):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about a coming version
         arviz = pytest.importorskip("arviz")
-        data = arviz.from_netcdf(tmp_path / "posterior.nc")
+        data = arviz.from_netcdf(folder / "posterior.nc")
         posterior = data["posterior"]
         assert np.asarray(posterior["Rmc"]) == pytest.approx(result.samples[:, :, 0])
         assert posterior["Rmc"].dims == ("chain", "draw")
