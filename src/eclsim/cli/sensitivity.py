@@ -110,7 +110,6 @@ def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
 @contextmanager
 def _mistakes(o: SensitivityOptions) -> Iterator[None]:
     """Say what cannot be, and leave with the exit status of bad input."""
-    from eclsim.execution import ExecutionError
     from eclsim.sensitivity.inputs import InputError
 
     try:
@@ -118,7 +117,7 @@ def _mistakes(o: SensitivityOptions) -> Iterator[None]:
             yield
     except InputError as error:
         fail(*error.mistakes)
-    except (ExecutionError, ValueError) as error:
+    except ValueError as error:
         fail(error)
 
 
