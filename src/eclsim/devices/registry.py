@@ -36,15 +36,7 @@ from eclsim.spelling import nearest, spelling_hint
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
-_PACKAGE: tuple[AnyDevice, ...] = (
-    ECMO,
-    CRRT,
-    LVAD,
-    RENOX,
-    VENT,
-    SEPTOSTOMY,
-    IABP,
-)
+_PACKAGE: tuple[AnyDevice, ...] = (ECMO, CRRT, LVAD, RENOX, VENT, SEPTOSTOMY, IABP)
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
 """Files that were run, and the group of entry points once it was looked through."""

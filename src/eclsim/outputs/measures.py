@@ -23,9 +23,9 @@ from eclsim.beat.compilation import Key, compiled
 from eclsim.beat.recording import MEAN, RATE, one_way_mean
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law, Measured, Numbers
-from eclsim.gas.network import GasFunction, Quantity, gas_of
-from eclsim.gas.origin import ARTERIES, OriginFunction, native_shares
-from eclsim.gas.solutes import SoluteFunction, effective_shares
+from eclsim.gas.network import FlowFunction, Quantity, gas_of
+from eclsim.gas.origin import ARTERIES, native_shares
+from eclsim.gas.solutes import effective_shares
 
 SIDE_BY_SIDE = 16
 """Members whose laws are computed together; more at once do not fit the processor's caches."""
@@ -203,9 +203,7 @@ class Measures:
         shares = self.kept(("native",), lambda: self._carried(native_shares(self.circuit), ()))
         return shares[ARTERIES.index(artery)]
 
-    def _carried(
-        self, function: GasFunction | SoluteFunction | OriginFunction, more: Sequence[Numbers]
-    ) -> Sequence[Numbers]:
+    def _carried(self, function: FlowFunction, more: Sequence[Numbers]) -> Sequence[Numbers]:
         """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
         numbers = [*flows, *map(self.parameter, function.parameters), *more]
