@@ -131,7 +131,11 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
         ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["a half (Ernest 2001)"]),
         ({"crystalloid_ml": 500}, {"fluid": {"capillary_refill": False}}, []),
         ({"red_cells_ml": 300}, {}, ["without the potassium"]),
-        ({"bleed_ml": 300}, {}, []),
+        ({"bleed_ml": 150}, {}, []),
+        ({"bleed_ml": 300, "blood_ml": 250}, {}, []),
+        ({"bleed_ml": 300}, {}, ["of blood that is lost", "without a reflex"]),
+        ({"bleed_ml": 300}, {"regulation": {"baroreflex": 1.0}}, ["of blood that is lost"]),
+        ({"bleed_ml": 300}, {"fluid": {"capillary_refill": False}}, ["without a reflex"]),
     ],
 )
 def test_courses_say_what_of_a_gift_they_do_not_hold(give, sections, said):
