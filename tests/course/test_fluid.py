@@ -20,6 +20,11 @@ RAW = {
     "solutes": {"bicarbonate_mmol_l": 18},
 }  # fmt: skip
 FILTERING = RAW["crrt"] | {"net_ultrafiltration_ml_h": 100}
+AS_PEOPLE = {
+    "fluid": {"filtration_ml_min_mmHg": 4, "lymph_ml_min": 6},
+    "regulation": {"baroreflex": 1.0, "model": "heldt2010"},
+    "parameters": {"Csvn": 95},
+}
 EVENTS = [
     {"at_min": 20, "give": {"crystalloid_ml": 400}, "over_min": 30},
     {"at_min": 60, "give": {"bleed_ml": 300}, "over_min": 10},
@@ -129,7 +134,13 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
     ("give", "sections", "said"),
     [
         ({"crystalloid_ml": 500}, {}, ["of crystalloid given beyond what was lost"]),
-        ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["a half (Ernest 2001)"]),
+        ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["a half (Ernest 2001)", "fluid.lymph_ml_min = 6"]),
+        ({"albumin_ml": 100, "crystalloid_ml": 500}, AS_PEOPLE, []),
+        (
+            {"albumin_ml": 100, "crystalloid_ml": 500},
+            {**AS_PEOPLE, "fluid": {"filtration_ml_min_mmHg": 10}},
+            ["of crystalloid", "fluid.lymph_ml_min = 6"],
+        ),
         ({"crystalloid_ml": 500}, {"fluid": {"capillary_refill": False}}, []),
         ({"red_cells_ml": 300}, {}, ["without the potassium"]),
         ({"bleed_ml": 150}, {}, []),

@@ -6,33 +6,36 @@ from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.timeline import Timeline
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
-_STAYS = {
-    "crystalloid_ml": (
-        "of crystalloid given beyond what was lost, with the default wall and veins, a fifth is in the "
-        "plasma as half an hour of it ends and a twentieth half an hour later, in volunteers a half and a "
-        "sixth (Hahn 2020)"
-    ),
-    "albumin_ml": (
-        "of 5 % albumin given beyond what was lost two fifths are in the plasma after an hour, in patients "
-        "after heart surgery a half (Ernest 2001), in healthy men nearly all (Haskell 1998); its protein "
-        "then leaves ten times too slowly (with fluid.lymph_ml_min = 6 nearly as in people)"
-    ),
-}
+_CRYSTALLOID = (
+    "of crystalloid given beyond what was lost, with the default wall and veins, a fifth is in the plasma as "
+    "half an hour of it ends and a twentieth half an hour later, in volunteers a half and a sixth (Hahn 2020)"
+)
+_ALBUMIN = (
+    "of 5 % albumin given beyond what was lost two fifths are in the plasma after an hour, in patients after "
+    "heart surgery a half (Ernest 2001), in healthy men nearly all (Haskell 1998)"
+)
 _INSTEAD = (
     "pressures and output fall back too soon; what takes the place of lost blood stays about as in patients, "
     "in volunteers more of it. fluid.filtration_ml_min_mmHg = 4, Csvn = 95 and the reflex heldt2010 keep "
     "crystalloid as in volunteers"
 )
+_PROTEIN = (
+    "the protein of given albumin leaves ten times too slowly, 0.4 % in an hour for 4 % in people (Hahn "
+    "2022); with fluid.lymph_ml_min = 6 it leaves nearly as fast"
+)
+WIDE_ML_MIN_MMHG, SOFT_ML_MMHG, LYMPH_ML_MIN = 4.0, 60.0, 5.0
+"""Up to this wall, and from these veins and this lymph on, with a reflex, fluid stays about as measured."""
 LOSS_SHARE = 0.05
 """Of the blood; of smaller losses nothing is said."""
 STAYING = ("blood_ml", "red_cells_ml", "albumin_ml")
+_WALL = "fluid.filtration_ml_min_mmHg"
 FILTRATION = ".net_ultrafiltration_ml_h"
 _BLED = (
-    "of blood that is lost two thirds come back from the tissues within an hour without a reflex, two "
-    "fifths to a half with heldt2010; measured was nothing right after 500 mL (carbon monoxide, Falz 2014), "
-    "four fifths within 2 h (haemoglobin of donors), and less of larger losses (Adamson 1968). If less "
-    "comes back, pressure and output of these hours are lower and the haematocrit is higher than shown; "
-    "fluid.filtration_ml_min_mmHg = 1 with a reflex is the slow side"
+    "of blood that is lost two thirds come back from the tissues within an hour with the default wall and "
+    "no reflex, two fifths to a half with heldt2010; measured was nothing right after 500 mL (carbon "
+    "monoxide, Falz 2014), four fifths within 2 h (haemoglobin of donors), and less of larger losses "
+    "(Adamson 1968). If less comes back, pressure and output of these hours are lower and the haematocrit is "
+    "higher than shown; fluid.filtration_ml_min_mmHg = 1 with a reflex is the slow side"
 )
 _UNANSWERED = (
     "blood is lost without a reflex: the mean arterial pressure of the published patient falls by 45 mmHg "
@@ -63,21 +66,26 @@ def said_of_gifts(timeline: Timeline) -> list[str]:
     for event in timeline.case.events:
         for kind, ml in event.give.items():
             given[kind] = given.get(kind, 0.0) + ml
-    fluid = timeline.case.fluid
-    refills = fluid is None or fluid.capillary_refill
-    result = []
-    quick = [words for kind, words in _STAYS.items() if given.get(kind, 0.0) > 0.0]
+    case, values = timeline.case, timeline.start[1]
+    refills = case.fluid is None or case.fluid.capillary_refill
+    reflex = case.regulation is not None and bool(case.regulation.baroreflex)
+    soft = reflex and values.get("Csvn", 0.0) >= SOFT_ML_MMHG
+    wide = soft and values[_WALL] <= WIDE_ML_MIN_MMHG
+    crystalloid, albumin = (given.get(kind, 0.0) > 0.0 for kind in ("crystalloid_ml", "albumin_ml"))
+    result = list[str]()
+    quick = [_CRYSTALLOID] * (crystalloid and not wide) + [_ALBUMIN] * (albumin and not soft)
     if quick and refills:
         result.append(f"{'; '.join(quick)}: {_INSTEAD}")
+    if albumin and refills and values["fluid.lymph_ml_min"] < LYMPH_ML_MIN:
+        result.append(_PROTEIN)
     if _bleeds(timeline):
-        regulation = timeline.case.regulation
         result += [_BLED] if refills else []
-        result += [] if regulation is not None and regulation.baroreflex else [_UNANSWERED]
+        result += [] if reflex else [_UNANSWERED]
     if refills and _filters(timeline):
         result.append(_FILTERED)
-    if any(e.give.get("blood_ml", 0.0) > e.give.get("bleed_ml", 0.0) for e in timeline.case.events):
+    if any(e.give.get("blood_ml", 0.0) > e.give.get("bleed_ml", 0.0) for e in case.events):
         result.append(_OWN_BLOOD)
-    if given.get("red_cells_ml", 0.0) > 0.0 and timeline.case.solutes is not None:
+    if given.get("red_cells_ml", 0.0) > 0.0 and case.solutes is not None:
         result.append(
             "red cells are given without the potassium (20 to 50 mmol/L of the fluid of stored blood) and "
             "the citrate that they bring: potassium falls by dilution where it may rise"
@@ -98,4 +106,4 @@ def _filters(timeline: Timeline) -> bool:
     values = dict(timeline.start[1])
     rates = [values, *(change.after for change in timeline.changes)]
     removed = any(rate > 0.0 for one in rates for key, rate in one.items() if key.endswith(FILTRATION))
-    return removed and values["fluid.filtration_ml_min_mmHg"] > TIGHT_ML_MIN_MMHG
+    return removed and values[_WALL] > TIGHT_ML_MIN_MMHG

@@ -146,7 +146,7 @@ class FluidLaw(SlowLaw):
         protein = 100.0 * states[PROTEIN] / states[PLASMA]
         return (
             Shown("haematocrit", "1", "haematocrit of the blood", in_effect[HAEMATOCRIT]),
-            Shown("plasma_protein", "g/dL", "protein of the plasma, given albumin by what it draws", protein),
+            Shown("plasma_protein", "g/dL", "protein of the plasma", protein),
             Shown("oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)),
         )
 
