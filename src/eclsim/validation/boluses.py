@@ -113,7 +113,7 @@ def bolus_rows() -> Iterator[Row]:
     share = 100.0 * kept["crystalloid_ml"] / GIVEN_ML
     saline = Given(HEART, USUAL, (("crystalloid_ml", GIVEN_ML),))
     in_patients = within(
-        "saline, patients after heart surgery", SALINE[0], _share(saline), _error(SALINE), "%"
+        "saline, patients after heart surgery", SALINE[0], share(saline), _error(SALINE), "%"
     )
     yield within(
         "crystalloid in the plasma after 4 h (test)", 22.5, share, 5.0, "%", source=TEXTBOOK,
@@ -141,20 +141,20 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
     )
     for after, expected, spread, words in ((0.0, 55.0, 5.0, "as it ends"), (30.0, 17.5, 2.5, "30 min later")):
         given, label = VOLUNTEER._replace(after_min=after), f"a litre of Ringer's in 30 min, {words} (test)"
-        shown = within(f"{label}, experiment", expected, _share(given, WIDE), spread, "%")
-        yield within(label, expected, _share(given), spread, "%", source=HAHN,
+        shown = within(f"{label}, experiment", expected, share(given, WIDE), spread, "%")
+        yield within(label, expected, share(given), spread, "%", source=HAHN,
                      explanation=Explanation(text, (shown,)))  # fmt: skip
-    yield within("saline, patients after heart surgery (test)", SALINE[0], _share(saline), _error(SALINE),
+    yield within("saline, patients after heart surgery (test)", SALINE[0], share(saline), _error(SALINE),
                  "%", source=ERNEST)  # fmt: skip
     albumin = Given(HEART, USUAL, (("albumin_ml", 500.0),))
-    yield within("5 % albumin, the same (test)", ALBUMIN[0], _share(albumin), _error(ALBUMIN), "%",
+    yield within("5 % albumin, the same (test)", ALBUMIN[0], share(albumin), _error(ALBUMIN), "%",
                  source=ERNEST)  # fmt: skip
     men = Given(body("male", 25, 178, HASKELL_KG, 65), HEALTHY, (("albumin_ml", HASKELL_ML),), 10.0, 60.0)
     to_percent = 100.0 * HASKELL_KG / HASKELL_ML
     label, expected, spread = "5 % albumin, 234 mL in men, after 1 h", HASKELL_ML_KG, MOST_ERROR_ML_KG
     text = "stiff veins and no reflex; with Csvn 95 and heldt2010 at the same wall it holds"
-    soft = within(f"{label}, experiment", to_percent * expected, _share(men, SOFT), to_percent * spread, "%")
-    yield within(f"{label} (test)", to_percent * expected, _share(men), to_percent * spread, "%",
+    soft = within(f"{label}, experiment", to_percent * expected, share(men, SOFT), to_percent * spread, "%")
+    yield within(f"{label} (test)", to_percent * expected, share(men), to_percent * spread, "%",
                  source=HASKELL, explanation=Explanation(text, (soft,)))  # fmt: skip
 
 
@@ -187,7 +187,7 @@ def _error(measured: tuple[float, float]) -> float:
     return 2.0 * measured[1] / math.sqrt(PER_GROUP)
 
 
-def _share(given: Given, sections: Sections = ()) -> float:
+def share(given: Given, sections: Sections = ()) -> float:
     """Plasma gained, of what was given [%]."""
     return 100.0 * gained(given, sections)[0] / sum(ml for _, ml in given.give)
 

@@ -124,7 +124,7 @@ def _hours() -> Iterator[Row]:
     yield within("900 mL: concentration of the plasma's protein a day later (test)", 0.0,
                  protein_changed(lost), 5.0, "%", source=ADAMSON)  # fmt: skip
     yield within("saline 4 h after a loss of 620 mL: share that stays in the plasma (test)",
-                 100.0 * 0.43 / 1.43, _saline_stays(), 10.0, "%", source=MOORE)  # fmt: skip
+                 100.0 * 0.43 / 1.43, saline_stays(), 10.0, "%", source=MOORE)  # fmt: skip
     both = Given(DONOR, HEALTHY, (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0)), 60.0, 0.0)
     expected = 100.0 * (500.0 + 5000.0 * (0.9 * 14.3 / 12.15 - 1.0)) / 2000.0
     label = "500 mL bled and 2 L of crystalloid: share that stays"
@@ -185,7 +185,7 @@ def refilled(lost_ml: float, after_min: float = 0.0, sections: Sections = ()) ->
     return lost_ml + gained(given, sections)[1]
 
 
-def _saline_stays(sections: Sections = ()) -> float:
+def saline_stays(sections: Sections = ()) -> float:
     """Share that stays in the plasma [%] of 2 L of saline 4 h after a loss, as its infusion ends."""
     lost = ("bleed_ml", 620.0)
     before, after = (
