@@ -143,9 +143,7 @@ def coming_back() -> None:
     both = (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0))
     litres = boluses.Given(refill.DONOR, boluses.HEALTHY, both, 60.0, 0.0)
     steep, most = starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG
-    print(
-        "\n500 mL refilled as it ends, after 1 h; saline 4 h later; 2 L; albumin; Ringer's as it ends, later [%]"
-    )
+    print("\n500 mL refilled as it ends, after 1 h; saline 4 h later; 2 L; albumin; Ringer's [%]")
     for words, sections in (("", ()), ("soft veins, heldt2010", boluses.SOFT), ("and LpS 4", boluses.WIDE)):
         for stiff in (1.0, 2.0, 3.0):
             starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG = steep / stiff, stiff * most
