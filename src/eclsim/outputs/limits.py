@@ -135,6 +135,7 @@ _REGULATED = (
 _UKKA = "UK Kidney Association 2023"
 _AT_40 = "a convention of this project: pH 7.2, 7.0, 7.55 and 7.65 at a PCO2 of 40 mmHg"
 _HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
+_NO_PLASMA = "no plasma that a case may start with: what it draws, and refill with it, are extrapolated"
 OF_COURSES = (
     Limit("potassium", "warning", "above", 6.0, _HYPERKALAEMIA, _UKKA),
     Limit("potassium", "alarm", "above", 6.5, _HYPERKALAEMIA, _UKKA),
@@ -149,6 +150,8 @@ OF_COURSES = (
     ),
     Limit("haematocrit", "alarm", "below", 0.15, "haemoglobin 5 g/dL: anaemia is critical", _OWN),
     Limit("haematocrit", "warning", "above", 0.55, "blood thickens: resistances rise steeply", _OWN),
+    Limit("plasma_protein", "warning", "below", 2.0, _NO_PLASMA, _OWN),
+    Limit("plasma_protein", "warning", "above", 10.0, _NO_PLASMA, _OWN),
 )
 """Limits of what is followed in courses alone and is no output of a beat."""
 
