@@ -3,7 +3,7 @@ import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "ec
 
 const PATIENCE = 5000; // ms that the server may take to answer
 const ASK = 1500; // ms after which the server is asked whether it is there, where what was sent has no answer
-const PALE = 400; // ms after which numbers that do not know of a turn are pale
+const PALE = 400; // ms after which numbers that do not know of a turn or of another state are pale
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
 const SHORTCUTS = [
   ["z", "ctrl", "undo"],
@@ -39,7 +39,7 @@ export default {
         this.answered();
         tab.keep("last", { link: state.link, of: state.of });
         this.links = remember(this.links ?? {}, state.of, state.link, 2);
-        this.markStale();
+        this.behind ??= setTimeout(() => this.markStale(), PALE);
       }),
       bus.on("error", () => {
         this.answered();
@@ -62,7 +62,7 @@ export default {
     for (const stop of this.stops) stop();
     window.removeEventListener("keydown", this.onKey);
     window.removeEventListener("hashchange", this.onHash);
-    for (const timer of [this.waiting, this.asking, this.paling, this.watching, this.returning])
+    for (const timer of [this.waiting, this.asking, this.paling, this.behind, this.watching, this.returning])
       clearTimeout(timer);
   },
   methods: {
@@ -143,7 +143,9 @@ export default {
     markStale(late = false) {
       const beat = bus.last("beat");
       const page = document.querySelector(".ecl-page")?.classList;
-      page?.toggle("ecl-stale", late || !!this.cut || beat?.of !== bus.last("state")?.of);
+      const behind = beat?.of !== bus.last("state")?.of;
+      if (!behind) this.behind = clearTimeout(this.behind);
+      page?.toggle("ecl-stale", late || !!this.cut || behind);
       page?.toggle("ecl-impossible", beat?.possible === false);
     },
     judge(beat) {
