@@ -235,6 +235,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "back",
         "taken_back": "The server answers again. What was changed while it did not was taken back; Redo "
         "makes it.",
+        "signed_out": "Signed out: the numbers are of {what}. Load this page again to sign in; it goes on "
+        "where it was.",
+        "study_old": "Not yet of what the knobs show.",
         "compiling": "Preparing this circuit (seconds, with gases and reflexes a minute; once) …",
         "not_converged": "No steady beat",
         "failed": "This beat could not be computed. Undo the last change.",
@@ -423,6 +426,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_waiting": "Waiting for another fit …",
         "fit_failed": "The fit failed. Check the measurements, or change the circuit and try again.",
         "fit_cancelled": "Cancelled.",
+        "fit_lost": "What was being computed here was lost with the server, or when the page was loaded "
+        "again: start it again.",
         "fit_use": "Use this patient",
         "fit_use_poor": "Show it although the fit is poor",
         "fit_reasons": "Why",

@@ -8,7 +8,7 @@ export default {
   template: `
   <div class="ecl-knobs" tabindex="-1" role="group" :aria-label="texts.knobs">
     <span id="knobs" tabindex="-1"></span>
-    <p v-if="later" class="later" role="status">{{ later }}</p>
+    <p v-if="later" class="later" role="note">{{ later }}</p>
     <section v-for="group in groups" :key="group.key" :class="'group-' + group.key" :aria-label="group.label">
       <header>
         <h2>{{ group.label }}</h2>
