@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from eclsim.inputs.mistakes import Mistake
+
 ENGLISH: Mapping[str, str] = MappingProxyType(
     {
         "title": "eclsim: bedside page",
@@ -65,6 +67,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "key_measured": "meas.",
         "output_measured": "Measured",
         "provenance_no_device": "no device",
+        "assumed_shunt": "shunt {value}, assumed unless it is fitted",
         "badge_changed": "Changed",
         "badge_doubt_changed": "{doubt}, changed",
         "badge_preset": "Preset",
@@ -557,6 +560,11 @@ _MINUS = re.compile(r"(?<![\w.)-])-(?=\d)")
 def with_minus(sentence: str) -> str:
     """A sentence of the command line as the page writes numbers: a minus before them is no hyphen."""
     return _MINUS.sub("\N{MINUS SIGN}", sentence)
+
+
+def beside_field(mistake: Mistake) -> str:
+    """A mistake as it stands beside its knob or field: without the key."""
+    return with_minus(str(Mistake("", mistake.message, mistake.value, mistake.allowed, mistake.suggestion)))
 
 
 def text(key: str, **values: object) -> str:

@@ -16,7 +16,8 @@ export default {
       <p class="intro"><b>{{ fill(texts.fit_form_of, { name }) }}.</b> {{ texts.identify_intro }}</p>
       <div class="fields">
         <div v-for="f in fields" :key="f.key" :class="{ bad: mistakes[f.key], doubt: warnings[f.key] }">
-          <label :for="id(f)"><b v-if="f.symbol">{{ f.symbol }}</b> {{ f.label }}</label>
+          <label :for="id(f)"><b v-if="f.symbol && !f.symbol.includes('_')">{{ f.symbol }}</b> {{
+            f.label }}</label>
           <span>
             <select v-if="f.kind === 'name'" :id="id(f)" v-model="typed[f.key]" @change="check">
               <option v-for="n in f.names" :key="n">{{ n }}</option>

@@ -27,7 +27,7 @@ const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
 export default {
   template: `
   <div class="ecl-fill">
-    ${studyNotes("ramp")}
+    ${studyNotes("ramp_none")}
     <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
     <div v-show="!empty" :class="['ecl-chart', { 'ecl-old': isOld }]" ref="chart" role="group"
       :aria-label="texts.ramp"></div>

@@ -7,7 +7,7 @@ const LINES = ["access", "return"];
 export default {
   template: `
   <div class="ecl-schemes">
-    ${studyNotes("schemes")}
+    ${studyNotes("schemes_none")}
     <template v-if="study">
       <p class="head">{{ heading }}<br />
         <span v-for="line in ['access', 'return', 'limits']" :key="line" :class="line">{{

@@ -102,9 +102,9 @@ export const studied = (topic, again, topics = {}) => ({
   },
 });
 // What such a view says above its numbers.
-export const studyNotes = (topic) => `
+export const studyNotes = (none) => `
   <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
-  <p v-else-if="empty" class="ecl-empty">{{ texts.${topic}_none }}</p>
+  <p v-else-if="empty" class="ecl-empty">{{ texts.${none} }}</p>
   <template v-else>
     <p v-for="line in later" :key="line" class="ecl-caution">{{ line }}</p>
     <p v-if="isOld" class="ecl-renewed">{{ drawn ? texts.study_old : texts.computing }}</p>
