@@ -32,11 +32,11 @@ export default {
           <span class="typed">
             <input :id="id(k)" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
               :value="shown(k)" :aria-invalid="!!errors[k.key]"
-              :aria-describedby="errors[k.key] ? id(k) + '-error' : null"
+              :aria-describedby="id(k) + '-unit' + (errors[k.key] ? ' ' + id(k) + '-error' : '')"
               :disabled="!connected" @input="typed = { key: k.key, text: $event.target.value }"
               @change="enter(k, $event.target.value)" @keydown="arrow(k, $event)"
               @focus="$event.target.select()" @blur="typed = typed?.entered ? typed : undefined" />
-            <small>{{ k.unit }}</small>
+            <small :id="id(k) + '-unit'">{{ k.unit }}</small>
           </span>
           <input type="range" :min="0" :max="positions(k)" step="1" :value="position(k)" :aria-label="k.label"
             :aria-valuetext="written(k) + ' ' + k.unit"
