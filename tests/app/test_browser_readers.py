@@ -107,7 +107,8 @@ def test_where_the_keyboard_is_can_be_seen(open_page):
     page = open_page("paper")
     seen = """() => { const one = document.activeElement; const field = one.closest('.q-field');
       return [one.getAttribute('aria-label') || one.id || one.textContent.slice(0, 30),
-        ['outlineStyle', 'boxShadow'].some((line) => getComputedStyle(one)[line] !== 'none') || !!field?.classList.contains('q-field--focused')
+        ['outlineStyle', 'boxShadow'].some((line) => getComputedStyle(one)[line] !== 'none')
+        || !!field?.classList.contains('q-field--focused')
         || !!one.closest('svg')]; }"""
     hidden = []
     for _ in range(60):
