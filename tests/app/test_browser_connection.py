@@ -136,6 +136,24 @@ def test_what_is_not_yet_of_the_knobs_says_so_in_words(open_page):
     expect(page.locator(".ecl-timeline .chart.old")).to_have_count(0)
 
 
+def test_a_server_that_hangs_while_it_computes_is_said_to_hang(alone):
+    """It had taken the turn, so that nothing waited for an answer: "Computing" stood for good."""
+    page, served = alone
+    page.evaluate(BEHIND)
+    status(page).to_have_text(text("computing"))
+    page.wait_for_timeout(7000)
+    status(page).to_have_text(text("computing"))  # it is there, and slow
+    served.process.send_signal(signal.SIGSTOP)
+    status(page).to_have_text(text("silent", what="Healthy adult"))
+    expect(knob(page, "patient.heart_rate_bpm")).to_be_disabled()
+    served.process.send_signal(signal.SIGCONT)
+    expect(knob(page, "patient.heart_rate_bpm")).to_be_enabled()
+    page.evaluate("eclsim.bus.publish('fit_progress', { share: 0.1, seconds: 1, text: 'fitting' })")
+    served.process.send_signal(signal.SIGSTOP)
+    status(page).to_have_class(re.compile(r"\bbad\b"))
+    served.process.send_signal(signal.SIGCONT)
+
+
 @pytest.mark.parametrize("view", ["ramp", "schemes"])
 def test_a_study_of_a_state_before_says_so_in_words(open_page, view):
     page = open_page("paper")

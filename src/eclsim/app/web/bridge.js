@@ -4,6 +4,7 @@ import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "ec
 const PATIENCE = 5000; // ms that the server may take to answer
 const ASK = 1500; // ms after which the server is asked whether it is there, where what was sent has no answer
 const PALE = 400; // ms after which numbers that do not know of a turn are pale
+const SILENCE = 2000; // ms without a report of what runs, after which the server is asked as well
 const REST = 1000; // ms without another outcome after which a screen reader is told
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
 const SHORTCUTS = [
@@ -80,7 +81,14 @@ export default {
         this.expect();
         this.paling ??= setTimeout(() => this.markStale(true), PALE);
       }),
-      bus.on("alive", () => this.answered()),
+      bus.on("alive", () => {
+        this.answered();
+        if (this.isLate) this.expect();
+      }),
+      ...["fit", "posterior"].flatMap((job) => [
+        bus.on(`${job}_progress`, () => this.hearFrom(SILENCE)),
+        bus.on(`${job}_ended`, () => this.hearFrom(0)),
+      ]),
       bus.on("taken_back", () => {
         this.takeBack = undefined;
         this.answered();
@@ -100,6 +108,7 @@ export default {
       this.returning,
       this.lagging,
       this.speaking,
+      this.silence,
     ])
       clearTimeout(timer);
   },
@@ -198,8 +207,18 @@ export default {
       const page = document.querySelector(".ecl-page")?.classList;
       page?.toggle("ecl-stale", stale || !!this.cut);
       page?.toggle("ecl-impossible", beat?.possible === false);
-      if (stale && of !== this.failed) this.lagging ??= setTimeout(() => (this.late = true), late ? 0 : PALE);
+      if (stale && of !== this.failed) this.lagging ??= setTimeout(() => this.lag(), late ? 0 : PALE);
       else this.isThere();
+    },
+    // A beat that is long in coming: from a server that computes, or from none.
+    lag() {
+      this.late = true;
+      if (this.isLate) this.expect();
+    },
+    // What runs for minutes reports all the time: where it does not, the server is asked whether it is there.
+    hearFrom(within) {
+      clearTimeout(this.silence);
+      if (within) this.silence = setTimeout(() => this.expect(), within);
     },
     isThere() {
       clearTimeout(this.lagging);
