@@ -81,10 +81,7 @@ export default {
         this.expect();
         this.paling ??= setTimeout(() => this.markStale(true), PALE);
       }),
-      bus.on("alive", () => {
-        this.answered();
-        if (this.isLate) this.expect();
-      }),
+      bus.on("alive", () => this.answered()),
       ...["fit", "posterior"].flatMap((job) => [
         bus.on(`${job}_progress`, () => this.hearFrom(SILENCE)),
         bus.on(`${job}_ended`, () => this.hearFrom(0)),
@@ -186,9 +183,11 @@ export default {
     },
     answered() {
       this.expectNothing();
-      if (!this.cut || this.takeBack) return;
-      this.cut = "";
-      this.connect(true);
+      if (this.cut && !this.takeBack) {
+        this.cut = "";
+        this.connect(true);
+      }
+      if (this.isLate) this.expect();
     },
     // Without a connection nothing can be pressed that would be done later.
     connect(on) {
