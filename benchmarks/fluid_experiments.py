@@ -13,9 +13,10 @@ import numpy as np
 
 from eclsim.cases.reading import read_case
 from eclsim.course.course import course
+from eclsim.fluid import starling
 from eclsim.regulation.attach import REFLEXES
 from eclsim.reporting.style import curve_style, figure_style
-from eclsim.validation import fluid
+from eclsim.validation import boluses, fluid, refill
 from eclsim.validation.fluid import MEASURED, Patient, bled, dialysed, driven, fall_of_blood, healthy, stood
 
 CASE = Path(__file__).parents[1] / "examples" / "fluid_removal.toml"
@@ -134,6 +135,30 @@ def dialysis() -> None:
         print(f"{coefficient:6.3g}", *(f"{v:7.3g}" for v in (*falls, *driven(one, 1700.0).values())))
 
 
+def coming_back() -> None:
+    """Blood lost, crystalloid and albumin by veins, reflex, wall and stiffness of the interstitium."""
+    men = boluses.Given(
+        boluses.body("male", 25, 178, 77.6, 65), boluses.HEALTHY, (("albumin_ml", 234.0),), 10.0, 60.0
+    )
+    both = (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0))
+    litres = boluses.Given(refill.DONOR, boluses.HEALTHY, both, 60.0, 0.0)
+    steep, most = starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG
+    print("\n500 mL refilled as it ends, after 1 h; saline 4 h later; 2 L; albumin; Ringer's [%]")
+    for words, sections in (("", ()), ("soft veins, heldt2010", boluses.SOFT), ("and LpS 4", boluses.WIDE)):
+        for stiff in (1.0, 2.0, 3.0):
+            starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG = steep / stiff, stiff * most
+            boluses.followed.cache_clear()
+            boluses.gained.cache_clear()
+            shares = (
+                0.2 * refill.refilled(500.0, 0.0, sections), 0.2 * refill.refilled(500.0, 60.0, sections),
+                refill.saline_stays(sections), 0.05 * (500.0 + boluses.gained(litres, sections)[1]),
+                boluses.share(men, sections),
+                *(boluses.share(boluses.VOLUNTEER._replace(after_min=m), sections) for m in (0.0, 30.0)),
+            )  # fmt: skip
+            print(f"{words}, interstitium x {stiff:g}".ljust(44), *(f"{v:6.1f}" for v in shares))
+    starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG = steep, most
+
+
 def draw(found, swept, folder: Path) -> None:
     from matplotlib import pyplot
 
@@ -175,6 +200,7 @@ if __name__ == "__main__":
     bleeding()
     standing()
     dialysis()
+    coming_back()
     days_, swept_ = days(), sweep()
     if len(sys.argv) > 1:
         draw(days_, swept_, Path(sys.argv[1]))

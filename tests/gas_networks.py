@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from eclsim.components.base import Key, value_of
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Points, Tissue
 from eclsim.devices.ecmo import MEMBRANE
 from eclsim.gas.steady import solve
@@ -23,17 +24,20 @@ PATIENT = {
 
 @dataclass(frozen=True)
 class GivenGases(GasExchanger):
-    """Blood leaves with given partial pressures, but for a shunt: an oxygenator or a lung of the textbook."""
+    """Blood leaves with given partial pressures, but for a shunt: an oxygenator or a lung of the textbook.
 
-    po2: float
-    pco2: float
-    shunt: float = 0.0
+    Numbers, or keys of values: what differs in values alone is compiled once.
+    """
+
+    po2: Key
+    pco2: Key
+    shunt: Key = 0.0
 
     def exchanging(self, values):
-        return 1.0 - self.shunt
+        return 1.0 - value_of(values, self.shunt)
 
     def rates(self, flow, inside: Points, values):
-        given = jnp.array([self.po2, self.pco2])[:, None]
+        given = jnp.array([value_of(values, self.po2), value_of(values, self.pco2)])[:, None]
         return inside.gained - 10.0 * flow * (jnp.log(inside.pressure) - jnp.log(given))
 
 

@@ -1,5 +1,6 @@
 """The page's lean beat is the same as that of `eclsim simulate`."""
 
+import asyncio
 import re
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 
 from eclsim.app.beat import POINTS, compute_beat, of_size, page_circuit, plain
 from eclsim.app.display import display, output_specs
+from eclsim.app.engine import Engine
 from eclsim.app.knobs import connect, turn
-from eclsim.app.state import PageState
+from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.simulation.single import simulate
 
@@ -70,8 +72,21 @@ def test_moving_a_crrt_line_keeps_the_compiled_circuit(paper):
 
 def test_starting_from_a_neighbour_changes_nothing(paper):
     far = paper.with_case(turn(paper.case, "ecmo.speed_rpm", 4500))
-    near = compute_beat(far, compute_beat(paper).values)
+    near = compute_beat(far, compute_beat(paper))
     assert near.outputs["MAP"] == pytest.approx(compute_beat(far).outputs["MAP"], rel=1e-5)
+
+
+def test_a_circuit_is_said_to_be_compiled_once():
+    engine, said = Engine(workers=1), []
+    state = preset_state("healthy")
+
+    async def twice():
+        for _ in range(2):
+            await engine.beat(state, None, lambda: said.append(True))
+
+    asyncio.run(twice())
+    engine.stop()
+    assert said == [True]
 
 
 def test_the_browser_gets_numbers_or_null(paper):

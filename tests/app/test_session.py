@@ -22,10 +22,7 @@ class StubEngine:
     computed: list[float] = field(default_factory=list)
     fail: bool = False
 
-    def knows(self, state: PageState) -> bool:
-        return True
-
-    async def beat(self, state: PageState, near: object) -> Beat:
+    async def beat(self, state: PageState, near: Beat | None, compiling: object = None) -> Beat:
         await asyncio.sleep(self.delay)
         if self.fail:
             raise RuntimeError("no")

@@ -59,7 +59,7 @@ def test_other_sources_make_another_program(folder, monkeypatch):
     [
         ("units.py", True),
         ("components/valves.py", True),
-        ("circuit/sweep.py", True),
+        ("circuit/assembly.py", True),
         ("beat/heartbeat.py", True),
         ("outputs/registry.py", False),
         ("simulation/files.py", False),

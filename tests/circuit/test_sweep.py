@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eclsim.circuit import Circuit, Compartment, Connection
-from eclsim.circuit.sweep import sweep_order
+from eclsim.circuit.assembly import sweep_order
 from eclsim.components import ElasticVessel, Resistance
 from eclsim.orbit.model import Model
 from eclsim.outputs.results import simulate

@@ -81,10 +81,24 @@ def read_all(*_):
     time.sleep(60)
 """
 
+WITHIN_THE_HOOK = f"""{IN_A_CALLBACK}
+class Late(application.Thread):
+    def start(self):
+        super().start()
+        time.sleep(0.5)
+
+application.Thread = Late
+"""
+"""The signal that is sent again comes while it is still being sent, as on a busy machine."""
+
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("reading", [ASLEEP, IN_A_CALLBACK], ids=["asleep", "in a callback of the collector"])
+@pytest.mark.parametrize(
+    "reading",
+    [ASLEEP, IN_A_CALLBACK, WITHIN_THE_HOOK],
+    ids=["asleep", "in a callback of the collector", "again within the hook"],
+)
 def test_signals_stop_without_a_traceback(number, reading):
     code = (
         f"import gc, time\nfrom eclsim.cli import application, simulate\n{reading}"

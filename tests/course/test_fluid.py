@@ -19,6 +19,12 @@ RAW = {
     "fluid": {},
     "solutes": {"bicarbonate_mmol_l": 18},
 }  # fmt: skip
+FILTERING = RAW["crrt"] | {"net_ultrafiltration_ml_h": 100}
+AS_PEOPLE = {
+    "fluid": {"filtration_ml_min_mmHg": 4, "lymph_ml_min": 6},
+    "regulation": {"baroreflex": 1.0, "model": "heldt2010"},
+    "parameters": {"Csvn": 95},
+}
 EVENTS = [
     {"at_min": 20, "give": {"crystalloid_ml": 400}, "over_min": 30},
     {"at_min": 60, "give": {"bleed_ml": 300}, "over_min": 10},
@@ -128,10 +134,24 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
     ("give", "sections", "said"),
     [
         ({"crystalloid_ml": 500}, {}, ["of crystalloid given beyond what was lost"]),
-        ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["a half (Ernest 2001)"]),
+        ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["a half (Ernest 2001)", "fluid.lymph_ml_min = 6"]),
+        ({"albumin_ml": 100, "crystalloid_ml": 500}, AS_PEOPLE, []),
+        (
+            {"albumin_ml": 100, "crystalloid_ml": 500},
+            {**AS_PEOPLE, "fluid": {"filtration_ml_min_mmHg": 10}},
+            ["of crystalloid", "fluid.lymph_ml_min = 6"],
+        ),
         ({"crystalloid_ml": 500}, {"fluid": {"capillary_refill": False}}, []),
         ({"red_cells_ml": 300}, {}, ["without the potassium"]),
-        ({"bleed_ml": 300}, {}, []),
+        ({"bleed_ml": 150}, {}, []),
+        ({"bleed_ml": 300, "blood_ml": 250}, {}, []),
+        ({"blood_ml": 250}, {}, ["never raises the haematocrit"]),
+        ({"bleed_ml": 100}, {"crrt": FILTERING}, ["net ultrafiltration"]),
+        ({"bleed_ml": 100}, {"crrt": FILTERING, "fluid": {"filtration_ml_min_mmHg": 1.6}}, []),
+        ({"bleed_ml": 100}, {"crrt": FILTERING, "fluid": {"capillary_refill": False}}, []),
+        ({"bleed_ml": 300}, {}, ["of blood that is lost", "without a reflex"]),
+        ({"bleed_ml": 300}, {"regulation": {"baroreflex": 1.0}}, ["of blood that is lost"]),
+        ({"bleed_ml": 300}, {"fluid": {"capillary_refill": False}}, ["without a reflex"]),
     ],
 )
 def test_courses_say_what_of_a_gift_they_do_not_hold(give, sections, said):
@@ -151,3 +171,13 @@ def test_courses_say_bicarbonate_and_haematocrit_beyond_their_limits():
     assert " mmol/L at worst): acidaemia" in acid
     (thin,) = [line for line in warnings if line.startswith("haematocrit of the blood below 0.21 at 00:00")]
     assert " at worst): haemoglobin 7 g/dL" in thin
+
+
+@pytest.mark.slow
+def test_courses_say_plasma_that_no_case_may_start_with():
+    """Water alone is filtered, so that protein thickens."""
+    crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 1500}
+    sections = {"crrt": crrt, "fluid": {"plasma_protein_g_dl": 9.5, "capillary_refill": False}}
+    warnings = follow(12.0, **sections).attrs["warnings"]
+    assert any(line.startswith("protein of the plasma") and "above 10 g/dL" in line for line in warnings)
+    assert not any("above 10 g/dL" in line for line in follow(1.0, **sections).attrs["warnings"])

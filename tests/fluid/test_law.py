@@ -7,6 +7,7 @@ from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid import law as fluid
 from eclsim.fluid.law import FluidLaw
 from eclsim.fluid.starling import (
+    ALBUMIN_WORTH,
     DEHYDRATED_PER_MMHG,
     EXCLUDED,
     LYMPH_PER_MMHG,
@@ -83,6 +84,27 @@ def test_oncotic_pressure_is_that_of_landis_and_pappenheimer():
     np.testing.assert_allclose(
         oncotic_pressure(np.array([0.0, 7.0])), [0.0, 2.1 * 7 + 0.16 * 49 + 0.009 * 343]
     )
+
+
+def test_five_per_cent_albumin_draws_what_albumin_draws_and_so_does_what_is_added_to_plasma():
+    """Landis and Pappenheimer: albumin alone; with globulin, each in proportion to its share."""
+
+    def albumin(c):
+        return c * (2.8 + c * (0.18 + 0.012 * c))
+
+    def globulin(c):
+        return c * (1.6 + c * (0.15 + 0.006 * c))
+
+    assert oncotic_pressure(100.0 * fluid.ALBUMIN_G_ML) == pytest.approx(albumin(5.0), abs=0.1)
+
+    def mixed(a, g):
+        return (a * albumin(a + g) + g * globulin(a + g)) / (a + g)
+
+    for total in (5.0, 6.0, 7.0):
+        half, step = 0.5 * total, 1e-4
+        added = (mixed(half + step, half) - mixed(half, half)) / step
+        of_plasma = (oncotic_pressure(total + step) - oncotic_pressure(total)) / step
+        assert added / of_plasma == pytest.approx(ALBUMIN_WORTH, abs=0.02)
 
 
 def test_interstitium_stiffens_below_and_gives_way_above_its_normal_volume():

@@ -4,6 +4,7 @@ The states are those of low sweeps, where Newton's method in the pressures alone
 finding that was wrong, and of lungs that nothing ventilates.
 """
 
+from functools import lru_cache
 from itertools import product
 
 import jax
@@ -62,24 +63,22 @@ def test_a_lung_that_nothing_ventilates_gives_no_gas_to_the_blood():
         np.testing.assert_allclose(state.gained[:, LUNG], 0.0, atol=1e-6)
 
 
-def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):
-    """The same patient in time: blood held behind every place and along the bundle, gas in every cell.
+COUNT = 2 * (2 + CELLS)
+"""Logarithms of both pressures behind tissue and lung and in every cell; gas gained in the cells follows."""
 
-    Own equations in pressures, of contents and rates alone: no Newton step, no collocation.
 
-    Returns:
-        Oxygen consumed [mL/min] and PCO2 behind the tissue [mmHg] at the end, and how fast both still change.
+@lru_cache
+def equations():
+    """How the patient changes in time with the state and the values, and its slope by the state.
+
+    Blood held behind every place and along the bundle, gas in every cell. Own equations in pressures, of
+    contents and rates alone: no Newton step, no collocation.
     """
-    values = {k: jnp.asarray(v) for k, v in PATIENT.items()}
-    values |= {
-        k.replace("gas_", "gas.").replace("ecmo_", "ecmo."): jnp.asarray(v)
-        for k, v in named(sweep, oxygen, shunt, ventilation).items()
-    }
-    blood, flows = blood_of(values), jnp.array([7.0, 7.0, 5.0])
+    flows = jnp.array([7.0, 7.0, 5.0])
     mixed = np.asarray(veno_venous(7.0, 5.0, 0.3)[1].inlets)
     held = np.concatenate([np.array(BLOOD_ML[:2]), np.full(CELLS, BLOOD_ML[2] / CELLS)]) / 100.0
 
-    def contents(logs):
+    def contents(logs, blood):
         po2, pco2 = jnp.exp(logs)
         ph = jnp.full_like(po2, 7.2)
         for _ in range(12):
@@ -91,8 +90,9 @@ def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):
         both = [law(po2, pco2, ph, blood) for law in (oxygen_content, carbon_dioxide_content)]
         return jnp.stack(both), ph
 
-    def rates(logs, gained):
-        (content, ph), po2 = contents(logs), jnp.exp(logs[0])
+    def rates(logs, gained, values):
+        blood = blood_of(values)
+        (content, ph), po2 = contents(logs, blood), jnp.exp(logs[0])
         slope = jax.vmap(jax.grad(lambda p, c, h: saturation(p, c, h, blood)))(po2, jnp.exp(logs[1]), ph)
         share = 1.0 - values["gas.shunt_fraction"]
         last = content[:, [0, 1, -1]]
@@ -112,11 +112,11 @@ def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):
         cells = jnp.concatenate([*given[:2], given[2] / CELLS], axis=1)
         return 10.0 * stream * (arriving - content) + cells, given[2]
 
-    @jax.jit
-    def moved(y):
-        logs, gained = y[:count].reshape(2, -1), y[count:].reshape(2, -1)
-        change, given = rates(logs, gained)
-        by = jax.vmap(jax.jacfwd(lambda x: contents(x[:, None])[0][:, 0]), in_axes=1)(logs)
+    def moved(y, values):
+        logs, gained = y[:COUNT].reshape(2, -1), y[COUNT:].reshape(2, -1)
+        change, given = rates(logs, gained, values)
+        blood = blood_of(values)
+        by = jax.vmap(jax.jacfwd(lambda x: contents(x[:, None], blood)[0][:, 0]), in_axes=1)(logs)
         (a, b), (c, d) = jnp.moveaxis(by, 0, -1)
         oxygen_changes, carbon_changes = change / held
         pressures = jnp.stack(
@@ -126,16 +126,27 @@ def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):
         gas = 20.0 * (before + given / CELLS - gained)
         return jnp.concatenate([(pressures / (a * d - b * c)).reshape(-1), gas.reshape(-1)])
 
-    count, by_state = 2 * (2 + CELLS), jax.jit(jax.jacfwd(moved))
+    return jax.jit(moved), jax.jit(jax.jacfwd(moved))
+
+
+def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):
+    """The same patient in time.
+
+    Returns:
+        Oxygen consumed [mL/min] and PCO2 behind the tissue [mmHg] at the end, and how fast both still change.
+    """
+    given = named(sweep, oxygen, shunt, ventilation)
+    values = PATIENT | {k.replace("gas_", "gas.").replace("ecmo_", "ecmo."): v for k, v in given.items()}
+    moved, by_state = equations()
     start = np.repeat([np.log(60.0), np.log(42.0), 0.0], [2 + CELLS, 2 + CELLS, 2 * CELLS])
     end = solve_ivp(
-        lambda _, y: np.asarray(moved(y)), (0.0, minutes), start, method="BDF", rtol=1e-4, atol=1e-5,
-        jac=lambda _, y: np.asarray(by_state(y)),
+        lambda _, y: np.asarray(moved(y, values)), (0.0, minutes), start, method="BDF", rtol=1e-4, atol=1e-5,
+        jac=lambda _, y: np.asarray(by_state(y, values)),
     )  # fmt: skip
     assert end.success
-    logs = end.y[:count, -1].reshape(2, -1)
+    logs = end.y[:COUNT, -1].reshape(2, -1)
     consumed = 220.0 * -np.expm1(-((np.exp(logs[0, 0]) / 4.0) ** 2))
-    return consumed, np.exp(logs[1, 0]), np.abs(np.asarray(moved(end.y[:, -1]))).max()
+    return consumed, np.exp(logs[1, 0]), np.abs(np.asarray(moved(end.y[:, -1], values))).max()
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.sensitivity.identifiability import identifiability
 
 RAW = {
@@ -159,7 +160,9 @@ def test_a_held_blood_volume_is_said_with_what_follows_from_it():
 
 def test_a_fit_that_holds_the_volume_says_so():
     settings = FitSettings(("Rmc",), multi_start=MultiStart.quick(20))
+    given = {name: bounds.start for name, bounds in BOUNDS.items()}  # so that the volume alone is held
     for values, level in (({"MAP": 70.0}, "good"), ({"MAP": 70.0, "CVP": 3.2}, "doubtful")):
-        reasons = fit(without_fluid(**values), settings=settings).verdict.reasons
+        case = without_fluid(**values).model_copy(update={"parameters": given})
+        reasons = fit(case, settings=settings).verdict.reasons
         (said,) = [r for r in reasons if "the blood volume is held" in r.sentence]
         assert said.level == level

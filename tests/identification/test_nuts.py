@@ -53,40 +53,26 @@ def test_the_same_seed_gives_the_same_draws(curved, analytic):
 
 
 @pytest.mark.slow
-def test_chains_jump_between_arms(analytic):
-    arms = TwoArms()
-    mean, covariance = arms.moments()
-    result = nuts.sample(arms, straight(mean, covariance), SHORT)
+def test_chains_jump_between_arms_and_what_can_be_left_can_be_entered(analytic):
+    """The potential of the place that is left and of the one that is entered are the same function."""
+    mean, covariance = TwoArms().moments()
+    result = nuts.sample(HalfBlind(), straight(mean, covariance), SHORT)
     right = (result.z[..., 0] > 0.0).mean(axis=1)
     assert right == pytest.approx(0.5, abs=0.4)  # without jumps 0 or 1
     assert right.mean() == pytest.approx(0.5, abs=0.2)
 
 
 @pytest.mark.slow
-def test_an_arm_that_can_be_left_can_be_entered(analytic):
-    """The potential of the place that is left and of the one that is entered are the same function."""
-    mean, covariance = TwoArms().moments()
-    result = nuts.sample(HalfBlind(), straight(mean, covariance), SHORT)
-    assert (result.z[..., 0] > 0.0).mean() == pytest.approx(0.5, abs=0.2)
-
-
-@pytest.mark.slow
-def test_the_sampler_asks_for_a_potential_that_depends_on_the_point_alone(curved, monkeypatch):
+def test_points_without_a_steady_beat_are_counted_and_the_potential_depends_on_the_point_alone(
+    curved, monkeypatch
+):
     requests = []
 
-    class Asked(AnalyticGradient):
+    class Walled(AnalyticGradient):
         def __init__(self, posterior, centre, by_point=False):
             super().__init__(posterior, centre)
             requests.append(by_point)
 
-    monkeypatch.setattr(nuts, "GradientEvaluator", Asked)
-    nuts.sample(curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=5, draws=5))
-    assert requests == [True, True]
-
-
-@pytest.mark.slow
-def test_points_without_a_steady_beat_are_counted(curved, monkeypatch):
-    class Walled(AnalyticGradient):
         def potential(self, z):
             return super().potential(z) if z[0] < 0.6 else (np.inf, np.zeros(2))
 
@@ -94,6 +80,7 @@ def test_points_without_a_steady_beat_are_counted(curved, monkeypatch):
     result = nuts.sample(
         curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=30, draws=30, seed=1)
     )
+    assert requests == [True, True]
     assert 0 < result.without_beat < result.evaluations
     assert (result.z[..., 0] < 0.6).all()
 

@@ -147,17 +147,17 @@ def test_draws_that_no_patient_can_have_are_counted_and_in_no_interval():
 
     model = reference_model(PAPER_PATIENT).with_values({"ecmo.speed_rpm": 5500.0})
     rng = np.random.default_rng(1)
-    draws = {n: model.values[n] * np.exp(0.3 * rng.standard_normal(24)) for n in ("Rmc", "Csvn")}
+    draws = {n: model.values[n] * np.exp(0.3 * rng.standard_normal(7)) for n in ("Rmc", "Csvn")}
     prediction = predict(model, draws, ("MAP",), "ecmo.speed_rpm=5500")
     beats = simulate_many(model, draws, ["MAP"])
     impossible = (beats["impossible"] == 1).to_numpy()
-    assert 0 < prediction.draws_impossible < 24
+    assert 0 < prediction.draws_impossible < 7
     assert np.isnan(prediction.values[impossible]).all()
     assert (
         np.isfinite(prediction.values).sum()
-        == 24 - prediction.draws_impossible - prediction.draws_without_beat
+        == 7 - prediction.draws_impossible - prediction.draws_without_beat
     )
-    assert f"{prediction.draws_impossible} of 24 draws are beats that no patient can have" in " ".join(
+    assert f"{prediction.draws_impossible} of 7 draws are beats that no patient can have" in " ".join(
         prediction.doubts
     )
 
@@ -195,10 +195,17 @@ def test_predictions_of_a_poor_fit_are_not_trusted(fit):
     assert any("POOR FIT" in doubt for doubt in found.doubts)
 
 
-def test_files(result, tmp_path):
-    written = write_posterior(tmp_path, result)
+@pytest.fixture(scope="module")
+def folder(result, tmp_path_factory):
+    """Everything that is written of a posterior."""
+    folder = tmp_path_factory.mktemp("posterior")
+    written = write_posterior(folder, result)
     assert {p.name for p in written} >= {"posterior.nc", "samples.csv", "posterior.json", "pairs.png"}
-    content = json.loads((tmp_path / "posterior.json").read_text())
+    return folder
+
+
+def test_files(folder):
+    content = json.loads((folder / "posterior.json").read_text())
     assert content["trusted"] is True
     assert (
         content["predictions"][1]["outputs"]["CO"]["lower"]
@@ -206,20 +213,18 @@ def test_files(result, tmp_path):
     )
 
 
-def test_samples_are_what_the_crrt_study_reads(result, tmp_path):
-    write_posterior(tmp_path, result)
-    samples = read_samples(tmp_path / "samples.csv")
+def test_samples_are_what_the_crrt_study_reads(result, folder):
+    samples = read_samples(folder / "samples.csv")
     assert set(samples) == set(NAMES)
     assert len(samples["Rmc"]) == 1000
     assert np.median(samples["Rmc"]) == pytest.approx(np.median(result.flat[:, 0]), rel=0.05)
 
 
-def test_arviz_opens_the_netcdf(result, tmp_path):
-    write_posterior(tmp_path, result)
+def test_arviz_opens_the_netcdf(result, folder):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about a coming version
         arviz = pytest.importorskip("arviz")
-        data = arviz.from_netcdf(tmp_path / "posterior.nc")
+        data = arviz.from_netcdf(folder / "posterior.nc")
         posterior = data["posterior"]
         assert np.asarray(posterior["Rmc"]) == pytest.approx(result.samples[:, :, 0])
         assert posterior["Rmc"].dims == ("chain", "draw")

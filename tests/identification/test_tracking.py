@@ -1,5 +1,7 @@
 """Following a patient whose parameters drift in a known way."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -42,8 +44,32 @@ def series(truth):
 
 
 @pytest.fixture(scope="module")
-def tracked(series):
-    return track([(str(k), case) for k, (case, _) in enumerate(series)], settings=SETTINGS).points
+def trackers(series):
+    """What is known after each of the first measurements."""
+    tracker, known = Tracker(SETTINGS), []
+    for k, (case, _) in enumerate(series[:5]):
+        tracker.update(str(k), case)
+        known.append(copy.deepcopy(tracker))
+    return known
+
+
+@pytest.fixture
+def after(trackers):
+    """A tracker after so many measurements, the test's own."""
+    return lambda count: copy.deepcopy(trackers[count - 1])
+
+
+@pytest.fixture(scope="module")
+def followed(series):
+    """The result, and what was said meanwhile."""
+    said = []
+    points = [(str(k), case) for k, (case, _) in enumerate(series)]
+    return track(points, settings=SETTINGS, progress=said.append), said
+
+
+@pytest.fixture(scope="module")
+def tracked(followed):
+    return followed[0].points
 
 
 @pytest.mark.slow
@@ -82,10 +108,8 @@ def test_nothing_is_flagged_that_fits(tracked):
     assert all(0.0 < t.probability <= 1.0 for t in tracked[1:])
 
 
-def test_a_wrong_value_is_flagged_and_left_out(series, tracked):
-    tracker = Tracker(SETTINGS)
-    for k, (case, _) in enumerate(series[:5]):
-        tracker.update(str(k), case)
+def test_a_wrong_value_is_flagged_and_left_out(series, tracked, after):
+    tracker = after(5)
     right, _ = series[5]
     wrong = right.model_copy(
         update={"measurements": right.measurements.model_copy(update={"CO": 2.2 * right.measurements.CO})}
@@ -100,10 +124,8 @@ def test_a_wrong_value_is_flagged_and_left_out(series, tracked):
 
 
 @pytest.mark.slow
-def test_a_value_that_stays_wrong_is_used_the_second_time(series):
-    tracker = Tracker(SETTINGS)
-    for k, (case, _) in enumerate(series[:5]):
-        tracker.update(str(k), case)
+def test_a_value_that_stays_wrong_is_used_the_second_time(series, after):
+    tracker = after(5)
     results = []
     for k in (5, 6):
         right = series[k][0]
@@ -114,10 +136,8 @@ def test_a_value_that_stays_wrong_is_used_the_second_time(series):
     assert "CO does not fit for the second time" in results[1].message
 
 
-def test_a_sudden_change_of_everything_is_flagged_and_followed(series):
-    tracker = Tracker(SETTINGS)
-    for k, (case, _) in enumerate(series[:4]):
-        tracker.update(str(k), case)
+def test_a_sudden_change_of_everything_is_flagged_and_followed(after):
+    tracker = after(4)
     changed, _ = measured_at(2.4, 0.7, np.random.default_rng(0), noise=0.3)
     result = tracker.update("changed", changed)
     assert result.unusual
@@ -127,18 +147,16 @@ def test_a_sudden_change_of_everything_is_flagged_and_followed(series):
     assert result.parameters["Rmc"].median == pytest.approx(2.4, rel=0.25)
 
 
-def test_a_measurement_may_be_missing(series):
-    tracker = Tracker(SETTINGS)
-    tracker.update("0", series[0][0])
+def test_a_measurement_may_be_missing(series, after):
+    tracker = after(1)
     case = series[1][0].model_copy(update={"measurements": Measurements(MAP=80.0)})
     result = tracker.update("1", case)
     assert set(result.innovations) == {"MAP"}
     assert "CO" in result.forecast
 
 
-def test_forecast_of_what_has_not_been_measured(series):
-    tracker = Tracker(SETTINGS)
-    tracker.update("0", series[0][0])
+def test_forecast_of_what_has_not_been_measured(series, after):
+    tracker = after(1)
     forecast, expected = tracker.forecast(series[1][0])
     assert expected["CO"].lower < forecast["CO"].lower < series[1][1]["CO"] < forecast["CO"].upper
 
@@ -162,9 +180,8 @@ def renamed(case, patient_id):
     return case.model_copy(update={"patient": case.patient.model_copy(update={"id": patient_id})})
 
 
-def test_another_patient_is_refused(series):
-    tracker = Tracker(SETTINGS)
-    tracker.update("0", series[0][0])
+def test_another_patient_is_refused(series, after):
+    tracker = after(1)
     estimate = tracker.estimate
     for use in (lambda case: tracker.update("1", case), tracker.forecast):
         with pytest.raises(CaseError, match="another patient"):
@@ -172,15 +189,13 @@ def test_another_patient_is_refused(series):
     assert tracker.estimate is estimate
 
 
-def test_an_id_written_otherwise_is_the_same_patient(series):
-    tracker = Tracker(SETTINGS)
-    tracker.update("0", series[0][0])
+def test_an_id_written_otherwise_is_the_same_patient(series, after):
+    tracker = after(1)
     assert not tracker.update("1", renamed(series[1][0], " t ")).failed
 
 
-def test_the_longer_ago_the_wider_the_forecast(series):
-    tracker = Tracker(SETTINGS)
-    tracker.update("0", series[0][0])
+def test_the_longer_ago_the_wider_the_forecast(series, after):
+    tracker = after(1)
 
     def spread(hours):
         result, _ = tracker.forecast(series[0][0], hours)
@@ -237,24 +252,22 @@ def test_a_first_measurement_that_the_model_cannot_give_has_a_poor_verdict(serie
     assert first.as_object()["points"][0]["verdict"]["reasons"][0]["about"] in MEASURED
 
 
-def test_the_labelled_result_has_what_the_points_have(series):
-    result = track([(str(k), case) for k, (case, _) in enumerate(series[:2])], settings=SETTINGS)
-    labelled, last = result.dataset, result.points[-1]
+def test_the_labelled_result_has_what_the_points_have(followed):
+    result, _ = followed
+    labelled, second = result.dataset, result.points[1]
     found = labelled["parameters"].sel(point="1", parameter="Rmc", quantile=0.5)
-    assert float(found) == last.parameters["Rmc"].median
-    assert float(labelled["measured"].sel(point="1", output="CO")) == last.innovations["CO"].measured
+    assert float(found) == second.parameters["Rmc"].median
+    assert float(labelled["measured"].sel(point="1", output="CO")) == second.innovations["CO"].measured
     assert np.isnan(labelled["forecast"].sel(point="0")).all()
     assert labelled["parameter_units"].sel(parameter="Rmc") == "mmHg s/mL"
     assert result.assumed_interval_hours == 24.0
 
 
-@pytest.mark.slow
-def test_what_is_being_done_is_reported(series):
-    message = []
-    track([("0", series[0][0]), ("1", series[1][0])], settings=SETTINGS, progress=message.append)
-    assert message[0] == "measurement 1 of 2"
-    assert "measurement 1 of 2: weighted draws" in message
-    assert message[-1] == "measurement 2 of 2"
+def test_what_is_being_done_is_reported(followed):
+    _, said = followed
+    assert said[0] == "measurement 1 of 7"
+    assert "measurement 1 of 7: weighted draws" in said
+    assert said[-1] == "measurement 7 of 7"
 
 
 def test_one_output_far_from_the_forecast_is_said_though_all_together_fit():

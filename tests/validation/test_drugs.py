@@ -7,6 +7,11 @@ from eclsim.parameters.regulation import DRUG_DOSES, dose
 from eclsim.validation import drugs
 
 
+@pytest.fixture(scope="module")
+def check():
+    return drugs.drugs_check()
+
+
 def test_a_study_is_either_fitted_or_a_test_but_for_pulmonary_resistance_and_every_drug_has_a_fit():
     uses = {}
     for arm in drugs.arms():
@@ -25,8 +30,8 @@ def test_a_study_is_either_fitted_or_a_test_but_for_pulmonary_resistance_and_eve
 
 
 @pytest.mark.slow
-def test_a_study_that_prints_a_direction_alone_gives_a_row_of_its_sign():
-    rows = [row for row in drugs.drugs_check().rows if "Moran 1993" in row.name and row.name.endswith("sign")]
+def test_a_study_that_prints_a_direction_alone_gives_a_row_of_its_sign(check):
+    rows = [row for row in check.rows if "Moran 1993" in row.name and row.name.endswith("sign")]
     assert [row.expected for row in rows] == [1.0, 1.0, 1.0]
     assert all(row.holds for row in rows)
 
@@ -40,14 +45,13 @@ def test_the_patient_of_a_study_has_its_values_before_the_drug():
 
 
 @pytest.mark.slow
-def test_published_effects_are_those_of_the_fit():
+def test_published_effects_are_those_of_the_fit(check):
     """Every fit row within its bar; the directions of change of all tests but the ones known to miss.
 
     Of those, the fit study of milrinone did not measure the heart rate; carvedilol blocks what dobutamine
     acts on elsewhere; dobutamine does not dilate anaesthetised patients with good hearts; levosimendan's
     heart rates differ between studies.
     """
-    check = drugs.drugs_check()
     assert not check.required
     assert all(row.holds for row in check.rows if "(fit)" in row.name)
     wrong = {row.name for row in check.missed if row.name.endswith("sign")}

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from eclsim.fluid.law import GIVEN, REMOVED
 from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
 from eclsim.regulation.ursino1998 import URSINO_1998
-from eclsim.validation import boluses, fluid
+from eclsim.validation import boluses, fluid, refill
 from eclsim.validation.cardiopulmonary import joined
 
 
@@ -35,11 +36,44 @@ def test_fluid_in_place_of_blood_stays_as_in_people_and_what_is_given_beyond_it_
     for row in (textbook, doctors):  # nobody measured these as such
         assert row.explained
         assert row.explanation.undecided
-    for row in (during, after, blood):
+    for row in (during, after, small, blood):
         assert row.explained
         assert row.evidence[0].got != row.got
-    assert not small.holds
-    assert not small.explained
+
+
+@pytest.mark.slow
+def test_refill_is_between_what_was_measured_by_haemoglobin_and_by_carbon_monoxide():
+    check = refill.refill_check()
+    assert not check.required
+    assert all("(test)" in row.name and row.source for row in check.rows)
+    soon, older, ten, early, late, monoxide, protein, saline, litres, drawn, stays, leaks = check.rows
+    assert all(row.holds for row in (soon, older, ten, early))
+    for row in (late, monoxide):  # they contradict each other
+        assert row.explained
+        assert row.explanation.undecided
+    assert late.expected > 8.0 * 0.1 * (500.0 + monoxide.expected)
+    for row in (litres, stays, leaks):
+        assert row.explained
+        assert row.evidence[0].got > row.got
+    for row in (protein, saline, drawn):
+        assert not row.holds
+        assert not row.explained
+
+
+def test_share_refilled_by_the_trials_haemoglobin_is_that_of_its_means():
+    """14.3 to 13.2 g/dL within two hours of 500 mL, of some 5 L."""
+    early, late = refill.diluted()
+    assert early < late < 1.0
+    assert late == pytest.approx(0.9 * 14.3 / 13.2, abs=0.01)
+
+
+def test_a_course_of_the_validation_takes_other_rates_later_and_keeps_water():
+    man = fluid.Patient(fluid.healthy("heldt2010"))
+    rates = {"albumin_ml": 1.0, fluid.UF: 0.5}
+    _, states = man.course(1.0, rates, then=(600.0, {"bleed_ml": 0.1}))
+    given, removed = (states[name][-1] for name in (GIVEN, REMOVED))
+    assert given == pytest.approx(600.0, rel=1e-6)
+    assert removed == pytest.approx(300.0 + 300.0, rel=1e-6)
 
 
 def test_veins_hold_their_compliance_at_small_pressures_and_never_more_than_they_can():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ import numpy as np
 from eclsim.app.texts import text, with_minus
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import resolve_parameters, switched_circuit
+from eclsim.circuit import Circuit
 from eclsim.files import finite
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of, values_of
@@ -20,7 +21,7 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, gravest_first, impossible
 from eclsim.outputs.gas import PlaceGases
-from eclsim.outputs.limits import level, place_levels
+from eclsim.outputs.limits import level, levels, place_levels
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
@@ -31,7 +32,6 @@ from eclsim.reporting.schematic_layout import dead_ends
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
-    from eclsim.circuit import Circuit
     from eclsim.course.beats import PassingBeat
 
 
@@ -117,9 +117,8 @@ class Beat:
             for name in finding.concerns
             if finding.kind == "alarm" and not math.isfinite(self.outputs.get(name, 0.0))
         }
-        levels = {name: level(name, value, self.outputs) for name, value in self.outputs.items()}
         sized = {f.quantity: f.kind for f in self.findings if f.kind != CAUTION and f.quantity == "DO2"}
-        return levels | without | sized
+        return levels(self.outputs) | without | sized
 
     def place_levels(self) -> dict[str, str]:
         """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
@@ -130,22 +129,37 @@ class Beat:
         return levels
 
 
-def compute_beat(state: PageState, start: Mapping[str, float] | None = None) -> Beat:
+Program = tuple[Circuit, int]
+"""Circuit and grid: what a compiled program depends on."""
+
+
+def compute_beat(
+    state: PageState, start: Beat | None = None, begins: Callable[[Program], None] | None = None
+) -> Beat:
     """The steady beat of a state.
 
     Args:
         state: case and blood volume policy.
-        start: parameter values of the same circuit to start the search from.
+        start: where the search begins, if it is a beat of the same circuit.
+        begins: is told which program computes it, before that may have to be compiled.
     """
     circuit, values = page_circuit(state.computed)
-    return beat_of(state, circuit, values, start)
+    return beat_of(state, circuit, values, start, begins)
 
 
 def beat_of(
-    state: PageState, circuit: Circuit, values: Mapping[str, float], start: Mapping[str, float] | None = None
+    state: PageState,
+    circuit: Circuit,
+    values: Mapping[str, float],
+    start: Beat | None = None,
+    begins: Callable[[Program], None] | None = None,
 ) -> Beat:
     """The steady beat of a state at other values of its circuit, such as those of a later minute."""
-    solved = steady_beat(Batch(circuit, values, 1, state.policy), waveforms=None, keep=None, start=start)
+    batch = Batch(circuit, values, 1, state.policy)
+    if begins is not None:
+        begins((circuit, int(batch.resolutions()[0])))
+    near = start.values if start is not None and start.circuit is circuit else None
+    solved = steady_beat(batch, waveforms=None, keep=None, start=near)
     outputs = solved.outputs()
     if solved.converged[0]:
         fixed = circuit_of(state.case)
@@ -198,9 +212,11 @@ def _evenly(
 ) -> dict[str, np.ndarray]:
     """Waveforms at `POINTS` even phases, volumes with what is unstressed in them."""
     even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
-    return {
-        n: np.interp(even, phases, wave) + unstressed_volume(circuit, n, values) for n, wave in series.items()
-    }
+    before = np.searchsorted(phases, even, side="right") - 1
+    share = (even - phases[before]) / (phases[before + 1] - phases[before])
+    table = np.stack(list(series.values()), axis=1)
+    waves = table[before] + share[:, None] * (table[before + 1] - table[before])
+    return {n: wave + unstressed_volume(circuit, n, values) for n, wave in zip(series, waves.T, strict=True)}
 
 
 def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:

@@ -7,15 +7,15 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from eclsim.app.fitting import FitProcess
 from eclsim.app.state import PageState
 
 if TYPE_CHECKING:
-    from eclsim.app.beat import Beat
+    from eclsim.app.beat import Beat, Program
 
 log = logging.getLogger("eclsim.app")
 T = TypeVar("T")
@@ -41,14 +41,28 @@ class Engine:
         self._studies = ThreadPoolExecutor(max(2, count - 1), thread_name_prefix="study")
         self._files = ThreadPoolExecutor(2, thread_name_prefix="file")
         self.fits = FitProcess()
-        self._known: set[Any] = set()
+        self._known: set[Program] = set()
         self._stopped = threading.Event()
         self._wanted_at = float("-inf")
 
-    async def beat(self, state: PageState, start: Mapping[str, float] | None = None) -> Beat:
-        """The steady beat of a state."""
+    async def beat(
+        self, state: PageState, start: Beat | None = None, compiling: Callable[[], None] | None = None
+    ) -> Beat:
+        """The steady beat of a state.
+
+        Args:
+            state: case and blood volume policy.
+            start: where the search begins, if it is a beat of the same circuit.
+            compiling: is called in the event loop where the circuit is new, so that the beat takes a while.
+        """
         self._wanted_at = time.monotonic()
-        return await self._in(self._beats, lambda: self._beat(state, start))
+        loop = asyncio.get_running_loop()
+
+        def is_new() -> None:
+            if compiling is not None:
+                loop.call_soon_threadsafe(compiling)
+
+        return await self._in(self._beats, lambda: self._beat(state, start, is_new))
 
     async def moment(self, work: Callable[[], T]) -> T:
         """Another beat that is waited for."""
@@ -61,10 +75,6 @@ class Engine:
     async def read(self, work: Callable[[], T]) -> T:
         """Reading a file that somebody chose."""
         return await self._in(self._files, work)
-
-    def knows(self, state: PageState) -> bool:
-        """Whether the circuit of a state is compiled, so that its beat is there at once."""
-        return _program_key(state) in self._known
 
     def warm(self, first: PageState) -> None:
         """Compile the circuit of the first patient now and those of the presets when nobody turns a knob.
@@ -80,11 +90,20 @@ class Engine:
         for pool in (self._beats, self._studies, self._files):
             pool.shutdown(wait=False, cancel_futures=True)
 
-    def _beat(self, state: PageState, start: Mapping[str, float] | None) -> Beat:
+    def _beat(
+        self, state: PageState, start: Beat | None = None, is_new: Callable[[], None] | None = None
+    ) -> Beat:
         from eclsim.app.beat import compute_beat
 
-        beat = compute_beat(state, start)
-        self._known.add(_program_key(state))
+        programs: list[Program] = []
+
+        def begins(program: Program) -> None:
+            programs.append(program)
+            if is_new is not None and program not in self._known:
+                is_new()
+
+        beat = compute_beat(state, start, begins)
+        self._known.update(programs)
         return beat
 
     def _warm_all(self, first: PageState) -> None:
@@ -99,28 +118,17 @@ class Engine:
                     return
             if self._stopped.is_set():
                 return
-            if not self.knows(state):
-                self._warm_one(state)
+            self._warm_one(state)
 
     def _warm_one(self, state: PageState) -> None:
         try:
-            self._beat(state, None)
+            self._beat(state)
         except Exception:  # one circuit that cannot be compiled must not keep the others from it
             log.exception("warming a circuit failed")
 
     @staticmethod
     async def _in(pool: ThreadPoolExecutor, work: Callable[[], T]) -> T:
         return await asyncio.get_running_loop().run_in_executor(pool, work)
-
-
-def _program_key(state: PageState) -> tuple[Any, int]:
-    """Circuit and grid: what a compiled program depends on."""
-    from eclsim.app.beat import page_circuit
-    from eclsim.beat.grid import needed_resolution
-    from eclsim.circuit.assembly import assemble
-
-    circuit, values = page_circuit(state.case, at_rest=False)
-    return circuit, int(needed_resolution(assemble(circuit), values))
 
 
 def _warm_states() -> list[PageState]:

@@ -75,7 +75,7 @@ class Session:
         self.closed = False
         self._requested: tuple[PageState, int] = (state, 0)
         self._running = False
-        self._anchor: tuple[Any, Mapping[str, float]] | None = None
+        self._anchor: Beat | None = None
         self._drawn: object = None
         self._panel: object = None
         self._display: object = None
@@ -346,10 +346,8 @@ class Session:
             while done is not self._requested and not self.closed:
                 done = requested = self._requested
                 state, seq = requested
-                if not self.engine.knows(state):
-                    self.send("busy", text("compiling"))
                 try:
-                    beat = await self.engine.beat(state, self._anchor_values(state))
+                    beat = await self.engine.beat(state, self._anchor, self._compiling)
                 except Exception:  # a beat that fails must not end the page; what failed is in the log
                     log.exception("a beat failed")
                     self.send("failed", text("failed"))
@@ -370,8 +368,8 @@ class Session:
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         self.shown = (state, beat)
         if beat.converged:
-            known = self._anchor is not None and self._anchor[0] is beat.circuit
-            self._anchor = self._anchor if known else (beat.circuit, beat.values)
+            known = self._anchor is not None and self._anchor.circuit is beat.circuit
+            self._anchor = self._anchor if known else beat
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
         if not self.minute:  # else the course follows, and with it the beat of the minute that is shown
@@ -420,12 +418,9 @@ class Session:
         if not self.closed:
             self.send("base", {"of": subject_of(start)} | _compared(beat))
 
-    def _anchor_values(self, state: PageState) -> Mapping[str, float] | None:
-        from eclsim.app.beat import page_circuit
-
-        if self._anchor is None or page_circuit(state.case, at_rest=False)[0] is not self._anchor[0]:
-            return None
-        return self._anchor[1]
+    def _compiling(self) -> None:
+        if not self.closed:
+            self.send("busy", text("compiling"))
 
     def _notify(self) -> None:
         for listener in list(self.listeners):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, reduce
+from functools import cache, cached_property, lru_cache, reduce
 
 import numpy as np
 
@@ -100,6 +100,7 @@ def oscillations(assembly: Assembly, values: Values) -> list[tuple[np.ndarray, s
         # As arrays, so that a compliance of zero is an infinite stiffness and no exception.
         return component.constants({n: np.asarray(values[n], dtype=float) for n in _names(component)})
 
+    @cache
     def stiffness(position: int) -> np.ndarray:
         law = assembly.circuit.compartments[position].component
         return np.asarray(law.pressure(0.0, 0.0, of(law))[1] if law.constant_stiffness else 0.0)

@@ -7,8 +7,8 @@ k = gamma h every flow solves its own law together with the response of the two 
     dp* = (k (S_up + S_down) + L / k) Q + drop(Q),      S = dP/dV,
 
 which each component does in closed form. One Gauss-Seidel sweep runs over all connections in the direction
-of flow (`eclsim.circuit.sweep`), a second one over those that end at a heart chamber. Volumes change by the
-flows alone, so blood is conserved to rounding.
+of flow (`eclsim.circuit.assembly.sweep_order`), a second one over those that end at a heart chamber. Volumes
+change by the flows alone, so blood is conserved to rounding.
 """
 
 from __future__ import annotations

@@ -12,8 +12,7 @@ import jax.numpy as jnp
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
 from eclsim.blood.acid_base import bicarbonate, ph_of
-from eclsim.blood.given import refuse
-from eclsim.blood.types import Array, Blood, Given
+from eclsim.blood.types import Array, Blood, Given, refuse
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
@@ -47,20 +46,20 @@ class BloodGases(NamedTuple):
     carbon_dioxide: jax.Array
 
 
+_Pair = tuple[jax.Array, jax.Array]
+"""Of oxygen, then of carbon dioxide."""
+
+
 class _Search(NamedTuple):
     """Where the search for pressures is: their logarithms, steps done, the largest of the last steps."""
 
-    at: tuple[jax.Array, jax.Array]
+    at: _Pair
     steps: jax.Array
     error: jax.Array
 
 
 def gases(
-    *,
-    po2: Array,
-    pco2: Array = 40.0,
-    law: str = "severinghaus1979",
-    **of: Unpack[Given],
+    *, po2: Array, pco2: Array = 40.0, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
     """Saturation, pH and contents of blood at given partial pressures.
 
@@ -85,11 +84,7 @@ def gases(
 
 
 def gases_with_contents(
-    *,
-    oxygen: Array,
-    carbon_dioxide: Array,
-    law: str = "severinghaus1979",
-    **of: Unpack[Given],
+    *, oxygen: Array, carbon_dioxide: Array, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
     """The same from contents [mL/dL STPD]; NaN where no pressures between 1e-9 and 1e6 mmHg give them.
 
@@ -97,20 +92,13 @@ def gases_with_contents(
     """
     refuse({**of}, law)
     blood = Blood(**of)
-    wanted = (
-        _common(oxygen, carbon_dioxide, blood, oxygen),
-        _common(oxygen, carbon_dioxide, blood, carbon_dioxide),
-    )
-    start = (jnp.full_like(wanted[0], jnp.log(40.0)), jnp.full_like(wanted[0], jnp.log(45.0)))
-    return _at_contents(start, (wanted[0], wanted[1]), blood, law)
+    first, second = (_common(oxygen, carbon_dioxide, blood, each) for each in (oxygen, carbon_dioxide))
+    start = jnp.full_like(first, jnp.log(40.0)), jnp.full_like(first, jnp.log(45.0))
+    return _at_contents(start, (first, second), blood, law)
 
 
 def gases_with_saturation(
-    *,
-    saturation: Array,
-    pco2: Array = 40.0,
-    law: str = "severinghaus1979",
-    **of: Unpack[Given],
+    *, saturation: Array, pco2: Array = 40.0, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
     """The same from a saturation [-] and a PCO2 [mmHg]; NaN where the saturation is 0 or 1.
 
@@ -148,27 +136,20 @@ _at_pressures = jax.jit(equilibrium, static_argnames="law")
 
 
 @partial(jax.jit, static_argnames="law")
-def _at_contents(
-    start: tuple[jax.Array, jax.Array], wanted: tuple[jax.Array, jax.Array], blood: Blood, law: str
-) -> BloodGases:
+def _at_contents(start: _Pair, wanted: _Pair, blood: Blood, law: str) -> BloodGases:
     """Newton's method on the logarithms of both pressures, elementwise."""
     fixed = jax.lax.stop_gradient((wanted, blood))
 
-    def missing(
-        at: tuple[jax.Array, jax.Array], to: tuple[jax.Array, jax.Array], blood: Blood
-    ) -> tuple[jax.Array, jax.Array]:
+    def missing(at: _Pair, to: _Pair, blood: Blood) -> _Pair:
         found = equilibrium(jnp.exp(at[0]), jnp.exp(at[1]), blood, law)
         return found.oxygen - to[0], found.carbon_dioxide - to[1]
 
-    def newton(
-        at: tuple[jax.Array, jax.Array], to: tuple[jax.Array, jax.Array], blood: Blood
-    ) -> tuple[jax.Array, jax.Array]:
+    def newton(at: _Pair, to: _Pair, blood: Blood) -> _Pair:
         one, none = jnp.ones_like(at[0]), jnp.zeros_like(at[0])
         value, (a, c) = jax.jvp(lambda x: missing(x, to, blood), (at,), ((one, none),))
         _, (b, d) = jax.jvp(lambda x: missing(x, to, blood), (at,), ((none, one),))
-        return (d * value[0] - b * value[1]) / (a * d - b * c), (a * value[1] - c * value[0]) / (
-            a * d - b * c
-        )
+        determinant = a * d - b * c
+        return (d * value[0] - b * value[1]) / determinant, (a * value[1] - c * value[0]) / determinant
 
     def improved(search: _Search) -> _Search:
         move = newton(search.at, *fixed)
@@ -185,9 +166,8 @@ def _at_contents(
     begun = _Search(start, jnp.array(0), jnp.array(jnp.inf))
     at = jax.lax.stop_gradient(jax.lax.while_loop(unfinished, improved, begun).at)
     move = newton(at, wanted, blood)
-    solved = (
-        jnp.maximum(jnp.abs(jax.lax.stop_gradient(move[0])), jnp.abs(jax.lax.stop_gradient(move[1]))) < 1e-6
-    )
+    left = [jnp.abs(jax.lax.stop_gradient(step)) for step in move]
+    solved = jnp.maximum(*left) < 1e-6
     po2, pco2 = (jnp.where(solved, jnp.exp(x - step), jnp.nan) for x, step in zip(at, move, strict=True))
     return equilibrium(po2, pco2, blood, law)
 

@@ -1,11 +1,13 @@
-"""What describes blood apart from its gases."""
+"""What describes blood apart from its gases, and what cannot be computed with: refused beforehand."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias, TypedDict
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 Array: TypeAlias = float | np.ndarray | jax.Array
 
@@ -39,3 +41,60 @@ class Blood(NamedTuple):
     temperature: Array = 37.0
     oxygen_capacity: Array = 1.34
     dpg: Array = 4.65
+
+
+class Allowed(NamedTuple):
+    """What an argument may be.
+
+    Attributes:
+        low: smallest value.
+        high: largest value.
+        unit: its unit.
+        hint: how the usual other unit is converted.
+    """
+
+    low: float
+    high: float
+    unit: str
+    hint: str = ""
+
+
+ALLOWED = {
+    "po2": Allowed(0.0, 3000.0, "mmHg", "13.3 kPa are 100 mmHg"),
+    "pco2": Allowed(0.0, 1000.0, "mmHg", "5.33 kPa are 40 mmHg"),
+    "saturation": Allowed(0.0, 1.0, "a fraction", "95 % is 0.95"),
+    "haemoglobin": Allowed(0.0, 40.0, "g/dL", "150 g/L are 15 g/dL, 9.3 mmol/L are 15 g/dL"),
+    "base_excess": Allowed(-100.0, 100.0, "mmol/L"),
+    "temperature": Allowed(0.0, 50.0, "C", "310.15 K are 37 C"),
+    "oxygen_capacity": Allowed(1.0, 1.6, "mL/g", "1.34 to 1.39 are in use"),
+    "dpg": Allowed(0.0, 30.0, "mmol/L", "in red cells, 4.65 is usual"),
+}
+"""Bounds that no blood leaves, wide enough for any computation with it; contents have none."""
+UNREAD = {
+    "severinghaus1979": {"dpg": "its curve is of usual 2,3-diphosphoglycerate; law='dash2016' reads it"},
+    "dash2016": {"oxygen_capacity": "four molecules for each haemoglobin are 1.398 mL/g in this law"},
+}
+"""By law, what it does not depend on, and why."""
+
+
+def refuse(given: Mapping[str, object], law: str) -> None:
+    """Raise `ValueError` for what a law cannot compute with, all of it at once.
+
+    These are values that cannot be in the unit meant, and arguments that would have no effect.
+
+    Args:
+        given: arguments by name; what JAX traces and what is not a number is left alone.
+        law: name of the set of equations.
+    """
+    wrong = [f"{name}: {why}" for name, why in UNREAD.get(law, {}).items() if name in given]
+    for name, value in given.items():
+        if name not in ALLOWED or isinstance(value, Tracer):
+            continue
+        low, high, unit, hint = ALLOWED[name]
+        values = np.atleast_1d(np.asarray(value, dtype=float))
+        outside = values[(values < low) | (values > high)]
+        if len(outside):
+            more = f" ({hint})" if hint else ""
+            wrong.append(f"{name} = {outside[0]:g}; allowed: {low:g} to {high:g} {unit}{more}")
+    if wrong:
+        raise ValueError("\n".join(wrong))

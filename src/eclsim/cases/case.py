@@ -32,6 +32,9 @@ __all__ = ["Case", "Measurements", "Patient"]
 Policy = Literal["as_published", "patient_held"]
 
 
+_PUBLISHED = tuple(PublishedDevices.model_fields)
+
+
 class Case(PublishedDevices):
     """One patient, the measurements and the devices connected.
 
@@ -92,16 +95,16 @@ class Case(PublishedDevices):
 
     def instances(self) -> tuple[Instance, ...]:
         """All devices connected, in the order of the registry."""
-        result = []
-        for key, device in devices().items():
-            only = getattr(self, key, None) if key in PublishedDevices.model_fields else None
-            if only is not None:
-                result.append(Instance(device, section=only))
-            others = {k: section for k, section in self.other_devices.items() if device_key(k) == key}
-            result += [
-                Instance(device, k.partition(".")[2], section=section) for k, section in others.items()
-            ]
-        return tuple(result)
+        sections = {key: section for key in _PUBLISHED if (section := getattr(self, key)) is not None}
+        sections |= self.other_devices
+        known = devices()
+        order = list(known.values())
+        result = [
+            Instance(known[device_key(key)], key.partition(".")[2], section=section)
+            for key, section in sections.items()
+            if device_key(key) in known
+        ]
+        return tuple(sorted(result, key=lambda instance: order.index(instance.device)))
 
     def instance(self, key: str) -> Instance | None:
         """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
@@ -112,7 +115,7 @@ class Case(PublishedDevices):
         instance = self.instance(key)
         assert instance is not None
         section = instance.section.model_copy(update=changes)
-        if key in PublishedDevices.model_fields:
+        if key in _PUBLISHED:
             return self.model_copy(update={key: section})
         return self.model_copy(update={"other_devices": {**self.other_devices, key: section}})
 
@@ -173,7 +176,7 @@ def _with_other_devices(values: dict[str, Any]) -> dict[str, Any]:
     result = {key: value for key, value in values.items() if key not in devices()}
     others: dict[str, Section] = {}
     for device, name, section in device_sections(values):
-        if not name and device.key in PublishedDevices.model_fields:
+        if not name and device.key in _PUBLISHED:
             result[device.key] = section
         else:
             key = instance_key(device.key, name)

@@ -100,7 +100,7 @@ def _blood_ml(values: Raw) -> float:
 
 _WITHOUT_DATA = {
     "impella": "no section: no pressure-flow curves of these pumps are openly published; "
-    "with curves of your own it is a device of your own",
+    "with curves of your own it is a device of your own"
 }
 """Sections that are asked for and that the package cannot have, and why."""
 

@@ -153,14 +153,12 @@ def _observation(row: dict[str, str], line: int, result: Imported) -> list[Obser
     if row["code"] in BY_CODE and is_missing(row["value"]):
         result.notes.append(Mistake(BY_CODE[row["code"]].column, "missing", line=line))
         return []
-    if not _NUMBER.fullmatch(row["value"]):
-        if row["code"] in BY_CODE:
-            allowed = "a number with a decimal point"
-            key = BY_CODE[row["code"]].column
-            result.mistakes.append(Mistake(key, "no number", shown(row["value"]), allowed, line=line))
-            return []
-        return [Observation(row["patient"], row["time"], row["code"], 0.0, row["unit"], line=line)]
-    value = float(row["value"])
+    is_number = _NUMBER.fullmatch(row["value"])
+    if not is_number and row["code"] in BY_CODE:
+        allowed, key = "a number with a decimal point", BY_CODE[row["code"]].column
+        result.mistakes.append(Mistake(key, "no number", shown(row["value"]), allowed, line=line))
+        return []
+    value = float(row["value"]) if is_number else 0.0
     return [Observation(row["patient"], row["time"], row["code"], value, row["unit"], line=line)]
 
 

@@ -165,10 +165,7 @@ class Imported:
 
 
 def data_points(
-    observations: Iterable[Observation],
-    about: dict[str, dict[str, str]],
-    within: timedelta,
-    result: Imported,
+    observations: Iterable[Observation], about: dict[str, dict[str, str]], within: timedelta, result: Imported
 ) -> None:
     """Put observations into rows.
 

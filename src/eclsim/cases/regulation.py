@@ -57,10 +57,7 @@ class Regulation(_Settings):
     ] = None
     carbon_dioxide_response: Annotated[
         float | None,
-        setting(
-            PARAMETERS[regulation.CARBON_DIOXIDE],
-            "0 to 1: 1 is as measured in patients; with [gas]",
-        ),
+        setting(PARAMETERS[regulation.CARBON_DIOXIDE], "0 to 1: 1 is as measured in patients; with [gas]"),
     ] = None
     set_point_pao2_mmHg: float | None = None  # noqa: N815
     set_point_paco2_mmHg: float | None = None  # noqa: N815

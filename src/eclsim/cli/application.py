@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Timer
+from threading import Event, Thread
 from types import FrameType
 from typing import Annotated, TextIO
 
@@ -189,20 +189,29 @@ class _StoppedError(SystemExit):
 
 def _stop_cleanly_on_signals() -> None:
     """Ctrl-C and SIGTERM unwind the stack, so that temporary files go and finished ones stay."""
-    usual, said = sys.unraisablehook, set[int]()
+    usual, said, raised = sys.unraisablehook, set[int](), Event()
 
-    def stop(number: int, _frame: FrameType | None) -> None:
+    def stop(number: int, frame: FrameType | None) -> None:
         if number not in said:
             said.add(number)
             say(_STOPPED_BY[signal.Signals(number).name])
-        raise _StoppedError(number)
+        while frame is not None and frame.f_code is not raise_again.__code__:
+            frame = frame.f_back
+        if frame is None:
+            raised.set()
+            raise _StoppedError(number)
 
     def raise_again(ignored: sys.UnraisableHookArgs) -> None:
-        # What is raised within a callback of the garbage collector goes no further.
+        # What is raised within a callback of the garbage collector, or here, goes no further.
         if isinstance(ignored.exc_value, _StoppedError):
-            Timer(0.05, os.kill, [os.getpid(), ignored.exc_value.status - 128]).start()
+            raised.clear()
+            Thread(target=send_again, args=(ignored.exc_value.status - 128,), daemon=True).start()
         else:
             usual(ignored)
+
+    def send_again(number: int) -> None:
+        while not raised.wait(0.05):  # on a busy machine a signal may come too early
+            os.kill(os.getpid(), number)
 
     sys.unraisablehook = raise_again
 

@@ -258,7 +258,6 @@ def _band(o: CourseOptions) -> bool:
     from eclsim.course import files
     from eclsim.course.band import band_object, course_band
     from eclsim.course.cohort import PRELOAD
-    from eclsim.execution import ExecutionError
     from eclsim.identification.samples import doubts_of, read_samples
     from eclsim.inputs.mistakes import CaseError
 
@@ -276,8 +275,6 @@ def _band(o: CourseOptions) -> bool:
                 case, samples[0], minutes=o.minutes, every_min=o.every, draws=o.draws,
                 folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
             )  # fmt: skip
-    except ExecutionError as error:
-        fail(error)
     except CaseError as error:
         fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
     doubts = doubts_of(o.posterior or "", case)
@@ -301,7 +298,6 @@ def _cohort(o: CourseOptions) -> bool:
     from eclsim.course import files
     from eclsim.course.band import approximated
     from eclsim.course.cohort import PRELOAD, course_cohort
-    from eclsim.execution import ExecutionError
     from eclsim.inputs.mistakes import CaseError
 
     cases, refused = _cases(o)
@@ -318,8 +314,6 @@ def _cohort(o: CourseOptions) -> bool:
                 hand_over=not o.steady_only,
                 folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
             )  # fmt: skip
-    except ExecutionError as error:
-        fail(error)
     except CaseError as error:
         fail(*error.mistakes)
     with writing(o.out):

@@ -215,7 +215,6 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     from eclsim.crrt_study import cohort_report
     from eclsim.crrt_study.cohort import PRELOAD, crrt_cohort
     from eclsim.crrt_study.schemes import StudyError
-    from eclsim.execution import ExecutionError
 
     target, distribution = _check_cohort(o)
     reading = None if Path(o.file).is_dir() else read_table(o.file)
@@ -229,7 +228,7 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
             fitted = _from_folder(o) if reading is None else _fitted(o, reading, executor, progress)
             folder = None if o.out is None else Path(o.out)
             study = crrt_cohort(fitted, _options(o), folder=folder, executor=executor, progress=progress)
-    except (ExecutionError, StudyError) as error:
+    except StudyError as error:
         fail(error)
     of = cohort_report
     if _write(o, target, lambda folder: of.write_cohort(study, folder), lambda: of.cohort_json(study)):

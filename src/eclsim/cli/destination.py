@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO
 
 from eclsim.cli.console import fail, refuse, say
+from eclsim.execution import ExecutionError
 from eclsim.files import write_json
 
 LOCK = ".eclsim-lock"
@@ -155,9 +156,14 @@ def writing(place: object = "output") -> Iterator[None]:
 
 @contextmanager
 def resumable(folder: str | os.PathLike[str] | None) -> Iterator[None]:
-    """Say how to go on where Ctrl-C or SIGTERM stops a command whose finished tasks are kept."""
+    """Hold a command whose finished tasks are kept: where Ctrl-C or SIGTERM stops it, say how to go on.
+
+    Where the tasks cannot run, or the folder holds others, leave with exit status 2.
+    """
     try:
         yield
+    except ExecutionError as error:
+        fail(error)
     except (KeyboardInterrupt, SystemExit) as stopped:
         signalled = isinstance(stopped, KeyboardInterrupt) or stopped.code in (130, 143)
         if folder is not None and signalled:

@@ -45,8 +45,7 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
         "--posterior",
     )
     posterior_method: Literal["nuts", "importance"] = option(
-        "nuts",
-        "nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior.",
+        "nuts", "nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior."
     )
     predict: list[str] = option(
         [],
@@ -324,24 +323,16 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     _check_points(reading, settings, o.file)
 
     from eclsim.cases.cohort_rows import digest_of
-    from eclsim.execution import ExecutionError
     from eclsim.identification.cohort import PRELOAD, fit_cohort
     from eclsim.identification.files import fits_object, write_cohort_figures, write_fits
     from eclsim.identification.report import write_fit_page
 
     folder = Path(o.out)
-    try:
-        with resumable(folder), distribution.running(PRELOAD) as executor, Progress() as progress:
-            results = fit_cohort(
-                reading.points,
-                settings,
-                digest=reading.digest,
-                folder=folder,
-                executor=executor,
-                progress=progress,
-            )
-    except ExecutionError as error:
-        fail(error)
+    with resumable(folder), distribution.running(PRELOAD) as executor, Progress() as progress:
+        results = fit_cohort(
+            reading.points, settings, digest=reading.digest, folder=folder, executor=executor,
+            progress=progress,
+        )  # fmt: skip
     content = fits_object(results, settings.as_object(), reading.refused)
     write_fits(folder, content)
     write_cohort_figures(folder / "figures", content)

@@ -35,9 +35,7 @@ class ReproduceOptions(Distributed):
         metavar="LIST",
     )
     samples: int = option(
-        USUAL_SAMPLES,
-        "Rows N of the sensitivity analyses, a power of two; the paper has 2048.",
-        minimum=2,
+        USUAL_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper has 2048.", minimum=2
     )
     explore: int = option(
         USUAL_EXPLORE,
@@ -67,7 +65,6 @@ def reproduce(options: ReproduceOptions) -> None:
 
     Exit status: 0 done, 2 bad input.
     """
-    from eclsim.execution import ExecutionError
     from eclsim.paper.report import as_object, write_reproduction
     from eclsim.paper.reproduction import RUNS
     from eclsim.paper.reproduction import reproduce as recompute
@@ -77,13 +74,10 @@ def reproduce(options: ReproduceOptions) -> None:
     settings = ReproductionSettings(options.samples, options.explore, cohort)
     if options.cohort is not None:
         read_table(options.cohort)
-    try:
-        with resumable(folder), writing(folder), Progress() as progress:
-            folder.mkdir(exist_ok=True)
-            result = recompute(folder / RUNS, settings, parts, progress, distribution)
-            write_reproduction(result, folder, progress)
-    except ExecutionError as error:
-        fail(error)
+    with resumable(folder), writing(folder), Progress() as progress:
+        folder.mkdir(exist_ok=True)
+        result = recompute(folder / RUNS, settings, parts, progress, distribution)
+        write_reproduction(result, folder, progress)
     if hand_over(as_object(result), target):
         _show(result)
     say(f"all figures and tables: {folder / INDEX}")

@@ -52,10 +52,7 @@ def plan(options: PlanOptions) -> None:
         fail("--remove-ml or --wean: give one of them")
     if options.remove_ml is not None and options.keep is None:
         fail("--remove-ml needs --keep GOALS, such as 'MAP > 60, drainage_pressure > -80'")
-    places = Destinations(force=options.force, inputs=[options.case_file])
-    target = places.target("--json", options.json)
-    places.check()
-    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
+    target, reading = _read(options)
     if reading.case.events:
         note(["events of the case are left out: nothing else happens to the patient meanwhile"])
     from eclsim.goals.goal import GoalError
@@ -67,6 +64,15 @@ def plan(options: PlanOptions) -> None:
         fail(*error.mistakes)
     if not done:
         raise typer.Exit(INCOMPLETE)
+
+
+def _read(options: PlanOptions | SettingsOptions) -> tuple[Target, CaseReading]:
+    """Where the JSON goes, and the case with its speed; with any mistake leave with exit status 2."""
+    places = Destinations(force=options.force, inputs=[options.case_file])
+    target = places.target("--json", options.json)
+    places.check()
+    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
+    return target, reading
 
 
 def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
@@ -175,10 +181,7 @@ def settings(options: SettingsOptions) -> None:
     Where goals exclude each other it says which, how near they can be had, and what would do without each.
     For research, not for treatment. Exit status: 0 all reached, 1 not, 2 bad input.
     """
-    places = Destinations(force=options.force, inputs=[options.case_file])
-    target = places.target("--json", options.json)
-    places.check()
-    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
+    target, reading = _read(options)
     from eclsim.goals.goal import GoalError
     from eclsim.goals.search import reach
     from eclsim.orbit.status import NoDerivativesError

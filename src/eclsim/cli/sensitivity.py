@@ -41,9 +41,7 @@ class SensitivityOptions(CaseChanges, Distributed):
         metavar="NAMES",
     )
     groups: str | None = option(
-        None,
-        "Treat all parameters of a unit as one factor, such as all resistances.",
-        metavar="R,C,L,E",
+        None, "Treat all parameters of a unit as one factor, such as all resistances.", metavar="R,C,L,E"
     )
     outputs: str | None = option(None, "Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
     second_order: bool | None = option(
@@ -112,7 +110,6 @@ def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
 @contextmanager
 def _mistakes(o: SensitivityOptions) -> Iterator[None]:
     """Say what cannot be, and leave with the exit status of bad input."""
-    from eclsim.execution import ExecutionError
     from eclsim.sensitivity.inputs import InputError
 
     try:
@@ -120,7 +117,7 @@ def _mistakes(o: SensitivityOptions) -> Iterator[None]:
             yield
     except InputError as error:
         fail(*error.mistakes)
-    except (ExecutionError, ValueError) as error:
+    except ValueError as error:
         fail(error)
 
 

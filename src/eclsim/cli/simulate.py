@@ -49,8 +49,7 @@ class SimulateOptions(CaseChanges, Json):
         None, "Write waveforms and a table of outputs as CSV to this folder.", metavar="DIR"
     )
     solver: Solver = option(
-        "semi-implicit",
-        "semi-implicit solves for the steady beat; adaptive checks it with tight tolerances.",
+        "semi-implicit", "semi-implicit solves for the steady beat; adaptive checks it with tight tolerances."
     )
     transient: float = option(
         0.0,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.console import INCOMPLETE, Progress, fail, say
+from eclsim.cli.console import INCOMPLETE, Progress, say
 from eclsim.cli.destination import Destinations, hand_over, resumable, writing
 from eclsim.cli.options import Distributed, Json, option
 from eclsim.spelling import spelling_hint
@@ -70,16 +70,12 @@ def validate(options: ValidateOptions) -> None:
     if target == page == "-":
         places.mistakes.append("--json and --markdown name the same file: -")
     places.check()
-    from eclsim.execution import ExecutionError
     from eclsim.files import write_text
     from eclsim.validation.suite import validation_markdown, validation_object, verdict_text
 
     quiet = "-" in (target, page)
-    try:
-        with resumable(options.out), writing(options.out):
-            checks = _run(options, distribution, quiet)
-    except ExecutionError as error:
-        fail(error)
+    with resumable(options.out), writing(options.out):
+        checks = _run(options, distribution, quiet)
     with writing():
         hand_over(validation_object(checks), target)
         if page is not None:

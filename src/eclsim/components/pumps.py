@@ -7,16 +7,7 @@ from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
-from eclsim.components.base import (
-    Key,
-    Number,
-    Path,
-    Renaming,
-    Values,
-    names_in,
-    renamed,
-    value_of,
-)
+from eclsim.components.base import Key, Number, Path, Renaming, Values, names_in, renamed, value_of
 from eclsim.units import ML_S_PER_L_MIN, convert, quantity_of, units_of
 
 CURVE = ("a", "R1", "R2", "Rrec", "kinf")

@@ -38,7 +38,7 @@ from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names, watched_waveforms
-from eclsim.outputs.steady_beat import judging_outputs, statistics_of, steady_beat
+from eclsim.outputs.steady_beat import judging_outputs, steady_beat
 from eclsim.parameters.regulation import UNSTRESSED, local_resistance
 from eclsim.simulation.target_flow import with_speed
 from eclsim.slow import INFLOWS
@@ -503,7 +503,8 @@ class BeatMarch:
         _, series = _traced(program, names, beat.state, beat.values)
         points = np.concatenate([series[:1], series])[..., None]
         waves = {name: points[:, k] for k, name in enumerate(names)}
-        means = statistics_of(Measures(waves, phases, self.circuit, {}), signals)[0, :, 0]
+        measures = Measures(waves, phases, self.circuit, {})
+        means = np.concatenate([measures.mean(name) for name in signals])
         columns, period = [names.index(name) for name in signals], 60.0 / beat.acted[HEART_RATE]
         recorded = series[:, columns], phases[1:], means
         return PassingBeat(self.circuit, beat.values, period, signals, *recorded, outputs, beat_findings)

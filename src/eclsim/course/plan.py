@@ -183,7 +183,7 @@ def _warnings(case: Case, key: str, found: Removal, policy: str | None) -> tuple
             0,
             f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED}",
         )
-    return tuple(said)
+    return (*said, *result.attrs["cautions"])
 
 
 def _fastest_tolerated(tried: dict[float, bool]) -> float | None:

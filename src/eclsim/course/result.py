@@ -62,9 +62,10 @@ def attributes_of(
     """What every course says of itself; `message` is why it ended early, empty where it did not.
 
     `approximations` says where steady beats stand for what takes time, `cautions` what of the fluid that is
-    given a course does not hold as patients do; both are among `warnings`, too.
+    given and lost a course does not hold as patients do; both are among `warnings`, too. `balance` is empty
+    where nothing began.
     """
-    cautions = said_of_gifts(timeline)
+    cautions = said_of_gifts(timeline) if balance else []  # none of a patient who did not begin
     return {
         "id": timeline.case.patient.id,
         "converged": int(not message),

@@ -51,14 +51,8 @@ def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset, judged: tuple[Limit
     fig, grid = _four_panels(_room(means, highest, lowest))
     _draw_vessels(grid[0, 0], waveforms, highest, lowest)
     _draw_loops(grid[0, 1], waveforms, highest, lowest)
-    for ax, line, title in (
-        (grid[1, 0], "access", "c) Access line"),
-        (grid[1, 1], "return", "d) Return line"),
-    ):
-        ends = _curves(ax, waveforms, _PRESSURES[line], highest, lowest)
-        _alarms(ax, line, judged)
-        label_ends(ax, ends, highest, lowest)
-        ax.set_title(title, loc="left")
+    for ax, (line, signal) in zip(grid[1], _PRESSURES.items(), strict=True):
+        _finish_line(ax, line, _curves(ax, waveforms, signal, highest, lowest), highest, lowest, judged)
     explain_colours(grid[0, 0], highest, lowest, missing=unknown(means))
     return fig
 
@@ -139,6 +133,16 @@ def _draw_loops(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> N
 _PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
 
 
+def _finish_line(
+    ax: Axes, line: str, ends: Mapping[str, tuple[float, float]], highest: str, lowest: str,
+    judged: tuple[Limit, ...],
+) -> None:  # fmt: skip
+    """Alarms, letters at the ends of the curves, and title of the access or the return line."""
+    _alarms(ax, line, judged)
+    label_ends(ax, ends, highest, lowest)
+    ax.set_title({"access": "c) Access line", "return": "d) Return line"}[line], loc="left")
+
+
 def _alarms(ax: Axes, line: str, judged: tuple[Limit, ...]) -> None:
     bounds = {limit.name: (limit.low, limit.high) for limit in judged}
     low, high = bounds[f"{line}_alarm"]
@@ -179,14 +183,8 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float, judged: tuple[Limit, 
     suction = next(limit.low for limit in judged if limit.name == "suction")
     limit_line(grid[0, 1], suction, f"suction feared below {suction:g}".replace("-", "−"), dotted=True)
     grid[0, 1].set_title("b) ECMO drainage cannula", loc="left")
-    for ax, line, title in (
-        (grid[1, 0], "access", "c) Access line"),
-        (grid[1, 1], "return", "d) Return line"),
-    ):
-        ends = _over_flow(ax, means, _PRESSURES[line], highest, lowest)
-        _alarms(ax, line, judged)
-        label_ends(ax, ends, highest, lowest)
-        ax.set_title(title, loc="left")
+    for ax, (line, signal) in zip(grid[1], _PRESSURES.items(), strict=True):
+        _finish_line(ax, line, _over_flow(ax, means, signal, highest, lowest), highest, lowest, judged)
     at = means["PF"].sel(speed=case_speed).median().item()
     for ax in grid.flat if np.isfinite(at) else ():
         ax.axvline(at, color=GREY, linewidth=0.6, zorder=1)

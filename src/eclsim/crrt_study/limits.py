@@ -131,21 +131,14 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
             texts[p, s, k] = in_words(kept[p, s, k], missing, noun)
     dims = ("policy", "scheme", "limit")
     data: Variables = {
-        name: (
-            dims,
-            np.array([getattr(scheme_means, field) for scheme_means in kept.flat]).reshape(shape),
-            about,
-        )
+        name: (dims, np.array([getattr(each, field) for each in kept.flat]).reshape(shape), about)
         for name, (field, about) in _COLUMNS.items()
     }
     about = {"units": "mmHg", "long_name": "distance to the limit at the case's speed; negative: broken"}
     data["margin"] = (dims, margin, about)
     data["kept_throughout"] = (dims, throughout, {"long_name": "kept at every speed studied"})
-    data["in_words"] = (
-        dims,
-        texts.astype(str),
-        {"long_name": "up to which flow the limit is kept, in words"},
-    )
+    words = {"long_name": "up to which flow the limit is kept, in words"}
+    data["in_words"] = (dims, texts.astype(str), words)
     return xr.Dataset(data, {"policy": means["policy"], "scheme": means["scheme"], "limit": keys})
 
 

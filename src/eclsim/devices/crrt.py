@@ -16,14 +16,7 @@ from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt_dialysis import (
-    FILTER_PARAMETERS,
-    GROUP,
-    OUTPUTS,
-    SETTINGS,
-    SOLUTES,
-    thickened,
-)
+from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, GROUP, OUTPUTS, SETTINGS, SOLUTES, thickened
 from eclsim.devices.description import (
     Assumption,
     Box,
@@ -453,10 +446,7 @@ def _carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> l
     group = groups.get(str(access), "")
     if device_key(group) != "ecmo" or groups.get(str(back)) != group:
         return []
-    carried_name, drawn_name = (
-        Naming(ECMO, group.partition(".")[2]).output("PF"),
-        names.output("crrt_flow"),
-    )
+    carried_name, drawn_name = (Naming(ECMO, group.partition(".")[2]).output("PF"), names.output("crrt_flow"))
     drawn, carried = outputs.get(drawn_name), outputs.get(carried_name)
     if drawn is None or carried is None or drawn <= abs(carried):
         return []

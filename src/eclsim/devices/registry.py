@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
@@ -35,15 +36,7 @@ from eclsim.spelling import nearest, spelling_hint
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
-_PACKAGE: tuple[AnyDevice, ...] = (
-    ECMO,
-    CRRT,
-    LVAD,
-    RENOX,
-    VENT,
-    SEPTOSTOMY,
-    IABP,
-)
+_PACKAGE: tuple[AnyDevice, ...] = (ECMO, CRRT, LVAD, RENOX, VENT, SEPTOSTOMY, IABP)
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
 """Files that were run, and the group of entry points once it was looked through."""
@@ -227,7 +220,13 @@ def device_of(key: str) -> AnyDevice | None:
 
 def parameters() -> Mapping[str, Parameter]:
     """Every parameter that a case file may set, of the patient and of all devices."""
-    return patient_parameters() | {p.key: p for device in devices().values() for p in device.parameters}
+    return _parameters(tuple(devices().values()))
+
+
+@lru_cache(maxsize=8)
+def _parameters(among: tuple[AnyDevice, ...]) -> Mapping[str, Parameter]:
+    of_devices = {p.key: p for device in among for p in device.parameters}
+    return MappingProxyType(patient_parameters() | of_devices)
 
 
 def find(name: str) -> Parameter:

@@ -137,11 +137,7 @@ class InfusedDrugs(SteadyController[DrugConstants]):
         return [*changed, unstressed + veins * constants.blood_volume_ml]
 
     def next_states(
-        self,
-        states: Sequence[Number],
-        readings: Sequence[Number],
-        period: Number,
-        constants: DrugConstants,
+        self, states: Sequence[Number], readings: Sequence[Number], period: Number, constants: DrugConstants
     ) -> Sequence[Number]:
         """Nothing."""
         return ()

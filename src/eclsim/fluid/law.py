@@ -10,6 +10,7 @@ import numpy as np
 from eclsim.circuit.network import BLOOD_VOLUME, Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid.starling import (
+    ALBUMIN_WORTH,
     EXCLUDED,
     Forces,
     Spaces,
@@ -26,8 +27,8 @@ from eclsim.slow import Named, Shown, SlowLaw, SlowState
 
 PACKED = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
-ALBUMIN_G_ML = 0.05
-"""Protein of the albumin given, iso-oncotic."""
+ALBUMIN_G_ML = 0.05 * ALBUMIN_WORTH
+"""Plasma protein that holds as much water as the 5 g/dL of the albumin given, in g for each mL."""
 _TONE = "systemic_resistance_factor"
 _CAVAE = ("superior_caval_pressure", "inferior_caval_pressure")
 _MINUTE, _HOUR = 60.0, 3600.0

@@ -59,11 +59,7 @@ class Eliminated(NamedTuple):
 
 
 def eliminated(
-    law: GasExchanger,
-    flow: Array,
-    inside: Inside,
-    values: Values,
-    inertia: Array | float,
+    law: GasExchanger, flow: Array, inside: Inside, values: Values, inertia: Array | float
 ) -> Eliminated:
     """The equations of one exchanger, linear around a state.
 

@@ -149,24 +149,35 @@ def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
 
 
 @dataclass(frozen=True)
-class GasFunction:
-    """The gas state of a circuit as a function of numbers.
+class FlowFunction:
+    """What blood carries, as a function of numbers.
 
     Args:
         connections: whose mean forward, then backward flows come first [L/min].
-        parameters: that come next; in a step in time then volumes of all compartments before and after over
-            its length [L/min], contents of oxygen and of carbon dioxide before [mL/dL], and of each of
-            `lungs_of` the gas that it holds over the length [L/min BTPS] and its PO2 and PCO2 before [mmHg].
-        quantities: what it gives.
-        compute: the function, from an array (numbers,) to an array (quantities,).
+        parameters: that come next.
+        compute: the function, from an array (numbers,) to an array of what it gives.
         key: what tells it from all others.
     """
 
     connections: tuple[str, ...]
     parameters: tuple[str, ...]
-    quantities: tuple[Quantity, ...]
     compute: Callable[[Array], Array]
     key: tuple[Hashable, ...]
+
+
+@dataclass(frozen=True)
+class GasFunction(FlowFunction):
+    """The gas state of a circuit as a function of numbers.
+
+    In a step in time there come, after the parameters, volumes of all compartments before and after over its
+    length [L/min], contents of oxygen and of carbon dioxide before [mL/dL], and of each of `lungs_of` the gas
+    that it holds over the length [L/min BTPS] and its PO2 and PCO2 before [mmHg].
+
+    Args:
+        quantities: what it gives.
+    """
+
+    quantities: tuple[Quantity, ...]
 
 
 @lru_cache(maxsize=64)
@@ -225,7 +236,7 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
         return jnp.append(jnp.where(valid, result, jnp.nan), status)
 
-    return GasFunction(names, parameters, (*quantities, STATUS), compute, ("gas", circuit, law, in_time))
+    return GasFunction(names, parameters, compute, ("gas", circuit, law, in_time), (*quantities, STATUS))
 
 
 def _drawn(circuit: Circuit) -> list[tuple[str, int]]:

@@ -8,15 +8,13 @@ compartment is complete, so that the mixing point is as sharp as the aorta has c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from jax import Array
 
 from eclsim.circuit.network import Circuit, sites_of
-from eclsim.gas.network import PATIENT, flows_of, switches
+from eclsim.gas.network import PATIENT, FlowFunction, flows_of, switches
 from eclsim.gas.transport import mixtures
 
 MITRAL = "la"
@@ -25,26 +23,9 @@ ARTERIES = ("ao", "arch", "descending", "upper", "lower")
 """Arteries of the patient in regions."""
 
 
-@dataclass(frozen=True)
-class OriginFunction:
-    """Native shares of the blood in `ARTERIES` as a function of numbers.
-
-    Args:
-        connections: whose mean forward, then backward flows come first [L/min].
-        parameters: that come next.
-        compute: the function, from an array (numbers,) to an array (arteries,).
-        key: what tells it from all others.
-    """
-
-    connections: tuple[str, ...]
-    parameters: tuple[str, ...]
-    compute: Callable[[Array], Array]
-    key: tuple[Hashable, ...]
-
-
 @lru_cache(maxsize=64)
-def native_shares(circuit: Circuit) -> OriginFunction:
-    """Native shares in a circuit with regions."""
+def native_shares(circuit: Circuit) -> FlowFunction:
+    """Native shares of the blood in `ARTERIES`, in a circuit with regions."""
     names = tuple(c.name for c in circuit.connections)
     stores = [c.name for c in circuit.compartments]
     parameters, sources = switches(circuit), [names.index(MITRAL), *_arterial_returns(circuit)]
@@ -57,7 +38,7 @@ def native_shares(circuit: Circuit) -> OriginFunction:
         shares = mixtures(flows, sources).compartments[places]
         return shares[:, 0] / shares.sum(axis=1)
 
-    return OriginFunction(names, parameters, compute, ("origin", circuit))
+    return FlowFunction(names, parameters, compute, ("origin", circuit))
 
 
 def _arterial_returns(circuit: Circuit) -> list[int]:

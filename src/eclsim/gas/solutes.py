@@ -13,8 +13,6 @@ of a solute left behind it, (1 - k) (1 - R) / (1 - R (1 - k)).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import jax.numpy as jnp
@@ -22,34 +20,20 @@ from jax import Array
 
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import names_in, value_of
-from eclsim.gas.network import drainages, flows_of, switches
+from eclsim.gas.network import FlowFunction, drainages, flows_of, switches
 from eclsim.gas.transport import Mixtures, mixtures
 
 CAPILLARIES = ("sart", "upper", "lower")
 """Connections through the capillary beds of the body, where a circuit has them."""
 
 
-@dataclass(frozen=True)
-class SoluteFunction:
-    """Effective clearances of a circuit as a function of numbers.
-
-    Args:
-        connections: whose mean forward, then backward flows come first [L/min].
-        parameters: that come next.
-        compute: the function, from an array (numbers,) with, at its end, clearances [mL/min] and then the
-            flows of water that carry the solutes to the filter, to the share of each that is for the patient.
-        key: what tells it from all others.
-    """
-
-    connections: tuple[str, ...]
-    parameters: tuple[str, ...]
-    compute: Callable[[Array], Array]
-    key: tuple[Hashable, ...]
-
-
 @lru_cache(maxsize=64)
-def effective_shares(circuit: Circuit, filtered: str) -> SoluteFunction:
-    """Effective over own clearances of the filter on a connection of a circuit."""
+def effective_shares(circuit: Circuit, filtered: str) -> FlowFunction:
+    """Effective over own clearances of the filter on a connection of a circuit.
+
+    At the end of the numbers stand clearances [mL/min], then the flows of water that carry the solutes to the
+    filter; each clearance gives the share of it that is for the patient.
+    """
     names = tuple(c.name for c in circuit.connections)
     mixing = [n for d in drainages(circuit) for n in names_in(d.mixing)]
     parameters = tuple(dict.fromkeys((*mixing, *switches(circuit))))
@@ -62,7 +46,7 @@ def effective_shares(circuit: Circuit, filtered: str) -> SoluteFunction:
         clearances, water = numbers[last:].reshape(2, -1)
         return _before_filter(mixtures(flows, sources(circuit, filtered), drawn), clearances / water)
 
-    return SoluteFunction(names, parameters, compute, ("effective", circuit, filtered))
+    return FlowFunction(names, parameters, compute, ("effective", circuit, filtered))
 
 
 def sources(circuit: Circuit, filtered: str) -> list[int]:

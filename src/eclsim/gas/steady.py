@@ -304,12 +304,7 @@ def _small_solved(matrix: Array, right: Array) -> Array:
 
 
 def _missing(
-    network: _Network,
-    pressure: Array,
-    content: Array,
-    slope: Array,
-    ph: Array,
-    expected: Array | None,
+    network: _Network, pressure: Array, content: Array, slope: Array, ph: Array, expected: Array | None
 ) -> tuple[list[Points], Array, Array]:
     """Blood inside every exchanger, what by its contents it gained, and what the equations of all miss.
 
@@ -349,11 +344,7 @@ def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
 
 
 def _newton_step(
-    network: _Network,
-    pressure: Array,
-    ph: Array,
-    inertia: Array | float,
-    expected: Array | None = None,
+    network: _Network, pressure: Array, ph: Array, inertia: Array | float, expected: Array | None = None
 ) -> tuple[Array, Array, Array, Array]:
     """Newton's step for the pressures and for pH, the largest equation not met [mL/dL], and gas gained then.
 

@@ -387,10 +387,7 @@ def effective_number(weights: np.ndarray) -> float:
 
 
 def importance_sample(
-    posterior: PosteriorDensity,
-    gaussian: Gaussian,
-    count: int = 1024,
-    seed: int = 0,
+    posterior: PosteriorDensity, gaussian: Gaussian, count: int = 1024, seed: int = 0
 ) -> WeightedDraws:
     """Draw in rounds, each from a proposal fitted to the rounds before.
 

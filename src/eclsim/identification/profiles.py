@@ -83,11 +83,7 @@ def slices(
 
 
 def profiles(
-    problem: LeastSquaresProblem,
-    box: Box,
-    x: np.ndarray,
-    steps: int,
-    further: np.ndarray | None = None,
+    problem: LeastSquaresProblem, box: Box, x: np.ndarray, steps: int, further: np.ndarray | None = None
 ) -> CostCurves:
     """Hold one parameter after the other at values from bound to bound, the others fitted again.
 

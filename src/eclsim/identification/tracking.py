@@ -260,10 +260,7 @@ class Tracker:
     """
 
     def __init__(
-        self,
-        settings: TrackSettings | None = None,
-        progress: Progress = silent,
-        series: Series | None = None,
+        self, settings: TrackSettings | None = None, progress: Progress = silent, series: Series | None = None
     ):
         self.settings = settings or TrackSettings()
         self.progress = progress

@@ -70,11 +70,7 @@ def number(
 
 
 def one_of(
-    description: str,
-    names: tuple[str, ...],
-    *,
-    aliases: Mapping[str, str] = _NONE,
-    required: bool = True,
+    description: str, names: tuple[str, ...], *, aliases: Mapping[str, str] = _NONE, required: bool = True
 ) -> Field:
     """One of some names."""
     return Field(description, "name", names=names, aliases=aliases, required=required)

@@ -123,9 +123,12 @@ class Batch:
 
     def resolutions(self) -> np.ndarray:
         """Resolution of the grid that each member needs, shape (members,)."""
-        return np.array(
-            np.broadcast_to(needed_resolution(assemble(self.circuit), self.values), (self.count,))
-        )
+        return self._resolutions
+
+    @cached_property
+    def _resolutions(self) -> np.ndarray:
+        needed = needed_resolution(assemble(self.circuit), self.values)
+        return np.broadcast_to(needed, (self.count,))
 
 
 @dataclass(frozen=True)

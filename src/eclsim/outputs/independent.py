@@ -55,7 +55,8 @@ def simulate_adaptive(
     series = recorded[:, [names.index(n) for n in plain]]
     beat = judged(
         _orbits(batch, waited, refused, beats.options.tolerance), tuple(outputs), outputs, plain,
-        statistics_of(measures, plain), {0: Waveforms(RECORDED.phases, series)}, gas_status,
+        statistics_of(measures, plain, series[..., None]), {0: Waveforms(RECORDED.phases, series)},
+        gas_status,
     )  # fmt: skip
     return labelled(beat, 0, model.name)
 

@@ -135,6 +135,7 @@ _REGULATED = (
 _UKKA = "UK Kidney Association 2023"
 _AT_40 = "a convention of this project: pH 7.2, 7.0, 7.55 and 7.65 at a PCO2 of 40 mmHg"
 _HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
+_NO_PLASMA = "no plasma that a case may start with: what it draws, and refill with it, are extrapolated"
 OF_COURSES = (
     Limit("potassium", "warning", "above", 6.0, _HYPERKALAEMIA, _UKKA),
     Limit("potassium", "alarm", "above", 6.5, _HYPERKALAEMIA, _UKKA),
@@ -149,6 +150,8 @@ OF_COURSES = (
     ),
     Limit("haematocrit", "alarm", "below", 0.15, "haemoglobin 5 g/dL: anaemia is critical", _OWN),
     Limit("haematocrit", "warning", "above", 0.55, "blood thickens: resistances rise steeply", _OWN),
+    Limit("plasma_protein", "warning", "below", 2.0, _NO_PLASMA, _OWN),
+    Limit("plasma_protein", "warning", "above", 10.0, _NO_PLASMA, _OWN),
 )
 """Limits of what is followed in courses alone and is no output of a beat."""
 
@@ -263,13 +266,26 @@ def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
     return next((limit.kind for limit in limits_of(quantity, outputs) if limit.broken_by(value)), "ok")
 
 
+def levels(outputs: Mapping[str, float]) -> dict[str, str]:
+    """How each output of a beat stands to its limits, see `level`.
+
+    Args:
+        outputs: values by name.
+    """
+    result = dict.fromkeys(outputs, "ok")
+    for limit in reversed(_in_order(tuple(outputs), registered())):
+        if limit.broken_by(outputs[limit.quantity]):
+            result[limit.quantity] = limit.kind
+    return result
+
+
 def worst(levels: Iterable[str]) -> str:
     """The gravest of some levels; "ok" if there is none."""
     result = set(levels)
     return next((kind for kind in GRAVEST_FIRST if kind in result), "ok")
 
 
-def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
+def places_with_limits(outputs: Collection[str]) -> Mapping[str, tuple[str, ...]]:
     """Outputs whose limits are those of a compartment, by compartment.
 
     For a device they are its outputs with limits that are read off the pressure of the compartment alone.
@@ -277,6 +293,11 @@ def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
     Args:
         outputs: names of all outputs that the circuit has.
     """
+    return _places_with_limits(tuple(outputs), registered())
+
+
+@lru_cache(maxsize=256)
+def _places_with_limits(outputs: tuple[str, ...], among: tuple[object, ...]) -> Mapping[str, tuple[str, ...]]:
     result = dict(_PLACES)
     for name in outputs:
         known = named_output(name)
@@ -296,8 +317,9 @@ def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
     Args:
         outputs: values by name.
     """
+    found = levels(outputs)
     return {
-        place: worst(level(name, outputs[name], outputs) for name in names if name in outputs)
+        place: worst(found[name] for name in names if name in found)
         for place, names in places_with_limits(outputs).items()
     }
 

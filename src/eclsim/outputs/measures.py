@@ -23,9 +23,9 @@ from eclsim.beat.compilation import Key, compiled
 from eclsim.beat.recording import MEAN, RATE, one_way_mean
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law, Measured, Numbers
-from eclsim.gas.network import GasFunction, Quantity, gas_of
-from eclsim.gas.origin import ARTERIES, OriginFunction, native_shares
-from eclsim.gas.solutes import SoluteFunction, effective_shares
+from eclsim.gas.network import FlowFunction, Quantity, gas_of
+from eclsim.gas.origin import ARTERIES, native_shares
+from eclsim.gas.solutes import effective_shares
 
 SIDE_BY_SIDE = 16
 """Members whose laws are computed together; more at once do not fit the processor's caches."""
@@ -72,6 +72,38 @@ class Measures:
         if name + MEAN in self.waveforms:
             return self.kept(("mean", name), lambda: self._whole({name + MEAN: self._moved}))
         return self.kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
+
+    def measure_means(self, names: Sequence[str], table: np.ndarray) -> None:
+        """Measure the means of many waveforms at once: the same numbers, sooner.
+
+        Args:
+            names: of `waveforms`.
+            table: these waveforms, shape (points, names, patients).
+        """
+        weights = np.stack([self._moved if n.endswith(MEAN) else self._trapezoid for n in names], axis=1)
+        points, _, patients = table.shape
+        weighted = np.repeat(weights, patients, axis=1) * table.reshape(points, -1)
+        means = dict(zip(names, weighted.sum(axis=0).reshape(-1, patients), strict=True))
+        for name in names:
+            self._found["mean", name] = means.get(name + MEAN, means[name])
+
+    def measure_extremes(self, names: Sequence[str]) -> None:
+        """Measure largest and smallest values of many waveforms at once: the same numbers, sooner.
+
+        Args:
+            names: of `waveforms` (points, patients) whose rates are known.
+        """
+        if not names:
+            return
+        waves, rates = (
+            np.concatenate([self.waveforms[name + of] for name in names], axis=1) for of in ("", RATE)
+        )
+        tables = {"": waves, RATE: rates}
+        for kind, sign in (("maximum", 1.0), ("minimum", -1.0)):
+            points = self._cubic(sign * waves, sign * rates, np.argmax(sign * waves[:-1], axis=0))
+            found = sum(weight * _at(tables[of], index) for of, index, weight in points)
+            for name, values in zip(names, np.split(found, len(names)), strict=True):
+                self._found[kind, name] = values
 
     def maximum(self, name: str) -> Numbers:
         """Largest value over the beat."""
@@ -171,9 +203,7 @@ class Measures:
         shares = self.kept(("native",), lambda: self._carried(native_shares(self.circuit), ()))
         return shares[ARTERIES.index(artery)]
 
-    def _carried(
-        self, function: GasFunction | SoluteFunction | OriginFunction, more: Sequence[Numbers]
-    ) -> Sequence[Numbers]:
+    def _carried(self, function: FlowFunction, more: Sequence[Numbers]) -> Sequence[Numbers]:
         """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
         numbers = [*flows, *map(self.parameter, function.parameters), *more]
@@ -223,13 +253,16 @@ class Measures:
         values = sign * self.waveforms[name]
         eligible = values if among is None else np.where(among, values, -np.inf)
         top = np.argmax(eligible[: len(values) - 1], axis=0)
-        if name + RATE in self.waveforms:
-            return self._cubic(name, sign, top)
-        return self._parabola(name, sign, top)
+        known = name + RATE in self.waveforms
+        points = (
+            self._cubic(values, sign * self.waveforms[name + RATE], top)
+            if known
+            else self._parabola(values, top)
+        )
+        return [(name + of, index, weight) for of, index, weight in points]
 
-    def _cubic(self, name: str, sign: float, top: np.ndarray) -> Points:
-        """Top of the Hermite cubic beside the largest point."""
-        values, rates = sign * self.waveforms[name], sign * self.waveforms[name + RATE]
+    def _cubic(self, values: np.ndarray, rates: np.ndarray, top: np.ndarray) -> Points:
+        """Top of the Hermite cubic beside the largest point; points of a waveform and of its `RATE`."""
         points = len(values) - 1
         left = np.where(_at(rates, top) < 0.0, (top - 1) % points, top)
         width = self._widths[left]
@@ -238,15 +271,14 @@ class Measures:
         s = _stationary(rise, 3.0 * change - 2.0 * rise - fall, rise + fall - 2.0 * change, fall)
         last = s * s * (3.0 - 2.0 * s)
         return [
-            (name, left, 1.0 - last),
-            (name, left + 1, last),
-            (name + RATE, left, width * s * (1.0 - s) ** 2),
-            (name + RATE, left + 1, width * s * s * (s - 1.0)),
+            ("", left, 1.0 - last),
+            ("", left + 1, last),
+            (RATE, left, width * s * (1.0 - s) ** 2),
+            (RATE, left + 1, width * s * s * (s - 1.0)),
         ]
 
-    def _parabola(self, name: str, sign: float, top: np.ndarray) -> Points:
+    def _parabola(self, values: np.ndarray, top: np.ndarray) -> Points:
         """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
-        values = sign * self.waveforms[name]
         points = len(values) - 1
         before, after = self._widths[(top - 1) % points], self._widths[top]
         left, peak, right = (_at(values, (top + k) % points) for k in (-1, 0, 1))
@@ -256,9 +288,9 @@ class Measures:
         flat = curvature <= 1e-9 * (1.0 + np.abs(peak))
         s = np.where(flat, 0.0, 0.5 * slope / np.where(flat, 1.0, curvature))
         return [
-            (name, (top - 1) % points, s * (s - after) / (before * (before + after))),
-            (name, top, (s + before) * (after - s) / (before * after)),
-            (name, (top + 1) % points, s * (s + before) / (after * (before + after))),
+            ("", (top - 1) % points, s * (s - after) / (before * (before + after))),
+            ("", top, (s + before) * (after - s) / (before * after)),
+            ("", (top + 1) % points, s * (s + before) / (after * (before + after))),
         ]
 
 
@@ -306,7 +338,7 @@ def _stationary(rise: np.ndarray, second: np.ndarray, third: np.ndarray, fall: n
 
 def _at(series: np.ndarray, index: np.ndarray) -> np.ndarray:
     """Value of each patient at an index ([patients]) along the points."""
-    return series[index] if np.ndim(index) == 0 else np.take_along_axis(series, index[None], axis=0)[0]
+    return series[index] if np.ndim(index) == 0 else series[index, np.arange(len(index))]
 
 
 def _midpoint(series: np.ndarray) -> np.ndarray:

@@ -33,12 +33,7 @@ class UnknownOutputError(KeyError):
         return f"'{name}' is no output; allowed: {', '.join(known)}{spelling_hint(name, known)}"
 
 
-CHAMBERS = {
-    "lv": "left ventricle",
-    "rv": "right ventricle",
-    "la": "left atrium",
-    "ra": "right atrium",
-}
+CHAMBERS = {"lv": "left ventricle", "rv": "right ventricle", "la": "left atrium", "ra": "right atrium"}
 VALVES = {"ra": "tricuspid", "rv": "pulmonary", "la": "mitral", "lv": "aortic"}
 
 _PRESSURES_AND_FLOWS = (

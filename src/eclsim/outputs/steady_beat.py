@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.recording import all_signals
+from eclsim.beat.recording import RATE, all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
@@ -308,19 +308,19 @@ def measured(
 
     def measure(members: np.ndarray) -> None:
         recorded, series, phases = _recorded(orbits, members, needed_signals(circuit, names, signals))
-        if len(members) == 1:  # a sum down a single column rounds in another order
-            series = np.repeat(series, 2, axis=-1)
         parameters = orbits.batch.read_by_outputs(needed_parameters(circuit, names), members)
         waves = {name: series[:, k] for k, name in enumerate(recorded)}
         measures = Measures(waves, phases, circuit, parameters, batch=count)
+        measures.measure_means(recorded, series)
+        measures.measure_extremes([name for name in recorded if name + RATE in waves])
         for row, name in zip(values, names, strict=True):
             row[members] = output(name).compute(measures)[: len(members)]
         if with_gas:
             gas_status[members] = measures.gas(*STATUS)[: len(members)]
             steady = [k for k, m in enumerate(members.tolist()) if m in keep and not gas_status[m]]
             gases.update({int(members[k]): gases_of_places(measures, k) for k in steady})
-        statistics[:, :, members] = statistics_of(measures, signals)[..., : len(members)]
-        columns = series[:, [recorded.index(signal) for signal in signals]]
+        columns = series.take([recorded.index(signal) for signal in signals], axis=1)
+        statistics[:, :, members] = statistics_of(measures, signals, columns)[..., : len(members)]
         kept.update(
             {m: Waveforms(phases, columns[..., k]) for k, m in enumerate(members.tolist()) if m in keep}
         )
@@ -342,10 +342,15 @@ def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
 def _recorded(
     orbits: SolvedOrbits, members: np.ndarray, signals: tuple[str, ...]
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Signals of some members' beats (points, signals, members), their names before, their phases behind."""
+    """Signals of some members' beats (points, signals, members), their names before, their phases behind.
+
+    A single member stands in two columns.
+    """
     search = orbits.search(int(members[0]))
     packed = orbits.batch.packed(search.program)[:, members]
     recorded, series = search.record(orbits.states[:, members], packed, signals)
+    if len(members) == 1:  # a sum down a single column rounds in another order
+        series = np.broadcast_to(series, (*series.shape[:-1], 2))
     return recorded, whole_beat(series), search.program.grid.phases
 
 
@@ -393,13 +398,11 @@ def judged(
     return beat._without(~beat.converged)
 
 
-def statistics_of(measures: Measures, signals: Sequence[str]) -> np.ndarray:
-    """Mean, smallest and largest value of waveforms, shape (3, signals, members)."""
-    rows = [
-        (measures.mean(n), measures.waveforms[n].min(axis=0), measures.waveforms[n].max(axis=0))
-        for n in signals
-    ]
-    return np.stack(rows, axis=1) if rows else np.empty((3, 0, 1))
+def statistics_of(measures: Measures, signals: Sequence[str], waves: np.ndarray) -> np.ndarray:
+    """Mean, smallest and largest value of waveforms (points, signals, members): (3, signals, members)."""
+    if not signals:
+        return np.empty((3, 0, 1))
+    return np.stack([[measures.mean(n) for n in signals], waves.min(axis=0), waves.max(axis=0)])
 
 
 def _native_output(outputs: Mapping[str, np.ndarray], circuit: Circuit, count: int) -> np.ndarray:

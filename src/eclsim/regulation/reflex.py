@@ -194,11 +194,7 @@ class Reflex(SteadyController[ReflexConstants]):
         return [*(value * factor for value, factor in zip(usual, factors, strict=True)), unstressed + shift]
 
     def next_states(
-        self,
-        states: Sequence[Number],
-        readings: Sequence[Number],
-        period: Number,
-        constants: ReflexConstants,
+        self, states: Sequence[Number], readings: Sequence[Number], period: Number, constants: ReflexConstants
     ) -> Sequence[Number]:
         """Each drive a beat's part of the way towards that of the pressures read."""
         target = self.steady_states(readings, constants)

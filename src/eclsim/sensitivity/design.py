@@ -194,12 +194,7 @@ class _Samples:
 
 
 def sobol_indices(
-    values: np.ndarray,
-    factors: int,
-    *,
-    seed: int = 1,
-    resamples: int = RESAMPLES,
-    size: float = 0.0,
+    values: np.ndarray, factors: int, *, seed: int = 1, resamples: int = RESAMPLES, size: float = 0.0
 ) -> Estimates:
     """Indices of every output; zero where it does not vary.
 

@@ -76,11 +76,7 @@ _LONG_NAMES = {
 }
 _SAME_FLOW_L_MIN = 0.05
 _MARKS = {"collapse": "x", "alarm": "!", "warning": "!", "caution": "*"}
-_MEANINGS = {
-    "x": "x impossible in a patient",
-    "!": "! beyond a limit",
-    "*": "* to be read with care",
-}
+_MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", "*": "* to be read with care"}
 
 
 def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = None) -> None:

@@ -7,13 +7,13 @@ studies took is not in their abstracts; `OVER_MIN` and what follows it are taken
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
-from eclsim.fluid.law import PLASMA, RED_CELLS
+from eclsim.fluid.law import PLASMA, PROTEIN, RED_CELLS
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.validation.reference_cases import compared
 
@@ -61,6 +61,7 @@ class Given(NamedTuple):
         give: volumes by kind [mL].
         over_min: in which they are given.
         after_min: after which what stays is measured.
+        later: what else is given: kind, volume [mL], minutes after the first, minutes that it takes.
     """
 
     body: tuple[tuple[str, object], ...]
@@ -68,9 +69,11 @@ class Given(NamedTuple):
     give: tuple[tuple[str, float], ...]
     over_min: float = OVER_MIN
     after_min: float = 30.0
+    later: tuple[tuple[str, float, float, float], ...] = ()
 
 
-def _body(sex: str, age: float, height: float, weight: float, rate: float) -> tuple[tuple[str, object], ...]:
+def body(sex: str, age: float, height: float, weight: float, rate: float) -> tuple[tuple[str, object], ...]:
+    """`[patient]` without an id."""
     names = ("sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
     return tuple(zip(names, (sex, age, height, weight, rate), strict=True))
 
@@ -85,13 +88,13 @@ Sections = tuple[tuple[str, tuple[tuple[str, object], ...]], ...]
 
 USUAL, HEALTHY = (0.30, 6.0), (0.42, 7.0)
 """Blood: as in intensive care, which is the default, and of healthy men and women."""
-VOLUNTEER = Given(_body("male", 28, 180, 78, 65), HEALTHY, (("crystalloid_ml", GIVEN_ML),))
-HEART = _body("male", 65, 175, 80, 85)
-WOMEN = _body("female", 50, 167, 68, 65)
+VOLUNTEER = Given(body("male", 28, 180, 78, 65), HEALTHY, (("crystalloid_ml", GIVEN_ML),))
+HEART = body("male", 65, 175, 80, 85)
+WOMEN = body("female", 50, 167, 68, 65)
 LACTATE = Given(WOMEN, HEALTHY, (("bleed_ml", 1097.0), ("crystalloid_ml", 3430.0)), 45.0)
 REPLACED = Given(WOMEN, HEALTHY, (("bleed_ml", 1150.0), ("albumin_ml", 1333.0)), 45.0)
 SURGERY = Given(
-    _body("male", 70, 175, 78, 65), HEALTHY, (("bleed_ml", 848.0), ("crystalloid_ml", 3 * 848.0)), 60.0
+    body("male", 70, 175, 78, 65), HEALTHY, (("bleed_ml", 848.0), ("crystalloid_ml", 3 * 848.0)), 60.0
 )
 
 
@@ -102,18 +105,18 @@ def boluses_check() -> Check:
 
 def bolus_rows() -> Iterator[Row]:
     """Shares that stay in the plasma or the blood, and the ratio of both fluids."""
-    body = _body("male", 60, 178, 80, 90)
+    man = body("male", 60, 178, 80, 90)
     kept = {
-        kind: gained(Given(body, USUAL, ((kind, GIVEN_ML),), after_min=AFTER_MIN))[0]
+        kind: gained(Given(man, USUAL, ((kind, GIVEN_ML),), after_min=AFTER_MIN))[0]
         for kind in ("crystalloid_ml", "albumin_ml")
     }
-    share = 100.0 * kept["crystalloid_ml"] / GIVEN_ML
+    in_plasma = 100.0 * kept["crystalloid_ml"] / GIVEN_ML
     saline = Given(HEART, USUAL, (("crystalloid_ml", GIVEN_ML),))
     in_patients = within(
-        "saline, patients after heart surgery", SALINE[0], _share(saline), _error(SALINE), "%"
+        "saline, patients after heart surgery", SALINE[0], share(saline), _error(SALINE), "%"
     )
     yield within(
-        "crystalloid in the plasma after 4 h (test)", 22.5, share, 5.0, "%", source=TEXTBOOK,
+        "crystalloid in the plasma after 4 h (test)", 22.5, in_plasma, 5.0, "%", source=TEXTBOOK,
         explanation=Explanation(
             "a share of spaces that nobody measured as such: patients after heart surgery kept 9 %, bled "
             "ones 17 and 18 %, and eclsim is within their spread", (in_patients,), undecided=True),
@@ -138,18 +141,21 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
     )
     for after, expected, spread, words in ((0.0, 55.0, 5.0, "as it ends"), (30.0, 17.5, 2.5, "30 min later")):
         given, label = VOLUNTEER._replace(after_min=after), f"a litre of Ringer's in 30 min, {words} (test)"
-        shown = within(f"{label}, experiment", expected, _share(given, WIDE), spread, "%")
-        yield within(label, expected, _share(given), spread, "%", source=HAHN,
+        shown = within(f"{label}, experiment", expected, share(given, WIDE), spread, "%")
+        yield within(label, expected, share(given), spread, "%", source=HAHN,
                      explanation=Explanation(text, (shown,)))  # fmt: skip
-    yield within("saline, patients after heart surgery (test)", SALINE[0], _share(saline), _error(SALINE),
+    yield within("saline, patients after heart surgery (test)", SALINE[0], share(saline), _error(SALINE),
                  "%", source=ERNEST)  # fmt: skip
     albumin = Given(HEART, USUAL, (("albumin_ml", 500.0),))
-    yield within("5 % albumin, the same (test)", ALBUMIN[0], _share(albumin), _error(ALBUMIN), "%",
+    yield within("5 % albumin, the same (test)", ALBUMIN[0], share(albumin), _error(ALBUMIN), "%",
                  source=ERNEST)  # fmt: skip
-    men = Given(_body("male", 25, 178, HASKELL_KG, 65), HEALTHY, (("albumin_ml", HASKELL_ML),), 10.0, 60.0)
+    men = Given(body("male", 25, 178, HASKELL_KG, 65), HEALTHY, (("albumin_ml", HASKELL_ML),), 10.0, 60.0)
     to_percent = 100.0 * HASKELL_KG / HASKELL_ML
-    yield within("5 % albumin, 234 mL in men, after 1 h (test)", to_percent * HASKELL_ML_KG, _share(men),
-                 to_percent * MOST_ERROR_ML_KG, "%", source=HASKELL)  # fmt: skip
+    label, expected, spread = "5 % albumin, 234 mL in men, after 1 h", HASKELL_ML_KG, MOST_ERROR_ML_KG
+    text = "stiff veins and no reflex; with Csvn 95 and heldt2010 at the same wall it holds"
+    soft = within(f"{label}, experiment", to_percent * expected, share(men, SOFT), to_percent * spread, "%")
+    yield within(f"{label} (test)", to_percent * expected, share(men), to_percent * spread, "%",
+                 source=HASKELL, explanation=Explanation(text, (soft,)))  # fmt: skip
 
 
 def _blood_lost() -> Iterator[Row]:
@@ -181,7 +187,7 @@ def _error(measured: tuple[float, float]) -> float:
     return 2.0 * measured[1] / math.sqrt(PER_GROUP)
 
 
-def _share(given: Given, sections: Sections = ()) -> float:
+def share(given: Given, sections: Sections = ()) -> float:
     """Plasma gained, of what was given [%]."""
     return 100.0 * gained(given, sections)[0] / sum(ml for _, ml in given.give)
 
@@ -194,14 +200,32 @@ def gained(given: Given, sections: Sections = ()) -> tuple[float, float]:
         given: what, and to whom.
         sections: of the case beside `[patient]`; left out, the published patient with the wall as it is.
     """
-    event = {"at_min": 10.0, "give": dict(given.give), "over_min": given.over_min}
+    before, after = followed(given, sections)
+    plasma, cells = (after[name] - before[name] for name in (PLASMA, RED_CELLS))
+    return plasma, plasma + cells
+
+
+def protein_changed(given: Given, sections: Sections = ()) -> float:
+    """By how much the concentration of the plasma's protein has changed [%]."""
+    before, after = followed(given, sections)
+    return 100.0 * (after["plasma_protein"] / before["plasma_protein"] - 1.0)
+
+
+@lru_cache(maxsize=64)
+def followed(given: Given, sections: Sections = ()) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """What blood is before fluid was given and some time after; the arguments are those of `gained`."""
+    first = {"at_min": 10.0, "give": dict(given.give), "over_min": given.over_min}
+    later = [
+        {"at_min": 10.0 + after, "give": {kind: ml}, "over_min": minutes}
+        for kind, ml, after, minutes in given.later
+    ]
     blood = dict(zip(("haematocrit", "plasma_protein_g_dl"), given.blood, strict=True))
     more = {name: dict(keys) for name, keys in sections}
     raw = {"format": 1, "patient": {"id": "bolus", **dict(given.body)}} | more
     raw["fluid"] = blood | more.get("fluid", {})
-    case = read_mapping(raw | {"events": [event]}).case
-    end = event["at_min"] + given.over_min + given.after_min
+    case = read_mapping(raw | {"events": [first, *later]}).case
+    end = 10.0 + given.over_min + given.after_min
     result = course(case, minutes=max(end, 10.0 + given.over_min + 0.1), every_min=20.0, outputs=["MAP"])
     at_end = result.sel(time_min=end, method="nearest")
-    plasma, cells = (float(at_end[name]) - float(result[name][0]) for name in (PLASMA, RED_CELLS))
-    return plasma, plasma + cells
+    names = (PLASMA, RED_CELLS, PROTEIN, "plasma_protein")
+    return {n: float(result[n][0]) for n in names}, {n: float(at_end[n]) for n in names}

@@ -7,6 +7,7 @@ men have the veins of another model and, before anything is done, the pressures 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -133,7 +134,11 @@ class Patient:
         return {name: np.interp(change, VOLUMES_ML, values) for name, values in table.items()}
 
     def course(
-        self, hours: float, rates_ml_s: Mapping[str, float], stands: Callable[[float], bool] = lambda _: False
+        self,
+        hours: float,
+        rates_ml_s: Mapping[str, float],
+        stands: Callable[[float], bool] = lambda _: False,
+        then: tuple[float, Mapping[str, float]] = (math.inf, {}),
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Minutes and slow states.
 
@@ -141,17 +146,24 @@ class Patient:
             hours: length.
             rates_ml_s: what is given, bled ("bleed_ml") or filtered (`UF`).
             stands: whether at a time [s]; then veins of the legs hold blood and capillaries a column of it.
+            then: a time [s] and the rates from there on.
         """
         law = replace(fluid_law(self.model.circuit), ultrafiltration=(UF,))
-        settings = _arrays({**self.model.values, UF: 3600.0 * rates_ml_s.get(UF, 0.0)})
-        inflows = _arrays(dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates_ml_s.items() if k != UF})
-        start = law.start(settings, self.at(np.zeros(1)))
+        first, second = (
+            (
+                _arrays({**self.model.values, UF: 3600.0 * rates.get(UF, 0.0)}),
+                _arrays(dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates.items() if k != UF}),
+            )
+            for rates in (rates_ml_s, then[1])
+        )
+        start = law.start(first[0], self.at(np.zeros(1)))
         names = list(start)
 
         def slope(time: float, y: np.ndarray) -> np.ndarray:
             states = {name: y[k : k + 1] for k, name in enumerate(names)}
             change = states[PLASMA] + states[RED_CELLS] - start[PLASMA] - start[RED_CELLS]
             up = float(stands(time))
+            settings, inflows = first if time < then[0] else second
             beat = self.at(change - up * self.pooled_ml, stands(time))
             for name in ("MAP", "venous_pressure"):  # arteries and veins together: capillaries as much
                 beat[name] = beat[name] + up * LEGS * COLUMN_MMHG
@@ -160,11 +172,10 @@ class Patient:
 
         from scipy.integrate import solve_ivp
 
-        first = np.concatenate([start[name] for name in names])
         solution = solve_ivp(
             slope,
             (0.0, 3600.0 * hours),
-            first,
+            np.concatenate([start[name] for name in names]),
             "LSODA",
             dense_output=False,
             rtol=1e-8,

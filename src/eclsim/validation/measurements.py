@@ -20,16 +20,7 @@ from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.paper.crrt import compute, paper_case, with_blood_volume
-from eclsim.paper.printed import (
-    AT_CASE,
-    HIGH,
-    LOW,
-    QUANTITIES,
-    TEXT,
-    OfScheme,
-    OverSchemes,
-    Printed,
-)
+from eclsim.paper.printed import AT_CASE, HIGH, LOW, QUANTITIES, TEXT, OfScheme, OverSchemes, Printed
 from eclsim.validation.reference_cases import (
     PROTOCOLS,
     compared,

@@ -20,6 +20,7 @@ from eclsim.validation import (
     hypercapnia,
     measurements,
     reference_cases,
+    refill,
     regulation,
     robustness,
     solvers,
@@ -46,7 +47,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "gas": lambda _: [gas.gas_check(), apnoea.apnoea_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: [*regulation.regulation_checks(), *hypercapnia.hypercapnia_checks()],
-    "fluid": lambda _: [fluid.fluid_check(), boluses.boluses_check()],
+    "fluid": lambda _: [fluid.fluid_check(), boluses.boluses_check(), refill.refill_check()],
     "suction": lambda _: [fluid.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }

@@ -3,7 +3,7 @@ import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "ec
 
 const PATIENCE = 5000; // ms that the server may take to answer
 const ASK = 1500; // ms after which the server is asked whether it is there, where what was sent has no answer
-const PALE = 400; // ms after which numbers that do not know of a turn are pale
+const PALE = 400; // ms after which numbers that do not know of a turn or of another state are pale
 const SILENCE = 2000; // ms without a report of what runs, after which the server is asked as well
 const REST = 1000; // ms without another outcome after which a screen reader is told
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
@@ -70,7 +70,7 @@ export default {
         this.answered();
         tab.keep("last", { link: state.link, of: state.of });
         this.links = remember(this.links ?? {}, state.of, state.link, 2);
-        this.markStale();
+        this.behind ??= setTimeout(() => this.markStale(false, 0), PALE);
       }),
       bus.on("error", () => {
         this.answered();
@@ -103,6 +103,7 @@ export default {
       this.paling,
       this.watching,
       this.returning,
+      this.behind,
       this.lagging,
       this.speaking,
       this.silence,
@@ -199,14 +200,15 @@ export default {
       this.markStale();
     },
     // Numbers that do not belong to where the knobs stand are pale, those of no patient are struck through.
-    markStale(late = false) {
+    markStale(late = false, wait = late ? 0 : PALE) {
       const beat = bus.last("beat");
       const { of } = bus.last("state") ?? {};
       const stale = late || beat?.of !== of;
       const page = document.querySelector(".ecl-page")?.classList;
+      if (beat?.of === of) this.behind = clearTimeout(this.behind);
       page?.toggle("ecl-stale", stale || !!this.cut);
       page?.toggle("ecl-impossible", beat?.possible === false);
-      if (stale && of !== this.failed) this.lagging ??= setTimeout(() => this.lag(), late ? 0 : PALE);
+      if (stale && of !== this.failed) this.lagging ??= setTimeout(() => this.lag(), wait);
       else this.isThere();
     },
     // A beat that is long in coming: from a server that computes, or from none.

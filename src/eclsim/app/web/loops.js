@@ -12,6 +12,7 @@ const SIDES = [
     middle: 0.78,
   },
 ];
+const FIXED = { automargin: false }; // to find margins for labels, Plotly draws twice
 const HOVER = "%{x:.0f} mL, %{y:.1f} mmHg<extra></extra>";
 const closed = (wave) => [...wave, wave[0]];
 
@@ -100,10 +101,10 @@ export default {
       return {
         showlegend: false,
         annotations: SIDES.map(heading),
-        xaxis: axis(volume, { domain: [0, 0.44], range: this.range("V", "lv", bands) }),
-        yaxis: axis(pressure, { range: this.range("P", "lv", bands) }),
-        xaxis2: axis(volume, { domain: [0.56, 1], range: this.range("V", "rv", bands) }),
-        yaxis2: axis(pressure, { anchor: "x2", range: this.range("P", "rv", bands) }),
+        xaxis: axis(volume, { ...FIXED, domain: [0, 0.44], range: this.range("V", "lv", bands) }),
+        yaxis: axis(pressure, { ...FIXED, range: this.range("P", "lv", bands) }),
+        xaxis2: axis(volume, { ...FIXED, domain: [0.56, 1], range: this.range("V", "rv", bands) }),
+        yaxis2: axis(pressure, { ...FIXED, anchor: "x2", range: this.range("P", "rv", bands) }),
       };
     },
   },
