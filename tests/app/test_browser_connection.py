@@ -63,8 +63,8 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     expect(page.get_by_text(text("taken_back"))).to_be_visible()
     page.wait_for_timeout(1000)
     expect(knob(page, "ecmo.speed_rpm")).to_have_value("3425")  # what the page took back is not made later
-    assert beat(page)["values"]["ecmo.speed_rpm"] == 3425
     expect(page.locator(".ecl-stale")).to_have_count(0)
+    assert beat(page)["values"]["ecmo.speed_rpm"] == 3425
     page.get_by_role("button", name="Redo").click()
     expect(knob(page, "ecmo.speed_rpm")).to_have_value("4444")
     page.wait_for_function("eclsim.bus.last('beat').values['ecmo.speed_rpm'] === 4444")
@@ -78,7 +78,7 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     wait_for(page, "Math.abs(beat.period - 60 / 99) < 1e-3")
     show(page, "identify")
     page.locator("#form-measurements-MAP").fill("77")
-    page.wait_for_function("eclsim.bus.last('keep').of === eclsim.bus.last('state').of")
+    page.wait_for_function("eclsim.bus.last('keep')?.of === eclsim.bus.last('state').of")
     served.process.kill()
     served.process.wait(60)
     status(page).to_have_text(text("offline", what="P01, changed"))
@@ -110,3 +110,102 @@ def test_a_session_that_cannot_be_restored_is_called_lost(open_page):
     page.reload()
     expect(page.get_by_text("The session of this tab is lost")).to_contain_text("Healthy adult")
     expect(page.locator(".ecl-provenance")).to_contain_text("Healthy adult")
+
+
+BEHIND = "eclsim.bus.publish('state', { ...eclsim.bus.last('state'), of: 'turned' })"
+"""A knob was turned, and its beat is long in coming."""
+
+
+def test_what_is_not_yet_of_the_knobs_says_so_in_words(open_page):
+    """Pale numbers stood under a green "Steady beat"; a course of before was not even pale."""
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.locator(".ecl-timeline .chart").wait_for(timeout=150_000)
+    expect(page.locator(".ecl-timeline .chart.old")).to_have_count(0)
+    page.evaluate(BEHIND)
+    status(page).to_have_text(text("computing"))
+    status(page).to_have_class(re.compile(r"\bbusy\b"))
+    expect(page.locator(".ecl-timeline .chart.old")).to_have_count(1)
+    expect(page.locator(".ecl-timeline .shown")).to_have_text(text("study_old"))
+    page.evaluate("eclsim.bus.publish('failed', 'it failed')")
+    status(page).to_have_text("it failed")
+    page.wait_for_timeout(1000)
+    status(page).to_have_text("it failed")
+    turn(page, "patient.heart_rate_bpm", "88")
+    status(page).to_contain_text(text("ready"))
+    expect(page.locator(".ecl-timeline .chart.old")).to_have_count(0)
+
+
+def test_a_server_that_hangs_while_it_computes_is_said_to_hang(alone):
+    """It had taken the turn, so that nothing waited for an answer: "Computing" stood for good."""
+    page, served = alone
+    page.evaluate(BEHIND)
+    status(page).to_have_text(text("computing"))
+    page.wait_for_timeout(7000)
+    status(page).to_have_text(text("computing"))  # it is there, and slow
+    served.process.send_signal(signal.SIGSTOP)
+    status(page).to_have_text(text("silent", what="Healthy adult"))
+    expect(knob(page, "patient.heart_rate_bpm")).to_be_disabled()
+    served.process.send_signal(signal.SIGCONT)
+    expect(knob(page, "patient.heart_rate_bpm")).to_be_enabled()
+    page.evaluate("eclsim.bus.publish('fit_progress', { share: 0.1, seconds: 1, text: 'fitting' })")
+    served.process.send_signal(signal.SIGSTOP)
+    status(page).to_have_class(re.compile(r"\bbad\b"))
+    served.process.send_signal(signal.SIGCONT)
+
+
+@pytest.mark.parametrize("view", ["ramp", "schemes"])
+def test_a_study_of_a_state_before_says_so_in_words(open_page, view):
+    page = open_page("paper")
+    show(page, view)
+    page.wait_for_function(f"eclsim.bus.last('{view}')?.of === eclsim.bus.last('state').of")
+    old = page.locator(".q-tab-panel:visible .ecl-renewed")
+    expect(old).to_have_count(0)
+    page.evaluate(BEHIND)
+    expect(old).to_have_text(text("study_old"))
+    expect(old).to_be_visible()
+
+
+def test_a_fit_that_is_lost_with_its_page_is_called_lost(open_page):
+    page = open_page("paper")
+    show(page, "identify")
+    page.locator("#form-patient-id").fill("P7")
+    page.locator("#form-measurements-MAP").fill("77")
+    page.get_by_role("button", name=text("fit"), exact=True).click()
+    page.get_by_role("progressbar").wait_for()
+    page.wait_for_function("eclsim.bus.last('keep')")
+    page.reload()
+    page.wait_for_function("window.eclsim?.bus.last('beat')")
+    show(page, "identify")
+    expect(page.locator(".ecl-identify .message")).to_have_text(text("fit_lost"))
+    expect(page.locator("#form-measurements-MAP")).to_have_value("77")
+
+
+def test_a_page_whose_sign_in_ended_says_how_to_go_on(browser, serving, tmp_path):
+    """It said "Not connected" for good."""
+    secret = tmp_path / "password.txt"
+    secret.write_text("a long password\n")
+    secret.chmod(0o600)
+    served = serving("--password-file", str(secret))
+    page = browser.new_page(viewport=LAPTOP)
+    page.set_default_timeout(60_000)
+
+    def sign_in():
+        page.locator("input[type=password]").fill("a long password")
+        page.keyboard.press("Enter")
+        page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
+
+    page.goto(served.url)
+    sign_in()
+    turn(page, "patient.heart_rate_bpm", "99")
+    wait_for(page, "Math.abs(beat.period - 60 / 99) < 1e-3")
+    page.wait_for_function("eclsim.bus.last('keep')?.of === eclsim.bus.last('state').of")
+    served.process.kill()
+    served.process.wait(60)
+    status(page).to_have_text(text("offline", what="Healthy adult, changed"))
+    serving("--password-file", str(secret), port=urllib.parse.urlsplit(served.url).port)
+    status(page).to_have_text(text("signed_out", what="Healthy adult, changed"))
+    page.reload()
+    sign_in()
+    expect(knob(page, "patient.heart_rate_bpm")).to_have_value("99")
+    page.close()

@@ -91,6 +91,22 @@ def test_what_is_held_in_a_fit_is_named_with_it():
 
 
 @pytest.mark.parametrize(
+    ("preset", "value", "said"),
+    [
+        ("paper", None, "shunt 0.4, assumed unless it is fitted"),
+        ("healthy", None, "shunt 0.05, assumed unless it is fitted"),
+        ("paper", 0.3, "shunt_fraction 0.3"),
+    ],
+)
+def test_a_shunt_that_the_page_assumed_is_named_with_the_fit(preset, value, said):
+    """Nobody had given it: it was not named where it is that of a case file, and looked given where not."""
+    case = connect(PRESETS[preset].case(), "gas")
+    words = fitted_with(PageState(case if value is None else turn(case, "gas.shunt_fraction", value)))
+    assert said in words
+    assert words.count("shunt") == 1
+
+
+@pytest.mark.parametrize(
     ("changes", "key", "message"),
     [
         ({"measurements__SP": "70"}, "measurements.SP", "below diastolic"),

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import eclsim.app
 from eclsim.app.files import KINDS
+from eclsim.app.fitting import on_the_page
 from eclsim.app.page import VIEWS
-from eclsim.app.texts import ENGLISH, with_minus
+from eclsim.app.texts import ENGLISH, beside_field, with_minus
+from eclsim.inputs.mistakes import Mistake
 
 HERE = Path(eclsim.app.__file__).parent
 SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
@@ -53,3 +55,12 @@ def test_a_minus_stands_before_numbers_and_no_hyphen_is_one():
     assert with_minus("-5.4 mmHg (-57 % at worst)") == "\u22125.4 mmHg (\u221257 % at worst)"
     for plain in ("Table S-4", "doi 10.3389/a-909990", "V-A, mid-1990s", "5-95 %", "(10)-12", "a - 3"):
         assert with_minus(plain) == plain
+
+
+def test_refusals_and_reasons_of_a_verdict_have_a_minus_as_well():
+    mistake = Mistake("ecmo.speed_rpm", "outside the allowed range", "-900", "-300 to 100 mmHg")
+    assert beside_field(mistake).count("\u2212") == 2
+    assert "-" not in beside_field(mistake)
+    reason = on_the_page({"sentence": "MPAP is off by -3.4 standard uncertainties (--weights uncertainty)"})
+    assert "\u22123.4" in reason["sentence"]
+    assert "--" not in reason["sentence"]

@@ -4,6 +4,7 @@ from eclsim.patient.anthropometry import (
     body_mass_index,
     body_surface,
     body_water_ml,
+    delivery_limits,
     mean_height_weight,
     oxygen_consumption,
     total_blood_volume_ml,
@@ -64,3 +65,13 @@ def test_blood_volume_falls_with_age_and_is_larger_in_men():
     volumes = [total_blood_volume_ml("female", age, 165, 60) for age in (20, 50, 80)]
     assert volumes == sorted(volumes, reverse=True)
     assert total_blood_volume_ml("male", 50, 165, 60) > volumes[1]
+
+
+def test_limits_of_oxygen_delivery_are_those_of_the_size():
+    """sqrt(195 x 120 / 3600) = 2.550 m2; at the size of the table nothing is said."""
+    low, critical, said = delivery_limits(195.0, 120.0)
+    assert (low, critical) == (pytest.approx(280.0 * 2.5495, rel=1e-4), 540.0)
+    assert "2.55 m2" in said
+    assert "low below 714 and critical below 540 mL/min" in said
+    assert delivery_limits(174.0, 67.0)[2] == ""
+    assert delivery_limits(150.0, 45.0)[2], "a small patient needs less than the table says"

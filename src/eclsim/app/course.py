@@ -106,10 +106,12 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     ]
     return {
         "of": key_of(course.state), "minutes": minutes, "time": course.times,
-        "rows": rows, "message": str(result.attrs["message"]),
+        "rows": rows, "message": with_minus(str(result.attrs["message"])),
         "alarms": finite(broken[:MOST_ALARMS]),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
-        "approximations": [str(s) for kind in ("approximations", "cautions") for s in result.attrs[kind]],
+        "approximations": [
+            with_minus(str(s)) for kind in ("approximations", "cautions") for s in result.attrs[kind]
+        ],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip
 

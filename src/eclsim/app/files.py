@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.marks import marked_id
 from eclsim.app.provenance import kind_of, provenance
-from eclsim.app.texts import text
+from eclsim.app.texts import text, with_minus
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.reading import read_case
 from eclsim.files import file_stems
@@ -144,7 +144,7 @@ def shown_name(name: str) -> str:
 def brief(lines: Sequence[str]) -> list[str]:
     """The first lines, and how many more there are."""
     more = [f"… {len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
-    return [*lines[:MOST_LINES], *more]
+    return [*map(with_minus, lines[:MOST_LINES]), *more]
 
 
 # --- in the process that reads -------------------------------------------------------------------

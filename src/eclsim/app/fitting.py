@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import LUNGS_ALONE
-from eclsim.app.texts import text
+from eclsim.app.knobs import ASSUMED_SHUNTS
+from eclsim.app.texts import text, with_minus
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import Gas
 from eclsim.parameters.regulation import EXTRA_VOLUME
@@ -220,7 +220,7 @@ def to_fit(
 def _with_assumed_shunt(case: Case) -> Case:
     """The page's sections hold every key: a shunt that nobody has turned is an assumed one."""
     gas = case.gas
-    if gas is None or gas.shunt_fraction not in (Gas().shunt_fraction, LUNGS_ALONE["shunt_fraction"]):
+    if gas is None or gas.shunt_fraction not in ASSUMED_SHUNTS:
         return case
     given = gas.model_fields_set - {"shunt_fraction"}
     return case.model_copy(update={"gas": Gas.model_construct(given, **gas.model_dump())})
@@ -239,7 +239,7 @@ def _done(
     except CancelledError:
         return "cancelled", None
     except CaseError as error:
-        return "failed", str(error)
+        return "failed", with_minus(str(error))
     except Exception as error:  # whatever it is, the page must hear of it; no values of the patient in it
         return "failed", f"{text(FAILED[job])} ({type(error).__name__})"
 
@@ -250,12 +250,14 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     from eclsim.identification.verdict import headline
 
     result = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
+    result["message"] = with_minus(result["message"])
     result["headline"] = headline(result["verdict"])
     result["verdict"]["reasons"] = [on_the_page(reason) for reason in result["verdict"]["reasons"]]
     for name, parameter in result["parameters"].items():
         known = quantity(name)
         assert known is not None  # whatever is fitted is a number of a case
         parameter |= {"unit": "" if known.unit == "1" else known.unit, "text": known.description}
+        parameter["reason"] = with_minus(parameter["reason"])
         if name in fit.box.names:
             k = fit.box.names.index(name)
             parameter["bounds"] = [fit.box.scale.value(k, side[k]) for side in (fit.box.lower, fit.box.upper)]
@@ -272,7 +274,7 @@ def on_the_page(reason: Mapping[str, Any]) -> dict[str, Any]:
     def words(found: re.Match[str]) -> str:
         return elsewhere if found[0].startswith("(") else elsewhere.strip("()")
 
-    return {**reason, "sentence": _OPTION.sub(words, sentence)}
+    return {**reason, "sentence": with_minus(_OPTION.sub(words, sentence))}
 
 
 def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from eclsim.app.marks import bare_id
 from eclsim.app.posterior import PosteriorDraws
 from eclsim.app.provenance import fitted_case, fitted_with, title_of
 from eclsim.app.state import PageState, link_of, state_of, subject_of
-from eclsim.app.texts import text
+from eclsim.app.texts import beside_field, text
 from eclsim.cases.checking import Checked, check_case
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
@@ -291,6 +291,6 @@ def _of(raw: Mapping[str, Any], state: PageState) -> str:
 def _by_field(mistakes: list[Mistake]) -> dict[str, str]:
     result: dict[str, str] = {}
     for m in mistakes:
-        text = str(Mistake("", m.message, m.value, m.allowed, m.suggestion))
-        result[m.key] = f"{result[m.key]} {text}" if m.key in result else text
+        words = beside_field(m)
+        result[m.key] = f"{result[m.key]} {words}" if m.key in result else words
     return result

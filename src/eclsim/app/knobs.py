@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, resolve_parameters
-from eclsim.cases.sections import PATIENT_SECTIONS, by_instance, within
+from eclsim.cases.sections import PATIENT_SECTIONS, Gas, by_instance, within
 from eclsim.devices.description import Control, Knob, Picker, plain_control
 from eclsim.devices.registry import devices, naming_of
 from eclsim.gas.network import gas_exchanges
@@ -40,6 +40,8 @@ LUNGS_ALONE = MappingProxyType(
 
 Those of a case file are of a patient on ECMO, whose lungs rest: alone they leave nobody alive for long.
 """
+ASSUMED_SHUNTS = (Gas().shunt_fraction, LUNGS_ALONE["shunt_fraction"])
+"""Shunts that the page sets where nobody gives one: a fit calls them assumed."""
 _FILLED = ("svn", "pvn")
 """Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
 START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)

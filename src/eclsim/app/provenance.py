@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import group_name
-from eclsim.app.knobs import START_PRESSURES, VOLUME, connected, controls, value_of
+from eclsim.app.knobs import ASSUMED_SHUNTS, START_PRESSURES, VOLUME, connected, controls, value_of
 from eclsim.app.marks import was_changed
 from eclsim.app.state import POLICIES
 from eclsim.app.texts import text
@@ -104,7 +104,11 @@ def fitted_with(state: PageState) -> str:
     for kind in PATIENT_SECTIONS:
         if (section := getattr(case, kind.section)) is not None:
             settings = section.model_dump(exclude_none=True, exclude_defaults=True)
-            words = ", ".join(f"{name} {shown(value)}" for name, value in settings.items())
+            said = [f"{name} {shown(value)}" for name, value in settings.items()]
+            if (shunt := getattr(section, "shunt_fraction", None)) in ASSUMED_SHUNTS:
+                said = [one for one in said if not one.startswith("shunt_fraction ")]
+                said.append(text("assumed_shunt", value=shown(shunt)))
+            words = ", ".join(said)
             sections.append(f"{group_name(kind.section)} ({words})" if words else group_name(kind.section))
     policy = [f"{text('policy')} {text(state.policy)}"] if state.policy != POLICIES[0] else []
     return "; ".join([circuit_text(case), *sections, *held(case), *policy])

@@ -34,7 +34,7 @@ from eclsim.app.state import (
     state_of,
     subject_of,
 )
-from eclsim.app.texts import text
+from eclsim.app.texts import beside_field, text
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
@@ -321,7 +321,7 @@ class Session:
             state = make()
         except CaseError as error:
             self.send(
-                "error", {"key": key, "messages": [_without_key(m) for m in error.mistakes], "seq": seq}
+                "error", {"key": key, "messages": [beside_field(m) for m in error.mistakes], "seq": seq}
             )
             return False
         self._change(state, key, seq)
@@ -483,11 +483,6 @@ def _compared(beat: Beat) -> dict[str, Any]:
 
     everything = plain(beat, ())
     return {name: everything[name] for name in ("outputs", "possible")}
-
-
-def _without_key(mistake: Mistake) -> str:
-    """A mistake as it stands beside its knob: without the key."""
-    return str(Mistake("", mistake.message, mistake.value, mistake.allowed, mistake.suggestion))
 
 
 def _report(task: asyncio.Task[None]) -> None:

@@ -6,6 +6,8 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from eclsim.inputs.mistakes import Mistake
+
 ENGLISH: Mapping[str, str] = MappingProxyType(
     {
         "title": "eclsim: bedside page",
@@ -65,6 +67,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "key_measured": "meas.",
         "output_measured": "Measured",
         "provenance_no_device": "no device",
+        "assumed_shunt": "shunt {value}, assumed unless it is fitted",
         "badge_changed": "Changed",
         "badge_doubt_changed": "{doubt}, changed",
         "badge_preset": "Preset",
@@ -235,6 +238,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "back",
         "taken_back": "The server answers again. What was changed while it did not was taken back; Redo "
         "makes it.",
+        "signed_out": "Signed out: the numbers are of {what}. Load this page again to sign in; it goes on "
+        "where it was.",
+        "study_old": "Not yet of what the knobs show.",
         "compiling": "Preparing this circuit (seconds, with gases and reflexes a minute; once) …",
         "not_converged": "No steady beat",
         "failed": "This beat could not be computed. Undo the last change.",
@@ -423,6 +429,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_waiting": "Waiting for another fit …",
         "fit_failed": "The fit failed. Check the measurements, or change the circuit and try again.",
         "fit_cancelled": "Cancelled.",
+        "fit_lost": "What was being computed here was lost with the server, or when the page was loaded "
+        "again: start it again.",
         "fit_use": "Use this patient",
         "fit_use_poor": "Show it although the fit is poor",
         "fit_reasons": "Why",
@@ -552,6 +560,11 @@ _MINUS = re.compile(r"(?<![\w.)-])-(?=\d)")
 def with_minus(sentence: str) -> str:
     """A sentence of the command line as the page writes numbers: a minus before them is no hyphen."""
     return _MINUS.sub("\N{MINUS SIGN}", sentence)
+
+
+def beside_field(mistake: Mistake) -> str:
+    """A mistake as it stands beside its knob or field: without the key."""
+    return with_minus(str(Mistake("", mistake.message, mistake.value, mistake.allowed, mistake.suggestion)))
 
 
 def text(key: str, **values: object) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.course import BEATS, LENGTHS, compute_course, plain_course
 from eclsim.app.state import key_of
-from eclsim.app.texts import text
+from eclsim.app.texts import text, with_minus
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ class CourseStudy(_OneAtATime):
             try:
                 course = await self.engine.study(lambda s=state, m=minutes: compute_course(s, m))
             except CaseError as error:
-                self.session.send("course", {"of": key_of(state), "refused": str(error)})
+                self.session.send("course", {"of": key_of(state), "refused": with_minus(str(error))})
                 continue
             except Exception:  # there is no course; the page goes on
                 log.exception("a course failed")

@@ -15,7 +15,12 @@ from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, looks_identifiable
 from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.physiology import SECTION
-from eclsim.patient.anthropometry import body_mass_index, mean_height_weight, total_blood_volume_ml
+from eclsim.patient.anthropometry import (
+    body_mass_index,
+    delivery_limits,
+    mean_height_weight,
+    total_blood_volume_ml,
+)
 from eclsim.patient.sites import ONLY_REGIONAL, SAME_IN_REGIONS, patient_sites
 from eclsim.units import MMHG_PER_KPA
 
@@ -36,6 +41,7 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
         remarks: Has what was refused already, which is not missing; gets what there is to say.
     """
     _check_patient(case.patient, remarks.refused(), remarks)
+    _note_size(case, remarks)
     _check_arterial_pressures(case, remarks)
     wedge, mean = case.measurements.get("PCWP"), case.measurements.get("MPAP")
     if wedge is not None and mean is not None and wedge > mean + 5.0:
@@ -142,6 +148,15 @@ def _check_body_size(height: float, weight: float, remarks: Remarks) -> None:
     likely = height < weight and 12.0 <= swapped <= 60.0
     hint = f"height_cm = {weight:g} and weight_kg = {height:g} (likely swapped)" if likely else ""
     remarks.warning("patient.height_cm", message, f"{height:g}", hint)
+
+
+def _note_size(case: CaseValues, remarks: Remarks) -> None:
+    """Say which limits of oxygen delivery a patient of another size has, where gases are computed."""
+    height, weight = (case.patient.get(name) for name in ("height_cm", "weight_kg"))
+    if "gas" not in case.physiology or height is None or weight is None:
+        return
+    if sentence := delivery_limits(height, weight)[2]:
+        remarks.note("patient.weight_kg", sentence, shown(weight))
 
 
 def _check_arterial_pressures(case: CaseValues, remarks: Remarks) -> None:

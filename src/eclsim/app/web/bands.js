@@ -12,7 +12,7 @@ const summary = (bands) => {
 export default {
   template: `
   <div v-if="posterior" class="ecl-bands" role="group" :aria-label="texts.bands_label">
-    <span v-if="topic" class="what" role="status">{{ what }}<b v-if="without" :class="{ bad: isThin }">{{
+    <span v-if="topic" class="what">{{ what }}<b v-if="without" :class="{ bad: isThin }">{{
       without }}</b></span>
     <span>{{ posterior.method }}</span>
     <span :class="['trust', { bad: !posterior.trusted }]" :title="posterior.doubts.join('; ')">{{

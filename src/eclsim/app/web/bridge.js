@@ -4,6 +4,8 @@ import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "ec
 const PATIENCE = 5000; // ms that the server may take to answer
 const ASK = 1500; // ms after which the server is asked whether it is there, where what was sent has no answer
 const PALE = 400; // ms after which numbers that do not know of a turn or of another state are pale
+const SILENCE = 2000; // ms without a report of what runs, after which the server is asked as well
+const REST = 1000; // ms without another outcome after which a screen reader is told
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
 const SHORTCUTS = [
   ["z", "ctrl", "undo"],
@@ -16,11 +18,36 @@ const TYPED = /^(text|search|password|number)$/;
 
 export default {
   template: `
-  <div class="ecl-status" role="status" aria-live="polite" :class="cut ? 'bad' : kind">
-    <span class="dot"></span><span class="message" :title="cut || message">{{ cut || message }}</span>
+  <div class="ecl-outcome">
+    <div class="ecl-status" :class="shownKind">
+      <span class="dot"></span><span class="message" :title="shown">{{ shown }}</span>
+    </div>
+    <span class="ecl-hidden" role="status">{{ said }}</span>
   </div>`,
   props: { texts: Object },
-  data: () => ({ message: "", kind: "busy", cut: "" }),
+  data: () => ({ message: "", kind: "busy", cut: "", late: false, warnings: "", said: "" }),
+  computed: {
+    // A beat that is long in coming is said: its numbers are not there, whatever the last ones were.
+    isLate() {
+      return this.late && this.kind !== "busy";
+    },
+    shown() {
+      return this.cut || (this.isLate ? this.texts.computing : this.message);
+    },
+    shownKind() {
+      return this.cut ? "bad" : this.isLate ? "busy" : this.kind;
+    },
+    spoken() {
+      return [this.shown, this.cut || this.isLate ? "" : this.warnings].filter(Boolean).join("; ");
+    },
+  },
+  watch: {
+    // A screen reader hears the outcome once, when it has come to rest, and not every beat of a turn.
+    spoken(words) {
+      clearTimeout(this.speaking);
+      this.speaking = setTimeout(() => (this.said = words), this.cut ? 0 : REST);
+    },
+  },
   created() {
     setTexts(this.texts);
   },
@@ -33,13 +60,17 @@ export default {
     this.hello();
     this.stops = [
       bus.on("busy", (text) => this.say("busy", text)),
-      bus.on("failed", (text) => this.say("bad", text)),
+      bus.on("failed", (text) => {
+        this.failed = bus.last("state")?.of;
+        this.say("bad", text);
+        this.markStale();
+      }),
       bus.on("beat", (beat) => this.judge(beat)),
       bus.on("state", (state) => {
         this.answered();
         tab.keep("last", { link: state.link, of: state.of });
         this.links = remember(this.links ?? {}, state.of, state.link, 2);
-        this.behind ??= setTimeout(() => this.markStale(), PALE);
+        this.behind ??= setTimeout(() => this.markStale(false, 0), PALE);
       }),
       bus.on("error", () => {
         this.answered();
@@ -51,6 +82,10 @@ export default {
         this.paling ??= setTimeout(() => this.markStale(true), PALE);
       }),
       bus.on("alive", () => this.answered()),
+      ...["fit", "posterior"].flatMap((job) => [
+        bus.on(`${job}_progress`, () => this.hearFrom(SILENCE)),
+        bus.on(`${job}_ended`, () => this.hearFrom(0)),
+      ]),
       bus.on("taken_back", () => {
         this.takeBack = undefined;
         this.answered();
@@ -62,7 +97,17 @@ export default {
     for (const stop of this.stops) stop();
     window.removeEventListener("keydown", this.onKey);
     window.removeEventListener("hashchange", this.onHash);
-    for (const timer of [this.waiting, this.asking, this.paling, this.behind, this.watching, this.returning])
+    for (const timer of [
+      this.waiting,
+      this.asking,
+      this.paling,
+      this.watching,
+      this.returning,
+      this.behind,
+      this.lagging,
+      this.speaking,
+      this.silence,
+    ])
       clearTimeout(timer);
   },
   methods: {
@@ -91,6 +136,7 @@ export default {
       window.socket.on("connect", () => {
         this.returning = setTimeout(() => this.returned(), HANDSHAKE);
       });
+      window.socket.on("connect_error", () => this.cut && this.askSignIn());
       window.socket.onAnyOutgoing((event) => event === "event" && this.expect());
     },
     // Whatever is sent has an answer, if only that the server is there.
@@ -112,9 +158,20 @@ export default {
         : bus.last("state")?.name;
       this.expectNothing();
       if (!this.cut) this.takeBack = beat && { of: beat.of, link: this.links?.[beat.of] ?? "" };
-      this.cut = fill(this.texts[why], { what: what ?? "–" });
+      this.what = what ?? "–";
+      this.cut = fill(this.texts[why], { what: this.what });
       this.connect(false);
       if (why === "silent" && this.takeBack) this.$emit("take_back", this.takeBack);
+    },
+    // A server that was started again, or 12 hours later, asks for the password: only a new page can do that.
+    async askSignIn() {
+      try {
+        const answer = await fetch(location.pathname, { redirect: "manual", method: "HEAD" });
+        if (answer.type === "opaqueredirect") this.cut = fill(this.texts.signed_out, { what: this.what });
+        bus.publish("cut", this.cut);
+      } catch {
+        // the server is gone: what is said already
+      }
     },
     // There is a connection again.
     returned() {
@@ -127,30 +184,55 @@ export default {
     },
     answered() {
       this.expectNothing();
-      if (!this.cut || this.takeBack) return;
-      this.cut = "";
-      this.connect(true);
+      if (this.cut && !this.takeBack) {
+        this.cut = "";
+        this.connect(true);
+      }
+      if (this.isLate) this.expect();
     },
     // Without a connection nothing can be pressed that would be done later.
     connect(on) {
       bus.publish("connected", on);
+      bus.publish("cut", this.cut);
       const header = [...document.querySelectorAll(".ecl-header > *")].filter((one) => one !== this.$el);
       for (const one of [...header, ...document.querySelectorAll(".ecl-views button, .ecl-middle svg")])
         one.inert = !on;
       this.markStale();
     },
     // Numbers that do not belong to where the knobs stand are pale, those of no patient are struck through.
-    markStale(late = false) {
+    markStale(late = false, wait = late ? 0 : PALE) {
       const beat = bus.last("beat");
+      const { of } = bus.last("state") ?? {};
+      const stale = late || beat?.of !== of;
       const page = document.querySelector(".ecl-page")?.classList;
-      const behind = beat?.of !== bus.last("state")?.of;
-      if (!behind) this.behind = clearTimeout(this.behind);
-      page?.toggle("ecl-stale", late || !!this.cut || behind);
+      if (beat?.of === of) this.behind = clearTimeout(this.behind);
+      page?.toggle("ecl-stale", stale || !!this.cut);
       page?.toggle("ecl-impossible", beat?.possible === false);
+      if (stale && of !== this.failed) this.lagging ??= setTimeout(() => this.lag(), wait);
+      else this.isThere();
+    },
+    // A beat that is long in coming: from a server that computes, or from none.
+    lag() {
+      this.late = true;
+      if (this.isLate) this.expect();
+    },
+    // What runs for minutes reports all the time: where it does not, the server is asked whether it is there.
+    hearFrom(within) {
+      clearTimeout(this.silence);
+      if (within) this.silence = setTimeout(() => this.expect(), within);
+    },
+    isThere() {
+      clearTimeout(this.lagging);
+      this.lagging = undefined;
+      this.late = false;
     },
     judge(beat) {
+      this.isThere();
       const grave = beat.notes.filter(([kind]) => kind === "alarm" || kind === "collapse");
-      const alarms = grave.map(([, text]) => text.split(": ")[0]).join("; ");
+      const brief = (notes) => notes.map(([, text]) => text.split(": ")[0]).join("; ");
+      const alarms = brief(grave);
+      const warnings = brief(beat.notes.filter(([kind]) => kind === "warning"));
+      this.warnings = warnings && beat.converged ? `${this.texts.kind_warning}: ${warnings}` : "";
       if (!beat.converged) this.say("bad", `${this.texts.not_converged}: ${beat.message}`);
       else if (!beat.possible) this.say("bad", `${this.texts.impossible}: ${alarms}`);
       else {

@@ -16,7 +16,8 @@ export default {
       <p class="intro"><b>{{ fill(texts.fit_form_of, { name }) }}.</b> {{ texts.identify_intro }}</p>
       <div class="fields">
         <div v-for="f in fields" :key="f.key" :class="{ bad: mistakes[f.key], doubt: warnings[f.key] }">
-          <label :for="id(f)"><b v-if="f.symbol">{{ f.symbol }}</b> {{ f.label }}</label>
+          <label :for="id(f)"><b v-if="f.symbol && !f.symbol.includes('_')">{{ f.symbol }}</b> {{
+            f.label }}</label>
           <span>
             <select v-if="f.kind === 'name'" :id="id(f)" v-model="typed[f.key]" @change="check">
               <option v-for="n in f.names" :key="n">{{ n }}</option>
@@ -267,6 +268,7 @@ export default {
     open({ subject, name, values, opened }) {
       if (subject === this.subject && !opened && Object.keys(this.typed).length) return;
       clearTimeout(this.timer);
+      if (this.job) this.keep("running", undefined);
       this.subject = subject;
       if (opened) for (const what of ["forms", "fits"]) this.keep(what, undefined);
       const typed = this.kept("forms")[subject];
@@ -274,6 +276,8 @@ export default {
       Object.assign(this, { name, result, posterior, sent, mistakes: {}, warnings: {}, ready: false });
       Object.assign(this, { typed: typed ?? values, job: "", isPosterior: false });
       this.message = typed ? this.texts.fit_typed_kept : "";
+      if (this.kept("running")[subject]) this.message = this.texts.fit_lost;
+      this.keep("running", undefined);
       this.ask();
     },
     // The fit as it is judged now that the posterior's intervals are known.
@@ -286,11 +290,13 @@ export default {
     },
     progress(job, { share, seconds, text }) {
       const message = `${text} (${seconds.toFixed(0)} s)`;
+      if (!this.job) this.keep("running", true);
       Object.assign(this, { job, share, message, isPosterior: job === "posterior" });
     },
     ended(subject, message) {
       if (subject !== this.subject) return;
       this.job = "";
+      this.keep("running", undefined);
       this.message = message ?? "";
     },
     keepResult(subject, result) {

@@ -1,18 +1,31 @@
-// The numbers that matter most, always in sight.
+// The numbers that matter most, always in sight: where the page scrolls, in a strip below its head.
 import { MISSING, SIGNS, fill, fixed, gravest, isPossible, listening, signed } from "eclsim-page";
+
+const BRIEF = 8; // figures of the strip, and those that break a limit
 
 export default {
   template: `
-  <dl class="ecl-keys">
+  <div>
+  <dl class="ecl-keys" ref="tiles">
     <div v-for="k in seen" :key="k.key" :class="k.level" :title="k.hint" :data-key="k.key">
       <dt><span v-if="k.caution" role="img" :aria-label="k.hint">† </span>{{ k.label }}</dt>
-      <dd><i v-if="k.sign" class="sign">{{ k.sign }}</i><b :class="{ long: k.value.length > 4 }">{{
+      <dd><i v-if="k.sign" class="sign" role="img" :aria-label="texts['kind_' + k.level]">{{
+        k.sign }}</i><b :class="{ long: k.value.length > 4 }">{{
         k.value }}</b></dd>
       <dd class="more">{{ k.unit }}<em v-for="m in k.more" :key="m">{{ m }}</em></dd>
     </div>
-  </dl>`,
+  </dl>
+  <div v-if="away" class="ecl-strip" aria-hidden="true">
+    <span v-for="k in brief" :key="k.key" :class="k.level"><small>{{ k.label }}</small> <b>{{
+      k.sign }} {{ k.value }}</b> <small>{{ k.unit }}</small></span>
+    <p v-if="cut || broken" :class="cut ? 'alarm cut' : gravest">{{ cut || broken }}</p>
+  </div>
+  </div>`,
   mixins: [
     listening({
+      cut(cut) {
+        this.cut = cut;
+      },
       display(display) {
         this.figures = display.figures;
       },
@@ -27,8 +40,38 @@ export default {
       },
     }),
   ],
-  data: () => ({ figures: [], beat: null, measured: {}, pinned: null }),
+  data: () => ({ figures: [], beat: null, measured: {}, pinned: null, away: false, cut: "" }),
+  mounted() {
+    const header = document.querySelector(".ecl-header");
+    const measure = () => {
+      const head = getComputedStyle(header).position === "sticky" ? header.offsetHeight : 0;
+      document.documentElement.style.setProperty("--head-height", `${head}px`);
+      this.seeing?.disconnect();
+      const margin = { rootMargin: `-${head}px 0px 0px 0px` };
+      this.seeing = new IntersectionObserver(([tiles]) => (this.away = !tiles.isIntersecting), margin);
+      this.seeing.observe(this.$refs.tiles);
+    };
+    this.sizing = new ResizeObserver(measure);
+    for (const one of [header, document.documentElement]) this.sizing.observe(one);
+  },
+  unmounted() {
+    for (const one of [this.seeing, this.sizing]) one?.disconnect();
+  },
   computed: {
+    brief() {
+      return this.seen.filter(({ level }, k) => k < BRIEF || level !== "ok");
+    },
+    // The limits that are broken, in a few words, the gravest first.
+    broken() {
+      const words = this.limits.map(([kind, text]) => SIGNS[kind] + text.split(": ")[0]);
+      return (this.beat?.possible === false ? [this.texts.impossible, ...words] : words).join("; ");
+    },
+    limits() {
+      return (this.beat?.notes ?? []).filter(([kind]) => kind in SIGNS);
+    },
+    gravest() {
+      return this.limits[0]?.[0];
+    },
     seen() {
       if (!this.beat) return [];
       const { outputs, cautions } = this.beat;

@@ -8,7 +8,7 @@ export default {
   template: `
   <div class="ecl-knobs" tabindex="-1" role="group" :aria-label="texts.knobs">
     <span id="knobs" tabindex="-1"></span>
-    <p v-if="later" class="later" role="status">{{ later }}</p>
+    <p v-if="later" class="later" role="note">{{ later }}</p>
     <section v-for="group in groups" :key="group.key" :class="'group-' + group.key" :aria-label="group.label">
       <header>
         <h2>{{ group.label }}</h2>
@@ -32,11 +32,11 @@ export default {
           <span class="typed">
             <input :id="id(k)" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
               :value="shown(k)" :aria-invalid="!!errors[k.key]"
-              :aria-describedby="errors[k.key] ? id(k) + '-error' : null"
+              :aria-describedby="id(k) + '-unit' + (errors[k.key] ? ' ' + id(k) + '-error' : '')"
               :disabled="!connected" @input="typed = { key: k.key, text: $event.target.value }"
               @change="enter(k, $event.target.value)" @keydown="arrow(k, $event)"
               @focus="$event.target.select()" @blur="typed = typed?.entered ? typed : undefined" />
-            <small>{{ k.unit }}</small>
+            <small :id="id(k) + '-unit'">{{ k.unit }}</small>
           </span>
           <input type="range" :min="0" :max="positions(k)" step="1" :value="position(k)" :aria-label="k.label"
             :aria-valuetext="written(k) + ' ' + k.unit"

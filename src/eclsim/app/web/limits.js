@@ -5,7 +5,7 @@ export default {
   template: `
   <section class="ecl-limits" ref="list" :class="{ impossible: !possible }" :aria-label="texts.alarms"
     tabindex="0" @scroll.passive="measure">
-    <div role="status">
+    <div class="list">
       <p v-if="!possible" class="verdict"><b>✕ {{ texts.impossible_long }}</b></p>
       <p v-if="judged && !broken.length" class="quiet">✓ {{ texts.no_alarms }}</p>
       <p v-for="[kind, text] in broken" :key="text" :class="kind"><b>{{ signs[kind] }}</b>{{ text }}</p>
@@ -47,7 +47,7 @@ export default {
       const { list } = this.$refs;
       if (!list) return;
       const edge = list.getBoundingClientRect().bottom;
-      const lines = [...list.querySelectorAll("[role=status] p")];
+      const lines = [...list.querySelectorAll(".list p")];
       this.hidden = lines.filter((line) => line.getBoundingClientRect().bottom > edge + 2).length;
     },
   },

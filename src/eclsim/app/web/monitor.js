@@ -23,7 +23,8 @@ const LEAST = { flow: 1, pressure: 6, mean: 6 }; // of a stretched scale
 export default {
   template: `
   <div class="ecl-monitor">
-    <div class="screen" ref="screen" :style="{ minHeight: Math.max(220, 30 + 42 * traces.length) + 'px' }">
+    <div class="screen" ref="screen"
+      :style="{ minHeight: 'max(220px, calc(30px + ' + 3 * traces.length + 'em))' }">
       <canvas ref="canvas" role="img" :aria-label="texts.monitor_label + ': ' + spoken"></canvas>
       <div class="numbers">
         <div v-for="t in traces" :key="t.signal" class="trace" :style="{ color: t.colour }" :title="t.hint"

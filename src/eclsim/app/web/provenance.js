@@ -3,7 +3,7 @@ import { listening } from "eclsim-page";
 
 export default {
   template: `
-  <p v-if="provenance" class="ecl-provenance" :class="provenance.level" role="status"
+  <p v-if="provenance" class="ecl-provenance" :class="provenance.level" role="note"
     :aria-label="texts.provenance">
     <b class="badge">{{ provenance.badge }}</b> <b class="title">{{ provenance.title }}</b> <span
       :title="provenance.text">{{ provenance.text }}</span>

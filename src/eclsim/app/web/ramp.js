@@ -7,13 +7,12 @@ import {
   fill,
   fixed,
   ink,
-  drawing,
-  laterThanStart,
   placeLabels,
   speedsText,
   stroke,
+  studied,
+  studyNotes,
   textWidth,
-  timeOf,
 } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
@@ -28,40 +27,13 @@ const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
 export default {
   template: `
   <div class="ecl-fill">
-    <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
-    <p v-else-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
-    <p v-for="line in empty ? [] : later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
+    ${studyNotes("ramp_none")}
     <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
     <div v-show="!empty" :class="['ecl-chart', { 'ecl-old': isOld }]" ref="chart" role="group"
       :aria-label="texts.ramp"></div>
   </div>`,
-  mixins: [
-    drawing(["ramp_pinned", "ramp_bands"], {
-      ramp(ramp) {
-        this.failed = ramp?.failed ?? "";
-        this.ramp = this.failed ? null : ramp;
-        this.empty = !this.ramp;
-        this.drawn = ramp?.of;
-        this.show();
-      },
-      beat(beat) {
-        this.time = timeOf(beat);
-      },
-      state({ of }) {
-        this.of = of;
-      },
-    }),
-  ],
-  data: () => ({ empty: false, failed: "", note: "", time: "", pinned: null, of: "", drawn: "" }),
-  computed: {
-    // The curves are those of a state before.
-    isOld() {
-      return this.of !== this.drawn;
-    },
-    later() {
-      return laterThanStart(this.texts, this.time, timeOf(this.pinned));
-    },
-  },
+  mixins: [studied("ramp", ["ramp_bands"])],
+  data: () => ({ note: "" }),
   unmounted() {
     this.chart.close();
   },
@@ -70,9 +42,9 @@ export default {
       this.chart = new Chart(this.$refs.chart, "ramp");
     },
     show() {
-      if (!this.ramp) return;
+      if (!this.study) return;
       const limits = this.limits();
-      const { speeds, lost, impossible } = this.ramp;
+      const { speeds, lost, impossible } = this.study;
       this.note = [
         ["ramp_lost", lost],
         ["ramp_impossible", impossible],
@@ -83,7 +55,7 @@ export default {
       this.chart.draw(this.traces(), this.layout(limits));
     },
     traces() {
-      const { ramp } = this;
+      const { study: ramp } = this;
       const bands = bandsOf(ramp, "ramp_bands");
       const kept = bus.last("ramp_pinned");
       const shadow = kept?.outputs && kept.of === this.pinned?.of && kept.key === ramp.key ? kept : undefined;
@@ -111,8 +83,8 @@ export default {
     },
     // Limits as lines of the curve's colour, each with its name; those far from all curves are left out.
     limits() {
-      const limited = this.ramp.curves.filter((curve) => curve.panel === "circuit");
-      const curves = limited.map((curve) => this.ramp.outputs[curve.name]);
+      const limited = this.study.curves.filter((curve) => curve.panel === "circuit");
+      const curves = limited.map((curve) => this.study.outputs[curve.name]);
       const range = extent(curves.flat());
       if (!range) return { shapes: [], labels: [] };
       const [low, high] = range;
@@ -135,7 +107,7 @@ export default {
     },
     // The lowest panel, in which limits are drawn.
     panel() {
-      const { speeds: xs, own } = this.ramp;
+      const { speeds: xs, own } = this.study;
       const { clientWidth, clientHeight } = this.$refs.chart;
       const [bottom, top] = ROWS[3][2];
       return {
@@ -180,7 +152,7 @@ export default {
       return axis(fits ? title : title.replace(/^.*\[(.*)\]$/, "$1"), settings);
     },
     layout({ shapes, labels, range }) {
-      const { own, speeds, curves } = this.ramp;
+      const { own, speeds, curves } = this.study;
       const rows = ROWS[curves.some((curve) => curve.panel === "circuit") ? 3 : 2];
       const now = {
         ...overhead,

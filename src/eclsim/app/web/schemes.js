@@ -1,16 +1,5 @@
 // The nine schemes of the paper as small multiples; one press connects the lines that way.
-import {
-  SIGNS,
-  bus,
-  extent,
-  fill,
-  fixed,
-  drawing,
-  laterThanStart,
-  niceRange,
-  ticks,
-  timeOf,
-} from "eclsim-page";
+import { SIGNS, bus, extent, fill, fixed, niceRange, studied, studyNotes, ticks } from "eclsim-page";
 
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [164, 112, 40, 4, 9, 7];
 const LINES = ["access", "return"];
@@ -18,15 +7,13 @@ const LINES = ["access", "return"];
 export default {
   template: `
   <div class="ecl-schemes">
-    <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
-    <p v-else-if="empty" class="ecl-empty">{{ texts.schemes_none }}</p>
-    <template v-else>
-      <p v-for="line in later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
+    ${studyNotes("schemes_none")}
+    <template v-if="study">
       <p class="head">{{ heading }}<br />
         <span v-for="line in ['access', 'return', 'limits']" :key="line" :class="line">{{
           { access: '━', return: '╌', limits: '┄' }[line] }} {{ texts['scheme_' + line] }}</span>
         · {{ texts.scheme_h }}</p>
-      <div :class="['grid', { 'ecl-old': of !== drawn }]">
+      <div :class="['grid', { 'ecl-old': isOld }]">
         <button v-for="c in cells" :key="c.letter" type="button" :class="{ own: isOwn(c) }"
           :aria-pressed="isOwn(c)" :title="about(c)"
           @click="$emit('use', { device, settings: c.settings })">
@@ -52,40 +39,13 @@ export default {
     </template>
   </div>`,
   mixins: [
-    drawing(["schemes_pinned"], {
-      schemes(schemes) {
-        this.failed = schemes?.failed ?? "";
-        this.schemes = this.failed ? null : schemes;
-        this.empty = !this.schemes;
-        this.drawn = schemes?.of;
-        this.show();
-      },
-      state(state) {
-        this.values = state.values;
-        this.of = state.of;
-      },
-      beat(beat) {
-        this.time = timeOf(beat);
+    studied("schemes", [], {
+      state({ of, values }) {
+        Object.assign(this, { of, values });
       },
     }),
   ],
-  data: () => ({
-    cells: [],
-    empty: false,
-    failed: "",
-    heading: "",
-    device: "",
-    values: {},
-    time: "",
-    pinned: null,
-    of: "",
-    drawn: "",
-  }),
-  computed: {
-    later() {
-      return laterThanStart(this.texts, this.time, timeOf(this.pinned));
-    },
-  },
+  data: () => ({ cells: [], heading: "", device: "", values: {} }),
   methods: {
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,
     about(cell) {
@@ -95,7 +55,7 @@ export default {
       return Object.entries(cell.settings).every(([key, site]) => this.values[key] === site);
     },
     show() {
-      const { schemes } = this;
+      const { study: schemes } = this;
       if (!schemes) return;
       const kept = bus.last("schemes_pinned");
       const shadow = kept?.cells && kept.of === this.pinned?.of ? kept : undefined;

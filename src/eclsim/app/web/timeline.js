@@ -42,7 +42,8 @@ export default {
           <div><label v-for="r in course.rows" :key="r.name"><input type="checkbox" :checked="isSeen(r)"
             @change="seen = { ...seen, [r.name]: $event.target.checked }" /> {{ r.label }}</label></div>
         </details>
-        <span class="shown" role="status">{{ busy ? texts.timeline_computing : shown }}</span>
+        <span class="shown" role="status" :aria-live="playing ? 'off' : 'polite'">{{
+          busy ? texts.timeline_computing : isOld ? texts.study_old : shown }}</span>
       </template>
     </div>
     <template v-if="isOpen">
@@ -50,7 +51,7 @@ export default {
       <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
       <p v-for="a in course?.approximations" :key="a" class="ahead" role="note">{{ a }}</p>
-      <div v-if="course" class="chart" :class="{ old: busy }" ref="chart" tabindex="0" role="slider"
+      <div v-if="course" class="chart" :class="{ old: isOld }" ref="chart" tabindex="0" role="slider"
         :aria-label="texts.timeline_cursor" aria-valuemin="0" :aria-valuemax="end" :aria-valuenow="minute"
         :aria-valuetext="time(minute)" @pointerdown="grab" @pointermove="drag" @pointerup="held = false"
         @pointercancel="held = false" @keydown="step">
@@ -189,6 +190,10 @@ export default {
     // The beat of the cursor, once the page shows it.
     beat() {
       return this.shownBeat?.minute === this.minute && this.shownBeat.of === this.of ? this.shownBeat : null;
+    },
+    // The course is that of a state before, or nobody knows of which.
+    isOld() {
+      return this.busy || !this.connected || (!!this.course && this.course.of !== this.of);
     },
     // Behind it nothing is known, where the course stopped early.
     end() {

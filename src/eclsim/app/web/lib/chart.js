@@ -8,6 +8,7 @@ const CONFIG = {
   responsive: false,
   modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"],
   scrollZoom: false,
+  displayModeBar: window.matchMedia("(hover: none)").matches ? false : "hover", // else it lies over titles
 };
 
 let loading;

@@ -1,5 +1,7 @@
 // What all views share in the browser: the bus, texts, colours of the style sheet, and the measured latency.
 import { bandsFor, makeBus, makeLatency } from "./bus.js";
+import { timeOf } from "./course.js";
+import { laterThanStart } from "./format.js";
 import { makeTabStorage } from "./links.js";
 import { strokeOf } from "./strokes.js";
 
@@ -67,5 +69,45 @@ function keepPinned(beat) {
 // The same for a view that is drawn by `show`: again where a beat was pinned, and at these topics.
 export const drawing = (again, topics) =>
   listening({ pinned: keepPinned, ...Object.fromEntries(again.map((topic) => [topic, redraw])), ...topics });
+
+// The same for a view of a study that the server computes after the beat, `this.study`. It may have failed
+// (`failed`), there may be none in this circuit (`empty`), and it may be of a state before (`isOld`).
+export const studied = (topic, again, topics = {}) => ({
+  mixins: [
+    drawing([`${topic}_pinned`, ...again], {
+      [topic](study) {
+        this.failed = study?.failed ?? "";
+        this.study = this.failed ? null : study;
+        this.empty = !this.study;
+        this.drawn = study?.of;
+        this.show();
+      },
+      beat(beat) {
+        this.time = timeOf(beat);
+      },
+      state({ of }) {
+        this.of = of;
+      },
+      ...topics,
+    }),
+  ],
+  data: () => ({ study: null, empty: false, failed: "", time: "", pinned: null, of: "", drawn: "" }),
+  computed: {
+    isOld() {
+      return this.of !== this.drawn;
+    },
+    later() {
+      return laterThanStart(this.texts, this.time, timeOf(this.pinned));
+    },
+  },
+});
+// What such a view says above its numbers.
+export const studyNotes = (none) => `
+  <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
+  <p v-else-if="empty" class="ecl-empty">{{ texts.${none} }}</p>
+  <template v-else>
+    <p v-for="line in later" :key="line" class="ecl-caution">{{ line }}</p>
+    <p v-if="isOld" class="ecl-renewed">{{ drawn ? texts.study_old : texts.computing }}</p>
+  </template>`;
 
 window.eclsim = { bus, latency };
