@@ -1,4 +1,5 @@
 // Hands messages of the server to the views, and keys pressed anywhere to the server.
+import { markRaw } from "vue";
 import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
 
 const PATIENCE = 5000; // ms that the server may take to answer
@@ -15,6 +16,11 @@ const SHORTCUTS = [
   ["r", "alt", "reset"],
 ];
 const TYPED = /^(text|search|password|number)$/;
+// A beat is shown and never changed: Vue need not watch every number of it.
+const shownOnly = (beat) => {
+  for (const part of Object.values(beat)) if (part && typeof part === "object") markRaw(part);
+  return markRaw(beat);
+};
 
 export default {
   template: `
@@ -112,7 +118,7 @@ export default {
   },
   methods: {
     publish(topic, data) {
-      bus.publish(topic, data);
+      bus.publish(topic, topic === "beat" ? shownOnly(data) : data);
     },
     // What this tab was opened with and what it kept: a page that is loaded again goes on.
     hello() {
