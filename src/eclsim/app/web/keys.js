@@ -48,7 +48,8 @@ export default {
       document.documentElement.style.setProperty("--head-height", `${head}px`);
       this.seeing?.disconnect();
       const margin = { rootMargin: `-${head}px 0px 0px 0px` };
-      this.seeing = new IntersectionObserver(([tiles]) => (this.away = !tiles.isIntersecting), margin);
+      const seen = (changes) => (this.away = !changes.at(-1).isIntersecting);
+      this.seeing = new IntersectionObserver(seen, margin);
       this.seeing.observe(this.$refs.tiles);
     };
     this.sizing = new ResizeObserver(measure);

@@ -97,6 +97,7 @@ export default {
     listening({
       drawing(drawing) {
         this.drawing = drawing;
+        this.pane = "";
         this.$nextTick(() => this.measure());
       },
       display(display) {
@@ -164,7 +165,11 @@ export default {
       const [, , width, height] = this.drawing.view;
       const tall = getComputedStyle(this.$el).getPropertyValue("--tall").trim(); // of a page that scrolls
       const room = tall ? parseFloat(tall) || Infinity : sheet.clientHeight;
-      this.fitted = LETTERS * Math.min(sheet.clientWidth / width, room / height);
+      const fitted = LETTERS * Math.min(sheet.clientWidth / width, room / height);
+      // What stands below takes room of the circuit: in one pane the smaller letters count, or it never rests.
+      const pane = `${this.$el.clientWidth} ${this.$el.clientHeight}`;
+      this.fitted = pane === this.pane ? Math.min(fitted, this.fitted) : fitted;
+      this.pane = pane;
       const [down, right] = [sheet.scrollHeight - sheet.clientHeight, sheet.scrollWidth - sheet.clientWidth];
       this.below = down - sheet.scrollTop > 4 || right - sheet.scrollLeft > 4;
     },
