@@ -50,7 +50,7 @@ def test_a_folder_that_cannot_be_written_is_named_with_its_own_option(shell, wro
 
 
 def test_beats_that_are_not_found_are_named_and_the_exit_status_says_so(shell):
-    """A left heart so weak that no valve opens at 7000 rpm, with or without CRRT."""
+    """A left heart so weak that no valve opens at 6200 rpm, with or without CRRT."""
     import json
 
     from eclsim.cases.writing import write_case
@@ -59,11 +59,11 @@ def test_beats_that_are_not_found_are_named_and_the_exit_status_says_so(shell):
     case = shell.folder / "weak.toml"
     write_case(paper_case(), case)
     result = run(
-        shell, case, "--schemes", "d,g", "--speeds", "3000,7000", "--volume-policy", "as_published",
+        shell, case, "--schemes", "d,g", "--speeds", "3000,6200", "--volume-policy", "as_published",
         "--set", "parameters.Emaxlv=1.0", "--json", "-",
     )  # fmt: skip
     assert result.exit_code == 1
-    assert "no steady beat at 7000 rpm (valves stay shut, so that the volumes" in result.stderr
+    assert "no steady beat at 6200 rpm (valves stay shut, so that the volumes" in result.stderr
     found = json.loads(result.stdout)
     assert not found["converged"]
     assert {one["status"] for one in found["not_known"]} == {"one_of_many"}

@@ -166,7 +166,7 @@ export default {
       const tall = getComputedStyle(this.$el).getPropertyValue("--tall").trim(); // of a page that scrolls
       const room = tall ? parseFloat(tall) || Infinity : sheet.clientHeight;
       const fitted = LETTERS * Math.min(sheet.clientWidth / width, room / height);
-      // What stands below takes room of the circuit: in one pane the smaller letters count, or it never rests.
+      // What stands below takes room: in one pane the smaller letters count, or the circuit never rests.
       const pane = `${this.$el.clientWidth} ${this.$el.clientHeight}`;
       this.fitted = pane === this.pane ? Math.min(fitted, this.fitted) : fitted;
       this.pane = pane;
