@@ -104,11 +104,11 @@ def fitted_with(state: PageState) -> str:
     for kind in PATIENT_SECTIONS:
         if (section := getattr(case, kind.section)) is not None:
             settings = section.model_dump(exclude_none=True, exclude_defaults=True)
-            said = [f"{name} {shown(value)}" for name, value in settings.items()]
+            assumed = []
             if (shunt := getattr(section, "shunt_fraction", None)) in ASSUMED_SHUNTS:
-                said = [one for one in said if not one.startswith("shunt_fraction ")]
-                said.append(text("assumed_shunt", value=shown(shunt)))
-            words = ", ".join(said)
+                settings.pop("shunt_fraction", None)
+                assumed = [text("assumed_shunt", value=shown(shunt))]
+            words = ", ".join([*(f"{name} {shown(value)}" for name, value in settings.items()), *assumed])
             sections.append(f"{group_name(kind.section)} ({words})" if words else group_name(kind.section))
     policy = [f"{text('policy')} {text(state.policy)}"] if state.policy != POLICIES[0] else []
     return "; ".join([circuit_text(case), *sections, *held(case), *policy])

@@ -67,13 +67,7 @@ class FailedRegion:
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON."""
-        return {
-            "conditions": [vars(condition) for condition in self.conditions],
-            "failed": self.failed,
-            "of_failed": self.of_failed,
-            "share": self.share,
-            "share_elsewhere": self.share_elsewhere,
-        }
+        return {**vars(self), "conditions": [vars(condition) for condition in self.conditions]}
 
 
 def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
