@@ -145,7 +145,7 @@ def possible(
     goals: dict[tuple[str, str], Goal] = {}  # by output and meaning: two sides may say different things
     backward = [_least_flow(limit, values) for limit in backward_flow_bounds(outputs)]
     gases = [
-        limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs)
+        limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs, values)
         if limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan))
     ]  # fmt: skip
     for limit in (*impossible_bounds(outputs), *backward, *gases):
