@@ -216,7 +216,8 @@ def test_a_file_that_registers_nothing_or_fails_is_refused(tmp_path, capsys):
     ],
 )
 def test_outputs_of_other_names_and_limits_of_none_are_refused(written, instead, why, tmp_path, capsys):
-    # A misspelt limit raised no alarm, a misspelt waveform dropped its output; an output "MAP" stood in the place of the patient's.
+    # A misspelt limit raised no alarm, a misspelt waveform dropped its output; an output "MAP" stood in the
+    # place of the patient's.
     file = tmp_path / "own.py"
     assert written in FILE.read_text()
     file.write_text(FILE.read_text().replace(written, instead, 1))
