@@ -397,6 +397,9 @@ def _best_starts(bedside: _Bedside, goals: Sequence[Goal]) -> list[np.ndarray] |
             reason = GasStatus(int(beat.gas_status[steady[0]])).message
             return _Nowhere(ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}")
         reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
+        if beat.converged.any():
+            one = int(np.flatnonzero(beat.converged)[0])
+            reason = f"nowhere in the ranges is the steady beat determined: {beat.message(one)}"
         return _Nowhere(ReachStatus.NO_STEADY_BEAT, reason)
     order = [k for k in np.argsort(merits, kind="stable").tolist() if known[k]]
     if len(bedside.settings) == 1:
