@@ -91,7 +91,8 @@ def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, floa
     """RenOx and every scheme at the case's speed, in the order of the ranking; empty without RenOx.
 
     Lines that are not there have no pressures and no alarms; without a beat nothing is known of RenOx.
-    `open_effluent_l_h` is what the pressure of the blood would filter through a membrane whose effluent is open to the atmosphere.
+    `open_effluent_l_h` is what the pressure of the blood would filter through a membrane whose effluent is
+    open to the atmosphere.
     """
     if study.renox is None:
         return {}
