@@ -260,8 +260,12 @@ def fall_of_blood(patient: Patient, removed_ml: float) -> float:
 
 
 def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
-    """What drives refill at the end of a session: all of it [mmHg], and the share of each force [%]."""
-    law, settings = fluid_law(patient.model.circuit), _arrays(patient.model.values)
+    """What drives refill at the end of a session: all of it [mmHg], and the share of each force [%].
+
+    The interstitium's oncotic pressure is that of its mean, as in the source.
+    """
+    settings = _arrays(patient.model.values)
+    law = replace(fluid_law(patient.model.circuit, patient.model.values), layered=False)
     _, states = patient.course(SESSION_H, {UF: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     last = {name: values[-1:] for name, values in states.items()}
