@@ -128,7 +128,8 @@ def test_less_comes_back_past_what_is_next_to_capillaries_and_protein_balances()
     near, outside = (apart[f"fluid.{n}_protein_g"] for n in ("pericapillary", "interstitial"))
     assert near[0] == pytest.approx(0.12 * outside[0])
     assert near[-1] > 0.15 * outside[-1]
-    assert change(apart, "fluid.plasma_protein_g", "fluid.interstitial_protein_g") == pytest.approx(0, abs=1e-9)
+    protein = ("fluid.plasma_protein_g", "fluid.interstitial_protein_g")
+    assert change(apart, *protein) == pytest.approx(0, abs=1e-9)
     assert change(apart, "fluid.refilled_ml") < 0.9 * change(one, "fluid.refilled_ml")
 
 

@@ -116,7 +116,8 @@ class FluidLaw(SlowLaw):
             PROTEIN: rest.plasma_protein, OUTSIDE_PROTEIN: rest.interstitial_protein,
             **dict.fromkeys((GIVEN, REMOVED, REFILLED, CELLS_MOVED, PROTEIN_MOVED), zero),
             CAPILLARY: self._capillary(settings, beat, np.ones_like(zero)), ARTERIOLES: tone,
-        } | self._near(settings[PERICAPILLARY] * rest.interstitial_protein)  # fmt: skip
+            **self._near(settings[PERICAPILLARY] * rest.interstitial_protein),
+        }  # fmt: skip
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
         plasma, cells = blood_at_start(settings)
@@ -146,7 +147,8 @@ class FluidLaw(SlowLaw):
             OUTSIDE_PROTEIN: protein_out, GIVEN: packed + clear + inflows["blood_ml"],
             REMOVED: inflows["bleed_ml"] + filtered, REFILLED: -out, CELLS_MOVED: cells,
             PROTEIN_MOVED: protein, CAPILLARY: zero, ARTERIOLES: zero,
-        } | self._near(open_wall * crossed.near_protein)  # fmt: skip
+            **self._near(open_wall * crossed.near_protein),
+        }  # fmt: skip
 
     def forces(self, states: Named, settings: Named, beat: Named) -> Forces:
         """What drives fluid across the wall, as changes since the start."""

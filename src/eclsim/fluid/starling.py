@@ -8,8 +8,8 @@ Oncotic pressure: Landis and Pappenheimer 1963. Pi follows the interstitial volu
 below the normal volume and flat in oedema. At the start filtration equals lymph, and PS lets as much protein
 out as lymph brings back: whatever the patient's pressures are, nothing moves until something changes.
 
-What crosses the wall may pass a share of the interstitium next to the capillaries first: pi_i and c_i above are
-then those of that share, whose protein is thinned by what leaves and thickened by what comes back,
+What crosses the wall may pass a share of the interstitium next to the capillaries first: pi_i and c_i above
+are then those of that share, whose protein is thinned by what leaves and thickened by what comes back,
 
     d(protein near)/dt = protein - J_far,   J_far = q (c_near e^Pe - c_far)/(e^Pe - 1),   Pe = q / mixing
 

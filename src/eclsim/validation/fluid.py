@@ -197,8 +197,8 @@ def fluid_check() -> Check:
     remarks = (
         "No one filtration coefficient suits all rows: a dialysis wants 0.4 to 2 mL/min/mmHg, men who stand "
         "up 10; the wall is not the same in patients, and not in all tissues.",
-        "Rows of a pericapillary share have that of the two dialyses it was fitted to, and the published mean of "
-        "the filtration coefficient; it is 1 unless a case sets it.",
+        "Rows of a pericapillary share have that of the two dialyses it was fitted to, and the published mean "
+        "of the filtration coefficient; it is 1 unless a case sets it.",
         f"Standing men have the reflex {STANDING_REFLEX}, which of the three suits best those who bleed.",
     )
     return Check("fluid", "Fluid and stores against measurements", bar, rows, required=False, remarks=remarks)
@@ -377,8 +377,8 @@ def _standing() -> list[Row]:
 NEAR_SHARE = 0.12
 """Pericapillary share, fitted to the first two rows of dialyses at the published mean of the coefficient."""
 THINNED = (
-    "what leaves thins the protein next to capillaries, whose oncotic pressure no longer draws: 4 mmHg less of "
-    "what legs filter with; with share 1 it holds"
+    "what leaves thins the protein next to capillaries, whose oncotic pressure no longer draws; with share 1 "
+    "it holds"
 )
 
 
