@@ -192,13 +192,11 @@ def pooled_ml(venous: float) -> float:
 
 def fluid_check() -> Check:
     """All rows."""
-    rows = (*_filtration(), *_forces(), *_standing(), *_layered(), *_haemorrhage(), *_stores())
+    rows = (*_filtration(), *_forces(), *_standing(), *_haemorrhage(), *_stores())
     bar = "spreads of the measurements; compared, not required"
     remarks = (
         "No one filtration coefficient suits all rows: a dialysis wants 0.4 to 2 mL/min/mmHg, men who stand "
         "up 10; the wall is not the same in patients, and not in all tissues.",
-        "Rows of a pericapillary share have that of the two dialyses it was fitted to, and the published mean "
-        "of the filtration coefficient; it is 1 unless a case sets it.",
         f"Standing men have the reflex {STANDING_REFLEX}, which of the three suits best those who bleed.",
     )
     return Check("fluid", "Fluid and stores against measurements", bar, rows, required=False, remarks=remarks)
@@ -370,45 +368,6 @@ def _standing() -> list[Row]:
         within("time constant of the loss on standing (test)", 4.6, float(tau), 0.8, "min", source=HELDT),
         Row("the same, other men in the literature (test)", float(tau), 4.0, 12.2, "min", source=HELDT),
         Row("half of it back after lying down, 15 min stood (test)", back, 0.0, 6.0, "min", 6.0,
-            source=LYING_DOWN),
-    ]  # fmt: skip
-
-
-NEAR_SHARE = 0.12
-"""Pericapillary share, fitted to the first two rows of dialyses at the published mean of the coefficient."""
-THINNED = (
-    "what leaves thins the protein next to capillaries, whose oncotic pressure no longer draws; with share 1 "
-    "it holds"
-)
-
-
-def _layered() -> list[Row]:
-    """Dialyses and standing men where what crosses the wall passes what is next to capillaries first."""
-    patient, words = dialysed(PUBLISHED, NEAR_SHARE), f"pericapillary share {NEAR_SHARE:g}"
-    falls = {litres: fall_of_blood(patient, 1000.0 * litres) for litres in (1.5, 1.7, 2.7)}
-    forces, man = driven(patient, 1700.0), healthy(STANDING_REFLEX)
-    lost, tau, back = stood(
-        Patient(replace(man, values={**man.values, "fluid.pericapillary_share": NEAR_SHARE}))
-    )
-    whole, _, _ = stood(Patient(man))
-    rows = [
-        within(f"{words}: fall of blood volume, 1.7 L (fit)", 3.2, falls[1.7] / SESSION_H, 1.6, "%/h",
-               source=KEANE),
-        within(f"{words}: for each L, 1.5 L (fit)", 4.9, falls[1.5] / 1.5, 1.3, "%/L", source=DASSELAAR),
-        within(f"{words}: for each L, 2.7 L (test)", 2.4, falls[2.7] / 2.7, 0.8, "%/L", source=DASSELAAR),
-        Row(f"{words}: force that drives refill (test)", forces[""], 5.4, 20.3, "mmHg", source=LEE),
-        *(within(f"{words}: its share by the {name} (test)", share, forces[name], spread, "%", source=LEE)
-          for name, share, spread in DRIVES),
-    ]  # fmt: skip
-    for (minute, expected, spread), got, one in zip(PLASMA_LOST, lost, whole, strict=True):
-        label = f"{words}: plasma lost on standing, {minute} min"
-        shown = within(f"{label}, experiment", expected, float(one), spread, "%")
-        rows.append(within(f"{label} (test)", expected, float(got), spread, "%", source=LUNDVALL,
-                           explanation=Explanation(THINNED, (shown,))))  # fmt: skip
-    return [
-        *rows,
-        within(f"{words}: time constant of that loss (test)", 4.6, float(tau), 0.8, "min", source=HELDT),
-        Row(f"{words}: half of it back after lying down (test)", back, 0.0, 6.0, "min", 6.0,
             source=LYING_DOWN),
     ]  # fmt: skip
 
