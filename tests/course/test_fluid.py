@@ -133,6 +133,16 @@ def test_less_comes_back_past_what_is_next_to_capillaries_and_protein_balances()
     assert change(apart, "fluid.refilled_ml") < 0.9 * change(one, "fluid.refilled_ml")
 
 
+@pytest.mark.slow
+def test_a_filter_that_takes_all_plasma_ends_the_course_with_a_reason():
+    """It has no clearance; the course went on for ever."""
+    crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 8000}
+    result = course(read_mapping(RAW | {"crrt": crrt}).case, minutes=5.0)
+    assert not result.attrs["converged"]
+    assert "no value of effective_clearance_creatinine" in result.attrs["message"]
+    assert "by which the course goes on" in result.attrs["message"]
+
+
 def test_without_refill_all_that_is_filtered_leaves_the_blood():
     crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 100}
     dry, filled = (follow(120.0, crrt=crrt, fluid={"capillary_refill": on}) for on in (False, True))
