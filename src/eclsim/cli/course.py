@@ -243,6 +243,7 @@ def _single(o: CourseOptions) -> bool:
                 result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
     except CaseError as error:
         fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
+    result = result.assign_attrs(warnings=[*reading.doubts, *result.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_tables(result, folder)
@@ -250,7 +251,8 @@ def _single(o: CourseOptions) -> bool:
             files.write_figure(result, figures)
         if hand_over(files.course_object(result), target):
             typer.echo(_text(result))
-    warn(f"{o.files[0]}: {sentence}" for sentence in result.attrs["warnings"])
+    said = (sentence for sentence in result.attrs["warnings"] if sentence not in reading.doubts)
+    warn(f"{o.files[0]}: {sentence}" for sentence in said)
     return bool(result.attrs["converged"])
 
 
@@ -283,7 +285,7 @@ def _band(o: CourseOptions) -> bool:
     except CaseError as error:
         fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
     doubts = doubts_of(o.posterior or "", case)
-    band = band.assign_attrs(warnings=[*doubts, *band.attrs["warnings"]])
+    band = band.assign_attrs(warnings=[*reading.doubts, *doubts, *band.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_band_tables(band, folder)
@@ -291,7 +293,8 @@ def _band(o: CourseOptions) -> bool:
             files.write_figure(band, figures)
         if hand_over(band_object(band), target):
             typer.echo(_band_text(band))
-    warn(f"{o.files[0]}: {sentence}" for sentence in band.attrs["warnings"])
+    said = (sentence for sentence in band.attrs["warnings"] if sentence not in reading.doubts)
+    warn(f"{o.files[0]}: {sentence}" for sentence in said)
     return bool(band.attrs["converged"])
 
 
