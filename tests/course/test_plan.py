@@ -126,6 +126,13 @@ def test_weaning_that_cannot_be_meant_is_refused(own, speeds, vary, message):
         plan_weaning(own, speeds, keep=vary and "MAP > 65", vary=vary)
 
 
+@pytest.mark.parametrize("volume", [50_000.0, -1.0, math.nan])
+def test_a_volume_that_nobody_has_is_refused(own, volume):
+    """50 L from a patient of 68 kg were searched for without an end in sight."""
+    with pytest.raises(GoalError, match="allowed"):
+        plan_removal(own, volume, "MAP > 62")
+
+
 def test_without_a_device_that_removes_fluid_it_is_refused(own):
     bare = own.model_copy(update={"crrt": None})
     with pytest.raises(GoalError, match="no device that removes fluid"):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from eclsim.cases.events import LARGEST_ML
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
@@ -126,6 +127,10 @@ def plan_removal(
     solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
+    if remove_ml > LARGEST_ML:
+        raise GoalError(
+            [f"remove {remove_ml:g} mL: more than anybody is given; allowed: to {LARGEST_ML:g} mL"]
+        )
     key, slowest = _filtration(solved, keep), remove_ml / hours
     fastest = _fastest(solved, key, slowest)
     slow = changed(solved, {key: slowest}, solved)
