@@ -70,6 +70,11 @@ def test_settings_have_the_ranges_of_their_knobs_or_their_own():
     assert caught.value.mistakes[-1] == "Cao: given twice"
 
 
+def test_a_setting_of_a_section_that_the_case_lacks_says_how_to_have_it():
+    with pytest.raises(GoalError, match=r"no section \[drugs\].* --set drugs\.noradrenaline=VALUE"):
+        read_settings("drugs.noradrenaline", CASE, parameters_read(model_of(CASE).circuit))
+
+
 FLOW = "PF > 4, drainage_pressure > -80, MAP > 20"
 
 
