@@ -89,7 +89,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "group_physiology": "Regions and shunts",
         "group_gas": "Blood gases",
         "group_regulation": "Reflexes",
-        "group_fluid": "Volume offset",
+        "group_fluid": "Fluid balance",
         "group_drugs": "Drugs",
         "connect": "Connect {device}",
         "disconnect": "Disconnect {device}",
