@@ -226,7 +226,7 @@ def test_charts_that_could_not_be_loaded_once_come_with_the_next_beat(browser, a
             route.abort()
 
     other = browser.new_page(viewport=LAPTOP)
-    other.route("**" + page.evaluate(where), once)
+    other.route("**" + names["nicegui-plotly"], once)
     other.goto(served.url)
     other.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
     show(other, "loops")

@@ -40,8 +40,8 @@ VALVE = ("aortic_valve_flow", "peak_aortic_valve_flow")
 def ramp(state: PageState) -> dict[str, Any] | None:
     """Outputs over the speeds of the state's pump; None without a rotary pump.
 
-    At a speed whose beat no patient can have, or that has none, there is no number. `closed` are the speeds at
-    which the aortic valve never opens.
+    At a speed whose beat no patient can have, or that has none, there is no number. `closed` are the speeds
+    at which the aortic valve never opens.
     """
     sweep = sweep_of(state.case)
     if sweep is None:
