@@ -213,9 +213,7 @@ def test_a_page_whose_sign_in_ended_says_how_to_go_on(browser, serving, tmp_path
 
 def test_charts_that_could_not_be_loaded_once_come_with_the_next_beat(browser, alone):
     page, served = alone
-    where = (
-        "JSON.parse(document.querySelector('script[type=importmap]').textContent).imports['nicegui-plotly']"
-    )
+    names = page.evaluate("JSON.parse(document.querySelector('script[type=importmap]').textContent).imports")
     refused = []
 
     def once(route) -> None:
