@@ -344,6 +344,7 @@ def test_a_goal_is_looked_for_where_only_other_settings_move_it():
     assert found.outputs["LVO"] == pytest.approx(0.3, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_search_that_ends_where_valves_stay_shut_says_so():
     # "no steady beat was found" stood there, while there is one: it is one of many.
     patient = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
