@@ -93,6 +93,11 @@ def test_settings_have_the_ranges_of_their_knobs_or_their_own():
     assert caught.value.mistakes[-1] == "Cao: given twice"
 
 
+def test_a_setting_of_a_section_that_the_case_lacks_says_how_to_have_it():
+    with pytest.raises(GoalError, match=r"no section \[drugs\].* --set drugs\.noradrenaline=VALUE"):
+        read_settings("drugs.noradrenaline", CASE, parameters_read(model_of(CASE).circuit))
+
+
 FLOW = "PF > 4, drainage_pressure > -80, MAP > 20"
 
 
@@ -339,6 +344,7 @@ def test_a_goal_is_looked_for_where_only_other_settings_move_it():
     assert found.outputs["LVO"] == pytest.approx(0.3, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_search_that_ends_where_valves_stay_shut_says_so():
     # "no steady beat was found" stood there, while there is one: it is one of many.
     patient = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}

@@ -89,7 +89,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "group_physiology": "Regions and shunts",
         "group_gas": "Blood gases",
         "group_regulation": "Reflexes",
-        "group_fluid": "Volume offset",
+        "group_fluid": "Fluid balance",
         "group_drugs": "Drugs",
         "connect": "Connect {device}",
         "disconnect": "Disconnect {device}",
@@ -282,6 +282,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "pinned": "pinned",
         # ramp
         "ramp_impossible": "✕ Impossible at {speeds} rpm: no patient has such a beat, so it has no numbers.",
+        "ramp_closed": "The aortic valve stays closed at {speeds} rpm.",
         "ramp_none": "A speed ramp needs a device whose pump has a speed.",
         "ramp_speed": "Pump speed [rpm]",
         "ramp_pressure": "Pressure [mmHg]",

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from eclsim.cases.sections import Measurements
+from eclsim.cases.sections import Measurements, section_of
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
 from eclsim.devices.ecmo import is_clamped
@@ -238,6 +238,15 @@ def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
     return tuple(setting for setting in settings if setting is not None)
 
 
+def _way_to_have(case: Case, name: str, known: Sequence[str]) -> str:
+    """What makes a setting one of the case where its section is not there, else the nearest spelling."""
+    section, _, key = name.rpartition(".")
+    kind = section_of(section)
+    if kind is None or key not in kind.fields() or section in case.as_mapping():
+        return spelling_hint(name, known)
+    return f", as it has no section [{section}]: write it with a value to start from, or --set {name}=VALUE"
+
+
 def read_settings(
     text: str | Sequence[Setting] | None, case: Case, known: Sequence[str]
 ) -> tuple[Setting, ...]:
@@ -262,7 +271,7 @@ def read_settings(
     for part in text.split(","):
         name, _, bounds = (piece.strip() for piece in part.partition("="))
         if name not in known:
-            wrong.append(f"{name}: this case has no such parameter{spelling_hint(name, known)}")
+            wrong.append(f"{name}: this case has no such parameter{_way_to_have(case, name, known)}")
             continue
         setting = _bounded(case, name)
         if bounds:

@@ -201,6 +201,11 @@ def _drained(circuit: Circuit) -> dict[str, str]:
     return result
 
 
+def stays_closed(aortic: float, peak: float = 0.0) -> bool:
+    """Whether an aortic valve never opens in a beat: by its mean flow [L/min] and its largest [mL/s]."""
+    return abs(aortic) < CLOSED_L_MIN and peak < OPEN_ML_S
+
+
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
     """A valve that stays closed, by the heart's failure or an assist pump at work, or one that leaks."""
     aortic, pumps = outputs.get("aortic_valve_flow"), assist_flows(outputs, circuit)

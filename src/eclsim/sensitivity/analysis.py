@@ -135,7 +135,9 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     check_memory(design, len(outputs))
     resolution = design_resolution(chosen.circuit, chosen.base, design)
     policy = s.volume_policy or case.volume_policy
-    evaluator = SteadyBeatEvaluator(chosen.circuit, chosen.base, outputs, policy, resolution, case.patient.id)
+    evaluator = SteadyBeatEvaluator(
+        chosen.circuit, chosen.base, outputs, policy, case.patient.id, resolution=resolution
+    )
     return Analysis(design, evaluator)
 
 
