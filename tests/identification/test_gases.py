@@ -147,6 +147,7 @@ IN_ONE_VEIN = CASE.model_copy(update={"ecmo": CASE.ecmo.model_copy(update={"drai
 BLOOD_GASES = ("MAP", "PF", "SaO2", "PaO2", "PaCO2", "SpreO2", "PpostO2")
 
 
+@pytest.mark.slow
 def test_measured_gases_free_what_they_tell_of():
     open_case = IN_ONE_VEIN.model_copy(update={"gas": replace_vo2(CASE.gas)})
     case, values = measured(open_case, BLOOD_GASES)
@@ -196,6 +197,7 @@ def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_w
     assert word in [reason.sentence for reason in sicker.verdict.remarks]
 
 
+@pytest.mark.slow
 def test_arterial_gases_alone_leave_the_shunt_as_open_as_the_consumption():
     """A septic patient, whose consumption is a third above the formula: the shunt makes up for it."""
     true = with_values(CASE, {"gas.shunt_fraction": 0.5, "gas.vo2_ml_min": 330.0})

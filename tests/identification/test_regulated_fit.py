@@ -68,6 +68,7 @@ def test_both_are_inputs_of_an_analysis_within_what_is_allowed():
     assert [(one.low, one.high) for one in result] == [(0.75, 1.2), (0.75, 1.25)]
 
 
+@pytest.mark.slow
 def test_an_open_set_point_is_the_measured_pressure():
     """A patient who is measured at rest: fitted with the reflex or without, it is the same patient."""
     opened = case(regulation={"baroreflex": 1.0}, measurements={"MAP": 70, "CO": 4})

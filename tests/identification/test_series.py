@@ -88,6 +88,7 @@ def test_what_any_row_tells_of_is_free(mornings):
     assert series_parameters([("a", known)], usual) == (VOLUME, *usual)
 
 
+@pytest.mark.slow
 def test_a_row_without_gases_leaves_what_they_tell_of_as_it_was(mornings):
     settings = FitSettings(("Rmc", *TRUTH))
     result = track(mornings, settings=TrackSettings(settings))
@@ -106,6 +107,7 @@ def test_what_no_row_reads_is_named(mornings):
         track(mornings[:1], settings=TrackSettings(FitSettings(("Rmc", SHUNT))))
 
 
+@pytest.mark.slow
 def test_a_held_shunt_is_doubted_in_every_row_that_tells_of_it(mornings):
     points = track(mornings, settings=TrackSettings(FitSettings(("Rmc",)))).points
     assert points[0].doubts == ()

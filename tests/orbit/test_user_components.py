@@ -57,6 +57,7 @@ def test_a_stenosed_valve_costs_pressure(stenosed):
     assert float(sick["CO"]) < float(healthy["CO"])
 
 
+@pytest.mark.slow
 def test_its_parameters_can_be_differentiated(stenosed):
     outputs, step = ("CO", "SP"), 0.02
     exact = steady_beat(Batch.of(stenosed), options=TIGHT).linearise(outputs, ("CQvalve",)).slopes
@@ -66,6 +67,7 @@ def test_its_parameters_can_be_differentiated(stenosed):
         assert slope == pytest.approx(numeric, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_valve_with_inertia_is_a_state_more():
     circuit = with_aortic_valve(ValveWithInertia("Rvalve", "CQvalve"))
     result = simulate(patient(circuit, CQvalve=350.0, Rvalve=1e-4, inertia=1e-5))
@@ -76,6 +78,7 @@ def test_a_valve_with_inertia_is_a_state_more():
         assert float(result[name]) == pytest.approx(float(plain[name]), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_lung_kidney_device_between_artery_and_vein():
     """The device fills, stiffens and lets blood pass; both solvers agree on it."""
     device = Circuit(
@@ -103,6 +106,7 @@ BAD_FIRST = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("key", "bad", "status"), BAD_FIRST.values(), ids=BAD_FIRST)
 def test_a_bad_first_member_costs_the_others_nothing(stenosed, key, bad, status):
     """Such a circuit has no nominal values, so that searches begin at the beat of the shared values."""

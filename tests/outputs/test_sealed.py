@@ -129,7 +129,7 @@ def test_analyses_of_many_take_no_number_from_it():
     assert list(beat.converged) == [True, True]
     assert list(beat.determined) == [True, False]
     assert list(np.isfinite(beat.determined_only().values[0])) == [True, False]
-    evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", 1)
+    evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", resolution=1)
     runs = evaluator(changes, 2)
     assert [Status(k).word for k in runs.status] == ["converged", "one_of_many"]
     assert list(np.isfinite(runs.values[:, 0])) == [True, False]

@@ -209,6 +209,7 @@ def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path, capsys):
     out, file = tmp_path / "out", tmp_path / "result.json"
     options = ("--samples", 64, "--parameters", "Rmc,Emaxlv", "--outputs", "MAP,CO", "--out", out)

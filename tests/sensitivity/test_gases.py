@@ -19,7 +19,7 @@ CASE = read_mapping({
 @pytest.mark.slow
 def test_a_run_without_a_steady_gas_state_is_a_failed_run_and_says_why():
     model = model_of(CASE)
-    evaluator = SteadyBeatEvaluator(model.circuit, model.values, ("SaO2", "MAP"), AS_PUBLISHED, 1)
+    evaluator = SteadyBeatEvaluator(model.circuit, model.values, ("SaO2", "MAP"), AS_PUBLISHED, resolution=1)
     settings = {"gas.shunt_fraction": np.array([0.5, 1.0]), "ecmo.sweep_l_min": np.array([3.0, 0.0])}
     runs = evaluator(settings, 2)
     assert runs.status[0] == 0

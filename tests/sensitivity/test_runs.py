@@ -303,7 +303,7 @@ def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
     monkeypatch.setattr("eclsim.orbit.steady.in_threads", spied)
     monkeypatch.setattr("eclsim.outputs.steady_beat.in_threads", spied)
     patient = reference_model("cvs_healthy_75bpm")
-    evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", 1)
+    evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", resolution=1)
     result = evaluator({"Rmc": np.linspace(0.4, 0.6, 8)}, 8)
     assert np.isfinite(result.values).all()
     assert requests == [1, 1]
@@ -317,7 +317,7 @@ def test_runs_that_no_patient_can_have_are_counted_and_said():
         Design(
             (Continuous("Rmc", 0.3, 1.5), Continuous("ecmo.speed_rpm", 4000.0, 6000.0)), 4, second_order=False
         ),
-        SteadyBeatEvaluator(patient.circuit, base, ("MAP",), "as_published", 512),
+        SteadyBeatEvaluator(patient.circuit, base, ("MAP",), "as_published", resolution=1),
     )
     runs = plan.block(0)
     settings = plan.design.settings(plan.design.unit())

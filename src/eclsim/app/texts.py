@@ -167,6 +167,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fluid.filtration_ml_min_mmHg": "Filtration, LpS",
         "fluid.reflection": "Protein reflection",
         "fluid.lymph_ml_min": "Lymph flow",
+        "fluid.pericapillary_share": "Pericapillary share",
         "solutes.urea_mmol_l": "Urea at the start",
         "solutes.creatinine_umol_l": "Creatinine at the start",
         "solutes.potassium_mmol_l": "Potassium at the start",

@@ -97,17 +97,17 @@ class SteadyBeatEvaluator:
         base: a number for every parameter.
         outputs: names of the registry of outputs.
         policy: blood volume policy.
+        name: of the case.
         resolution: of the phase grid, the same for all runs: two runs that differ in one input must not
             differ in their grids as well.
-        name: of the case.
     """
 
     circuit: Circuit
     base: Mapping[str, float] = field(hash=False)
     outputs: tuple[str, ...]
     policy: str
-    resolution: int
     name: str = "model"
+    resolution: int = field(kw_only=True)
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
         """Run some points."""
