@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from types import ModuleType
 from typing import NamedTuple, Unpack
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
@@ -93,7 +95,7 @@ def gases_with_contents(
     refuse({**of}, law)
     blood = Blood(**of)
     first, second = (_common(oxygen, carbon_dioxide, blood, each) for each in (oxygen, carbon_dioxide))
-    start = jnp.full_like(first, jnp.log(40.0)), jnp.full_like(first, jnp.log(45.0))
+    start = np.full(first.shape, math.log(40.0)), np.full(first.shape, math.log(45.0))
     return _at_contents(start, (first, second), blood, law)
 
 
@@ -194,7 +196,12 @@ def _at_saturation(wanted: jax.Array, pco2: jax.Array, blood: Blood, law: str) -
     return equilibrium(jnp.exp(found - missing(found) / jax.lax.stop_gradient(slope)), pco2, blood, law)
 
 
-def _common(first: Array, second: Array, blood: Blood, chosen: Array) -> jax.Array:
-    """One of the arguments in the shape that all of them share."""
-    shape = jnp.broadcast_shapes(jnp.shape(first), jnp.shape(second), *(jnp.shape(x) for x in blood))
-    return jnp.broadcast_to(jnp.asarray(chosen, dtype=float), shape)
+def _common(first: Array, second: Array, blood: Blood, chosen: Array) -> np.ndarray | jax.Array:
+    """One of the arguments in the shape that all of them share.
+
+    Plain numbers stay with NumPy: one step of JAX outside a compiled program takes as long as all of it.
+    """
+    shape = np.broadcast_shapes(*map(np.shape, (first, second, *blood)))
+    if isinstance(chosen, jax.Array):
+        return jnp.broadcast_to(jnp.asarray(chosen, dtype=float), shape)
+    return np.broadcast_to(np.asarray(chosen, dtype=float), shape)

@@ -30,15 +30,16 @@ def letters_on(saturation: float) -> str:
     return LIGHT_LETTERS if 1.05 / (bright + 0.05) >= 4.5 else DARK_LETTERS
 
 
+_PARTS = [(at, tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5))) for at, colour in STOPS]
+_SPANS = list(pairwise(_PARTS))
 _WEIGHTS = (0.2126, 0.7152, 0.0722)
 
 
 def _mixed(saturation: float) -> tuple[int, int, int]:
     at = min(max(saturation, STOPS[0][0]), STOPS[-1][0])
-    (low, first), (high, second) = next(pair for pair in pairwise(STOPS) if at <= pair[1][0])
+    (low, first), (high, second) = next(pair for pair in _SPANS if at <= pair[1][0])
     share = (at - low) / (high - low)
-    parts = ((int(c[k : k + 2], 16) for c in (first, second)) for k in (1, 3, 5))
-    red, green, blue = (round(a + share * (b - a)) for a, b in parts)
+    red, green, blue = (round(a + share * (b - a)) for a, b in zip(first, second, strict=True))
     return red, green, blue
 
 

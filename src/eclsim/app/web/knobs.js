@@ -11,7 +11,8 @@ const Knob = {
   template: `
   <div v-if="knob.options" class="ecl-pick" :class="{ bad: error }">
     <label :for="id">{{ knob.label }}</label>
-    <select :id="id" :value="value" :disabled="!connected" @change="$emit('send', knob.key, $event.target.value)">
+    <select :id="id" :value="value" :disabled="!connected"
+      @change="$emit('send', knob.key, $event.target.value)">
       <option v-for="[name, text] in knob.options" :key="name" :value="name">{{ text }}</option>
     </select>
     <p v-if="error" role="alert">{{ error }}</p>
