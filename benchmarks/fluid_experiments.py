@@ -1,4 +1,4 @@
-"""The experiments of docs/fluid.md: fluid removal at three walls, solutes, sweep, men who bleed or stand up.
+"""The experiments of docs/fluid.md: fluid removal at four walls, solutes, sweep, men who bleed or stand up.
 
     python benchmarks/fluid_experiments.py [FOLDER]
 
@@ -16,7 +16,7 @@ from eclsim.course.course import course
 from eclsim.fluid import starling
 from eclsim.regulation.attach import REFLEXES
 from eclsim.reporting.style import curve_style, figure_style
-from eclsim.validation import boluses, fluid, refill
+from eclsim.validation import boluses, fluid, pericapillary, refill
 from eclsim.validation.fluid import MEASURED, Patient, bled, dialysed, driven, fall_of_blood, healthy, stood
 
 CASE = Path(__file__).parents[1] / "examples" / "fluid_removal.toml"
@@ -24,6 +24,7 @@ WALLS = {
     "no refill": ["fluid.capillary_refill=false"],
     "LpS 1": ["fluid.filtration_ml_min_mmHg=1"],
     "LpS 10": ["fluid.filtration_ml_min_mmHg=10"],
+    "LpS 10, pericapillary": ["fluid.filtration_ml_min_mmHg=10", "fluid.pericapillary_share=0.12"],
 }
 OUTPUTS = ("MAP", "CO", "right_atrial_pressure", "lowest_drainage_pressure", "PaCO2", "pHa", "DO2")
 SHOWN_H = (0, 8, 8.5, 12, 16, 17, 24)
@@ -133,6 +134,9 @@ def dialysis() -> None:
             fall_of_blood(one, 1000.0 * litres) / per for litres, per in ((1.7, 4.0), (1.5, 1.5), (2.7, 2.7))
         ]
         print(f"{coefficient:6.3g}", *(f"{v:7.3g}" for v in (*falls, *driven(one, 1700.0).values())))
+    print("pericapillary share 0.12")
+    for row in pericapillary.pericapillary_check().rows:
+        print(f"{row.name:86} {row.got:7.3g}")
 
 
 def coming_back() -> None:

@@ -45,6 +45,14 @@ def test_relative_links_lead_to_files(page: Path):
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_row_of_a_table_stands_in_one(page: Path):
+    """A blank line within a table makes text of the rows below it."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"(?:^\|.*\n?)+", text, re.MULTILINE)
+    assert [block for block in blocks if not re.match(r".*\n\|[\s:|-]+\|(?:\n|$)", block)] == []
+
+
 def commands_of(page: str) -> list[str]:
     """What the page tells the reader to type, comments left out, in its order; simulations alone."""
     shell = "\n".join(re.findall(r"^```sh\n(.*?)^```$", page, re.MULTILINE | re.DOTALL))

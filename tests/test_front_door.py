@@ -47,3 +47,37 @@ def test_a_posterior_is_that_of_a_fit():
 def test_variants_have_one_dimension():
     with pytest.raises(ValueError, match="Rmc: an array of 2 x 3; allowed: a number, or one for each"):
         eclsim.simulate_many(CASE, {"Rmc": np.full((2, 3), 0.5)})
+
+
+@pytest.mark.parametrize("changes", [[1, 2], None, "ecmo.speed_rpm=3000", [{"Rmc": 1.0}]])
+def test_changes_are_numbers_by_parameter(changes):
+    """It was "'int' object has no attribute 'strip'"."""
+    with pytest.raises(TypeError, match=r"changes: .* names no parameter; allowed: numbers by parameter"):
+        eclsim.simulate_many(CASE, changes)
+
+
+def test_a_change_that_is_no_number_is_named():
+    with pytest.raises(ValueError, match=r"Rmc: \[a list of 1\] is no number"):
+        eclsim.simulate_many(CASE, {"Rmc": ["a"]}, outputs=["MAP"])
+
+
+def test_one_text_is_one_name():
+    """It was read letter by letter: 'R' is no parameter."""
+    slopes = eclsim.derivatives(CASE, "MAP", "Rmc")
+    assert slopes.shape == (1, 1)
+    assert slopes.coords["parameter"].values.tolist() == ["Rmc"]
+    assert eclsim.identifiability(CASE, parameters="Rmc", outputs="MAP").scaled.parameters == ("Rmc",)
+    assert eclsim.FitSettings(parameters="Rmc").names == ("Rmc",)  # pyright: ignore[reportArgumentType]
+    assert eclsim.SobolSettings(parameters="Rmc", outputs="MAP").parameters == ("Rmc",)
+
+
+@pytest.mark.parametrize("names", [None, 5, [5]])
+def test_what_is_no_name_is_refused(names):
+    with pytest.raises(TypeError, match="is no name; allowed: names such as"):
+        eclsim.derivatives(CASE, ["MAP"], names)
+
+
+def test_derivatives_of_nothing_are_refused():
+    """It was "cannot reshape array of size 0"."""
+    with pytest.raises(ValueError, match="derivatives of nothing"):
+        eclsim.derivatives(CASE, [], [])

@@ -110,3 +110,34 @@ def test_undo_redo_reset_and_pin(open_page, shots):
     wait_for(page, "Math.abs(beat.period - 0.5) < 1e-3")
     page.get_by_role("button", name="Pin").click()
     page.wait_for_function("eclsim.bus.last('pinned') === null")
+
+
+def test_a_turn_writes_into_no_other_knob(open_page):
+    page = open_page()
+    page.evaluate(
+        """() => {
+          window.written = [];
+          const note = (of) => of.forEach(({ target }) => {
+            const knob = target.closest?.('.ecl-knob, .ecl-pick')?.querySelector('[id]')?.id;
+            if (knob) window.written.push(knob);
+          });
+          new MutationObserver(note).observe(document.querySelector('.ecl-knobs'),
+            { subtree: true, attributes: true, childList: true });
+        }"""
+    )
+    turn(page, "ecmo.speed_rpm", "3000")
+    beat_with(page, "ecmo.speed_rpm", 3000)
+    page.wait_for_timeout(300)
+    assert set(page.evaluate("written")) <= {"knob-ecmo-speed_rpm", "knob-policy"}
+
+
+def test_a_choice_refused_twice_goes_back_twice(open_page):
+    page = open_page()
+    where = knob(page, "crrt.access_site")
+    before = where.input_value()
+    for _ in range(2):
+        page.evaluate("eclsim.bus.publish('connected', true)")
+        where.evaluate("(list) => { list.add(new Option('nowhere', 'nowhere')); }")
+        where.select_option("nowhere")
+        expect(page.locator(".ecl-pick.bad")).to_have_count(1)
+        expect(where).to_have_value(before)

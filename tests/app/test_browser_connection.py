@@ -209,3 +209,26 @@ def test_a_page_whose_sign_in_ended_says_how_to_go_on(browser, serving, tmp_path
     sign_in()
     expect(knob(page, "patient.heart_rate_bpm")).to_have_value("99")
     page.close()
+
+
+def test_charts_that_could_not_be_loaded_once_come_with_the_next_beat(browser, alone):
+    page, served = alone
+    names = page.evaluate("JSON.parse(document.querySelector('script[type=importmap]').textContent).imports")
+    refused = []
+
+    def once(route) -> None:
+        if refused:
+            route.continue_()
+        else:
+            refused.append(route.request.url)
+            route.abort()
+
+    other = browser.new_page(viewport=LAPTOP)
+    other.route("**" + names["nicegui-plotly"], once)
+    other.goto(served.url)
+    other.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
+    show(other, "loops")
+    turn(other, "patient.heart_rate_bpm", "71")
+    expect(other.locator(".ecl-fill .main-svg, .ecl-chart .main-svg").first).to_be_visible()
+    assert len(refused) == 1
+    other.close()

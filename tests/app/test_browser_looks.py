@@ -239,6 +239,32 @@ def test_on_a_phone_nothing_overflows_and_schemes_have_units(open_page, shots):
     picture(page, shots, "schemes_phone")
 
 
+SIDEWAYS = """() => [...document.querySelectorAll('.ecl-views, .ecl-views *')]
+    .filter((e) => e.clientWidth && /auto|scroll/.test(getComputedStyle(e).overflowX))
+    .filter((e) => e.scrollWidth > e.clientWidth).map((e) => e.className)"""
+
+
+def test_on_a_phone_no_table_scrolls_sideways(open_page, served, shots):
+    case = connect(PRESETS["paper"].case(), "gas")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}", viewport=PHONE)
+    for key in "pssssss":
+        page.keyboard.press(f"Alt+{key}")
+    page.wait_for_function("eclsim.bus.last('saved')?.length === 6")
+    for view, table in (("gases", ".ecl-gases"), ("outputs", ".ecl-outputs"), ("compare", ".ecl-compare")):
+        show(page, view)
+        expect(page.locator(f"{table} tbody tr").nth(5)).to_be_visible()
+        page.wait_for_function(f"({SIDEWAYS})().length === 0")
+        picture(page, shots, f"{view}_narrow")
+    lines = "e => e.getBoundingClientRect().height / parseFloat(getComputedStyle(e).fontSize)"
+    show(page, "outputs")
+    unit = page.locator(".ecl-outputs tr", has_text="SP systolic").locator("small.under")
+    expect(unit).to_have_text("mmHg")
+    assert unit.evaluate(lines) < 2, "a unit stands in one line"
+    show(page, "compare")
+    whose = page.locator(".ecl-compare tr", has_text="MAP").locator(".whose")
+    expect(whose).to_have_text(["Now", "pinned", *"123456"])
+
+
 def test_saved_states_have_names_and_the_table_scrolls(open_page, shots):
     page = open_page("paper")
     for number in range(1, 5):

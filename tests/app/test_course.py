@@ -126,7 +126,8 @@ def test_a_link_and_an_export_hold_the_events():
 
 def test_a_course_is_long_enough_for_its_events():
     assert usual_length(HEALTHY) == HOURS[1]
-    assert usual_length(with_event(HEALTHY, {**BLEEDING, "at_min": 1440})) == HOURS[3]
+    assert usual_length(with_event(HEALTHY, {**BLEEDING, "at_min": 540})) == 720
+    assert usual_length(with_event(HEALTHY, {**BLEEDING, "at_min": 1440})) == HOURS[-1]
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import xarray as xr
 from eclsim.app import studies
 from eclsim.app.beat import compute_beat
 from eclsim.app.course import PageCourse, plain_course
-from eclsim.app.knobs import turn
+from eclsim.app.knobs import connect, turn
 from eclsim.app.state import preset_state
 
 PAPER = preset_state("paper")
@@ -31,6 +31,22 @@ def test_a_ramp_has_no_numbers_at_impossible_speeds():
     last = max(speed for speed in ramp["speeds"] if speed not in none)
     assert not compute_beat(PAPER.with_case(turn(PAPER.case, SPEED, min(none)))).possible
     assert compute_beat(PAPER.with_case(turn(PAPER.case, SPEED, last))).possible
+
+
+def test_a_ramp_says_where_the_aortic_valve_stays_closed():
+    state = preset_state("cardiogenic-shock")
+    state = state.with_case(turn(connect(state.case, "ecmo"), "parameters.Emaxlv", 0.3))
+    closed = studies.ramp(state)["closed"]
+    speeds = studies.ramp(state)["speeds"]
+    assert closed == [speed for speed in speeds if speed >= min(closed)]
+    opens = max(speed for speed in speeds if speed not in closed)
+
+    def peak(speed: float) -> float:
+        return compute_beat(state.with_case(turn(state.case, SPEED, speed))).waves["Qlv"].max()
+
+    assert peak(min(closed)) < 1.0
+    assert peak(opens) > 10.0
+    assert studies.ramp(PAPER)["closed"] == []
 
 
 def test_a_scheme_that_cannot_be_has_no_waveforms():

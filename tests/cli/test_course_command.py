@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from eclsim.cases.fit_mark import with_mark
+
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
 
 
@@ -26,6 +28,14 @@ def test_a_course_is_written_as_table_netcdf_and_json(shell):
     assert (again.exit_code, "P01_course.csv already; --force overwrites" in again.stderr) == (2, True)
     drawn = shell.run("course", case, "--figures", figures)
     assert (drawn.exit_code, "P01_course" in drawn.stderr) == (2, True)
+
+
+def test_a_doubtful_fit_is_said_in_the_course_too(shell):
+    file = Path(shell.case())
+    file.write_text(with_mark(file.read_text(), "doubtful", "why"))
+    done = shell.run("course", file, "--until", "1", "--json", "-")
+    assert json.loads(done.stdout)["warnings"][0].startswith("its parameters are a DOUBTFUL fit")
+    assert done.stderr.count("DOUBTFUL fit") == 1
 
 
 def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):

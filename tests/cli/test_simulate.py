@@ -2,10 +2,12 @@ import csv
 import json
 import os
 import sys
+from pathlib import Path
 
 import pytest
 import xarray as xr
 
+from eclsim.cases.fit_mark import with_mark
 from eclsim.files import file_stems
 from eclsim.simulation import single
 
@@ -19,6 +21,17 @@ def test_json_on_standard_output_is_all_there_is(shell, instant):
     assert case["converged"] is True
     assert case["outputs"] == {"SP": 120.0, "CO": 4.0, "PF": 3.7}
     assert case["more_outputs"] == {"stroke_volume": 50.0}
+
+
+def test_a_poor_fit_is_said_in_the_results_too(shell, instant):
+    """It was said on the terminal alone; the JSON went on without it."""
+    file = Path(shell.case())
+    file.write_text(with_mark(file.read_text(), "poor", "why"))
+    done = shell.run("simulate", file, "--json", "-")
+    (case,) = json.loads(done.stdout)["cases"]
+    (said,) = [line for line in case["warnings"] if "POOR fit" in line]
+    assert said.endswith("not to be used")
+    assert done.stderr.count("POOR fit") == 1
 
 
 def test_statistics_of_waveforms_are_those_of_the_beat_and_finite(shell, instant):

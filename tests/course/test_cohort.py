@@ -10,6 +10,7 @@ import xarray as xr
 import eclsim.course.cohort as cohort
 from eclsim.cases import read_case
 from eclsim.cases.events import Event
+from eclsim.cases.fit_mark import with_mark
 from eclsim.course.band import band_object, band_of, course_band
 from eclsim.course.course import course_many
 from eclsim.course.files import write_band_tables, write_courses
@@ -72,6 +73,21 @@ def test_a_patient_who_cannot_begin_says_why_and_stops_no_other(whole, tmp_path)
     write_courses(whole[:1], tmp_path)
     left = sorted(path.name for path in (tmp_path / "courses").iterdir())
     assert left == ["P01_course.csv", "P01_course.nc", "notes.txt"], "those of another cohort are gone"
+
+
+def test_nothing_is_followed_of_a_poor_fit(tmp_path):
+    """A folder of fitted cases was followed, poor fits and all."""
+    plain, poor, good = (tmp_path / name for name in ("plain.toml", "poor.toml", "good.toml"))
+    plain.write_text(PATIENT)
+    poor.write_text(with_mark(PATIENT, "poor", "POOR FIT"))
+    good.write_text(with_mark(PATIENT, "good", "good fit"))
+    results = cohort.course_cohort([read_case(plain), poor, read_case(good)], **CHOSEN)
+    assert [result.attrs["converged"] for result in results] == [1, 0, 1]
+    lost = results[1]
+    assert lost.sizes["time_min"] == 0
+    assert "POOR fit" in lost.attrs["message"]
+    assert "nothing is followed of such a fit" in lost.attrs["message"]
+    assert write_courses(results, tmp_path / "out")["failed"] == 1
 
 
 @pytest.mark.slow

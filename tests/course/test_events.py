@@ -58,6 +58,19 @@ def test_a_mistake_is_one_line_with_key_and_way_out(tmp_path, event, message):
     assert line.startswith(":")  # the line of the file is there
 
 
+def test_more_blood_than_there_is_blames_no_event_behind_it(tmp_path):
+    """The event behind was refused too, with "allowed: below -3808 mL"."""
+    events = """[[events]]
+at_min = 10
+give = { bleed_ml = 9000 }
+[[events]]
+at_min = 30
+give = { blood_ml = 500, bleed_ml = 0 }
+"""
+    (line,) = mistakes(tmp_path, events)
+    assert "events[1].give.bleed_ml = 9000" in line
+
+
 def test_order_and_overlap_are_said_with_everything_else(tmp_path):
     events = """[[events]]
 at_min = 30

@@ -120,6 +120,29 @@ def test_what_goes_through_the_doors_is_what_is_there():
         )
 
 
+@pytest.mark.slow
+def test_less_comes_back_past_what_is_next_to_capillaries_and_protein_balances():
+    crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 400}
+    one, apart = (follow(240.0, crrt=crrt, fluid={"pericapillary_share": share}) for share in (1.0, 0.12))
+    assert "fluid.pericapillary_protein_g" not in one
+    near, outside = (apart[f"fluid.{n}_protein_g"] for n in ("pericapillary", "interstitial"))
+    assert near[0] == pytest.approx(0.12 * outside[0])
+    assert near[-1] > 0.15 * outside[-1]
+    protein = ("fluid.plasma_protein_g", "fluid.interstitial_protein_g")
+    assert change(apart, *protein) == pytest.approx(0, abs=1e-9)
+    assert change(apart, "fluid.refilled_ml") < 0.9 * change(one, "fluid.refilled_ml")
+
+
+@pytest.mark.slow
+def test_a_filter_that_takes_all_plasma_ends_the_course_with_a_reason():
+    """It has no clearance; the course went on for ever."""
+    crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 8000}
+    result = course(read_mapping(RAW | {"crrt": crrt}).case, minutes=5.0)
+    assert not result.attrs["converged"]
+    assert "no value of effective_clearance_creatinine" in result.attrs["message"]
+    assert "by which the course goes on" in result.attrs["message"]
+
+
 def test_without_refill_all_that_is_filtered_leaves_the_blood():
     crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 100}
     dry, filled = (follow(120.0, crrt=crrt, fluid={"capillary_refill": on}) for on in (False, True))
@@ -148,6 +171,7 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
         ({"blood_ml": 250}, {}, ["never raises the haematocrit"]),
         ({"bleed_ml": 100}, {"crrt": FILTERING}, ["net ultrafiltration"]),
         ({"bleed_ml": 100}, {"crrt": FILTERING, "fluid": {"filtration_ml_min_mmHg": 1.6}}, []),
+        ({"bleed_ml": 100}, {"crrt": FILTERING, "fluid": {"pericapillary_share": 0.12}}, []),
         ({"bleed_ml": 100}, {"crrt": FILTERING, "fluid": {"capillary_refill": False}}, []),
         ({"bleed_ml": 300}, {}, ["of blood that is lost", "without a reflex"]),
         ({"bleed_ml": 300}, {"regulation": {"baroreflex": 1.0}}, ["of blood that is lost"]),

@@ -9,8 +9,17 @@ import xarray as xr
 from eclsim.cases import read_case
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course
-from eclsim.course.plan import FILTRATION, _breaks, _fastest, plan_removal, plan_weaning
-from eclsim.goals.goal import GoalError, read_goals
+from eclsim.course.plan import (
+    FILTRATION,
+    Break,
+    _around,
+    _breaks,
+    _fastest,
+    _removal,
+    plan_removal,
+    plan_weaning,
+)
+from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
 from small_patient import ON_ECMO
 
@@ -76,7 +85,45 @@ def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
     assert not result.possible
     assert math.isnan(result.rate_ml_h)
     assert "cannot be removed" in result.message
-    assert result.message.endswith("mmHg at worst); by then 0 mL are out")
+    assert "MAP > 120 is broken from the start (" in result.message
+    assert result.message.endswith("mmHg at worst)")
+
+
+def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not():
+    """It was "cannot be removed": rates were looked at below the first that breaks a goal alone."""
+    tried = {10.0: False, 20.0: True, 40.0: True, 80.0: False, 160.0: True}
+    assert _around(tried) == (40.0, 80.0)
+    assert _around({10.0: False, 20.0: False}) == (None, 10.0)
+    assert _around({10.0: True, 20.0: True}) == (20.0, None)
+    slow, fast = Break("PCWP < 18", 19.0, 300.0, "mmHg"), Break("MAP > 65", 60.0, 30.0, "mmHg")
+    found = _removal("P", 100.0, [Goal("MAP", low=65.0)], tried, {10.0: [slow], 80.0: [fast], 20.0: []})
+    assert found.possible
+    assert found.rate_ml_h == 40.0
+    assert found.message == (
+        "100 mL can be removed at 40 mL/h, in 2.5 h; at 80 mL/h MAP > 65 breaks after 0.5 h (60 mmHg at "
+        "worst); not slower: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg at worst)"
+    )
+
+
+def test_alarms_on_the_way_stand_in_the_first_words(own):
+    """ "can be removed" stood there alone, with a pressure of 4 mmHg on the way among the warnings."""
+    found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
+    alarms = [line for line in found.warnings if "mean arterial pressure below 55 mmHg" in line]
+    assert bool(alarms) == ("on the way MAP" in found.message)
+    assert alarms
+
+
+@pytest.mark.parametrize(
+    ("speeds", "vary", "message"),
+    [
+        ([], None, "numbers"), ("3000,2000", None, "numbers"), (["a"], None, "numbers"),
+        ([3000], "drugs.noradrenaline=0..1, drugs.dobutamine=0..10", "one setting is sought"),
+    ],
+)  # fmt: skip
+def test_weaning_that_cannot_be_meant_is_refused(own, speeds, vary, message):
+    """Of two settings the dose of the second was not said."""
+    with pytest.raises(GoalError, match=message):
+        plan_weaning(own, speeds, keep=vary and "MAP > 65", vary=vary)
 
 
 def test_without_a_device_that_removes_fluid_it_is_refused(own):

@@ -3,6 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eclsim.cases import read_case
+from eclsim.cases.fit_mark import with_mark
+from eclsim.cases.writing import case_text
 from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, answer, crrt_cohort, summaries
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
@@ -37,6 +40,19 @@ def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohor
     assert "[ecmo]" in cohort.lost["roller"]
     with pytest.raises(StudyError, match="no data point can be studied"):
         crrt_cohort(as_they_are([case("x").model_copy(update={"ecmo": None})], "tests"))
+
+
+def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
+    """A folder of fitted cases was studied, poor fits and all."""
+    files = [tmp_path / f"{name}.toml" for name in ("good", "poor")]
+    for file in files:
+        file.write_text(with_mark(case_text(case(file.stem)), file.stem, "as it says"))
+    fitted = as_they_are([read_case(file) for file in files], "case files")
+    assert list(fitted.cases) == ["good"]
+    assert "POOR fit" in fitted.not_fitted["poor"]
+    study = crrt_cohort(fitted, StudyOptions(schemes="d", speeds="3425", volume_policy="as_published"))
+    assert [point.name for point in study.points] == ["good"]
+    assert "nothing is studied of such a fit" in study.lost["poor"]
 
 
 def test_every_point_is_ranked_at_its_own_speed(cohort):

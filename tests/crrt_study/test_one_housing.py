@@ -2,7 +2,9 @@
 
 import json
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from eclsim.cases.reading import read_mapping
@@ -87,6 +89,13 @@ def test_a_case_with_renox_alone_gives_its_fluids_to_the_schemes_too():
     assert [sentence.startswith("RenOx: ") for sentence in study.assumed] == [False, False, True, True]
     assert "37 mL/h/mmHg, is assumed" in study_page(study, PICTURES)
     assert json.loads(study_json(study))["assumed"] == list(study.assumed)
+    lost = replace(study, renox=study.renox * np.nan)
+    unknown = beside_schemes(lost, "patient_held")["RenOx"]
+    assert unknown["alarms_kept"] is None, "a beat that was not found kept all alarms, and took no blood"
+    assert unknown["blood_taken_up_ml"] is None
+    row = study_page(lost, PICTURES).partition(">RenOx<")[2].partition("</tr>")[0]
+    assert "not known" in row
+    assert "none" not in row
 
 
 def test_without_fluids_there_is_no_renox():

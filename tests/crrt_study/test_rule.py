@@ -118,6 +118,9 @@ def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refus
         ("[[criteria]]\nquantity = 'alarms'\nprefer = 'bigger'", r"criteria.0.prefer = bigger: .*larger"),
         ("[[criteria]]\nquantity = 'PF'\nprefer = 'larger'\nstep = -1", r"zero or above"),
         ("[[criteria]]\nquantity = 'PF'\nat_least = 5\nat_most = 1", r"nothing is both"),
+        ("[[criteria]]\nquantity = 'PF'\nat_least = nan", r"at_least = nan: allowed: finite numbers"),
+        ("[[criteria]]\nquantity = 'PF'\nprefer = 'larger'\nstep = inf", r"step = inf: allowed: finite"),
+        ("criteria = ['alarms']", r"allowed: a table, \[\[criteria\]\] with quantity"),
         ("[[criteria", r"cannot be read as TOML"),
     ],
 )

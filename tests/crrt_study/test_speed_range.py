@@ -48,5 +48,13 @@ def test_what_are_no_speeds_is_refused(text):
 
 def test_a_speed_far_above_the_pump_s_is_refused():
     """It was simulated, and its pressures shown."""
-    with pytest.raises(StudyError, match="90000 rpm: far above what a Rotaflow runs at; allowed: 1000"):
+    with pytest.raises(
+        StudyError, match="speed_rpm = 90000: far above what a Rotaflow runs at; allowed: 1000"
+    ):
         crrt_study(paper_case(), schemes="g", speeds=[3000, 90000])
+
+
+def test_a_table_of_speeds_is_refused():
+    """It was flattened."""
+    with pytest.raises(SpeedError, match="an array of 2 x 2; allowed: a list of speeds"):
+        crrt_study(paper_case(), schemes="g", speeds=[[3000, 3200], [3400, 3600]])  # pyright: ignore[reportArgumentType]

@@ -15,7 +15,7 @@ from eclsim.cases import CaseError, apply_settings, read_case, read_mapping
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
 from eclsim.cli import main
-from eclsim.devices import Device, Section, registry
+from eclsim.devices import Device, Section, highest, registry
 from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
@@ -209,10 +209,15 @@ def test_a_file_that_registers_nothing_or_fails_is_refused(tmp_path, capsys):
         ('mean("rvad_head"', 'mean("rvad_flow"', "output 'rvad_flow': the name of another output"),
         ('mean("rvad_head"', 'mean("PF"', "output 'PF': the name of another output"),
         ('mean("rvad_head"', 'mean("MAP"', "output 'MAP': the name of an output of the patient"),
+        ('"Prvadpump")', '"Prvadpmp")', "output 'rvad_head': 'Prvadpmp' is no waveform"),
+        ('"Prvadpump")', '"Prvadpmp")', "did you mean Prvadpump"),
+        ('"Prvadin")', '"rvadin")', "output 'rvad_inlet_pressure': 'rvadin' is no waveform"),
+        ('Trace("Qrvadpump"', 'Trace("Qrvadpumpe"', "trace 'RVAD flow': 'Qrvadpumpe' is no waveform"),
     ],
 )
 def test_outputs_of_other_names_and_limits_of_none_are_refused(written, instead, why, tmp_path, capsys):
-    # A misspelt limit raised no alarm; an output "MAP" stood in the place of the patient's.
+    # A misspelt limit raised no alarm, a misspelt waveform dropped its output; an output "MAP" stood in the
+    # place of the patient's.
     file = tmp_path / "own.py"
     assert written in FILE.read_text()
     file.write_text(FILE.read_text().replace(written, instead, 1))
@@ -254,6 +259,16 @@ def test_a_device_that_no_case_file_could_hold_is_refused(key, section, why):
     own.__abstractmethods__ = frozenset()
     with pytest.raises(DeviceError, match=why):
         register_device(own)
+
+
+def test_a_device_may_read_waveforms_of_the_patient_and_of_other_devices():
+    """Also those of a patient in regions or with veins that collapse."""
+    names = ("Psvc", "Qlv", "Vlv", "Pao", "Pecmodrain", "Qecmopump", "Ptvc")
+    outputs = tuple(highest(f"own_{name.lower()}", name, name) for name in names)
+    try:
+        assert register_device(_own(outputs=outputs)).outputs == outputs
+    finally:
+        forget_device("own")
 
 
 def test_an_installed_package_offers_devices(monkeypatch):

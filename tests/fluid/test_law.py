@@ -1,7 +1,10 @@
 """The law of fluid on its own: rest, closed forms, doors and balances."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid import law as fluid
@@ -15,6 +18,7 @@ from eclsim.fluid.starling import (
     Spaces,
     Wall,
     capillary_pressure,
+    carried,
     exchange,
     forces,
     interstitial_pressure,
@@ -24,6 +28,7 @@ from eclsim.parameters.fluid import HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, PARAMETE
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.slow import INFLOWS
 
+NEAR = fluid.NEAR_PROTEIN.name
 LAW = FluidLaw(ultrafiltration=("uf",), haematocrits=("crrt.haematocrit_in",), gas=True)
 BEAT = {"MAP": 80.0, "venous_pressure": 6.0, "systemic_resistance_factor": 1.0}
 
@@ -40,20 +45,20 @@ def arrays(values):
     return {key: np.array([value]) for key, value in values.items()}
 
 
-def rates(states, values, beat=None, **inflows):
-    return LAW.rates(
+def rates(states, values, beat=None, law=LAW, **inflows):
+    return law.rates(
         states, values, arrays(BEAT | (beat or {})), arrays(dict.fromkeys(INFLOWS, 0.0) | inflows)
     )
 
 
-def course(values, minutes, step_s=15.0, beat=None, **inflows):
+def course(values, minutes, step_s=15.0, beat=None, law=LAW, **inflows):
     """States along the classical Runge-Kutta method at steady pressures."""
-    states = LAW.start(values, arrays(BEAT))
+    states = law.start(values, arrays(BEAT))
     for _ in range(round(60 * minutes / step_s)):
-        slopes = [rates(states, values, beat, **inflows)]
+        slopes = [rates(states, values, beat, law, **inflows)]
         for part in (0.5, 0.5, 1.0):
             moved = {k: states[k] + part * step_s * slopes[-1][k] for k in states}
-            slopes.append(rates(moved, values, beat, **inflows))
+            slopes.append(rates(moved, values, beat, law, **inflows))
         a, b, c, d = slopes
         states = {k: x + step_s / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]) for k, x in states.items()}
     return states
@@ -149,6 +154,77 @@ def test_protein_crosses_by_the_equation_of_kedem_and_katchalsky_and_lymph_bring
     crossed = exchange(now, spaces, np.zeros(1), wall)
     np.testing.assert_allclose(crossed.protein, moved / 100.0)
     np.testing.assert_allclose(crossed.fluid, filtered - 2.0)
+
+
+LAYERED = replace(LAW, layered=True)
+
+
+def test_what_is_next_to_capillaries_is_in_balance_at_the_start():
+    values = settings(pericapillary_share=0.12)
+    states = LAYERED.start(values, arrays(BEAT))
+    assert states[NEAR] == pytest.approx(0.12 * states[fluid.OUTSIDE_PROTEIN])
+    assert max(abs(rate).max() for rate in rates(states, values, law=LAYERED).values()) < 1e-15
+
+
+def test_a_share_of_all_of_the_interstitium_is_the_interstitium_that_is_one():
+    """In a batch whose other members have a smaller share."""
+    fallen = {"MAP": 70.0, "venous_pressure": 4.0}
+    whole, layered = (course(settings(), 60.0, beat=fallen, law=law) for law in (LAW, LAYERED))
+    for name, value in whole.items():
+        assert layered[name] == value, name
+
+
+def test_protein_thickened_by_what_comes_back_holds_back_the_rest():
+    values = {share: settings(pericapillary_share=share) for share in (0.12, 1.0)}
+    fallen = {"MAP": 70.0, "venous_pressure": 3.0}
+    start = LAYERED.start(values[0.12], arrays(BEAT))
+    at_once = [rates(start, one, fallen, LAYERED)[fluid.REFILLED] for one in values.values()]
+    np.testing.assert_allclose(*at_once)
+    early, late = (
+        [course(one, minutes, 5.0, fallen, LAYERED)[fluid.REFILLED].item() for one in values.values()]
+        for minutes in (2.0, 120.0)
+    )
+    assert 0.85 < early[0] / early[1] < 1.0
+    assert 0.3 < late[0] / late[1] < 0.7
+
+
+def test_what_leaves_next_to_capillaries_arrives_in_the_rest_and_protein_balances():
+    values = settings(pericapillary_share=0.12, uf=300.0)
+    start = LAYERED.start(values, arrays(BEAT))
+    end = course(values, 240.0, law=LAYERED)
+    assert end[fluid.PROTEIN] + end[fluid.OUTSIDE_PROTEIN] == pytest.approx(
+        start[fluid.PROTEIN] + start[fluid.OUTSIDE_PROTEIN], abs=1e-9
+    )
+    assert 0.12 * end[fluid.OUTSIDE_PROTEIN] < end[NEAR] < end[fluid.OUTSIDE_PROTEIN]
+
+
+def test_where_filtration_holds_on_what_is_next_to_capillaries_is_as_thin_as_what_crosses_the_wall():
+    """Closed form: where flow carries all, a concentration is protein over the water that goes on."""
+    values = settings(pericapillary_share=0.2, lymph_ml_min=4.0)
+    raised = {"MAP": 80.0, "venous_pressure": 20.0}
+    states = LAYERED.start(values, arrays(BEAT))
+
+    def gains(protein):
+        return rates({**states, NEAR: np.array([protein])}, values, raised, LAYERED)[NEAR].item()
+
+    settled = brentq(gains, 1e-6, states[NEAR].item(), xtol=1e-12)
+    change = rates({**states, NEAR: np.array([settled])}, values, raised, LAYERED)
+    normal = INTERSTITIUM_TO_BLOOD * values["total_blood_volume_ml"].item()
+    room = states[fluid.INTERSTITIUM].item() - EXCLUDED * normal
+    lymph = 4.0 * (states[fluid.OUTSIDE_PROTEIN].item() - settled) / (0.8 * room)  # g/min
+    crosses = 60.0 * change[fluid.OUTSIDE_PROTEIN].item() + lymph
+    onward = 4.0 + (1.0 - 0.2) * 60.0 * change[fluid.INTERSTITIUM].item()  # mL/min
+    near = 100.0 * settled / (0.2 * room)
+    assert near == pytest.approx(100.0 * crosses / onward, rel=1e-6)
+    assert near < 0.5 * values["fluid.interstitial_protein_g_dl"]
+
+
+def test_flow_carries_downstream_and_mixing_evens_out():
+    up, down = np.array(3.0), np.array(2.0)
+    for peclet, expected in ((1e4, 3e4), (-1e4, -2e4), (0.0, 1.0)):
+        assert carried(np.array(peclet), up, down) == pytest.approx(expected)
+    around = carried(np.array([-1.01e-3, -0.99e-3, 0.99e-3, 1.01e-3]), up, down)
+    np.testing.assert_allclose(np.diff(around), [5e-5, 4.95e-3, 5e-5], rtol=1e-3)
 
 
 def test_lymph_of_a_dry_interstitium_stands_still_and_does_not_run_backwards(spaces):

@@ -1,6 +1,7 @@
 """Settings that reach goals: what users may write, the smallest that do, goals that exclude each other."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from eclsim.goals import search
 from eclsim.goals.goal import Goal, GoalError, Setting, possible, read_goals, read_settings
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
+from eclsim.outputs.registry import all_outputs
 from eclsim.outputs.results import simulate, simulate_many
 from eclsim.outputs.signals import parameters_read
 from eclsim.simulation.target_flow import with_speed
@@ -49,11 +51,32 @@ def test_goals_are_read_in_the_usual_spellings():
         ("MAP 70..65", "the first must not be larger"),
         ("MAP > 65, MAP < 80", "two goals; write both bounds as MAP LOW..HIGH"),
         ("", "'' is no goal"),
+        ("MAP > 8.7", "15 to 250 mmHg is what can be measured; did you mean 8.7 kPa = 65.26 mmHg?"),
+        ("MAP > 1e9", "15 to 250 mmHg is what can be measured"),
+        ("PF > 4000", "did you mean 4000 mL/min = 4 L/min?"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(text, message):
     with pytest.raises(GoalError, match=message.replace(".", r"\.")):
         read_goals(text, OUTPUTS)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("SaO2 > 0.9", "SaO2 > 0.9: 5 to 100 % is what can be measured; did you mean 0.9 = 90 %?"),
+        ("SaO2_lower > 0.9", "did you mean 0.9 = 90 %?"),
+        ("PaCO2 < 5.3", "did you mean 5.3 kPa = 39.75 mmHg?"),
+        ("recirculation_fraction < 20", "is in fractions of 1; did you mean 0.2?"),
+        ("O2ER < 30", "is in fractions of 1; did you mean 0.3?"),
+        ("ejection_fraction_lv > 0.4", "is in %; did you mean 40 %?"),
+        ("DO2 > 0.5", "DO2 is in mL/min; did you mean 500 mL/min?"),
+    ],
+)
+def test_goals_in_other_units_are_refused(text, message):
+    """SaO2 > 0.9 was reached at a SaO2 of 40 %: the alarm kept unasked gives way to a goal."""
+    with pytest.raises(GoalError, match=re.escape(message)):
+        read_goals(text, list(all_outputs()))
 
 
 def test_settings_have_the_ranges_of_their_knobs_or_their_own():
@@ -68,6 +91,11 @@ def test_settings_have_the_ranges_of_their_knobs_or_their_own():
     assert "did you mean ecmo.speed_rpm" in caught.value.mistakes[0]
     assert "LOW..HIGH" in caught.value.mistakes[1]
     assert caught.value.mistakes[-1] == "Cao: given twice"
+
+
+def test_a_setting_of_a_section_that_the_case_lacks_says_how_to_have_it():
+    with pytest.raises(GoalError, match=r"no section \[drugs\].* --set drugs\.noradrenaline=VALUE"):
+        read_settings("drugs.noradrenaline", CASE, parameters_read(model_of(CASE).circuit))
 
 
 FLOW = "PF > 4, drainage_pressure > -80, MAP > 20"
@@ -329,3 +357,13 @@ def test_a_search_that_ends_where_valves_stay_shut_says_so():
     assert "valves stay shut all beat, so that it is one of many" in found.message
     beyond = model_of(case).with_values({"ecmo.speed_rpm": found.values[0] + 20.0})
     assert simulate(beyond).attrs["status"] == "one_of_many"
+
+
+def test_beats_that_are_undetermined_everywhere_are_not_called_not_found():
+    """It said "no steady beat was found anywhere in the ranges: steady beat found, but it is one of many"."""
+    patient = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 80}
+    ecmo = {"pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+    raw = {"format": 1, "patient": patient, "ecmo": ecmo, "parameters": {"Emaxlv": 0.1}}
+    found = reach(read_mapping(raw).case, "MAP > 65", vary="ecmo.speed_rpm=3500..4500")
+    assert found.status is search.ReachStatus.NO_STEADY_BEAT
+    assert found.message.startswith("nowhere in the ranges is the steady beat determined: steady beat found")

@@ -227,6 +227,8 @@ def test_times_of_names():
     assert elapsed_hours(["2024-03-01T08:00Z", "2024-03-01T09:00"]) is None
     with pytest.raises(CaseError, match="earlier than"):
         elapsed_hours(["2024-03-02", "2024-03-01"])
+    with pytest.raises(CaseError, match="the same time as"):  # it counted twice
+        elapsed_hours(["2024-03-01T08:00", "2024-03-01T08-00"])
 
 
 def test_a_doubtful_first_estimate_is_widened_and_said(series, tracked, monkeypatch):

@@ -4,17 +4,20 @@ from pathlib import Path
 import pytest
 
 from eclsim.cases.presets import PRESETS
+from eclsim.outputs.alarms import findings
 from eclsim.outputs.limits import (
     OF_COURSES,
     all_limits,
     broken_limits,
     level,
+    levels,
     limits_of,
     place_levels,
     places_with_limits,
     worst,
 )
 from eclsim.outputs.registry import all_outputs
+from eclsim.patient.anthropometry import SIZE
 from eclsim.simulation.single import simulate
 
 
@@ -107,3 +110,30 @@ def test_the_documented_table_is_the_table():
                 result.add((name, kind, side, float(value.replace("−", "-"))))
     limits = (*all_limits(), *OF_COURSES)
     assert result == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in limits}
+
+
+@pytest.mark.parametrize(
+    ("height", "weight", "delivered", "kinds"),
+    [
+        (195.0, 120.0, 900.0, []), (195.0, 120.0, 620.0, ["warning"]), (195.0, 120.0, 520.0, ["alarm"]),
+        (150.0, 45.0, 450.0, []), (150.0, 45.0, 280.0, ["warning"]), (174.0, 67.0, 450.0, ["warning"]),
+        (178.0, 76.0, 450.0, ["warning"]),
+    ],
+)  # fmt: skip
+def test_oxygen_delivery_is_held_against_the_size_of_the_patient(height, weight, delivered, kinds):
+    """620 mL/min broke no limit at 120 kg: the table is of 1.8 m2 and 67 kg."""
+    size: dict[str, float] = dict(zip(SIZE, (height, weight), strict=True))
+    said = findings({"DO2": delivered}, {}, values=size)
+    assert [finding.kind for finding in said] == kinds
+    assert [levels({"DO2": delivered}, size)["DO2"]] == (kinds or ["ok"])
+    assert [limit.kind for limit in broken_limits({"DO2": delivered}, size)] == kinds
+    for finding in said:
+        assert finding.value == delivered < finding.limit
+
+
+def test_the_source_of_a_limit_names_the_size_that_it_is_of():
+    (said,) = findings({"DO2": 520.0}, {}, values=dict(zip(SIZE, (195.0, 120.0), strict=True)))
+    assert said.sentence == (
+        "oxygen delivery (STPD) 520.0 mL/min is below 540 mL/min: oxygen delivery is critical: raise flow or "
+        "haemoglobin (4.5 mL/min/kg (Ronco et al. 1993), with the 120 kg of this patient)"
+    )

@@ -8,7 +8,7 @@ import pytest
 from eclsim.fluid.law import GIVEN, REMOVED
 from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
 from eclsim.regulation.ursino1998 import URSINO_1998
-from eclsim.validation import boluses, fluid, refill
+from eclsim.validation import boluses, fluid, pericapillary, refill
 from eclsim.validation.cardiopulmonary import joined
 
 
@@ -105,3 +105,28 @@ def test_a_joined_reflex_keeps_its_arterial_answer_and_gets_the_other_one(reflex
     both, unread = joined(reflex), [0.0] * (len(reflex.reads) - 1)
     np.testing.assert_allclose(answer(both, -10.0, 0.0), answer(reflex, -10.0, *unread), rtol=1e-12)
     np.testing.assert_allclose(answer(both, 0.0, -2.0), answer(HELDT_2010, 0.0, -2.0), rtol=0.02)
+
+
+@pytest.mark.slow
+def test_with_a_pericapillary_share_one_wall_suits_dialyses_donors_and_nearly_those_who_stand():
+    rows = {row.name: row for row in pericapillary.pericapillary_check().rows}
+    fits = [row for name, row in rows.items() if "(fit)" in name]
+    assert len(fits) == 2
+    assert all(row.holds for row in fits)
+    assert all(row.source for row in rows.values())
+    held = (
+        "force that drives refill",
+        "400 mL",
+        "500 mL bled and 2 L",
+        "saline, patients",
+        "time constant",
+        "half of it",
+    )
+    for words in held:
+        (row,) = [row for name, row in rows.items() if name.startswith(words)]
+        assert row.holds, row
+    standing = [row for name, row in rows.items() if "standing" in name]
+    assert len(standing) == 4
+    assert all(row.holds or row.explained for row in standing)
+    whole = fluid.dialysed(fluid.PUBLISHED)
+    assert fits[0].got > 2.5 * fluid.fall_of_blood(whole, 1700.0) / fluid.SESSION_H

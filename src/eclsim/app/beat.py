@@ -19,13 +19,12 @@ from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import CAUTION, Finding, gravest_first, impossible
+from eclsim.outputs.alarms import CAUTION, Finding, impossible
 from eclsim.outputs.gas import PlaceGases
-from eclsim.outputs.limits import level, levels, place_levels
+from eclsim.outputs.limits import levels, place_levels
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.patient.anthropometry import delivery_limits
 from eclsim.reporting.saturation import colour_of, letters_on
 from eclsim.reporting.schematic_layout import dead_ends
 
@@ -117,8 +116,7 @@ class Beat:
             for name in finding.concerns
             if finding.kind == "alarm" and not math.isfinite(self.outputs.get(name, 0.0))
         }
-        sized = {f.quantity: f.kind for f in self.findings if f.kind != CAUTION and f.quantity == "DO2"}
-        return levels(self.outputs) | without | sized
+        return levels(self.outputs, self.values) | without
 
     def place_levels(self) -> dict[str, str]:
         """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
@@ -168,7 +166,7 @@ def beat_of(
     means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}
     series = {n: solved.waveform(n) for n in solved.signals}
     waves = _evenly(series, solved.waveforms[0].phases, circuit, values)
-    findings = tuple(gravest_first([*solved.findings(), *of_size(state.case, outputs)]))
+    findings = tuple(solved.findings())
     rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
@@ -183,28 +181,10 @@ def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
     waves = _evenly(series, moment.phases, moment.circuit, moment.values)
     means = {n: float(v) for n, v in zip(moment.signals, moment.means, strict=True) if n[0] in "PQ"}
     gas = GasStatus.STEADY if state.case.gas is not None else None
-    findings = gravest_first([*moment.findings, *of_size(state.case, moment.outputs)])
     return Beat(
-        moment.circuit, moment.values, moment.period, waves, means, moment.outputs, tuple(findings),
+        moment.circuit, moment.values, moment.period, waves, means, moment.outputs, tuple(moment.findings),
         Status.CONVERGED, text("timeline_passing"), gas, passing=True,
     )  # fmt: skip
-
-
-def of_size(case: Case, outputs: Mapping[str, float]) -> list[Finding]:
-    """What oxygen delivery is to this patient, where size makes its limits others than those of the table."""
-    height, weight = case.patient.height_cm, case.patient.weight_kg
-    delivered = outputs.get("DO2", math.nan)
-    if height is None or weight is None or not math.isfinite(delivered):
-        return []
-    low, critical, sentence = delivery_limits(height, weight)
-    if not sentence:
-        return []
-    own = "alarm" if delivered < critical else "warning" if delivered < low else "ok"
-    if own == "ok" or level("DO2", delivered, outputs) in (own, "alarm"):
-        return [Finding(CAUTION, "DO2", delivered, math.nan, sentence, concerns=("DO2",))]
-    said = f"oxygen delivery {delivered:.0f} mL/min is below that of a patient of this size: {sentence}"
-    limit = critical if own == "alarm" else low
-    return [Finding(own, "DO2", delivered, limit, said, concerns=("DO2",))]
 
 
 def _evenly(

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 BEATS = (2, 10, 30)
 """How long a course may be that is followed beat by beat [min]."""
-HOURS = (60, 360, 1440, 4320)
+HOURS = (60, 360, 720, 1440, 4320)
 """How long one of steady beats may be [min]."""
 LENGTHS = (*BEATS, *HOURS)
 MOST_EVENTS = 60

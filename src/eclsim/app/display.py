@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +13,10 @@ from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sample, Sweep, Trace, Views
 from eclsim.devices.registry import device_of, devices, naming_of, parameters
 from eclsim.gas.network import gas_exchanges
-from eclsim.outputs.limits import limits_of
+from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
+from eclsim.patient.anthropometry import SIZE
 from eclsim.reporting.saturation import STOPS, letters_on
 
 if TYPE_CHECKING:
@@ -293,11 +294,11 @@ REFERENCE: dict[str, tuple[float, float, str]] = {
 """Adult range of an output, in its unit, and where it comes from."""
 
 
-def bounds(quantity: str) -> list[dict[str, Any]]:
-    """The limits of an output as plain data, the gravest first."""
+def bounds(quantity: str, values: Mapping[str, float] = NO_VALUES) -> list[dict[str, Any]]:
+    """The limits of an output as plain data, the gravest first; with values those of the patient's size."""
     return [
         {"kind": limit.kind, "side": limit.side, "value": limit.value, "meaning": limit.meaning}
-        for limit in limits_of(quantity)
+        for limit in limits_of(quantity, values=values)
     ]
 
 
@@ -311,8 +312,14 @@ def output_specs() -> dict[str, dict[str, Any]]:
 
 
 def named_specs(case: Case) -> dict[str, dict[str, Any]]:
-    """The same of the outputs of devices that have a name, such as two of a kind."""
-    return {
+    """The same of outputs of devices that have a name, such as two of a kind, and of what goes by size."""
+    height, weight = case.patient.height_cm, case.patient.weight_kg
+    sized: dict[str, dict[str, Any]] = {}
+    if case.gas is not None and height is not None and weight is not None:
+        entry = all_outputs()["DO2"]
+        limits = bounds("DO2", dict(zip(SIZE, (height, weight), strict=True)))
+        sized = {"DO2": _spec(entry, "DO2", entry.long_name) | {"limits": limits}}
+    return sized | {
         instance.output(entry.name): _spec(
             entry, instance.output(entry.name), f"{entry.long_name}, {instance.label}"
         )

@@ -22,7 +22,7 @@ from eclsim.files import finite
 from eclsim.identification.density import SETTLED
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import impossible
+from eclsim.outputs.alarms import impossible, stays_closed
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import steady_beat
@@ -33,12 +33,15 @@ if TYPE_CHECKING:
     from eclsim.circuit import Circuit
 
 SPEEDS = 15
+VALVE = ("aortic_valve_flow", "peak_aortic_valve_flow")
+"""Outputs that tell whether the aortic valve opens: what a ramp of a pump beside the heart is made for."""
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:
     """Outputs over the speeds of the state's pump; None without a rotary pump.
 
-    At a speed whose beat no patient can have, or that has none, there is no number.
+    At a speed whose beat no patient can have, or that has none, there is no number. `closed` are the speeds
+    at which the aortic valve never opens.
     """
     sweep = sweep_of(state.case)
     if sweep is None:
@@ -50,14 +53,18 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     batch = Batch(circuit, members, len(speeds), state.policy)
     shown = [curve.output for _, curve in curves_of(state.case) if curve.output in output_names(circuit)]
     judged, watched = _judging(circuit)
-    names = list(dict.fromkeys([*shown, *judged]))
+    valve = [n for n in VALVE if n in output_names(circuit)]
+    names = list(dict.fromkeys([*shown, *judged, *valve]))
     result = steady_beat(batch, names, waveforms=watched, start=values, resolution=resolution)
     possible = np.array([not impossible(result.findings(k)) for k in range(len(speeds))])
+    flows = zip(*(result.output(n).tolist() for n in valve), strict=True)
+    closed = np.array([stays_closed(*flow) for flow in flows] or [False] * len(speeds))
     return {
         "of": key_of(state), "key": sweep.key, "own": sweep.present, "speeds": speeds.tolist(),
         "outputs": {n: plain_curve(np.where(possible, result.output(n), np.nan)) for n in shown},
         "curves": plain_curves(state.case, shown),
         "lost": speeds[~result.converged].tolist(), "impossible": speeds[~possible].tolist(),
+        "closed": speeds[closed & possible].tolist(),
     }  # fmt: skip
 
 

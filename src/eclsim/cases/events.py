@@ -278,4 +278,5 @@ def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> No
         if bled >= available:
             key, message = f"{event['place']}.give.bleed_ml", "more blood than there is"
             remarks.error(key, message, shown(bled), f"below {available:.0f} mL, what the patient has then")
-        available -= bled
+        else:  # what is refused is not taken: events behind are judged as if it were not there
+            available -= bled

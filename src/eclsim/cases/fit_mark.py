@@ -36,6 +36,11 @@ class FitMark:
     is_changed: bool
 
     @property
+    def is_poor(self) -> bool:
+        """Whether what is computed with it says nothing of this patient."""
+        return self.level == "poor"
+
+    @property
     def sentence(self) -> str:
         """In words."""
         changed = "; the file was changed since it was fitted" if self.is_changed else ""

@@ -155,8 +155,10 @@ def _note_size(case: CaseValues, remarks: Remarks) -> None:
     height, weight = (case.patient.get(name) for name in ("height_cm", "weight_kg"))
     if "gas" not in case.physiology or height is None or weight is None:
         return
-    if sentence := delivery_limits(height, weight)[2]:
-        remarks.note("patient.weight_kg", sentence, shown(weight))
+    if limits := delivery_limits(height, weight):
+        low, critical = limits
+        message = f"oxygen delivery of a patient of this size is low below {low:g} and critical below"
+        remarks.note("patient.weight_kg", f"{message} {critical:g} mL/min", shown(weight))
 
 
 def _check_arterial_pressures(case: CaseValues, remarks: Remarks) -> None:

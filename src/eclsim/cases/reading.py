@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from eclsim.cases.case import Case
@@ -50,6 +50,11 @@ class CaseReading:
     file: str
     fit: FitMark | None = None
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What results of it are to say of the fit that gave its parameters, where that is not good."""
+        return () if self.fit is None or self.fit.level == "good" else (self.fit.sentence,)
+
 
 def read_case(
     path: str | os.PathLike[str], settings: Iterable[str] = (), volume_policy: str | None = None
@@ -77,8 +82,9 @@ def read_case(
     if settings and case.regulation and case.regulation.open_set_points:
         case = case.model_copy(update={"as_written": _as_written(raw)})
     fit = read_mark(text)
-    doubts = [] if fit is None or fit.level == "good" else [Mistake("", fit.sentence, file=file)]
-    return CaseReading(case, (*reading.warnings, *doubts), (*reading.notes, *notes), file, fit)
+    result = CaseReading(case, reading.warnings, (*reading.notes, *notes), file, fit)
+    doubts = (Mistake("", sentence, file=file) for sentence in result.doubts)
+    return replace(result, warnings=(*reading.warnings, *doubts))
 
 
 def _as_written(raw: dict[str, Any]) -> Case | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.fluid import fluid_values, haemoglobin
 from eclsim.devices.registry import nominal_value, parameters
-from eclsim.patient.anthropometry import mean_height_weight, oxygen_consumption, total_blood_volume_ml
+from eclsim.patient.anthropometry import SIZE, mean_height_weight, oxygen_consumption, total_blood_volume_ml
 from eclsim.patient.sites import DRAINED, SAME_IN_REGIONS
 
 if TYPE_CHECKING:
@@ -150,6 +150,8 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     if case.gas is not None:
         values["gas.vo2_ml_min"] = oxygen_consumption(*height_weight(case.patient))
         values |= {f"gas.{name}": number for name, number in case.gas.model_dump(exclude_none=True).items()}
+        if case.patient.height_cm is not None and case.patient.weight_kg is not None:
+            values |= dict(zip(SIZE, (case.patient.height_cm, case.patient.weight_kg), strict=True))
     for instance in case.instances():
         values |= instance.values(haemoglobin(case), case.gas is not None)
         common = {key: value for key, value in case.parameters.items() if instance.parameter(key) in values}

@@ -344,6 +344,10 @@ class Circuit:
 
     def content_names(self) -> tuple[str, ...]:
         """Names of the parameters of rest volumes, mixing and exchanges, which the beat does not ask for."""
+        return self._contents
+
+    @cached_property
+    def _contents(self) -> tuple[str, ...]:
         entries = (*self.compartments, *self.connections, *self.exchanges)
         return tuple(dict.fromkeys(name for entry in entries for name in entry.content_names()))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from eclsim.cli.options import CaseChanges, Distributed, argument, option
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.cases import Case
+    from eclsim.cases import Case, CaseReading
     from eclsim.execution import Distribution
 
 
@@ -94,9 +94,10 @@ def course(options: CourseOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _cases(o: CourseOptions) -> tuple[Sequence[Case], bool]:
-    """The cases, each with its events and its speed, and whether a row of a table is refused."""
+def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
+    """What was read, each case with its events and its speed, and whether a row of a table is refused."""
     from eclsim.cases import CaseError
+    from eclsim.cases.reading import CaseReading
     from eclsim.cases.settings import apply_settings
     from eclsim.identification.cohort import named
 
@@ -110,20 +111,20 @@ def _cases(o: CourseOptions) -> tuple[Sequence[Case], bool]:
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
         except CaseError as error:
             refuse([mistake.at("--set", None) for mistake in error.mistakes])
+        solved = [CaseReading(case, (), (), o.files[0]) for case in cases]
     else:
         files = [str(path) for file in o.files for path in _case_files(file)]
         readings = read_all(files, o.settings, o.volume_policy)
-        solved = readings if o.many else with_speeds(readings, o.volume_policy)
-        cases, refused = [reading.case for reading in solved], False
+        solved, refused = readings if o.many else with_speeds(readings, o.volume_policy), False
     if o.events is None:
-        return cases, refused
-    followed = _with_events(cases, o.events, refuses_rows=bool(tables))
-    return followed, refused or len(followed) < len(cases)
+        return solved, refused
+    followed = _with_events(solved, o.events, refuses_rows=bool(tables))
+    return followed, refused or len(followed) < len(solved)
 
 
-def _with_events(cases: Sequence[Case], file: str, refuses_rows: bool) -> Sequence[Case]:
+def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool) -> Sequence[CaseReading]:
     """The cases with the events of a file, checked for each; those of a table that cannot have them go."""
-    from eclsim.cases import Case, CaseError, read_case
+    from eclsim.cases import CaseError, read_case
     from eclsim.cases.reading import read_mapping
 
     try:
@@ -132,15 +133,17 @@ def _with_events(cases: Sequence[Case], file: str, refuses_rows: bool) -> Sequen
         fail(*error.mistakes)
     if not events:
         fail(f"{file}: holds no [[events]]")
-    plain, followed, wrong = [event.as_object() for event in events], list[Case](), dict[str, list[str]]()
-    for case in cases:
+    plain, wrong = [event.as_object() for event in events], dict[str, list[str]]()
+    followed: list[CaseReading] = []
+    for reading in readings:
+        case = reading.case
         try:
             read_mapping(case.as_mapping() | {"events": plain}, file)
         except CaseError as error:
             for mistake in error.mistakes:
                 wrong.setdefault(str(mistake), []).append(case.patient.id)
         else:
-            followed.append(case.model_copy(update={"events": events}))
+            followed.append(replace(reading, case=case.model_copy(update={"events": events})))
     lines = [f"{message} (for {_named(names)})" for message, names in wrong.items()]
     if lines and not (refuses_rows and followed):
         fail(*lines)
@@ -223,7 +226,8 @@ def _single(o: CourseOptions) -> bool:
     from eclsim.course.engine import CourseOptions as EngineOptions
     from eclsim.inputs.mistakes import CaseError
 
-    (case,), _ = _cases(o)
+    (reading,), _ = _cases(o)
+    case = reading.case
     places, name = _destinations(o), case.patient.id
     folder = places.folder("--out", o.out, files.course_files(name))
     figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
@@ -239,6 +243,7 @@ def _single(o: CourseOptions) -> bool:
                 result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
     except CaseError as error:
         fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
+    result = result.assign_attrs(warnings=[*reading.doubts, *result.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_tables(result, folder)
@@ -246,7 +251,8 @@ def _single(o: CourseOptions) -> bool:
             files.write_figure(result, figures)
         if hand_over(files.course_object(result), target):
             typer.echo(_text(result))
-    warn(f"{o.files[0]}: {sentence}" for sentence in result.attrs["warnings"])
+    said = (sentence for sentence in result.attrs["warnings"] if sentence not in reading.doubts)
+    warn(f"{o.files[0]}: {sentence}" for sentence in said)
     return bool(result.attrs["converged"])
 
 
@@ -261,7 +267,8 @@ def _band(o: CourseOptions) -> bool:
     from eclsim.identification.samples import doubts_of, read_samples
     from eclsim.inputs.mistakes import CaseError
 
-    (case,), _ = _cases(o)
+    (reading,), _ = _cases(o)
+    case = reading.case
     places, samples = _destinations(o), list[Mapping[str, Sequence[float]]]()
     name = case.patient.id
     folder = places.folder("--out", o.out, files.course_files(name))
@@ -278,7 +285,7 @@ def _band(o: CourseOptions) -> bool:
     except CaseError as error:
         fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
     doubts = doubts_of(o.posterior or "", case)
-    band = band.assign_attrs(warnings=[*doubts, *band.attrs["warnings"]])
+    band = band.assign_attrs(warnings=[*reading.doubts, *doubts, *band.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_band_tables(band, folder)
@@ -286,7 +293,8 @@ def _band(o: CourseOptions) -> bool:
             files.write_figure(band, figures)
         if hand_over(band_object(band), target):
             typer.echo(_band_text(band))
-    warn(f"{o.files[0]}: {sentence}" for sentence in band.attrs["warnings"])
+    said = (sentence for sentence in band.attrs["warnings"] if sentence not in reading.doubts)
+    warn(f"{o.files[0]}: {sentence}" for sentence in said)
     return bool(band.attrs["converged"])
 
 
@@ -300,7 +308,8 @@ def _cohort(o: CourseOptions) -> bool:
     from eclsim.course.cohort import PRELOAD, course_cohort
     from eclsim.inputs.mistakes import CaseError
 
-    cases, refused = _cases(o)
+    readings, refused = _cases(o)
+    cases = [reading.case for reading in readings]
     places = _destinations(o)
     folder = places.folder("--out", o.out, [files.SUMMARY])
     stems = files.course_stems([case.patient.id for case in cases])
@@ -310,7 +319,7 @@ def _cohort(o: CourseOptions) -> bool:
     try:
         with resumable(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
             results = course_cohort(
-                cases, minutes=o.minutes, every_min=o.every, volume_policy=o.volume_policy,
+                readings, minutes=o.minutes, every_min=o.every, volume_policy=o.volume_policy,
                 hand_over=not o.steady_only,
                 folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
             )  # fmt: skip

@@ -156,10 +156,11 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     if o.continues or o.dask:
         fail("--resume, --shard, --dask: for a cohort; the study of one case is done in one go")
     readings = read_all([o.file], o.settings, None if o.volume_policy == BOTH else o.volume_policy)
-    case = with_speeds(readings, _first_policy(o))[0].case
-    target, samples = _check_case(o, case)
-    study = _compute(o, case, samples)
+    (reading,) = with_speeds(readings, _first_policy(o))
+    target, samples = _check_case(o, reading.case)
+    study = _compute(o, reading.case, samples)
     warn(f"{o.file}: {sentence}" for sentence in study.warnings)
+    study = replace(study, warnings=(*reading.doubts, *study.warnings))
     from eclsim.crrt_study import files, report
     from eclsim.crrt_study.beats import not_known
 
@@ -264,7 +265,7 @@ def _from_folder(o: CrrtStudyOptions) -> FittedCases:
     if not files:
         fail(f"{o.file}: holds no case file (*.toml)")
     readings = with_speeds(read_all(files, []), _first_policy(o))
-    return as_they_are([reading.case for reading in readings], "case files")
+    return as_they_are(readings, "case files")
 
 
 def _fitted(

@@ -147,6 +147,8 @@ def _each(
         for case, result in zip(cases, results, strict=True)
         if o.transient
     ]
+    for reading, result in zip(readings, results, strict=True):
+        result.attrs["warnings"] = [*reading.doubts, *result.attrs.get("warnings", ())]
     _write(places, cases, results, courses, names, labels)
     _say_doubts(readings, results)
     return results
@@ -209,7 +211,7 @@ def _say_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) 
     for reading, result in zip(readings, results, strict=True):
         if solved := speed_found(result):
             note([f"{reading.file}: {solved}"])
-        lines = [*result.attrs.get("warnings", ())]
+        lines = [line for line in result.attrs.get("warnings", ()) if line not in reading.doubts]
         if not result.attrs["converged"]:
             kind = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
             lines.insert(0, f"{kind}{result.attrs.get('message', '')}")

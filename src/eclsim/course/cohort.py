@@ -7,11 +7,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from eclsim.cases.case import Case
+from eclsim.cases.reading import CaseReading, read_case
 from eclsim.cases.writing import case_text
 from eclsim.course.course import course_many, usual_every
 from eclsim.course.engine import CourseOptions
@@ -22,9 +24,6 @@ from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, 
 from eclsim.execution.tasks import in_process
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
 
 GROUP = 32
 """Members that march side by side; what an interruption costs at most."""
@@ -40,10 +39,16 @@ class Members:
     Args:
         cases: several, or one of which `changes` makes variants.
         changes: values of each parameter that varies, by key.
+        refused: why each case is not followed, or empty; left out, all are.
     """
 
     cases: tuple[Case, ...]
     changes: Mapping[str, tuple[float, ...]]
+    refused: tuple[str, ...] = ()
+
+    def reason(self, number: int) -> str:
+        """Why a case is not followed; empty where it is."""
+        return self.refused[number] if self.refused else ""
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,7 @@ class CourseGroup:
     def __call__(self, members: Members) -> list[dict[str, Any]]:
         """The course of each as plain data; of a case whose flow no speed gives, the reason."""
         announce(f"{len(members.cases)} patients" if not members.changes else "draws of a patient")
-        reasons = [self._unreachable(case) for case in members.cases]
+        reasons = [members.reason(k) or self._unreachable(case) for k, case in enumerate(members.cases)]
         begun = [case for case, reason in zip(members.cases, reasons, strict=True) if not reason]
         courses = iter(self._followed(begun, members.changes) if begun else ())
         if not any(reasons):
@@ -116,21 +121,35 @@ def course_cohort(
         progress: called as groups are done.
 
     Returns:
-        One Dataset for each case, as `eclsim.course` gives it. One that could not begin has no moments and
-        says why; `seconds` is that of its group.
+        One Dataset for each case, as `eclsim.course` gives it. One that could not begin, or whose file says
+        that it is a poor fit, has no moments and says why; `seconds` is that of its group.
 
     Raises:
         CaseError: a file is no case, or an event lies after the end.
         ExecutionError: the folder holds other courses, or workers cannot be reached.
         ShardDone: this was a shard.
     """
+    cases = [source if isinstance(source, (Case, CaseReading)) else read_case(source) for source in cases]
     patients = tuple(as_case(source) for source in cases)
     for case in patients:
         Timeline(case, minutes * MINUTE)
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over)
-    groups = [Members(patients[k : k + GROUP], {}) for k in range(0, len(patients), GROUP)]
-    inputs = {"cases": {f"{n} {case.patient.id}": _digests(case) for n, case in enumerate(patients, start=1)}}
+    poor = tuple(map(_poor, cases))
+    groups = [
+        Members(patients[k : k + GROUP], {}, poor[k : k + GROUP] if any(poor[k : k + GROUP]) else ())
+        for k in range(0, len(patients), GROUP)
+    ]
+    inputs: dict[str, object] = {
+        "cases": {f"{n} {case.patient.id}": _digests(case) for n, case in enumerate(patients, start=1)}
+    }
+    inputs |= {"poor fits": list(poor)} if any(poor) else {}
     return _complete(compute, groups, inputs, "groups of patients", folder, executor, progress)
+
+
+def _poor(source: Case | CaseReading) -> str:
+    """Why a patient is not followed whose parameters are no model of them; empty else."""
+    mark = source.fit if isinstance(source, CaseReading) else None
+    return f"{mark.sentence}; nothing is followed of such a fit" if mark and mark.is_poor else ""
 
 
 def courses_of_draws(

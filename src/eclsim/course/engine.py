@@ -201,7 +201,7 @@ class Engine:
         self.time[advanced], self.states[:, advanced] = time[accepted], result.states[:, accepted]
         self.slopes[:, advanced] = slopes[:, accepted]
         self._note(advanced)
-        lost = who[~fine & (length <= SHORTEST_S)]
+        lost = who[~fine & ~(length > SHORTEST_S)]
         carried = self._carried_over(lost, hurried)
         lost = np.union1d(lost, list(hurried)).astype(int)
         self._stop(np.setdiff1d(lost, carried))
@@ -424,6 +424,10 @@ class Engine:
             first = self.laws.states[int(np.argmax(missing[:, k]))]
             rates[:, k], solved[k] = np.nan, False
             self.messages[who[k]] = f"{first.name} is used up: more is taken or needed than there is"
+        for k in np.flatnonzero(solved & ~np.isfinite(rates).all(axis=0)):
+            solved[k] = False
+            lacking = [name for name in self.laws.reads if not np.isfinite(beat[name][k])]
+            self.messages[who[k]] = _without_rates(lacking)
         return rates, solved
 
     def _differentiate(self, who: np.ndarray) -> None:
@@ -539,6 +543,13 @@ class Engine:
         last_try = start is None or (self.length[members] <= SHORTEST_S).any()
         options = self.options.orbits if last_try else replace(self.options.orbits, newton_iterations=0)
         return steady_beat(batch, reads, options=options, start=start, execution=self.execution)
+
+
+def _without_rates(lacking: Sequence[str]) -> str:
+    """Why slow states have no rates although a steady beat was found."""
+    if not lacking:
+        return "what changes slowly has no finite rate"
+    return f"the steady beat has no value of {', '.join(lacking)}, by which the course goes on"
 
 
 def _gases_read(circuits: Sequence[Sequence[Circuit]]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.timeline import Timeline
+from eclsim.parameters.fluid import PERICAPILLARY
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
 _CRYSTALLOID = (
@@ -43,12 +44,13 @@ _UNANSWERED = (
     '"heldt2010" is nearest to them'
 )
 
-TIGHT_ML_MIN_MMHG = 3.0
-"""Filtration coefficient up to which a dialysis is about as measured."""
+TIGHT_ML_MIN_MMHG, NEAR_SHARE = 3.0, 0.2
+"""Filtration coefficient, and pericapillary share, up to which a dialysis is about as measured."""
 _FILTERED = (
     "net ultrafiltration with the default wall, fluid.filtration_ml_min_mmHg = 10: refill is too quick, "
     "blood volume falls by 0.7 % in an hour where dialysis patients lost 3.2 % (1.7 L, Keane 2018), so that "
-    "pressures fall too little and rates look tolerated that may not be; with 1.6 it falls as measured"
+    "pressures fall too little and rates look tolerated that may not be; with "
+    "fluid.pericapillary_share = 0.12, or with the wall at 1.6, it falls as measured"
 )
 _OWN_BLOOD = (
     "blood_ml is blood of the patient's own composition at that moment, so that it never raises the "
@@ -106,4 +108,4 @@ def _filters(timeline: Timeline) -> bool:
     values = dict(timeline.start[1])
     rates = [values, *(change.after for change in timeline.changes)]
     removed = any(rate > 0.0 for one in rates for key, rate in one.items() if key.endswith(FILTRATION))
-    return removed and values[_WALL] > TIGHT_ML_MIN_MMHG
+    return removed and values[_WALL] > TIGHT_ML_MIN_MMHG and values[PERICAPILLARY] > NEAR_SHARE

@@ -18,7 +18,7 @@ from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
 from eclsim.goals.goal import Goal, GoalError, possible, read_goals
-from eclsim.goals.search import reach
+from eclsim.goals.search import ALARMING, beyond_alarms, reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError
@@ -144,13 +144,12 @@ def plan_removal(
         ):
             broken[rate] = _breaks(goals, result)
             tried[rate] = not broken[rate]
-        below = _fastest_tolerated(tried)
-        above = min((rate for rate, kept in tried.items() if not kept), default=None)
+        below, above = _around(tried)
         if below is None or above is None:
             break
         rates = np.linspace(below, above, TRIED + 2)[1:-1]
     found = _removal(solved.patient.id, remove_ml, goals, tried, broken)
-    return replace(found, warnings=_warnings(solved, key, found, volume_policy)) if found.possible else found
+    return _with_warnings(solved, key, found, volume_policy) if found.possible else found
 
 
 def _unasked(
@@ -171,25 +170,33 @@ def _unasked(
     return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
 
 
-def _warnings(case: Case, key: str, found: Removal, policy: str | None) -> tuple[str, ...]:
-    """What there is to say of the course at the rate found."""
+def _with_warnings(case: Case, key: str, found: Removal, policy: str | None) -> Removal:
+    """With what there is to say of the course at the rate found."""
     minutes = 60.0 * found.hours
     timeline = Timeline(changed(case, {key: found.rate_ml_h}, case), minutes * MINUTE)
     (result,) = follow([timeline], [minutes / MOMENTS], None, policy, with_alarms=True)
-    said = [one["sentence"] for one in json.loads(result.attrs["alarms"])]
+    broken = json.loads(result.attrs["alarms"])
+    said, first = [one["sentence"] for one in broken], found.message
+    first += beyond_alarms((one["quantity"] for one in broken if one["kind"] in ALARMING), "on the way")
     per_kg = found.rate_ml_h / height_weight(case.patient)[1]
     if per_kg > HARMFUL_ML_KG_H:
         said.insert(
             0,
             f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED}",
         )
-    return (*said, *result.attrs["cautions"])
+    return replace(found, message=first, warnings=(*said, *result.attrs["cautions"]))
 
 
-def _fastest_tolerated(tried: dict[float, bool]) -> float | None:
-    """The fastest rate that keeps all goals below the first that does not."""
-    first = min((rate for rate, kept in tried.items() if not kept), default=math.inf)
-    return max((rate for rate in tried if rate < first), default=None)
+def _around(tried: dict[float, bool]) -> tuple[float | None, float | None]:
+    """The last of the slowest rates in a row that keep all goals, and the next faster that does not.
+
+    Where none keeps them the slowest rate is the second.
+    """
+    slowest = min((rate for rate, kept in tried.items() if kept), default=None)
+    from_there = 0.0 if slowest is None else slowest
+    above = min((rate for rate, kept in tried.items() if not kept and rate > from_there), default=None)
+    kept_below = (rate for rate, kept in tried.items() if kept and rate < (above or math.inf))
+    return max(kept_below, default=None), above
 
 
 def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
@@ -268,18 +275,21 @@ def _removal(
     tried: dict[float, bool],
     broken: dict[float, list[Break]],
 ) -> Removal:
-    best = _fastest_tolerated(tried)
-    above = min((rate for rate, kept in tried.items() if not kept), default=None)
+    best, above = _around(tried)
     limits = tuple(broken[above]) if above is not None else ()
     sentence = " and ".join(_break_sentence(limit) for limit in limits)
     if best is None:
         assert above is not None
         until = above * min(limit.at_min for limit in limits) / 60.0
         text = f"{remove_ml:g} mL cannot be removed: at {above:.0f} mL/h, the slowest, {sentence}"
-        text += f"; by then {until:.0f} mL are out"
+        text += f"; by then {until:.0f} mL are out" if until else ""
     else:
         text = f"{remove_ml:g} mL can be removed at {best:.0f} mL/h, in {remove_ml / best:.1f} h"
         text += f"; at {above:.0f} mL/h {sentence}" if above is not None else ", the fastest of the device"
+        slower = [rate for rate, kept in tried.items() if not kept and rate < best]
+        if slower:
+            reason = " and ".join(map(_break_sentence, broken[max(slower)]))
+            text += f"; not slower: at {max(slower):.0f} mL/h {reason}"
     rate = math.nan if best is None else best
     keep = tuple(str(goal) for goal in goals)
     return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)
@@ -290,7 +300,8 @@ def _break_sentence(limit: Break) -> str:
     if math.isnan(limit.value):
         return f"{limit.goal} after {hours}"
     unit = f" {limit.unit}" * (limit.unit != "1")
-    return f"{limit.goal} breaks after {hours} ({limit.value:.4g}{unit} at worst)"
+    breaks = f"breaks after {hours}" if limit.at_min else "is broken from the start"
+    return f"{limit.goal} {breaks} ({limit.value:.4g}{unit} at worst)"
 
 
 # --- weaning --------------------------------------------------------------------------------------
@@ -347,14 +358,28 @@ def plan_weaning(
     start = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
     if start.ecmo is None:
         raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
+    numbers = _speeds(speeds)
     if (keep is None) != (vary is None):
         raise GoalError(["goals to keep and what is varied for them go together"])
+    if vary is not None and "," in vary:
+        raise GoalError([f"vary '{vary}': one setting is sought at each speed; allowed: NAME=LOW..HIGH"])
     if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:
         start = changed(start, {vary.partition("=")[0].strip(): 0.0}, start)
     key = f"{ECMO.key}.speed_rpm"
     return [
-        _weaned(changed(start, {key: float(s)}, start), float(s), keep, vary, volume_policy) for s in speeds
+        _weaned(changed(start, {key: speed}, start), speed, keep, vary, volume_policy) for speed in numbers
     ]
+
+
+def _speeds(given: Sequence[float]) -> list[float]:
+    """Speeds [rpm] as numbers."""
+    try:
+        speeds = [] if isinstance(given, str) else [float(speed) for speed in given]
+    except (TypeError, ValueError):
+        speeds = []
+    if not speeds:
+        raise GoalError([f"speeds {given!r}: allowed: numbers [rpm] in order, such as [3000, 2000, 1000]"])
+    return speeds
 
 
 def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None) -> WeaningStep:

@@ -215,7 +215,7 @@ def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
     """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
     rows = []
     for name, values in beside_schemes(study, policy).items():
-        no_lines = name == "RenOx"
+        no_lines = name == "RenOx" and values["alarms_kept"] is not None  # else its beat was not found
         alarms = "no lines" if no_lines else KEPT_LABELS[values["alarms_kept"]]
         rows.append(([name, alarms], values, "none" if no_lines else number(None)))
     return _tables(["", "Alarms of the lines"], RENOX_COLUMNS, rows)

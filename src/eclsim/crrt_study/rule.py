@@ -65,6 +65,10 @@ class Criterion:
         """One of bound and direction."""
         if (self.prefer is None) == (self.at_least is None and self.at_most is None):
             raise ValueError('allowed: at_least or at_most, or prefer = "larger" or "smaller"')
+        for name in ("at_least", "at_most", "step"):
+            number = getattr(self, name)
+            if number is not None and not math.isfinite(number):
+                raise ValueError(f"{name} = {number:g}: allowed: finite numbers; leave it out for none")
         if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
             raise ValueError(
                 f"at_least = {self.at_least:g}, at_most = {self.at_most:g}: nothing is both; allowed: "
@@ -243,6 +247,8 @@ def _mistake(error: Mapping[str, object]) -> str:
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         known = [f.name for f in fields(Criterion)] if "criteria" in path else list(_File.model_fields)
         text = f"unknown key; allowed: {', '.join(known)}{spelling_hint(path[-1], known)}"
+    if error["type"] == "dataclass_type":
+        text = "allowed: a table, [[criteria]] with quantity and a bound or prefer"
     return f"{'.'.join(path)} = {error['input']}: {text}" if path else text
 
 

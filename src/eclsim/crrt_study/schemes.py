@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.device import device_key
-from eclsim.devices.ecmo import POSITION_WORDS, PUMPS
+from eclsim.devices.ecmo import ECMO, POSITION_WORDS, PUMPS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
-from eclsim.devices.plausibility import SPEED_LIMIT
+from eclsim.devices.plausibility import check_speed
+from eclsim.inputs.mistakes import Remarks
 from eclsim.patient.sites import PATIENT_SITES, RIGHT_HEART, VENOUS_SITES
 from eclsim.spelling import spelling_hint
 
@@ -251,14 +252,12 @@ def check_speeds(case: Case, speeds: Sequence[float]) -> None:
     Raises:
         StudyError: Where one is far above what the case's pump runs at.
     """
-    if case.ecmo is None or not isinstance(case.ecmo.pump, str):
+    if case.ecmo is None:
         return
-    low, high = PUMPS[case.ecmo.pump].speed_range_rpm
-    if max(speeds) > high * SPEED_LIMIT:
-        raise StudyError(
-            f"{max(speeds):g} rpm: far above what a {case.ecmo.pump} runs at; "
-            f"allowed: {low:g} to {high:g} rpm"
-        )
+    remarks = Remarks()
+    check_speed(ECMO.key, {"pump": case.ecmo.pump, "speed_rpm": max(speeds)}, PUMPS, remarks)
+    if remarks.mistakes:
+        raise StudyError("; ".join(map(str, remarks.mistakes)))
 
 
 def check_flow(flow: float) -> None:

@@ -19,6 +19,7 @@ from eclsim.crrt_study.schemes import (
     NINE,
     PUBLISHED,
     Scheme,
+    SpeedError,
     case_speed,
     check_speeds,
     crrt_flow,
@@ -31,6 +32,7 @@ from eclsim.orbit.model import CaseSource, as_case
 
 if TYPE_CHECKING:
     import xarray as xr
+    from numpy.typing import ArrayLike
 
     from eclsim.cases.case import Case
     from eclsim.crrt_study.beats import Unsettled
@@ -171,9 +173,8 @@ def crrt_study(
     case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
     own_speed = case_speed(case)
-    asked = usual_speeds(case) if speeds is None else speeds
-    text = asked if isinstance(asked, str) else ",".join(map(str, np.ravel(asked).tolist()))
-    rpm = np.unique([*parse_speeds(text), own_speed]).astype(float)
+    asked = usual_speeds(case) if speeds is None else _speeds(speeds)
+    rpm = np.unique([*asked, own_speed]).astype(float)
     check_speeds(case, rpm.tolist())
     flow = crrt_flow(case, crrt_flow_ml_min)
     circuits = study_circuits(without_renox(case), chosen, flow)
@@ -215,3 +216,17 @@ def crrt_study(
         judged_by, renox, tuple(sentences),
         beat_warnings(circuits, runs[0], at.tolist(), without_crrt[0], sentences),
     )  # fmt: skip
+
+
+def _speeds(given: str | ArrayLike) -> tuple[float, ...]:
+    """Speeds [rpm] in ascending order, each once: of a text as in `parse_speeds`, or of a list.
+
+    Raises:
+        SpeedError: If any of it is no speed, or a table in place of a list.
+    """
+    if isinstance(given, str):
+        return parse_speeds(given)
+    if np.ndim(given) > 1:
+        shape = " x ".join(map(str, np.shape(given)))
+        raise SpeedError(f"speeds: an array of {shape}; allowed: a list of speeds [rpm]")
+    return parse_speeds(",".join(map(str, np.ravel(given).tolist())))

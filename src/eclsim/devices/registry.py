@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import re
 import sys
@@ -190,6 +191,7 @@ def _check(device: AnyDevice) -> None:
         message = "the name of a parameter of the patient or of another device; give it one of its own"
         raise DeviceError(f"device {key}, parameter {taken[0]!r}: {message}")
     _check_outputs(device, others)
+    _check_waveforms(device, others)
 
 
 def _check_outputs(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
@@ -211,6 +213,48 @@ def _check_outputs(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
     if device.assist_flow and device.assist_flow not in own:
         hint = spelling_hint(device.assist_flow, own)
         raise DeviceError(f"device {device.key}, assist_flow {device.assist_flow!r}: no output of it{hint}")
+
+
+def _check_waveforms(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
+    """Refuse waveforms that no circuit has: what is read from them would never be there."""
+    read = {f"output {e.name!r}": (*e.needs, *e.extremes) for e in device.outputs}
+    read |= {f"trace {trace.label!r}": (trace.signal,) for trace in device.views.traces}
+    read |= {f"panel {panel.title!r}": panel.names for panel in device.panels or ()}
+    own = set(_signals(device.compartments, device.connections))
+    if all(own.issuperset(names) for names in read.values()):
+        return
+    known = own | _patient_signals()
+    known |= {s for other in others for s in _signals(other.compartments, other.connections)}
+    for reader, names in read.items():
+        for name in names:
+            if name not in known:
+                hint = spelling_hint(name, sorted(own)) or spelling_hint(name, sorted(known))
+                allowed = f"P, V or Q before a place, such as {', '.join(sorted(own)[:6])}"
+                raise DeviceError(
+                    f"device {device.key}, {reader}: {name!r} is no waveform; allowed: {allowed}{hint}"
+                )
+
+
+def _signals(compartments: Iterable[str], connections: Iterable[str]) -> list[str]:
+    """Waveforms of compartments and connections; the pressure of a connection is the head of a pump."""
+    of_compartments = [kind + place for place in compartments for kind in "PV"]
+    return of_compartments + [kind + place for place in connections for kind in "QP"]
+
+
+def _patient_signals() -> set[str]:
+    """Waveforms of the patient, whatever a case says that they have."""
+    from eclsim.patient.circulation import Anatomy, circulation
+
+    kinds = itertools.product((False, True), repeat=2)
+    circuits = [
+        circulation(Anatomy(regional=regional, bronchial=True, collapsible_veins=soft))
+        for regional, soft in kinds
+    ]
+    return {
+        signal
+        for circuit in circuits
+        for signal in _signals((c.name for c in circuit.compartments), (c.name for c in circuit.connections))
+    }
 
 
 def device_of(key: str) -> AnyDevice | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,13 @@ from eclsim.fluid.starling import (
     forces,
     oncotic_pressure,
 )
-from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, SECTION
+from eclsim.parameters.fluid import (
+    FCELLS,
+    HAEMATOCRIT,
+    INTERSTITIUM_TO_BLOOD,
+    PERICAPILLARY,
+    SECTION,
+)
 from eclsim.parameters.physiology import UPPER_SHARE
 from eclsim.parameters.regulation import BEDS, EXTRA_VOLUME, local_factor, local_resistance
 from eclsim.slow import Named, Shown, SlowLaw, SlowState
@@ -43,6 +49,8 @@ PROTEIN, OUTSIDE_PROTEIN = _of("plasma_protein_g"), _of("interstitial_protein_g"
 GIVEN, REMOVED, REFILLED = _of("given_ml"), _of("removed_ml"), _of("refilled_ml")
 CELLS_MOVED, PROTEIN_MOVED = _of("red_cells_given_ml"), _of("protein_given_g")
 CAPILLARY, ARTERIOLES = _of("capillary_pressure_at_start_mmHg"), _of("resistance_at_start")
+NEAR_PROTEIN = SlowState(_of("pericapillary_protein_g"), "g", 1.0, True)
+"""Of the interstitium's protein, what is next to capillaries; a state where they are told apart."""
 STATES = (
     SlowState(PLASMA, "mL", 10.0, True), SlowState(RED_CELLS, "mL", 10.0, True),
     SlowState(INTERSTITIUM, "mL", 50.0, True),
@@ -76,6 +84,7 @@ class FluidLaw(SlowLaw):
         local: outputs, what organs' gases do to their resistance (upper, then lower where there are two).
         haematocrits: parameters beside `fluid.haematocrit` that follow it.
         gas: whether haemoglobin does, too.
+        layered: whether what is next to capillaries is told from the rest of the interstitium.
     """
 
     arterial: str = "MAP"
@@ -84,10 +93,11 @@ class FluidLaw(SlowLaw):
     ultrafiltration: tuple[str, ...] = ()
     haematocrits: tuple[str, ...] = ()
     gas: bool = False
+    layered: bool = False
 
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
-        return STATES
+        return (*STATES, NEAR_PROTEIN) if self.layered else STATES
 
     @property
     def reads(self) -> tuple[str, ...]:  # noqa: D102
@@ -106,6 +116,7 @@ class FluidLaw(SlowLaw):
             PROTEIN: rest.plasma_protein, OUTSIDE_PROTEIN: rest.interstitial_protein,
             **dict.fromkeys((GIVEN, REMOVED, REFILLED, CELLS_MOVED, PROTEIN_MOVED), zero),
             CAPILLARY: self._capillary(settings, beat, np.ones_like(zero)), ARTERIOLES: tone,
+            **self._near(settings[PERICAPILLARY] * rest.interstitial_protein),
         }  # fmt: skip
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
@@ -136,6 +147,7 @@ class FluidLaw(SlowLaw):
             OUTSIDE_PROTEIN: protein_out, GIVEN: packed + clear + inflows["blood_ml"],
             REMOVED: inflows["bleed_ml"] + filtered, REFILLED: -out, CELLS_MOVED: cells,
             PROTEIN_MOVED: protein, CAPILLARY: zero, ARTERIOLES: zero,
+            **self._near(open_wall * crossed.near_protein),
         }  # fmt: skip
 
     def forces(self, states: Named, settings: Named, beat: Named) -> Forces:
@@ -150,12 +162,17 @@ class FluidLaw(SlowLaw):
             Shown("oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)),
         )
 
+    def _near(self, protein: np.ndarray) -> Named:
+        """Protein next to capillaries, or its change, where it is a state."""
+        return {NEAR_PROTEIN.name: protein} if self.layered else {}
+
     def _since_start(self, states: Named, settings: Named, beat: Named) -> tuple[Spaces, Spaces, np.ndarray]:
         """Spaces now and at the start, and by how much the pressure of the capillaries rose since [mmHg]."""
         rest = _rest(settings)
         now = Spaces(
-            states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[OUTSIDE_PROTEIN], rest.normal
-        )
+            states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[OUTSIDE_PROTEIN], rest.normal,
+            *((states[NEAR_PROTEIN.name], settings[PERICAPILLARY]) if self.layered else ()),
+        )  # fmt: skip
         tone = self._resistance(settings, beat) / states[ARTERIOLES]
         return now, rest, self._capillary(settings, beat, tone) - states[CAPILLARY]
 
@@ -175,8 +192,13 @@ class FluidLaw(SlowLaw):
         return capillary_pressure(beat[self.arterial], venous, tone)
 
 
-def fluid_law(circuit: Circuit) -> FluidLaw:
-    """The law of fluid of a circuit with a volume offset."""
+def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> FluidLaw:
+    """The law of fluid of a circuit with a volume offset.
+
+    Args:
+        circuit: patient and devices.
+        settings: the case's parameters.
+    """
     names = (*circuit.parameter_names(), *circuit.content_names())
     regional = any(c.name == "svc" for c in circuit.compartments)
     return FluidLaw(
@@ -185,6 +207,7 @@ def fluid_law(circuit: Circuit) -> FluidLaw:
         ultrafiltration=tuple(n for n in names if n.endswith(".net_ultrafiltration_ml_h")),
         haematocrits=tuple(n for n in names if n.endswith(".haematocrit_in")),
         gas=HAEMOGLOBIN in names,
+        layered=bool(np.any(np.asarray(settings[PERICAPILLARY]) < 1.0)),
     )
 
 

@@ -22,7 +22,7 @@ def slow_laws(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> t
         settings: the case's parameters.
     """
     fluid = HAEMATOCRIT in circuit.parameter_names()
-    laws: tuple[SlowLaw, ...] = (fluid_law(circuit),) if fluid else ()
+    laws: tuple[SlowLaw, ...] = (fluid_law(circuit, settings),) if fluid else ()
     followed, gas = np.any(settings.get(FOLLOWED, 0.0)), HAEMOGLOBIN in circuit.content_names()
     solutes = solutes_law(circuit, fluid, gas) if followed else None
     dissolved = () if solutes is None else (solutes,)

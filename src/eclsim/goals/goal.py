@@ -8,12 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from eclsim.cases.sections import Measurements, section_of
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
 from eclsim.devices.ecmo import is_clamped
 from eclsim.devices.products import LABEL_FLOWS
 from eclsim.devices.registry import named_output
 from eclsim.inputs.mistakes import CaseError
+from eclsim.inputs.numbers import suspected_unit
 from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
 from eclsim.outputs.registry import output, unavailable
 from eclsim.spelling import spelling_hint
@@ -24,7 +26,9 @@ if TYPE_CHECKING:
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
 _TWO_SIDES = re.compile(rf"(\S+?)\s*(?:=|:|in|\s)\s*({_NUMBER})\s*(?:\.\.|to)\s*({_NUMBER})")
-ALLOWED = "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, with commas between"
+ALLOWED = "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, in the outputs' units, with commas between"
+LARGEST_FLOW_L_MIN = 30.0
+LITTLE_OXYGEN_ML_MIN = 10.0
 
 
 class GoalError(ValueError):
@@ -116,6 +120,8 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
             wrong.append(f"{goal.output}: this case has no such output{unavailable(goal.output, outputs)}")
         elif not goal.low <= goal.high:
             wrong.append(f"{goal.output}: from {goal.low:g} to {goal.high:g}; the first must not be larger")
+        else:
+            wrong += _in_other_units(goal)
         goals.append(goal)
     names = [goal.output for goal in goals]
     wrong += [f"{name}: two goals; write both bounds as {name} LOW..HIGH" for name in _repeated(names)]
@@ -145,7 +151,7 @@ def possible(
     goals: dict[tuple[str, str], Goal] = {}  # by output and meaning: two sides may say different things
     backward = [_least_flow(limit, values) for limit in backward_flow_bounds(outputs)]
     gases = [
-        limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs)
+        limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs, values)
         if limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan))
     ]  # fmt: skip
     for limit in (*impossible_bounds(outputs), *backward, *gases):
@@ -184,6 +190,41 @@ def _read(text: str) -> Goal:
     raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED}"])
 
 
+def _in_other_units(goal: Goal) -> list[str]:
+    """What is wrong with bounds that no patient could have, such as 0.9 for a saturation in percent."""
+    unit = output(goal.output).unit
+    field = Measurements.fields().get(goal.output.removesuffix("_lower"))
+    wrong = []
+    for bound in (goal.low, goal.high):
+        if not math.isfinite(bound):
+            continue
+        if field is not None and not field.minimum <= bound <= field.maximum:
+            meant = suspected_unit(bound, unit, field.typical, (field.minimum, field.maximum))
+            wrong.append(f"{goal}: {field.minimum:g} to {field.maximum:g} {unit} is what can be measured")
+        else:
+            meant = _meant(goal.output, unit, bound)
+            wrong += [f"{goal}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"] * bool(
+                meant
+            )
+        if meant:
+            wrong[-1] += f"; did you mean {meant}?"
+    return wrong
+
+
+def _meant(name: str, unit: str, bound: float) -> str:
+    """The bound in the output's unit, where it is likely in another one; else empty."""
+    size = abs(bound)
+    if unit == "%" and 0.0 < size <= 1.0:
+        return f"{100.0 * bound:g} %"
+    if unit == "1" and (name.endswith("fraction") or name == "O2ER") and size > 1.0:
+        return f"{0.01 * bound:g}"
+    if unit == "L/min" and size > LARGEST_FLOW_L_MIN:
+        return f"{0.001 * bound:g} L/min"
+    if name.startswith(("DO2", "VO2")) and 0.0 < size < LITTLE_OXYGEN_ML_MIN:
+        return f"{1000.0 * bound:g} {unit}"
+    return ""
+
+
 def _repeated(names: Sequence[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if names.count(name) > 1]
 
@@ -195,6 +236,15 @@ def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
         names = (f"{instance.key}.{key}" for key in instance.device.adjusted)
         settings += [_bounded(case, name) for name in names if name in known]
     return tuple(setting for setting in settings if setting is not None)
+
+
+def _way_to_have(case: Case, name: str, known: Sequence[str]) -> str:
+    """What makes a setting one of the case where its section is not there, else the nearest spelling."""
+    section, _, key = name.rpartition(".")
+    kind = section_of(section)
+    if kind is None or key not in kind.fields() or section in case.as_mapping():
+        return spelling_hint(name, known)
+    return f", as it has no section [{section}]: write it with a value to start from, or --set {name}=VALUE"
 
 
 def read_settings(
@@ -221,7 +271,7 @@ def read_settings(
     for part in text.split(","):
         name, _, bounds = (piece.strip() for piece in part.partition("="))
         if name not in known:
-            wrong.append(f"{name}: this case has no such parameter{spelling_hint(name, known)}")
+            wrong.append(f"{name}: this case has no such parameter{_way_to_have(case, name, known)}")
             continue
         setting = _bounded(case, name)
         if bounds:

@@ -18,7 +18,7 @@ no alarm of gases is raised that the case does not raise itself.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
@@ -357,7 +357,8 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
         tuple(numbers.values()),
         tuple(result for result in results if not result.goal.because),
         status,
-        _message(bedside.settings, numbers, results, without, unfinished) + _alarmed(found),
+        _message(bedside.settings, numbers, results, without, unfinished)
+        + beyond_alarms(one.quantity for one in found if one.kind in ALARMING),
         tuple(result for result in results if result.goal.because and result.binding),
         without,
         beat.outputs(),
@@ -397,6 +398,9 @@ def _best_starts(bedside: _Bedside, goals: Sequence[Goal]) -> list[np.ndarray] |
             reason = GasStatus(int(beat.gas_status[steady[0]])).message
             return _Nowhere(ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}")
         reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
+        if beat.converged.any():
+            one = int(np.flatnonzero(beat.converged)[0])
+            reason = f"nowhere in the ranges is the steady beat determined: {beat.message(one)}"
         return _Nowhere(ReachStatus.NO_STEADY_BEAT, reason)
     order = [k for k in np.argsort(merits, kind="stable").tolist() if known[k]]
     if len(bedside.settings) == 1:
@@ -514,13 +518,18 @@ def _message(
     return text
 
 
-def _alarmed(findings: Sequence[Finding]) -> str:
-    """That the beat there breaks alarm limits, with their outputs; empty where it breaks none."""
-    alarming = dict.fromkeys(one.quantity for one in findings if one.kind in ALARMING)
+def beyond_alarms(quantities: Iterable[str], where: str = "there") -> str:
+    """That outputs are beyond alarm limits at what was found; empty where none is.
+
+    Args:
+        quantities: outputs or waveforms whose alarm limits are broken.
+        where: the word for it.
+    """
+    alarming = dict.fromkeys(quantities)
     if not alarming:
         return ""
     are = "are" if len(alarming) > 1 else "is"
-    return f"; there {', '.join(alarming)} {are} beyond alarm limits: with a goal for them they are kept"
+    return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: with a goal for them they are kept"
 
 
 def _named(goal: Goal) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fit_mark import with_mark
+from eclsim.cases.reading import CaseReading
 from eclsim.cases.writing import case_text
 from eclsim.devices.registry import own_files
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
@@ -20,6 +21,7 @@ from eclsim.identification.quantities import FLOWS, PRESSURES, measured_and_simu
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Level, headline
 from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.model import as_case
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -224,11 +226,20 @@ def with_fitted(case: Case, result: Mapping[str, Any]) -> Case:
     return case.model_copy(update={"parameters": {**case.parameters, **fitted}})
 
 
-def as_they_are(cases: Sequence[Case], where: str) -> FittedCases:
-    """Cases that have their parameters already."""
-    by_name = {case.patient.id: case for case in cases}
-    inputs = {"cases": {name: case_text(case) for name, case in by_name.items()}, **own_files()}
-    return FittedCases(by_name, {}, {}, f"read from {where}", tuple((name,) for name in by_name), inputs)
+def as_they_are(cases: Sequence[Case | CaseReading], where: str) -> FittedCases:
+    """Cases that have their parameters already; files that say they are poor fits are left out."""
+    readings = {as_case(source).patient.id: source for source in cases}
+    poor = {
+        name: f"{source.fit.sentence}; nothing is studied of such a fit"
+        for name, source in readings.items()
+        if isinstance(source, CaseReading) and source.fit is not None and source.fit.is_poor
+    }
+    by_name = {name: as_case(source) for name, source in readings.items()}
+    inputs: dict[str, object] = {"cases": {name: case_text(case) for name, case in by_name.items()}}
+    inputs |= own_files() | ({"poor fits": poor} if poor else {})
+    groups = tuple((name,) for name in by_name)
+    kept = {name: case for name, case in by_name.items() if name not in poor}
+    return FittedCases(kept, {}, poor, f"read from {where}", groups, inputs)
 
 
 # --- how well a cohort is met --------------------------------------------------------------------------

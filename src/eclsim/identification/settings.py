@@ -16,7 +16,7 @@ from eclsim.devices.registry import parameters, usual_setting
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import OF_THE_BEAT, OUTPUTS, Scale
-from eclsim.inputs.mistakes import CaseError, Mistake, shown
+from eclsim.inputs.mistakes import CaseError, Mistake, as_names, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
@@ -81,6 +81,10 @@ class FitSettings:
     multi_start: MultiStart = field(default_factory=MultiStart)
     volume_policy: VolumePolicy | None = None
     shared: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for what in ("parameters", "shared"):
+            object.__setattr__(self, what, as_names(getattr(self, what), what))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -569,7 +569,7 @@ def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
         have a time zone and others not.
 
     Raises:
-        CaseError: A time before the one before it.
+        CaseError: A time before the one before it, or the same time again: it would count twice.
     """
     times = [when(_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name)) for name in names]
     known = [t for t in times if t is not None]
@@ -577,10 +577,13 @@ def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
         return None
     hours = [(later - earlier).total_seconds() / SECONDS_PER_HOUR for earlier, later in pairwise(known)]
     wrong = [
-        Mistake("measurement", f"earlier than {shown(names[k])}, which comes before it", shown(names[k + 1]),
-                "measurements in order of time")
+        Mistake(
+            "measurement",
+            f"{'earlier than' if passed else 'the same time as'} {shown(names[k])}, which comes before it",
+            shown(names[k + 1]), "measurements in order of time, one for each",
+        )
         for k, passed in enumerate(hours)
-        if passed < 0.0
+        if passed <= 0.0
     ]  # fmt: skip
     if wrong:
         raise CaseError(wrong)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -127,6 +127,23 @@ def shown(value: object) -> str:
         case _:
             text = str(value)
     return text if len(text) <= 80 else text[:76] + " ..."
+
+
+def as_names(given: Sequence[str], what: str) -> tuple[str, ...]:
+    """Names as a tuple; one text is one name.
+
+    Args:
+        given: names.
+        what: the argument is called.
+
+    Raises:
+        TypeError: It is no list of texts.
+    """
+    names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
+    for name in names:
+        if not isinstance(name, str):
+            raise TypeError(f'{what}: {shown(name)} is no name; allowed: names such as ["MAP", "CO"]')
+    return names
 
 
 Settings = TypeVar("Settings")

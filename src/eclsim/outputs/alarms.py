@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Fi
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
 from eclsim.outputs.cautions import cautions
-from eclsim.outputs.limits import CLOSED_L_MIN, broken_limits
+from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
 from eclsim.patient.sites import DRAINED
@@ -24,7 +23,6 @@ __all__ = ["CAUTION", "Finding", "collapsed", "findings", "gravest_first", "impo
 
 NO_PATIENT = "that no patient can have (a chamber without blood, a vein sucked shut)"
 """What is said of beats that are `collapsed`."""
-NO_VALUES: Mapping[str, float] = MappingProxyType({})
 KINDS = (*GRAVEST_FIRST, CAUTION)
 THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
@@ -51,11 +49,12 @@ def findings(
         outputs: scalar outputs by name.
         extremes: smallest and largest value of each waveform.
         circuit: with fixed sites; without it nothing is said that depends on where devices are connected.
-        values: of all parameters; without them nothing is said of assumed ones and of labels.
+        values: of all parameters; without them nothing is said of assumed ones and of labels, and limits are
+            those of the table whatever the patient's size.
     """
     result = [
         breach(limit, outputs[limit.quantity], entry.long_name, entry.unit)
-        for limit in broken_limits(outputs)
+        for limit in broken_limits(outputs, values)
         for entry in (output(limit.quantity),)
     ]
     result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
@@ -200,6 +199,11 @@ def _drained(circuit: Circuit) -> dict[str, str]:
             (names,) = namings([group])
             result[place] = f"the {names.label} drains more than flows in: lower its flow or give blood"
     return result
+
+
+def stays_closed(aortic: float, peak: float = 0.0) -> bool:
+    """Whether an aortic valve never opens in a beat: by its mean flow [L/min] and its largest [mL/s]."""
+    return abs(aortic) < CLOSED_L_MIN and peak < OPEN_ML_S
 
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:

@@ -13,7 +13,9 @@ from types import MappingProxyType
 
 from eclsim.devices.description import GRAVEST_FIRST, Limit
 from eclsim.devices.registry import devices, named_output, registered
+from eclsim.patient.anthropometry import SIZE, body_surface, delivery_limits
 
+NO_VALUES: Mapping[str, float] = MappingProxyType({})
 CLOSED_L_MIN = 0.02
 """Mean flow below which a valve counts as closed all beat."""
 
@@ -29,6 +31,8 @@ _FORRESTER = "Forrester et al. 1976"
 _ACIDOSIS = "acidaemia: heart and vessels answer less to drugs; treat its cause"
 _ALKALOSIS = "alkalaemia: less ventilation, sweep or bicarbonate"
 _OWN = "a convention of this project"
+_RANUCCI = "280 mL/min/m2 (Ranucci et al. 2005)"
+_RONCO = "4.5 mL/min/kg (Ronco et al. 1993)"
 _HIGH_VENOUS = "congestion of liver and kidneys"
 _CONGESTION = "congestion of the lungs"
 _CAVAL = ("superior_caval_pressure", "inferior_caval_pressure")
@@ -106,11 +110,11 @@ _PATIENT = (
     Limit("pHa", "alarm", "above", 7.65, _ALKALOSIS, _OWN),
     Limit(
         "DO2", "warning", "below", 500.0, "oxygen delivery is low: raise flow or haemoglobin",
-        "280 mL/min/m2 (Ranucci et al. 2005), for a patient of 1.8 m2",
+        f"{_RANUCCI}, for a patient of 1.8 m2",
     ),
     Limit(
         "DO2", "alarm", "below", 300.0, "oxygen delivery is critical: raise flow or haemoglobin",
-        "4.5 mL/min/kg (Ronco et al. 1993), for a patient of 67 kg",
+        f"{_RONCO}, for a patient of 67 kg",
     ),
     Limit("O2ER", "warning", "above", 0.5, "most of the delivered oxygen is extracted", _OWN),
     Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery", _OWN),
@@ -209,13 +213,16 @@ def all_limits() -> tuple[Limit, ...]:
     )
 
 
-def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]:
+def limits_of(
+    quantity: str, outputs: Collection[str] = (), values: Mapping[str, float] = NO_VALUES
+) -> tuple[Limit, ...]:
     """The limits of an output, the gravest first.
 
     Args:
         quantity: name of the output.
         outputs: names of all outputs that the circuit has; some limits hold without an assist pump only, some
             without an output that says it better.
+        values: of the patient's parameters; limits of oxygen delivery follow their size.
     """
     known = named_output(quantity)
     if known is None:
@@ -227,7 +234,32 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
     if any(limit.unassisted for limit in result) and _assisted(outputs):
         result = [limit for limit in result if not limit.unassisted]
     result = [limit for limit in result if not set(limit.without) & set(outputs)]
-    return tuple(sorted(result, key=lambda limit: GRAVEST_FIRST.index(limit.kind)))
+    return tuple(of_size(sorted(result, key=lambda limit: GRAVEST_FIRST.index(limit.kind)), values))
+
+
+def of_size(limits: Iterable[Limit], values: Mapping[str, float]) -> list[Limit]:
+    """Limits as the patient's size has them: of oxygen delivery, where it is far from that of the table.
+
+    Args:
+        limits: of any outputs.
+        values: of the patient's parameters.
+    """
+    height, weight = (values.get(name) for name in SIZE)
+    own = None if height is None or weight is None else delivery_limits(height, weight)
+    if own is None:
+        return list(limits)
+    assert height is not None
+    assert weight is not None
+    said = {
+        "warning": (own[0], f"{_RANUCCI}, with the {body_surface(height, weight):.2f} m2 of this patient"),
+        "alarm": (own[1], f"{_RONCO}, with the {weight:g} kg of this patient"),
+    }
+    return [
+        replace(limit, value=said[limit.kind][0], source=said[limit.kind][1])
+        if limit.quantity == "DO2"
+        else limit
+        for limit in limits
+    ]
 
 
 def _assisted(outputs: Collection[str]) -> bool:
@@ -266,14 +298,15 @@ def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
     return next((limit.kind for limit in limits_of(quantity, outputs) if limit.broken_by(value)), "ok")
 
 
-def levels(outputs: Mapping[str, float]) -> dict[str, str]:
+def levels(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES) -> dict[str, str]:
     """How each output of a beat stands to its limits, see `level`.
 
     Args:
         outputs: values by name.
+        values: of the patient's parameters.
     """
     result = dict.fromkeys(outputs, "ok")
-    for limit in reversed(_in_order(tuple(outputs), registered())):
+    for limit in reversed(of_size(_in_order(tuple(outputs), registered()), values)):
         if limit.broken_by(outputs[limit.quantity]):
             result[limit.quantity] = limit.kind
     return result
@@ -324,14 +357,15 @@ def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
     }
 
 
-def broken_limits(outputs: Mapping[str, float]) -> list[Limit]:
+def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES) -> list[Limit]:
     """The limits that a beat breaks, the gravest first: of what says the same, one limit.
 
     Args:
         outputs: values by name.
+        values: of the patient's parameters.
     """
     result: dict[tuple[str, str], Limit] = {}
-    for limit in _in_order(tuple(outputs), registered()):
+    for limit in of_size(_in_order(tuple(outputs), registered()), values):
         if limit.broken_by(outputs[limit.quantity]):
             result.setdefault((group_of(limit.quantity), limit.side), limit)
     return list(result.values())

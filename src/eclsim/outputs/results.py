@@ -16,6 +16,7 @@ from eclsim.beat.recording import all_signals
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
 from eclsim.gas.network import GasStatus
+from eclsim.inputs.mistakes import as_names, shown
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
@@ -107,7 +108,7 @@ def simulate_many(
     execution: Execution | None = None,
 ) -> xr.Dataset:
     """Steady beats of variants of a model, as `eclsim.simulate_many` gives them; of a case with its speed."""
-    model = as_model(case)
+    model, outputs = as_model(case), None if outputs is None else as_names(outputs, "outputs")
     model.with_values(dict.fromkeys(changes, 0.0))
     count = member_count(changes)
     values = {**model.values, **{k: np.asarray(v, dtype=float) for k, v in changes.items()}}
@@ -159,12 +160,20 @@ def member_count(changes: Mapping[str, npt.ArrayLike]) -> int:
     """How many variants arrays of changes, or numbers that hold for all, make.
 
     Raises:
-        ValueError: arrays of different lengths, or of more than one dimension.
+        ValueError: what is no number, arrays of different lengths, or of more than one dimension.
+        TypeError: no changes by parameter.
     """
+    if not isinstance(changes, Mapping):
+        allowed = 'numbers by parameter, such as {"Rmc": [0.8, 1.0]}'
+        raise TypeError(f"changes: {shown(changes)} names no parameter; allowed: {allowed}")
     for name, given in changes.items():
         if np.ndim(given) > 1:
             shape = " x ".join(map(str, np.shape(given)))
             raise ValueError(f"{name}: an array of {shape}; allowed: a number, or one for each variant")
+        try:
+            np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{name}: {shown(given)} is no number, nor a list of them") from None
     lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
     if len(lengths) > 1:
         raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")
@@ -185,6 +194,8 @@ def derivatives(
         NoDerivativesError: no steady beat was found, or its equation is singular.
     """
     model = as_model(case)
+    if not (outputs and parameters):
+        raise ValueError("derivatives of nothing; allowed: one output and one parameter, or more")
     model.with_values(dict.fromkeys(parameters, 0.0))
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)

@@ -10,6 +10,8 @@ from __future__ import annotations
 from typing import Literal
 
 Sex = Literal["female", "male"]
+SIZE: tuple[str, str] = ("patient.height_cm", "patient.weight_kg")
+"""Names among the values of a case of the patient's own height and weight, where gases are computed."""
 
 # age from, age to [years], height [cm], weight [kg]
 _MEAN_HEIGHT_WEIGHT: dict[str, tuple[tuple[float, float, float, float], ...]] = {
@@ -94,27 +96,19 @@ def oxygen_consumption(height_cm: float, weight_kg: float) -> float:
     return 126.0 * body_surface(height_cm, weight_kg)
 
 
-def delivery_limits(height_cm: float, weight_kg: float) -> tuple[float, float, str]:
+def delivery_limits(height_cm: float, weight_kg: float) -> tuple[float, float] | None:
     """Oxygen delivery that is low and that is critical in a patient of this size [mL/min STPD].
 
     Sources: 280 mL/min/m2 (Ranucci et al. 2005) and 4.5 mL/min/kg (Ronco et al. 1993), as in the table of
     limits, which holds them for 1.8 m2 and 67 kg.
 
     Returns:
-        Both, and a sentence; it is empty where both are within 15 % of those of the table.
+        Both, as whole numbers; None where surface and weight are within 15 % of those of the table.
     """
     surface = body_surface(height_cm, weight_kg)
-    low, critical = 280.0 * surface, 4.5 * weight_kg
     if all(abs(share - 1.0) <= 0.15 for share in (surface / 1.8, weight_kg / 67.0)):
-        return low, critical, ""
-    return (
-        low,
-        critical,
-        (
-            f"the limits of oxygen delivery are of a patient of 1.8 m2 and 67 kg; with {surface:.2f} m2 and "
-            f"{weight_kg:g} kg it is low below {low:.0f} and critical below {critical:.0f} mL/min"
-        ),
-    )
+        return None
+    return float(round(280.0 * surface)), float(round(4.5 * weight_kg))
 
 
 def body_water_ml(sex: Sex, age_years: float, height_cm: float, weight_kg: float) -> float:

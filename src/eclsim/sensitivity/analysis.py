@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.execution import Distribution, Executor, Progress, Tasks
 from eclsim.execution.tasks import run_tasks
-from eclsim.inputs.mistakes import as_settings
+from eclsim.inputs.mistakes import as_names, as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.orbit.status import Status
 from eclsim.sensitivity.design import Design, DesignError
@@ -69,6 +69,11 @@ class SobolSettings:
     volume_policy: VolumePolicy | None = None
     values: Mapping[str, float] | None = None
     until: float | None = None
+
+    def __post_init__(self) -> None:
+        for what in ("parameters", "include", "groups", "outputs"):
+            if (names := getattr(self, what)) is not None:
+                object.__setattr__(self, what, as_names(names, what))
 
 
 def sensitivity(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.quantities import quantity
+from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.inputs import (
@@ -438,8 +439,9 @@ def identifiability(
         )
     case, _ = with_speed(as_case(case), volume_policy)
     model = model_of(case)
-    names = tuple(dict.fromkeys(CARDIOVASCULAR if parameters is None else parameters))
-    measured = _measured(case, model) if outputs is None else tuple(dict.fromkeys(outputs))
+    given = CARDIOVASCULAR if parameters is None else as_names(parameters, "parameters")
+    asked = _measured(case, model) if outputs is None else as_names(outputs, "outputs")
+    names, measured = tuple(dict.fromkeys(given)), tuple(dict.fromkeys(asked))
     _check_names(names, measured, model)
     chosen = uncertainties_of(measured, uncertainties or {})
     slopes = derivatives(model, measured, names, volume_policy)

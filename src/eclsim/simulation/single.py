@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import Model, ModelSource, UnknownValueError, as_case, model_of
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT
@@ -144,6 +145,7 @@ def derivatives(
         UnknownOutputError: no output.
     """
     source = case if isinstance(case, Model) else as_case(case)
+    outputs, parameters = as_names(outputs, "outputs"), as_names(parameters, "parameters")
     solved = None if isinstance(source, Model) else solve_speeds(source, {}, volume_policy)
     if solved is None:
         return results.derivatives(source, outputs, parameters, volume_policy, resolution, throw)

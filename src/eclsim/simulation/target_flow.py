@@ -162,6 +162,7 @@ def solve_speeds(
         UnknownValueError: A speed is changed that follows from the flow.
         ValueError: Arrays of different lengths.
     """
+    count = member_count(changes)
     targets = {instance.key: (instance, target) for instance, target in case.targets()}
     for instance in case.instances():
         if instance.device.target is not None and f"{instance.key}.{instance.device.target.key}" in changes:
@@ -178,7 +179,6 @@ def solve_speeds(
     if sweep is None:
         raise UnknownValueError(f"{instance.key} has no pump speed that could be solved for")
     flow_key = f"{instance.key}.{target.key}"
-    count = member_count(changes)
     varied_keys = {name: value for name, value in changes.items() if name != flow_key}
     flows = np.broadcast_to(
         np.asarray(changes.get(flow_key, getattr(instance.section, target.key)), dtype=float), (count,)

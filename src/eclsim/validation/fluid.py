@@ -124,7 +124,7 @@ class Patient:
     @staticmethod
     def _at_volumes(model: Model) -> dict[str, np.ndarray]:
         volumes = {EXTRA_VOLUME: model.values[EXTRA_VOLUME] + VOLUMES_ML}
-        names = (*fluid_law(model.circuit).reads, "unstressed_volume")
+        names = (*fluid_law(model.circuit, model.values).reads, "unstressed_volume")
         beats = steady_beat(_batch(model, volumes), names)
         return {name: beats.output(name) for name in names}
 
@@ -148,7 +148,7 @@ class Patient:
             stands: whether at a time [s]; then veins of the legs hold blood and capillaries a column of it.
             then: a time [s] and the rates from there on.
         """
-        law = replace(fluid_law(self.model.circuit), ultrafiltration=(UF,))
+        law = replace(fluid_law(self.model.circuit, self.model.values), ultrafiltration=(UF,))
         first, second = (
             (
                 _arrays({**self.model.values, UF: 3600.0 * rates.get(UF, 0.0)}),
@@ -241,9 +241,10 @@ def _person(age: float, rate: float, reflex: str | None = None, **sections: obje
 
 
 @lru_cache(maxsize=4)
-def dialysed(coefficient: float) -> Patient:
+def dialysed(coefficient: float, near_share: float = 1.0) -> Patient:
     """A patient of the dialysis unit, 1.6 L overloaded."""
-    blood = {"haematocrit": 0.33, "plasma_protein_g_dl": 6.8, "filtration_ml_min_mmHg": coefficient}
+    blood = {"haematocrit": 0.33, "plasma_protein_g_dl": 6.8, "filtration_ml_min_mmHg": coefficient,
+             "pericapillary_share": near_share}  # fmt: skip
     plain = _person(60.0, 75.0, fluid=blood).values["fluid.interstitial_volume_ml"]
     overloaded = blood | {"interstitial_volume_ml": plain + 1600.0}
     return Patient(_person(60.0, 75.0, "heldt2004", fluid=overloaded))
@@ -257,8 +258,12 @@ def fall_of_blood(patient: Patient, removed_ml: float) -> float:
 
 
 def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
-    """What drives refill at the end of a session: all of it [mmHg], and the share of each force [%]."""
-    law, settings = fluid_law(patient.model.circuit), _arrays(patient.model.values)
+    """What drives refill at the end of a session: all of it [mmHg], and the share of each force [%].
+
+    The interstitium's oncotic pressure is that of its mean, as in the source.
+    """
+    settings = _arrays(patient.model.values)
+    law = replace(fluid_law(patient.model.circuit, patient.model.values), layered=False)
     _, states = patient.course(SESSION_H, {UF: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     last = {name: values[-1:] for name, values in states.items()}

@@ -19,6 +19,7 @@ from eclsim.validation import (
     gas,
     hypercapnia,
     measurements,
+    pericapillary,
     reference_cases,
     refill,
     regulation,
@@ -47,7 +48,12 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "gas": lambda _: [gas.gas_check(), apnoea.apnoea_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: [*regulation.regulation_checks(), *hypercapnia.hypercapnia_checks()],
-    "fluid": lambda _: [fluid.fluid_check(), boluses.boluses_check(), refill.refill_check()],
+    "fluid": lambda _: [
+        fluid.fluid_check(),
+        boluses.boluses_check(),
+        refill.refill_check(),
+        pericapillary.pericapillary_check(),
+    ],
     "suction": lambda _: [fluid.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }

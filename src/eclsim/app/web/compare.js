@@ -22,7 +22,8 @@ export default {
   <div class="ecl-compare">
     <p v-if="!saved.length && !pinned" class="ecl-empty">{{ texts.compare_none }}</p>
     <template v-else>
-      <div class="ecl-table" tabindex="0" role="region" :aria-label="texts.compare_table"><table>
+      <div class="ecl-table" tabindex="0" role="region" :aria-label="texts.compare_table"><table
+        :style="{ '--columns': columns.length }">
         <thead><tr>
           <th scope="col"><span class="ecl-hidden">{{ texts.output }}</span></th>
           <th v-for="(s, k) in columns" :key="k" scope="col" class="n">
@@ -45,7 +46,7 @@ export default {
             <td v-for="(s, k) in columns" :key="k" class="n name">{{ s.name }}</td></tr>
           <tr v-for="r in rows" :key="r.key" :class="r.kind">
             <th scope="row" :title="r.hint">{{ r.label }} <small>{{ r.unit }}</small></th>
-            <td v-for="(v, k) in r.cells" :key="k" class="n"><s
+            <td v-for="(v, k) in r.cells" :key="k" class="n"><small class="whose">{{ columns[k].label }}</small><s
               v-if="r.kind === 'output' && !columns[k].possible">{{ v }}</s><template v-else>{{ v
             }}</template></td></tr>
         </tbody>

@@ -4,7 +4,60 @@ import { bus, clock, fill, latency, listening, positionOf, positions, valueAt } 
 const WAIT = 400; // ms after which a turn is sent although the last one is not yet drawn
 let seq = 0;
 
+const written = (value) => (typeof value === "number" ? String(Number(value.toPrecision(4))) : value);
+
+// One of them, drawn again when something of it changed: a beat changes few, and there are dozens.
+const Knob = {
+  template: `
+  <div v-if="knob.options" class="ecl-pick" :class="{ bad: error }">
+    <label :for="id">{{ knob.label }}</label>
+    <select :id="id" :value="value" :disabled="!connected" @change="$emit('send', knob.key, $event.target.value)">
+      <option v-for="[name, text] in knob.options" :key="name" :value="name">{{ text }}</option>
+    </select>
+    <p v-if="error" role="alert">{{ error }}</p>
+  </div>
+  <div v-else class="ecl-knob" :class="{ bad: error }">
+    <label :for="id" :title="knob.hint">{{ knob.label }}</label>
+    <span class="typed">
+      <input :id="id" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
+        :value="typed ?? text" :aria-invalid="!!error"
+        :aria-describedby="id + '-unit' + (error ? ' ' + id + '-error' : '')"
+        :disabled="!connected" @input="$emit('type', knob.key, $event.target.value)"
+        @change="$emit('enter', knob, $event.target.value)" @keydown="arrow"
+        @focus="$event.target.select()" @blur="$emit('left')" />
+      <small :id="id + '-unit'">{{ knob.unit }}</small>
+    </span>
+    <input type="range" :min="0" :max="last" step="1" :value="position" :aria-label="knob.label"
+      :aria-valuetext="text + ' ' + knob.unit" :style="{ '--at': 100 * position / last + '%' }"
+      :disabled="!connected" @input="$emit('move', knob, Number($event.target.value))" />
+    <p v-if="error" :id="id + '-error'" role="alert">{{ error }}</p>
+  </div>`,
+  // `told` counts refusals: one more puts the field back although the reason is the same.
+  props: ["knob", "id", "value", "error", "told", "connected", "typed"],
+  emits: ["send", "enter", "move", "type", "left"],
+  computed: {
+    text() {
+      return written(this.value);
+    },
+    last() {
+      return positions(this.knob);
+    },
+    position() {
+      return positionOf(this.knob, this.value);
+    },
+  },
+  methods: {
+    arrow(event) {
+      const steps = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
+      if (!steps) return;
+      event.preventDefault();
+      this.$emit("move", this.knob, Math.min(Math.max(this.position + steps, 0), this.last));
+    },
+  },
+};
+
 export default {
+  components: { Knob },
   template: `
   <div class="ecl-knobs" tabindex="-1" role="group" :aria-label="texts.knobs">
     <span id="knobs" tabindex="-1"></span>
@@ -18,33 +71,10 @@ export default {
           @click="tell('connect', { device: group.key })"><i></i></button>
       </header>
       <p v-if="errors[group.key]" class="refused" role="alert">{{ errors[group.key] }}</p>
-      <template v-for="k in panel.filter((k) => k.group === group.key)" :key="k.key">
-        <div v-if="k.options" class="ecl-pick" :class="{ bad: errors[k.key] }">
-          <label :for="id(k)">{{ k.label }}</label>
-          <select :id="id(k)" :value="values[k.key]" :disabled="!connected"
-            @change="send(k.key, $event.target.value)">
-            <option v-for="[name, text] in k.options" :key="name" :value="name">{{ text }}</option>
-          </select>
-          <p v-if="errors[k.key]" role="alert">{{ errors[k.key] }}</p>
-        </div>
-        <div v-else class="ecl-knob" :class="{ bad: errors[k.key] }">
-          <label :for="id(k)" :title="k.hint">{{ k.label }}</label>
-          <span class="typed">
-            <input :id="id(k)" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
-              :value="shown(k)" :aria-invalid="!!errors[k.key]"
-              :aria-describedby="id(k) + '-unit' + (errors[k.key] ? ' ' + id(k) + '-error' : '')"
-              :disabled="!connected" @input="typed = { key: k.key, text: $event.target.value }"
-              @change="enter(k, $event.target.value)" @keydown="arrow(k, $event)"
-              @focus="$event.target.select()" @blur="typed = typed?.entered ? typed : undefined" />
-            <small :id="id(k) + '-unit'">{{ k.unit }}</small>
-          </span>
-          <input type="range" :min="0" :max="positions(k)" step="1" :value="position(k)" :aria-label="k.label"
-            :aria-valuetext="written(k) + ' ' + k.unit"
-            :style="{ '--at': 100 * position(k) / positions(k) + '%' }" :disabled="!connected"
-            @input="move(k, Number($event.target.value))" />
-          <p v-if="errors[k.key]" :id="id(k) + '-error'" role="alert">{{ errors[k.key] }}</p>
-        </div>
-      </template>
+      <Knob v-for="k in panel.filter((k) => k.group === group.key)" :key="k.key" :knob="k" :id="id(k)"
+        :value="values[k.key]" :error="errors[k.key]" :told="errors[k.key] && told" :connected="connected"
+        :typed="typed?.key === k.key ? typed.text : undefined" @send="send" @enter="enter" @move="move"
+        @type="(key, text) => (typed = { key, text })" @left="typed = typed?.entered ? typed : undefined" />
     </section>
     <section class="group-model" :aria-label="texts.group_model">
       <header><h2>{{ texts.group_model }}</h2></header>
@@ -98,6 +128,7 @@ export default {
     panel: [],
     values: {},
     errors: {},
+    told: 0,
     devices: {},
     policy: "as_published",
     connected: true,
@@ -114,35 +145,17 @@ export default {
     },
   },
   methods: {
-    positions,
     id: (knob) => `knob-${knob.key.replace(/\W/g, "-")}`,
     switchLabel(group) {
       return fill(this.texts[this.devices[group.key] ? "disconnect" : "connect"], { device: group.label });
-    },
-    position(knob) {
-      return positionOf(knob, this.values[knob.key]);
-    },
-    written(knob) {
-      const value = this.values[knob.key];
-      return typeof value === "number" ? String(Number(value.toPrecision(4))) : value;
-    },
-    // What is being typed stays, whatever arrives meanwhile.
-    shown(knob) {
-      return this.typed?.key === knob.key ? this.typed.text : this.written(knob);
     },
     enter(knob, text) {
       this.typed = { key: knob.key, text, entered: true };
       this.send(knob.key, text);
     },
-    arrow(knob, event) {
-      const steps = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
-      if (!steps) return;
-      event.preventDefault();
-      this.typed = undefined;
-      this.move(knob, Math.min(Math.max(this.position(knob) + steps, 0), positions(knob)));
-    },
     // What is turned here stays as it is until the server has caught up with it.
     move(knob, position) {
+      if (this.typed?.key === knob.key) this.typed = undefined;
       this.values[knob.key] = valueAt(knob, position);
       this.send(knob.key, this.values[knob.key]);
       this.held = { key: knob.key, seq };
@@ -178,7 +191,7 @@ export default {
       this.values = { ...shown.values };
       for (const knob of this.panel) {
         const field = document.getElementById(this.id(knob));
-        if (field) field.value = knob.options ? this.values[knob.key] : this.written(knob);
+        if (field) field.value = knob.options ? this.values[knob.key] : written(this.values[knob.key]);
       }
     },
     tell(event, data) {
@@ -187,6 +200,7 @@ export default {
     },
     refuse(error) {
       this.typed = undefined;
+      this.told += 1;
       this.errors = { ...this.errors, [error.key]: error.messages.join(" ") };
       this.away = this.held = undefined;
       this.flush();

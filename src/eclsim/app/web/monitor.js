@@ -24,7 +24,7 @@ export default {
   template: `
   <div class="ecl-monitor">
     <div class="screen" ref="screen"
-      :style="{ minHeight: 'max(220px, calc(30px + ' + 3 * traces.length + 'em))' }">
+      :style="{ minHeight: 'max(220px, calc(30px + ' + traces.length + ' * var(--row, 3em)))' }">
       <canvas ref="canvas" role="img" :aria-label="texts.monitor_label + ': ' + spoken"></canvas>
       <div class="numbers">
         <div v-for="t in traces" :key="t.signal" class="trace" :style="{ color: t.colour }" :title="t.hint"

@@ -23,7 +23,7 @@ export default {
         <th scope="col">{{ texts.output }}</th>
         <th scope="col" class="n">{{ bands ? texts.bands_value : texts.value }}</th>
         <th v-if="isMeasured" scope="col" class="n">{{ texts.output_measured }}</th>
-        <th scope="col">{{ texts.unit }}</th>
+        <th scope="col" class="unit">{{ texts.unit }}</th>
         <th scope="col" class="n">{{ changedFrom }}</th>
         <th scope="col">{{ texts.reference }}<small>{{ texts.limits }}</small></th>
       </tr></thead>
@@ -35,9 +35,10 @@ export default {
               texts.caution_above }}</small>
           </th>
           <td class="n"><span class="value">{{ r.value }}</span
-            ><template v-if="r.band"><br /><small class="band">{{ r.band }}</small></template></td>
+            ><template v-if="r.band"><br /><small class="band">{{ r.band }}</small></template
+            ><small class="under">{{ r.unit }}</small></td>
           <td v-if="isMeasured" class="n">{{ r.measured }}</td>
-          <td>{{ r.unit }}</td>
+          <td class="unit">{{ r.unit }}</td>
           <td class="n">{{ r.change }}</td>
           <td :title="r.source"><template v-if="r.range">{{ r.range }} <em v-if="r.side">{{
             r.side }}</em></template><small v-if="r.limits" class="limits">{{ r.limits }}</small></td>

@@ -44,10 +44,11 @@ export default {
     show() {
       if (!this.study) return;
       const limits = this.limits();
-      const { speeds, lost, impossible } = this.study;
+      const { speeds, lost, impossible, closed } = this.study;
       this.note = [
         ["ramp_lost", lost],
         ["ramp_impossible", impossible],
+        ["ramp_closed", closed],
       ]
         .filter(([, some]) => some.length)
         .map(([words, some]) => fill(this.texts[words], { speeds: speedsText(some, speeds) }))

@@ -12,7 +12,14 @@ const CONFIG = {
 };
 
 let loading;
-const plotly = () => (loading ??= import("nicegui-plotly").then((module) => module.Plotly));
+async function load() {
+  try {
+    return (await import("nicegui-plotly")).Plotly;
+  } catch {
+    loading = undefined; // without a connection: the next chart tries again
+  }
+}
+const plotly = () => (loading ??= load());
 bus.on("beat", () => {
   if (!loading) setTimeout(plotly, LOAD_AFTER);
 });
@@ -84,7 +91,7 @@ export class Chart {
   }
   async paint() {
     const Plotly = await plotly();
-    if (!this.waiting || !this.element.clientWidth) return;
+    if (!Plotly || !this.waiting || !this.element.clientWidth) return;
     const [traces, layout] = this.waiting;
     this.waiting = undefined;
     const size = { width: this.element.clientWidth, height: this.element.clientHeight };
