@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-LARGEST_MB = 2000
+LARGEST_MB = 3000
 LONGEST_ID = 60
 
 

@@ -2,11 +2,13 @@
 
 import pytest
 
+from eclsim.beat.heartbeat import BeatProgram
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.writing import write_case
 from eclsim.devices.dialysed_blood import THE_BLOODS_OWN
+from eclsim.orbit import rest
 from eclsim.orbit.model import model_of, values_of
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
 
@@ -147,3 +149,13 @@ def test_an_open_set_point_is_the_pressure_of_the_case_as_it_was_written(tmp_pat
     assert values_of(unregulated)[SET_POINT] < 0.5 * own[SET_POINT]
     bled = read_case(file, ["fluid.extra_volume_ml=-500"]).case
     assert values_of(bled)[SET_POINT] == own[SET_POINT]
+
+
+def test_what_reflexes_read_at_rest_asks_for_no_program_but_that_of_the_search(monkeypatch):
+    def compiled_for_it(program, signals):
+        raise AssertionError(f"a program that records {signals} alone")
+
+    monkeypatch.setattr(BeatProgram, "trace", compiled_for_it)
+    rest._means.cache_clear()
+    at_rest = model_of(read(regulation={"baroreflex": 1}).case).values
+    assert at_rest[SET_POINT] > 60.0

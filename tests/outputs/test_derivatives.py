@@ -52,6 +52,24 @@ def test_usual_questions_share_a_program(given, questions, programs):
     assert orbit_derivatives._tangents.cache_info().misses == programs
 
 
+def test_a_question_of_one_parameter_and_one_of_eight_share_a_program(monkeypatch):
+    directions, tangents = [], orbit_derivatives._tangents
+
+    def spied(program, signals):
+        def run(state, packed, of_state, *rest):
+            directions.append(len(of_state))
+            return tangents(program, signals)(state, packed, of_state, *rest)
+
+        return run
+
+    monkeypatch.setattr(orbit_derivatives, "_tangents", spied)
+    beat = beat_of(GIVEN)
+    eight = ("ecmo.speed_rpm", "Rmc", "Emaxlv", "Emaxrv", "Csart", "Edla", "heart_rate_bpm", "Rpart")
+    slopes = [beat.linearise(("MAP",), names).slopes[0, 0] for names in (eight[:1], eight)]
+    assert len(set(directions)) == 1
+    assert slopes[0] == pytest.approx(slopes[1], rel=1e-12)
+
+
 @pytest.mark.parametrize("given", [GIVEN, WITH_GAS])
 def test_sums_that_nobody_asked_for_change_no_derivative(given, monkeypatch):
     beat = beat_of(given)

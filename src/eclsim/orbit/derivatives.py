@@ -32,6 +32,8 @@ SINGULAR = (
 )
 MULTIPLE = 8
 """Directions are padded to a multiple, so that vector loops have no remainder."""
+LEAST_PARAMETERS = 8
+"""Room for parameters in a beat with tangents: one program, 10 s to compile, serves all questions of few."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def orbit_derivatives(
     """
     program, packed = problem.program, problem.packed[:, 0]
     n, m = len(state), len(parameters)
-    padded = -(-(n + m) // MULTIPLE) * MULTIPLE
+    padded = -(-(n + max(m, LEAST_PARAMETERS)) // MULTIPLE) * MULTIPLE
     directions = np.zeros((padded, n)), np.zeros((padded, len(packed)))
     directions[0][:n] = np.eye(n)
     for k, name in enumerate(parameters):
