@@ -192,8 +192,8 @@ class Engine:
         if accepted.any():
             after, solved = self._rates(who[accepted], time[accepted], result.states[:, accepted])
             slopes[:, accepted] = after
-            accepted[np.flatnonzero(accepted)[~solved]] = False
-            fine &= np.isfinite(slopes).all(axis=0) | ~(error <= 1.0)
+            without = np.flatnonzero(accepted)[~solved]
+            accepted[without], fine[without] = False, False
         hurried = self._hurried(who[accepted], length[accepted])
         accepted &= ~np.isin(who, list(hurried))
         self._adapt(who, length, error, fine, accepted)
