@@ -261,8 +261,9 @@ def test_on_a_phone_no_table_scrolls_sideways(open_page, served, shots):
     expect(unit).to_have_text("mmHg")
     assert unit.evaluate(lines) < 2, "a unit stands in one line"
     show(page, "compare")
-    whose = page.locator(".ecl-compare tr", has_text="MAP").locator(".whose")
-    expect(whose).to_have_text(["Now", "pinned", *"123456"])
+    cells = page.locator(".ecl-compare tr", has_text="MAP").locator("td")
+    whose = cells.evaluate_all("all => all.map((td) => getComputedStyle(td, '::before').content)")
+    assert whose == [f'"{name}"' for name in ("Now", "pinned", *"123456")]
 
 
 def test_saved_states_have_names_and_the_table_scrolls(open_page, shots):

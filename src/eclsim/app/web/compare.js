@@ -46,9 +46,9 @@ export default {
             <td v-for="(s, k) in columns" :key="k" class="n name">{{ s.name }}</td></tr>
           <tr v-for="r in rows" :key="r.key" :class="r.kind">
             <th scope="row" :title="r.hint">{{ r.label }} <small>{{ r.unit }}</small></th>
-            <td v-for="(v, k) in r.cells" :key="k" class="n"><small class="whose">{{
-              columns[k].label }}</small><s v-if="r.kind === 'output' && !columns[k].possible">{{
-              v }}</s><template v-else>{{ v }}</template></td></tr>
+            <td v-for="(v, k) in r.cells" :key="k" class="n" :data-whose="columns[k].label"><s
+              v-if="r.kind === 'output' && !columns[k].possible">{{ v }}</s><template v-else>{{ v
+            }}</template></td></tr>
         </tbody>
       </table></div>
       <div class="ecl-chart" ref="chart" role="group" :aria-label="texts.compare"></div>
