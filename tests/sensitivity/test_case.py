@@ -364,7 +364,6 @@ def test_a_patient_without_a_steady_beat_is_not_ranked(tmp_path, capsys):
         ({"values": {"Rmcc": 0.5}}, "no parameter 'Rmcc'"),
         ({"until": -1.0}, "until = -1: allowed: above 0"),
         ({"until": math.nan}, "until = nan: allowed: above 0"),
-        ({"parameters": "Rmc"}, r"parameters = 'Rmc': allowed: a list of names"),
     ],
 )
 def test_settings_from_python_that_would_be_read_otherwise_are_refused(settings, said):
