@@ -144,9 +144,6 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
 def _check(settings: SobolSettings) -> None:
     if settings.until is not None and not 0.0 < settings.until < math.inf:
         raise InputError([f"until = {settings.until:g}: allowed: above 0, such as 0.02"])
-    for key in ("parameters", "include", "groups", "outputs"):
-        if isinstance(names := getattr(settings, key), str):
-            raise InputError([f"{key} = {names!r}: allowed: a list of names, such as [{names!r}]"])
 
 
 def check_memory(design: Design, outputs: int) -> None:
