@@ -113,7 +113,7 @@ def bolus_rows() -> Iterator[Row]:
     in_plasma = 100.0 * kept["crystalloid_ml"] / GIVEN_ML
     saline = Given(HEART, USUAL, (("crystalloid_ml", GIVEN_ML),))
     in_patients = within(
-        "saline, patients after heart surgery", SALINE[0], share(saline), _error(SALINE), "%"
+        "saline, patients after heart surgery", SALINE[0], share(saline), two_errors(SALINE), "%"
     )
     yield within(
         "crystalloid in the plasma after 4 h (test)", 22.5, in_plasma, 5.0, "%", source=TEXTBOOK,
@@ -144,10 +144,10 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
         shown = within(f"{label}, experiment", expected, share(given, WIDE), spread, "%")
         yield within(label, expected, share(given), spread, "%", source=HAHN,
                      explanation=Explanation(text, (shown,)))  # fmt: skip
-    yield within("saline, patients after heart surgery (test)", SALINE[0], share(saline), _error(SALINE),
+    yield within("saline, patients after heart surgery (test)", SALINE[0], share(saline), two_errors(SALINE),
                  "%", source=ERNEST)  # fmt: skip
     albumin = Given(HEART, USUAL, (("albumin_ml", 500.0),))
-    yield within("5 % albumin, the same (test)", ALBUMIN[0], share(albumin), _error(ALBUMIN), "%",
+    yield within("5 % albumin, the same (test)", ALBUMIN[0], share(albumin), two_errors(ALBUMIN), "%",
                  source=ERNEST)  # fmt: skip
     men = Given(body("male", 25, 178, HASKELL_KG, 65), HEALTHY, (("albumin_ml", HASKELL_ML),), 10.0, 60.0)
     to_percent = 100.0 * HASKELL_KG / HASKELL_ML
@@ -178,11 +178,11 @@ def _blood_lost() -> Iterator[Row]:
 def _measured_ratio(ratio: float) -> Row:
     """The ratio against that of Ernest's means, with the standard error that theirs give it."""
     expected = ALBUMIN[0] / SALINE[0]
-    error = expected * math.hypot(*(0.5 * _error(one) / one[0] for one in (SALINE, ALBUMIN)))
+    error = expected * math.hypot(*(0.5 * two_errors(one) / one[0] for one in (SALINE, ALBUMIN)))
     return within("5 % albumin over saline in patients' plasma", expected, ratio, error, "mL/mL")
 
 
-def _error(measured: tuple[float, float]) -> float:
+def two_errors(measured: tuple[float, float]) -> float:
     """Two standard errors of a mean."""
     return 2.0 * measured[1] / math.sqrt(PER_GROUP)
 

@@ -293,20 +293,18 @@ def _forces() -> list[Row]:
         "at the published mean of the coefficient small forces suffice for the refill; the source has 0.43, "
         f"1.29 and 5.93 mL/min/mmHg in its three groups, and at {LOWEST_COEFFICIENT:g} forces are as there"
     )
-
-    def rows(found: Mapping[str, float], explanation: Explanation | None = None) -> list[Row]:
-        total = Row("force that drives refill, 1.7 L filtered (test)", found[""], 5.4, 20.3, "mmHg", None,
-                    explanation, LEE)  # fmt: skip
-        return [total] + [
-            within(f"its share by the {name} (test)", share, found[name], spread, "%", source=LEE,
-                   explanation=explanation)
-            for name, share, spread in DRIVES
-        ]  # fmt: skip
-
-    shown = rows(tight)
     return [
         replace(row, explanation=Explanation(reason, (evidence,)))
-        for row, evidence in zip(rows(usual), shown, strict=True)
+        for row, evidence in zip(force_rows(usual), force_rows(tight), strict=True)
+    ]
+
+
+def force_rows(found: Mapping[str, float]) -> list[Row]:
+    """What `driven` gives against the analysis of six studies."""
+    total = Row("force that drives refill, 1.7 L filtered (test)", found[""], 5.4, 20.3, "mmHg", source=LEE)
+    return [total] + [
+        within(f"its share by the {name} (test)", share, found[name], spread, "%", source=LEE)
+        for name, share, spread in DRIVES
     ]
 
 

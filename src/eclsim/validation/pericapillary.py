@@ -38,11 +38,7 @@ def _dialyses() -> Iterator[Row]:
         fall = fluid.fall_of_blood(patient, 1000.0 * litres) / litres
         yield within(f"the same for each L, {litres:g} L filtered ({words})", expected, fall, spread, "%/L",
                      source=fluid.DASSELAAR)  # fmt: skip
-    forces = fluid.driven(patient, 1700.0)
-    yield Row("force that drives refill, 1.7 L filtered (test)", forces[""], 5.4, 20.3, "mmHg",
-              source=fluid.LEE)  # fmt: skip
-    for name, share, spread in fluid.DRIVES:
-        yield within(f"its share by the {name} (test)", share, forces[name], spread, "%", source=fluid.LEE)
+    yield from fluid.force_rows(fluid.driven(patient, 1700.0))
 
 
 def _standing() -> Iterator[Row]:
@@ -67,10 +63,9 @@ def _lost() -> Iterator[Row]:
     stays = refill.saline_stays(SECTIONS)
     yield within("saline 4 h after a loss of 620 mL: share that stays in the plasma (test)",
                  100.0 * 0.43 / 1.43, stays, 10.0, "%", source=refill.MOORE)  # fmt: skip
-    both = Given(refill.DONOR, boluses.HEALTHY, (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0)), 60.0, 0.0)
-    stays = 0.05 * (500.0 + boluses.gained(both, SECTIONS)[1])
-    yield within("500 mL bled and 2 L of crystalloid: share that stays (test)", 40.0, stays, 10.0, "%",
-                 source=refill.TWO_LITRES)  # fmt: skip
+    stays = 0.05 * (500.0 + boluses.gained(refill.BOTH, SECTIONS)[1])
+    yield within("500 mL bled and 2 L of crystalloid: share that stays (test)", refill.BOTH_STAYS, stays,
+                 10.0, "%", source=refill.TWO_LITRES)  # fmt: skip
     yield within("1.1 L bled and Ringer's lactate: blood volume (test)", -459.0,
                  boluses.gained(boluses.LACTATE, SECTIONS)[1], 185.0, "mL", source=boluses.JACOB)  # fmt: skip
     stays = 100.0 * (848.0 + boluses.gained(boluses.SURGERY, SECTIONS)[1]) / (3.0 * 848.0)
@@ -85,7 +80,6 @@ def _given() -> Iterator[Row]:
         yield within(f"a litre of Ringer's in 30 min, {words} (test)", expected, stays, spread, "%",
                      source=boluses.HAHN)  # fmt: skip
     saline = Given(boluses.HEART, boluses.USUAL, (("crystalloid_ml", 1000.0),))
-    mean, deviation = boluses.SALINE
-    spread = 2.0 * deviation / boluses.PER_GROUP**0.5
-    yield within("saline, patients after heart surgery (test)", mean, boluses.share(saline, SECTIONS), spread,
-                 "%", source=boluses.ERNEST)  # fmt: skip
+    stays = boluses.share(saline, SECTIONS)
+    yield within("saline, patients after heart surgery (test)", boluses.SALINE[0], stays,
+                 boluses.two_errors(boluses.SALINE), "%", source=boluses.ERNEST)  # fmt: skip
