@@ -176,6 +176,11 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
             ["of crystalloid", "fluid.lymph_ml_min = 6"],
         ),
         ({"crystalloid_ml": 500}, {"fluid": {"capillary_refill": False}}, []),
+        (
+            {"crystalloid_ml": 500},
+            {"fluid": {"pericapillary_share": 0.12}},
+            ["more of it stays than in patients"],
+        ),
         ({"red_cells_ml": 300}, {}, ["without the potassium"]),
         ({"bleed_ml": 150}, {}, []),
         ({"bleed_ml": 300, "blood_ml": 250}, {}, []),
