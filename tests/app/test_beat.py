@@ -10,9 +10,11 @@ from eclsim.app.beat import POINTS, compute_beat, page_circuit, plain
 from eclsim.app.display import display, output_specs
 from eclsim.app.engine import Engine
 from eclsim.app.knobs import connect, turn
+from eclsim.app.session import FAR
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.simulation.single import simulate
+from patience import until
 
 
 @pytest.fixture(scope="module")
@@ -179,3 +181,36 @@ def test_sentences_of_the_page_have_a_minus():
     sentences = [sentence for _, sentence in shown["notes"]] + list(shown["cautions"].values())
     assert any("\u2212" in sentence for sentence in sentences)
     assert not any(re.search(r"(^|[ (])-\d", sentence) for sentence in sentences)
+
+
+@pytest.mark.slow
+def test_a_search_that_begins_near_takes_no_jacobian(paper):
+    """From the patient as opened every search at 5000 rpm took one, and a turn of the knob 0.1 s."""
+    engine = Engine(workers=1)
+
+    def at(rpm: float) -> PageState:
+        return paper.with_case(turn(paper.case, "ecmo.speed_rpm", rpm))
+
+    async def beats():
+        opened = await engine.beat(paper)
+        far = await engine.beat(at(4600.0), opened)
+        assert far.effort > FAR
+        await engine.near(at(4600.0), far)
+        return [await engine.beat(at(5000.0), start) for start in (opened, far)]
+
+    from_opened, from_near = asyncio.run(beats())
+    engine.stop()
+    assert from_opened.effort > 25 > from_near.effort
+    for name, value in from_near.outputs.items():
+        assert value == pytest.approx(from_opened.outputs[name], rel=1e-6, abs=1e-6), name
+
+
+def test_what_is_loaded_is_not_looked_through_again(paper, monkeypatch):
+    """Python's collector looked through all of JAX in between, and every page stood still for 0.1 s."""
+    engine, done = Engine(workers=1), []
+    monkeypatch.setattr(engine, "_warm_one", lambda state: done.append("warm"))
+    monkeypatch.setattr("eclsim.app.engine.gc.freeze", lambda: done.append("frozen"))
+    engine.warm(paper)
+    asyncio.run(until(lambda: len(done) == 2))
+    engine.stop()
+    assert done == ["warm", "frozen"]

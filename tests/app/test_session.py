@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eclsim.app.beat import Beat, page_circuit
-from eclsim.app.session import Session
+from eclsim.app.session import FAR, Session
 from eclsim.app.state import MOST_SAVED, START, PageState, key_of, link_of, preset_state, read_snapshot
 from eclsim.cases.presets import PRESETS
 from eclsim.orbit.status import Status
@@ -21,8 +21,14 @@ class StubEngine:
     delay: float = 0.01
     computed: list[float] = field(default_factory=list)
     fail: bool = False
+    effort: int = 0
+    begun_at: list[float | None] = field(default_factory=list)
+
+    async def near(self, state: PageState, beat: Beat) -> None:
+        await asyncio.sleep(self.delay)
 
     async def beat(self, state: PageState, near: Beat | None, compiling: object = None) -> Beat:
+        self.begun_at.append(near and near.outputs["MAP"])
         await asyncio.sleep(self.delay)
         if self.fail:
             raise RuntimeError("no")
@@ -30,8 +36,9 @@ class StubEngine:
         circuit, values = page_circuit(state.case)
         outputs = {"MAP": state.case.patient.heart_rate_bpm}
         return Beat(
-            circuit, values, 1.0, {"Pao": np.zeros(4)}, {"Pao": 80.0}, outputs, (), Status.CONVERGED, ""
-        )
+            circuit, values, 1.0, {"Pao": np.zeros(4)}, {"Pao": 80.0}, outputs, (), Status.CONVERGED, "",
+            effort=self.effort,
+        )  # fmt: skip
 
 
 def session(engine: StubEngine, told: list) -> Session:
@@ -121,6 +128,23 @@ def test_a_closed_session_says_nothing_more():
         assert len(messages) == count
 
     asyncio.run(turns())
+
+
+@pytest.mark.parametrize(("effort", "begun_at"), [(FAR, [None, 70, 70, 70]), (FAR + 1, [None, 70, 71, 72])])
+def test_searches_begin_at_a_newer_beat_where_the_last_one_was_far(effort, begun_at):
+    """They began where the patient was opened, however far knobs were turned: each turn needed a Jacobian."""
+    engine, messages = StubEngine(effort=effort), []
+
+    async def turns():
+        one = session(engine, messages)
+        one.start()
+        for rate in (71.0, 72.0, 73.0):
+            await until(lambda: one.beat is not None and one._nearing is not None and one._nearing.done())
+            one.turn("patient.heart_rate_bpm", rate, int(rate))
+            await until(lambda r=rate: beats(messages)[-1]["seq"] == r)
+
+    asyncio.run(turns())
+    assert engine.begun_at == begun_at
 
 
 def test_pin_and_save_keep_the_beat_with_its_own_state():

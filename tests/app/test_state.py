@@ -70,6 +70,37 @@ def test_what_is_no_link_is_refused(link):
         state_of(link)
 
 
+FILED = PageState(PRESETS["paper"].case(), origin="file", source="mine.toml").as_object()
+OTHER = PageState(PRESETS["lvad"].case(), origin="file", source="mine.toml").as_object()
+
+
+@pytest.mark.parametrize(
+    ("forged", "reason"),
+    [
+        ({"origin": "a preset of another version"}, "of a patient that this version does not have"),
+        ({"origin": ["file"]}, "damaged"),
+        ({"verdict": "good"}, "damaged"),  # of a fit that nobody made
+        ({"source": "mine\u202e.toml"}, "damaged"),
+        ({"source": "x" * 300}, "damaged"),
+        ({"later": 1}, "of another version"),
+        ({"opened": OTHER}, "of two patients"),
+        ({"opened": {**FILED, "source": "yours.toml"}}, "of two patients"),
+    ],
+)
+def test_a_forged_link_is_refused_in_one_sentence(forged, reason):
+    """It was taken for something else, or what it said was left out, without a word."""
+    assert state_of(packed({"v": 2, "state": FILED})).source == "mine.toml"
+    with pytest.raises(CaseError) as refused:
+        state_of(packed({"v": 2, "state": {**FILED, **forged}}))
+    (mistake,) = refused.value.mistakes
+    assert str(mistake) == f"the link is {reason}; allowed: a link copied from this page"
+
+
+def test_a_long_name_of_a_file_comes_back_whole():
+    state = PageState(PRESETS["paper"].case(), origin="file", source=f"{'f' * 80}, data point {'p' * 64}")
+    assert state_of(link_of(state)) == state
+
+
 def test_link_that_unpacks_to_too_much_is_refused():
     bomb = zipped(b" " * (50 * LARGEST_STATE))
     assert len(bomb) < 20_000

@@ -80,6 +80,7 @@ class Beat:
         gas_status: how the search for its steady gas state ended; None where gases are not computed.
         gases: of the blood everywhere, where there is a steady gas state.
         passing: whether it is one beat of many that follow each other, settled or not.
+        effort: beats that the search computed; many where it began far away.
     """
 
     circuit: Circuit
@@ -94,6 +95,7 @@ class Beat:
     gas_status: GasStatus | None = None
     gases: PlaceGases | None = None
     passing: bool = False
+    effort: int = 0
 
     @property
     def converged(self) -> bool:
@@ -172,6 +174,7 @@ def beat_of(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
         Status(int(solved.status[0])), solved.message(),
         GasStatus(int(solved.gas_status[0])) if state.case.gas is not None else None, solved.gases.get(0),
+        effort=int(solved.orbits.beats[0]),
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import os
 import threading
@@ -64,6 +65,10 @@ class Engine:
 
         return await self._in(self._beats, lambda: self._beat(state, start, is_new))
 
+    async def near(self, state: PageState, beat: Beat) -> None:
+        """Compute what searches that begin at this beat need of it: a Jacobian, which is then kept."""
+        await self.study(lambda: self._beat(state, beat))
+
     async def moment(self, work: Callable[[], T]) -> T:
         """Another beat that is waited for."""
         return await self._in(self._beats, work)
@@ -108,6 +113,7 @@ class Engine:
 
     def _warm_all(self, first: PageState) -> None:
         self._warm_one(first)
+        gc.freeze()  # what is loaded stays: to look through all of it again would stop every page for 0.1 s
         if self._stopped.wait(GRACE_S):
             return
         for k, state in enumerate(states := _warm_states()):

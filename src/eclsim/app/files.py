@@ -137,14 +137,15 @@ def with_speeds(opened: Opened) -> Opened:
 
 
 def shown_name(name: str) -> str:
-    """What a file is called on the page: its name without folders."""
-    return Path(name.replace("\\", "/")).name[:80] or "file"
+    """What a file is called on the page: its name without folders, and what cannot be printed as "?"."""
+    printed = "".join(letter if letter.isprintable() else "?" for letter in name)
+    return Path(printed.replace("\\", "/")).name[:80] or "file"
 
 
-def brief(lines: Sequence[str]) -> list[str]:
+def brief(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
     """The first lines, and how many more there are."""
-    more = [f"… {len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
-    return [*map(with_minus, lines[:MOST_LINES]), *more]
+    more = [f"… {len(lines) - most} more"] if len(lines) > most else []
+    return [*map(with_minus, lines[:most]), *more]
 
 
 # --- in the process that reads -------------------------------------------------------------------

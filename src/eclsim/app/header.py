@@ -23,7 +23,7 @@ from eclsim.app.files import (
     with_speeds,
 )
 from eclsim.app.marks import opened_state
-from eclsim.app.state import MOST_SAVED, link_of, preset_state
+from eclsim.app.state import LONGEST_NAME, MOST_SAVED, link_of, preset_state
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
@@ -146,7 +146,7 @@ class OpenDialog:
         name, case = self.opened.cases[chosen if isinstance(chosen, int) else 0]
         many = len(self.opened.cases) > 1
         source = text("open_source", file=self.opened.name, row=name) if many else self.opened.name
-        self.use(source, case, self.opened.fit)
+        self.use(source[:LONGEST_NAME], case, self.opened.fit)
         notify(text("opened", name=name))
         self.dialog.close()
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eclsim.app.course import case_at, compute_course, plain_events
 from eclsim.app.display import compared_of, named_specs, panel_of, waves_of
-from eclsim.app.knobs import controls, value_of
+from eclsim.app.knobs import knobs_of
 from eclsim.app.provenance import title_of
 from eclsim.app.state import START, Moment, PageState, key_of
 
@@ -40,11 +40,6 @@ class Kept(NamedTuple):
             "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,
             "events": plain_events(case), "compared": compared_of(case), "specs": named_specs(case),
         }  # fmt: skip
-
-
-def knobs_of(case: Case) -> dict[str, Any]:
-    """Where the knobs of a case stand."""
-    return {control.key: value_of(case, control.key) for control in controls(case)}
 
 
 def knobs_at(case: Case, minute: float) -> dict[str, Any]:

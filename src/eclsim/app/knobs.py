@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import weakref
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import wraps
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.reading import read_mapping
@@ -23,7 +25,9 @@ from eclsim.patient.sites import PATIENT_SITES, SAME_IN_REGIONS
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.devices.device import Instance
 
+T = TypeVar("T")
 VOLUME = "volume_ml"
 _DIGITS = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
@@ -49,6 +53,30 @@ START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
 VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 
 
+def _of_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
+    """The function with its result kept as long as its case lives: a turn asks for the same many times."""
+    kept: dict[int, tuple[weakref.ref[Case], T]] = {}
+
+    @wraps(function)
+    def result_of(case: Case) -> T:
+        key = id(case)
+        known = kept.get(key)
+        if known is None or known[0]() is not case:
+            known = kept[key] = weakref.ref(case, lambda _: kept.pop(key, None)), function(case)
+        return known[1]
+
+    return result_of
+
+
+@_of_case
+def _instances(case: Case) -> dict[str, Instance]:
+    return {instance.key: instance for instance in case.instances()}
+
+
+_resolved = _of_case(resolve_parameters)
+
+
+@_of_case
 def controls(case: Case) -> list[Control]:
     """What can be turned for a case, in the order of the panel."""
     offered: list[Control] = [
@@ -90,12 +118,12 @@ def _has_effect(case: Case, key: str) -> bool:
 
 def _left_out(case: Case, section: str, name: str) -> float | None:
     """What a number that is left out counts as; None where nothing but a typed number says so."""
-    instance = case.instance(section)
+    instance = _instances(case).get(section)
     if instance is not None:
-        return resolve_parameters(case).get(instance.parameter(f"{instance.device.key}.{name}"))
+        return _resolved(case).get(instance.parameter(f"{instance.device.key}.{name}"))
     key = f"{section}.{name}"
     if key == _CONSUMPTION:
-        return resolve_parameters(case)[key]
+        return _resolved(case)[key]
     kind = next(kind for kind in PATIENT_SECTIONS if kind.section == section)
     return 0.0 if kind.fields()[name].minimum == 0.0 else None
 
@@ -120,6 +148,12 @@ _OF_THE_PATIENT = (
 """Key, group, unit, both ends of the slider and its step; that of a parameter is logarithmic."""
 
 
+@_of_case
+def knobs_of(case: Case) -> dict[str, float | str | None]:
+    """Where all knobs of a case stand, by their keys."""
+    return {control.key: value_of(case, control.key) for control in controls(case)}
+
+
 def value_of(case: Case, key: str) -> float | str | None:
     """Where a knob or picker stands; None for what has no value."""
     if key == VOLUME:
@@ -127,7 +161,7 @@ def value_of(case: Case, key: str) -> float | str | None:
     section, _, name = key.rpartition(".")
     if section == "parameters":
         return _parameter(case, name)
-    instance = case.instance(section)
+    instance = _instances(case).get(section)
     value = (
         getattr(getattr(case, section), name)
         if instance is None

@@ -13,6 +13,7 @@ from nicegui.element import Element
 
 from eclsim.app.course import LENGTHS
 from eclsim.app.display import output_specs
+from eclsim.app.files import brief
 from eclsim.app.header import Header, notify
 from eclsim.app.identify import Identification, fields
 from eclsim.app.provenance import title_of
@@ -60,6 +61,7 @@ def _component(script: str) -> Callable[..., Element]:
 
 
 MOST_SETTINGS = 10
+MOST_REASONS = 3
 SCRIPTS = (
     "provenance", "knobs", "schematic", "keys", "limits", "bands", "monitor", "loops", "ramp", "schemes",
     "timeline", "gases", "outputs", "identify", "compare",
@@ -228,8 +230,9 @@ class BedsidePage:
         try:
             return state_of(link)
         except CaseError as error:
+            reasons = "; ".join(brief([str(mistake) for mistake in error.mistakes], MOST_REASONS))
             shown = title_of(self.session.state)
-            notify(text("link_refused", reason=error, name=shown), "negative")
+            notify(text("link_refused", reason=reasons, name=shown), "negative")
             return None
 
     def _take_back(self, args: Message) -> None:

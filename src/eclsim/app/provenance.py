@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import group_name
-from eclsim.app.knobs import ASSUMED_SHUNTS, START_PRESSURES, VOLUME, connected, controls, value_of
+from eclsim.app.knobs import ASSUMED_SHUNTS, START_PRESSURES, VOLUME, connected, controls, knobs_of, value_of
 from eclsim.app.marks import was_changed
 from eclsim.app.state import POLICIES
 from eclsim.app.texts import text
@@ -137,11 +137,11 @@ def changes(state: PageState) -> list[str]:
     before, now = (_parts(case) for case in (start.case, state.case))
     result += [text("provenance_removed", device=label) for key, label in before.items() if key not in now]
     result += [text("provenance_connected", device=label) for key, label in now.items() if key not in before]
-    shared = {c.key for c in controls(start.case)}
-    for control in (c for c in controls(state.case) if c.key in shared):
-        if value_of(start.case, control.key) != value_of(state.case, control.key):
-            device = "" if state.case.instance(control.group) is None else now[control.group]
-            result.append(f"{device} {control.label}".strip())
+    opened, shown_now = knobs_of(start.case), knobs_of(state.case)
+    devices_now = {instance.key: instance.label for instance in state.case.instances()}
+    for control in controls(state.case):
+        if control.key in opened and opened[control.key] != shown_now[control.key]:
+            result.append(f"{devices_now.get(control.group, '')} {control.label}".strip())
     if start.case.events != state.case.events:
         result.append(text("course_events"))
     if start.policy != state.policy:

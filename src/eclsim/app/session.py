@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("eclsim.app")
 KEEP_AFTER_S = 0.5
 """The browser gets a snapshot to keep when nothing was changed for so long."""
+FAR = 12
+"""Beats of a search from which on the next ones begin nearer: at 25 each turn would need a Jacobian."""
 Send = Callable[[str, Any], None]
 Listener = Callable[["Session"], None]
 
@@ -76,6 +78,7 @@ class Session:
         self._requested: tuple[PageState, int] = (state, 0)
         self._running = False
         self._anchor: Beat | None = None
+        self._nearing: asyncio.Task[None] | None = None
         self._drawn: object = None
         self._panel: object = None
         self._display: object = None
@@ -367,15 +370,25 @@ class Session:
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         self.shown = (state, beat)
-        if beat.converged:
-            known = self._anchor is not None and self._anchor.circuit is beat.circuit
-            self._anchor = self._anchor if known else beat
+        self._begin_nearer(state, beat)
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
         if not self.minute:  # else the course follows, and with it the beat of the minute that is shown
             self._send_beat(state, beat, seq)
         self._complete_soon()
         self._notify()
+
+    def _begin_nearer(self, state: PageState, beat: Beat) -> None:
+        """Let searches begin at this beat where they begin too far away, once that costs no turn any time."""
+        known = self._anchor is not None and self._anchor.circuit is beat.circuit
+        idle = self._nearing is None or self._nearing.done()
+        if beat.converged and idle and not (known and beat.effort <= FAR):
+            self._nearing = asyncio.get_running_loop().create_task(self._near(state, beat))
+            self._nearing.add_done_callback(_report)
+
+    async def _near(self, state: PageState, beat: Beat) -> None:
+        await self.engine.near(state, beat)
+        self._anchor = beat
 
     def _complete_soon(self) -> None:
         """Compute what the page lacks beside the beat: see `_complete`."""
@@ -431,10 +444,8 @@ class Session:
         from eclsim.app.drawing import drawing_of
 
         state, case = self.state, self.state.case
-        shape = shape_of(case)
-        if (
-            parts := (connected(case), [instance.key for instance in case.instances()], shape)
-        ) != self._display:
+        shape, there = shape_of(case), connected(case)
+        if (parts := (there, [instance.key for instance in case.instances()], shape)) != self._display:
             self._display = parts
             self.send("display", display(case))
         panel = panel_of(case)
@@ -448,7 +459,7 @@ class Session:
         self.send("state", {
             "values": self._values(), "of": key_of(state), "subject": subject_of(state),
             "provenance": provenance(state),
-            "devices": {key: key in connected(case) for key in switchable()},
+            "devices": {key: key in there for key in switchable()},
             "events": plain_events(case),
             "policy": state.policy, "recording": self.recording, "key": key, "seq": seq, "opened": opened,
             "name": title_of(state),

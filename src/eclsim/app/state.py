@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 VERSION = 2
 LONGEST_LINK = 8_000
-LONGEST_NAME = 80
+LONGEST_NAME = 240
 LARGEST_STATE = 200_000
 LONGEST_HISTORY = 100
 MOST_SAVED = 6
@@ -32,6 +32,7 @@ MOST_STATES = 2 * MOST_UNDONE + MOST_SAVED + 2
 LONGEST_SNAPSHOT, LARGEST_SNAPSHOT = 120_000, 1_000_000
 SNAPSHOT_VERSION = 1
 VERDICTS = ("", "good", "doubtful", "poor")
+ORIGINS = ("", "file", "cohort", "unfitted", "fit", "posterior", *PRESETS)
 POLICIES = ("as_published", "patient_held")
 
 
@@ -42,7 +43,7 @@ class PageState:
     Args:
         case: patient, devices and parameters; knobs change it.
         policy: blood volume policy.
-        origin: key of a preset; else "file" or "cohort", "fit", "posterior".
+        origin: key of a preset, or another one of `ORIGINS`.
         posterior: which of the session's posteriors speaks of this patient; not part of a link.
         source: name of the file that the patient was read from.
         verdict: of the fit, where the parameters were fitted: "good", "doubtful" or "poor".
@@ -134,7 +135,7 @@ def state_of(link: str) -> PageState:
     """
     result = unpacked(link, LONGEST_LINK, LARGEST_STATE)
     if result.get("v") == 1:  # links of earlier versions knew no patient as opened
-        return read_state(result)
+        return read_state({key: value for key, value in result.items() if key != "v"})
     if result.get("v") != VERSION:
         raise refused_link("of another version")
     return read_state(result.get("state"))
@@ -153,9 +154,7 @@ def read_state(data: object) -> PageState:
     case = read_mapping(data.get("case"), "link").case
     if case.targets():  # the page writes speeds alone
         raise refused_link("with a pump flow in place of a speed")
-    names = {name: str(data.get(name) or "")[:LONGEST_NAME] for name in _NAMES}
-    if names["verdict"] not in VERDICTS:
-        raise refused_link("damaged")
+    names = _read_names(data)
     state = replace(PageState(case, data["policy"]), **names)
     if state.origin in PRESETS:
         return preset_state(state.origin)._changed(case, state.policy)
@@ -164,7 +163,29 @@ def read_state(data: object) -> PageState:
         return state
     if not isinstance(opened, dict) or opened.get("opened") is not None:
         raise refused_link("damaged")
-    return replace(state, opened=read_state(opened))
+    start = read_state(opened)
+    if start.case.patient.id != case.patient.id or any(getattr(start, n) != names[n] for n in names):
+        raise refused_link("of two patients")
+    return replace(state, opened=start)
+
+
+def _read_names(data: dict[str, Any]) -> dict[str, str]:
+    """What a state says of itself; nothing unknown is left out or taken for something else.
+
+    Raises:
+        CaseError: It says what this page does not know.
+    """
+    if data.keys() - {"case", "policy", "opened", *_NAMES}:
+        raise refused_link("of another version")
+    names = {name: data.get(name, "") for name in _NAMES}
+    words = [name for name in names.values() if isinstance(name, str)]
+    if len(words) < len(names) or not all(w.isprintable() and len(w) <= LONGEST_NAME for w in words):
+        raise refused_link("damaged")
+    if names["origin"] not in ORIGINS:
+        raise refused_link("of a patient that this version does not have")
+    if names["verdict"] not in (VERDICTS if names["origin"] == "fit" else ("",)):
+        raise refused_link("damaged")
+    return names
 
 
 def packed(content: object) -> str:
@@ -204,9 +225,7 @@ def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
 
 def refused_link(reason: str) -> CaseError:
     """What is said of a link that cannot be used."""
-    return CaseError(
-        [Mistake("", f"the link is {reason}", allowed="a link copied from this page", file="link")]
-    )
+    return CaseError([Mistake("", f"the link is {reason}", allowed="a link copied from this page")])
 
 
 @dataclass

@@ -52,13 +52,20 @@ export default {
         this.show();
       },
       beat(beat) {
+        const isFirst = !this.beat;
         this.beat = beat;
         this.show();
+        if (isFirst) this.run();
         latency.drawn(beat.seq);
       },
     }),
   ],
   data: () => ({ traces: [], paused: false, auto: false, spoken: "" }),
+  watch: {
+    paused() {
+      this.run();
+    },
+  },
   unmounted() {
     cancelAnimationFrame(this.frame);
     this.observer.disconnect();
@@ -75,9 +82,14 @@ export default {
       } catch {
         this.observer.observe(this.$refs.canvas);
       }
+    },
+    // Frames are asked for while something moves alone: each costs the browser several ms, seen or not.
+    run() {
+      cancelAnimationFrame(this.frame);
       const frame = (now) => {
+        if (!this.beat || this.paused || !(this.width > 0)) return;
         this.frame = requestAnimationFrame(frame);
-        if (this.beat && !this.paused && this.width > 0) this.sweep(now);
+        this.sweep(now);
       };
       this.frame = requestAnimationFrame(frame);
     },
@@ -145,6 +157,7 @@ export default {
       this.pen = canvas.getContext("2d");
       this.pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
       this.repaint();
+      this.run();
     },
     head(now) {
       return headAt((now - this.since) / 1000, this.width, this.ratio);
