@@ -103,6 +103,41 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     wait_for(page, "beat.values['ecmo.speed_rpm'] === 3425")
 
 
+def test_a_timeline_goes_on_after_a_restart_and_says_so(alone, serving):
+    """It was closed without a word, and the page showed 00:00."""
+    page, served = alone
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.locator(".ecl-timeline .new select").select_option("bleed_ml")
+    page.locator(".ecl-timeline .new button").click()
+    page.wait_for_function("eclsim.bus.last('course')?.of === eclsim.bus.last('state').of")
+    chart = page.get_by_role("slider", name=text("timeline_cursor"))
+    for _ in range(3):
+        chart.press("PageUp")
+    wait_for(page, "beat.minute === 30")
+    page.get_by_label(text("timeline_record")).check()
+    page.wait_for_function("eclsim.bus.last('keep')?.of === eclsim.bus.last('state').of")
+    mean = beat(page)["outputs"]["MAP"]
+    served.process.kill()
+    served.process.wait(60)
+    status(page).to_contain_text("Not connected")
+    serving(port=urllib.parse.urlsplit(served.url).port)
+    expect(page.locator(".ecl-timeline [role=status]").nth(1)).to_have_text(
+        text("timeline_again", time="00:30"), timeout=150_000
+    )
+    wait_for(page, f"beat.minute === 30 && Math.abs(beat.outputs.MAP - {mean}) < 0.1")
+    expect(page.locator(".ecl-timeline ol")).to_contain_text(text("give_bleed_ml"))
+    expect(page.get_by_label(text("timeline_record"))).to_be_checked()
+    turn(page, "patient.heart_rate_bpm", "88")
+    expect(page.locator(".ecl-timeline ol li")).to_have_count(2)  # an event of that minute, as before
+    page.get_by_role("button", name=text("timeline_start")).click()
+    expect(page.get_by_text(text("timeline_again", time="00:30"))).to_have_count(0)
+    page.get_by_role("button", name=text("timeline_close")).click()
+    show(page, "outputs")
+    page.reload()
+    expect(page.get_by_role("tab", name=text("outputs"), exact=True)).to_have_attribute("aria-selected", "true")
+    expect(page.locator(".ecl-timeline .new")).to_have_count(0)
+
+
 def test_a_session_that_cannot_be_restored_is_called_lost(open_page):
     page = open_page("lvad")
     page.wait_for_function("eclsim.bus.last('keep')")

@@ -202,6 +202,8 @@ class BedsidePage:
                 self.session.history.change(state, "", 0.0)
             else:
                 self.session.history = History(state)
+        if restored and args.get("view") in VIEWS:
+            self.tabs.set_value(args["view"])
         self.session.start()
 
     def _restore(self, tab: str, last: str) -> bool:

@@ -344,6 +344,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "lane_fluid.interstitium_ml": "Interstitium",
         "lane_fluid.refilled_ml": "From the tissues",
         "lane_fluid.removed_ml": "Taken",
+        "timeline_again": "Opened again at {time}, where this tab was: the course is that of the events and knobs "
+        "that were restored, computed anew.",
         "timeline_computing": "computing the course (longer once for each circuit) …",
         "timeline_cursor": "Minute that is shown",
         "timeline_add": "Add at {time}",

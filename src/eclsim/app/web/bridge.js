@@ -83,6 +83,7 @@ export default {
         this.markStale();
       }),
       bus.on("keep", (snapshot) => tab.keep("tab", snapshot)),
+      bus.on("view", (view) => tab.keep("view", view)),
       bus.on("turned", () => {
         this.expect();
         this.paling ??= setTimeout(() => this.markStale(true), PALE);
@@ -122,10 +123,10 @@ export default {
     },
     // What this tab was opened with and what it kept: a page that is loaded again goes on.
     hello() {
-      const [snapshot, last] = [tab.read("tab"), tab.read("last")];
+      const [snapshot, last, view] = ["tab", "last", "view"].map((name) => tab.read(name));
       const again = performance.getEntriesByType("navigation")[0]?.type === "reload";
       const newer = last && last.of !== snapshot?.of ? last.link : "";
-      this.$emit("hello", { link: this.takeLink(), tab: snapshot?.tab ?? "", last: newer, again });
+      this.$emit("hello", { link: this.takeLink(), tab: snapshot?.tab ?? "", last: newer, again, view });
     },
     // The link in the address, which is taken out of it.
     takeLink() {

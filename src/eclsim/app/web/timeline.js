@@ -11,12 +11,14 @@ import {
   laneRange,
   listening,
   playedTo,
+  tab,
   valueIn,
 } from "eclsim-page";
 
 const SPEEDS = [1, 10, 60, 600, 3600];
 const [WIDTH, LANE] = [1000, 40];
 const LEAST = 250; // ms between two minutes that are asked for
+const PLACE = "timeline"; // of this tab: how long a course, and which minute of it
 const STEPS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
 
 export default {
@@ -37,7 +39,7 @@ export default {
           @change="resize(Number($event.target.value))">
           <option v-for="m in lengths" :key="m" :value="m">{{ hours(m) }}</option></select></label>
         <label :title="texts.timeline_record_hint"><input type="checkbox" v-model="recording"
-          @change="$emit('record', { on: recording })" /> {{ texts.timeline_record }}</label>
+          @change="record" /> {{ texts.timeline_record }}</label>
         <details v-if="course" class="lanes"><summary>{{ texts.timeline_lanes }} ▾</summary>
           <div><label v-for="r in course.rows" :key="r.name"><input type="checkbox" :checked="isSeen(r)"
             @change="seen = { ...seen, [r.name]: $event.target.checked }" /> {{ r.label }}</label></div>
@@ -47,6 +49,7 @@ export default {
       </template>
     </div>
     <template v-if="isOpen">
+      <p v-if="again" class="ahead" role="status">{{ again }}</p>
       <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
@@ -110,6 +113,8 @@ export default {
         this.events = events;
         if (this.of !== of) this.refused = "";
         this.of = of;
+        if (!this.begun) this.goOn();
+        this.keepPlace();
       },
       possible_events(possible) {
         this.possible = possible;
@@ -147,6 +152,7 @@ export default {
     course: null,
     busy: false,
     refused: "",
+    again: "",
     impossible: "",
     connected: true,
     events: [],
@@ -261,8 +267,27 @@ export default {
       const words = minutes < 60 ? "timeline_beats" : "timeline_hours";
       return fill(this.texts[words], { minutes, hours: minutes / 60 });
     },
+    // Where this tab is, so that one that is loaded again, or whose server was started again, goes on there.
+    keepPlace() {
+      const { of, length, minute, recording } = this;
+      tab.keep(PLACE, this.isOpen ? { of, length, minute, recording } : null);
+    },
+    goOn() {
+      this.begun = true;
+      const { of, length, minute, recording } = tab.read(PLACE) ?? {};
+      if (of !== this.of || !this.lengths.includes(length) || !(minute >= 0)) return;
+      this.follow(minute, length);
+      this.again = fill(this.texts.timeline_again, { time: this.time(minute) });
+      this.recording = recording === true;
+      if (this.recording) this.record();
+    },
+    record() {
+      this.$emit("record", { on: this.recording });
+      this.keepPlace();
+    },
     toggle() {
       this.isOpen = !this.isOpen;
+      this.again = "";
       this.stop();
       this.recording = false;
       const last = this.events.at(-1)?.at ?? 0;
@@ -271,6 +296,7 @@ export default {
       this.course = null;
       this.busy = this.isOpen;
       this.$emit("open", { number: this.isOpen ? this.length : 0 });
+      this.keepPlace();
     },
     // A minute that somebody saved, of a course of that length.
     follow(minute, length) {
@@ -310,6 +336,7 @@ export default {
       if (this.minute && this.course) this.$emit("show", { minute: this.minute });
     },
     jump(minute) {
+      this.again = "";
       this.minute = Math.min(Math.max(minute, 0), this.end);
       this.ask();
     },
@@ -320,6 +347,7 @@ export default {
         this.later = undefined;
         if (this.isOpen && this.asked !== this.minute) this.$emit("show", { minute: this.minute });
         this.asked = this.minute;
+        this.keepPlace();
       };
       this.later = setTimeout(send, Math.max(LEAST - (performance.now() - (this.sent ?? 0)), 0));
       this.sent = performance.now();
