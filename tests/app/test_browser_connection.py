@@ -134,7 +134,9 @@ def test_a_timeline_goes_on_after_a_restart_and_says_so(alone, serving):
     page.get_by_role("button", name=text("timeline_close")).click()
     show(page, "outputs")
     page.reload()
-    expect(page.get_by_role("tab", name=text("outputs"), exact=True)).to_have_attribute("aria-selected", "true")
+    expect(page.get_by_role("tab", name=text("outputs"), exact=True)).to_have_attribute(
+        "aria-selected", "true"
+    )
     expect(page.locator(".ecl-timeline .new")).to_have_count(0)
 
 

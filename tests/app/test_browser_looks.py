@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from eclsim._version import __version__
 from eclsim.app.knobs import connect
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
@@ -416,3 +417,30 @@ def test_on_paper_all_knobs_limits_and_doubts_are_there(open_page, served):
     assert page.evaluate("getComputedStyle(document.querySelector('.ecl-notice')).position") == "static"
     doubt = page.locator(".ecl-limits details p").first
     assert doubt.bounding_box()["height"] > 10
+    expect(page.locator(".ecl-printed")).to_contain_text(f"eclsim {__version__} · simulated")
+    for pressed in (
+        ".ecl-header .q-btn",
+        ".ecl-tabs",
+        ".ecl-switch",
+        ".ecl-monitor button",
+        ".ecl-knobs [type=range]",
+    ):
+        for one in page.locator(pressed).all():
+            expect(one).to_be_hidden()
+    expect(page.locator(".group-lvad")).to_be_visible()
+    expect(page.locator(".group-iabp")).to_be_hidden()  # what is off has no numbers
+    order = [
+        page.locator(name).bounding_box()["y"]
+        for name in (".ecl-notice", ".ecl-keys", ".ecl-left", ".ecl-middle")
+    ]
+    assert order == sorted(order), "numbers before settings"
+    shape = page.evaluate(
+        """() => { const canvas = document.querySelector('.ecl-monitor canvas');
+        const box = canvas.getBoundingClientRect();
+        return [canvas.width / canvas.height, box.width / box.height]; }"""
+    )
+    assert shape[0] == pytest.approx(shape[1], rel=0.02), "traces as they were drawn, not stretched"
+    page.keyboard.press("Alt+2")
+    expect(page.locator(".ecl-loops .main-svg").first).to_have_attribute("width", "680")
+    page.emulate_media(media="screen")
+    expect(page.locator(".ecl-loops .main-svg").first).not_to_have_attribute("width", "680")

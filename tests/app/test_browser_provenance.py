@@ -118,6 +118,30 @@ def test_a_link_pasted_into_an_open_page_is_opened_and_a_damaged_one_changes_not
     wait_for(page, "!('Qlvadpump' in beat.waves)")
 
 
+def test_a_long_name_hides_no_doubt_and_compare_names_a_poor_fit(open_page, served, shots):
+    """The name filled the line, and what was to be known of the numbers was below its edge; Compare had a
+    poor fit beside others without a mark."""
+    case = PRESETS["paper"].case()
+    person = case.patient.model_copy(update={"id": "W" * 64})
+    case = case.model_copy(update={"patient": person})
+    state = PageState(case, origin="fit", verdict="poor", source=f"{'L' * 80}, data point {'Q' * 64}")
+    other = state.with_case(knobs.turn(case, "patient.heart_rate_bpm", 99))
+    page = open_page(url=f"{served.url}/#{link_of(other)}")
+    line = page.locator(".ecl-provenance")
+    expect(line).to_contain_text("Changed by hand")
+    assert line.evaluate("(e) => e.scrollHeight <= e.clientHeight + 1"), "all of it in sight"
+    page.keyboard.press("Alt+s")
+    choose(page, "Healthy adult")
+    show(page, "compare")
+    cells = page.locator(".ecl-compare td.name")
+    expect(cells).to_have_count(2)
+    expect(cells.nth(0)).to_contain_text(text("badge_preset"))
+    expect(cells.nth(1)).to_contain_text(text("badge_doubt_changed", doubt=text("badge_fit_poor")))
+    for cell in cells.all():
+        assert cell.evaluate("(e) => e.scrollWidth <= e.clientWidth + 1")
+    picture(page, shots, "long_names")
+
+
 def test_the_skip_link_moves_to_the_knobs_and_leaves_address_and_patient(open_page):
     page = open_page("lvad")
     page.locator(".ecl-skip").focus()

@@ -48,6 +48,19 @@ def test_key_figures_and_alarms_stay_in_sight_while_a_knob_is_turned(open_page, 
     expect(strip).to_have_count(0)
 
 
+def test_a_menu_goes_with_the_arrow_keys(open_page):
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("export")).press("Enter")
+    items = page.get_by_role("menuitem")
+    expect(page.get_by_role("menu")).to_be_focused()
+    for key, focused in (("ArrowDown", 0), ("ArrowDown", 1), ("End", -1), ("ArrowDown", 0), ("ArrowUp", -1)):
+        page.keyboard.press(key)
+        expect(items.nth(focused)).to_be_focused()
+    page.keyboard.press("Escape")
+    expect(items).to_have_count(0)
+    expect(page.get_by_role("button", name=text("export"))).to_be_focused()
+
+
 @pytest.mark.parametrize("viewport", [LAPTOP, TABLET, PHONE], ids=["laptop", "tablet", "phone"])
 def test_no_number_is_cut_off_in_larger_letters(open_page, viewport, shots):
     """At 200 % "0.1079" stood there as "0.10" and a flow of 3.70 as 3.7 in half a tile."""

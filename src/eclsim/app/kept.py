@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from eclsim.app.course import case_at, compute_course, plain_events
 from eclsim.app.display import compared_of, named_specs, panel_of, waves_of
 from eclsim.app.knobs import knobs_of
-from eclsim.app.provenance import title_of
+from eclsim.app.provenance import provenance
 from eclsim.app.state import START, Moment, PageState, key_of
 
 if TYPE_CHECKING:
@@ -33,10 +33,11 @@ class Kept(NamedTuple):
         """With all that it can differ in from others, for the browser."""
         from eclsim.app.beat import plain
 
-        case, minute = self.state.case, self.moment.minute
+        case, minute, origin = self.state.case, self.moment.minute, provenance(self.state)
         key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
         return {
-            **plain(self.beat, waves_of(case)), "of": key, "name": title_of(self.state), "minute": minute,
+            **plain(self.beat, waves_of(case)), "of": key, "name": origin["title"], "minute": minute,
+            "badge": origin["badge"], "level": origin["level"],
             "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,
             "events": plain_events(case), "compared": compared_of(case), "specs": named_specs(case),
         }  # fmt: skip

@@ -11,6 +11,7 @@ import nicegui.elements.plotly  # noqa: F401  (puts the Plotly that comes with N
 from nicegui import ui
 from nicegui.element import Element
 
+from eclsim._version import __version__
 from eclsim.app.course import LENGTHS
 from eclsim.app.display import output_specs
 from eclsim.app.files import brief
@@ -108,7 +109,7 @@ class BedsidePage:
         with ui.element("div").classes("ecl-page"):
             with ui.element("header").classes("ecl-header"):
                 ui.label(text("brand")).classes("ecl-brand").props("role=heading aria-level=1")
-                self.bridge = Bridge(dict(ENGLISH))
+                self.bridge = Bridge({**ENGLISH, "version": __version__})
                 self.header = Header(self.session, self.bridge, self.identification)
             ELEMENTS["provenance"]()
             with ui.element("aside").classes("ecl-left"):

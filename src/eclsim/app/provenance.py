@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case, Measurements
 
+LONGEST_SOURCE = 60
 MOST_NAMED = 4
 """Knobs that are named when they were changed; of more there is a count."""
 
@@ -38,7 +39,7 @@ def provenance(state: PageState) -> dict[str, Any]:
     """
     kind, measured = kind_of(state), state.start.case.measurements
     badge = kind
-    source = state.source or text("provenance_no_file")
+    source = _brief(state.source) or text("provenance_no_file")
     sentences = [text(f"provenance_{kind}", source=source)]
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
@@ -62,6 +63,11 @@ def provenance(state: PageState) -> dict[str, Any]:
         "measured": _measured(measured) if measured else {},
         "circuit": fitted_with(state),
     }  # fmt: skip
+
+
+def _brief(source: str) -> str:
+    """Both ends of a long name of a file: what is said behind it stays in sight."""
+    return source if len(source) <= LONGEST_SOURCE else f"{source[:30]}…{source[-29:]}"
 
 
 def _badge(kind: str, changed: bool) -> str:

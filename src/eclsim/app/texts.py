@@ -44,6 +44,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         # where the numbers come from
         "ambiguous_comma": "{typed} may be {point} or {whole}: write one of the two",
         "provenance": "Where these numbers come from",
+        "printed": "Printed {time} (clock of this device) · eclsim {version} · simulated, not measured",
         "provenance_title_changed": "{name}, changed",
         "provenance_preset": "A preset, made up: nobody was measured.",
         "provenance_paper": "A preset: parameters as printed for the patient of Thiel et al. 2025, "
@@ -344,8 +345,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "lane_fluid.interstitium_ml": "Interstitium",
         "lane_fluid.refilled_ml": "From the tissues",
         "lane_fluid.removed_ml": "Taken",
-        "timeline_again": "Opened again at {time}, where this tab was: the course is that of the events and knobs "
-        "that were restored, computed anew.",
+        "timeline_again": "Opened again at {time}, where this tab was: the course is that of the events and "
+        "knobs that were restored, computed anew.",
         "timeline_computing": "computing the course (longer once for each circuit) …",
         "timeline_cursor": "Minute that is shown",
         "timeline_add": "Add at {time}",

@@ -43,7 +43,8 @@ export default {
         </tr></thead>
         <tbody>
           <tr><th scope="row">{{ texts.patient }}</th>
-            <td v-for="(s, k) in columns" :key="k" class="n name">{{ s.name }}</td></tr>
+            <td v-for="(s, k) in columns" :key="k" class="n name">{{ s.name }} <b
+              :class="['badge', s.level]">{{ s.badge }}</b></td></tr>
           <tr v-for="r in rows" :key="r.key" :class="r.kind">
             <th scope="row" :title="r.hint">{{ r.label }} <small>{{ r.unit }}</small></th>
             <td v-for="(v, k) in r.cells" :key="k" class="n" :data-whose="columns[k].label"><s
@@ -99,8 +100,9 @@ export default {
     columns() {
       const { name, values: knobs = {} } = this.state ?? {};
       const values = this.beat?.values_then ?? knobs;
-      const { policy, events } = this.state ?? {};
-      const about = { name, values, policy, events, panel: this.panel };
+      const { policy, events, provenance } = this.state ?? {};
+      const { badge, level } = provenance ?? {};
+      const about = { name, badge, level, values, policy, events, panel: this.panel };
       const now = { ...about, beat: this.beat, label: this.texts.compare_now, stroke: stroke(0) };
       const shadow = { colour: ink("edge"), dash: "solid" };
       const pinned = this.pinned && {

@@ -1,12 +1,14 @@
 // Where the numbers come from: patient or preset, changed or not, fitted or not. Always in sight.
-import { listening } from "eclsim-page";
+import { fill, listening, onPrint } from "eclsim-page";
 
 export default {
   template: `
   <p v-if="provenance" class="ecl-provenance" :class="provenance.level" role="note"
     :aria-label="texts.provenance">
-    <b class="badge">{{ provenance.badge }}</b> <b class="title">{{ provenance.title }}</b> <span
+    <b class="badge">{{ provenance.badge }}</b> <b class="title" :title="provenance.title">{{
+      provenance.title }}</b> <span
       :title="provenance.text">{{ provenance.text }}</span>
+    <span class="ecl-printed"><br />{{ printed }}</span>
   </p>`,
   mixins: [
     listening({
@@ -15,5 +17,16 @@ export default {
       },
     }),
   ],
-  data: () => ({ provenance: null }),
+  data: () => ({ provenance: null, printed: "" }),
+  // What is filed says when it was printed, and by what.
+  mounted() {
+    const { printed, version } = this.texts;
+    const now = () => new Date().toLocaleString("sv-SE", { timeZoneName: "short" });
+    this.stop = onPrint((on) => {
+      if (on) this.printed = fill(fill(printed, { version }), { time: now() });
+    });
+  },
+  unmounted() {
+    this.stop();
+  },
 };

@@ -1,6 +1,7 @@
 // Charts by Plotly, which comes with the page; drawn only while their view is seen.
-import { FONT, bus, dark, ink } from "eclsim-page";
+import { FONT, bus, dark, ink, onPrint } from "eclsim-page";
 
+const PAPER = { width: 680, height: 460 }; // px, as in the style sheet for paper
 const LOAD_AFTER = 2500; // ms after the first beat
 const CONFIG = {
   displaylogo: false,
@@ -80,6 +81,10 @@ export class Chart {
     this.seen = bus.last("view") === view;
     this.observer = new ResizeObserver(() => this.resize());
     this.observer.observe(element);
+    this.stopPrint = onPrint((on) => {
+      this.paper = on && PAPER;
+      if (this.seen && this.drawn) this.draw(...this.drawn);
+    });
     this.stop = bus.on("view", (now) => {
       this.seen = now === view;
       if (this.seen && this.waiting) this.paint();
@@ -94,7 +99,10 @@ export class Chart {
     if (!Plotly || !this.waiting || !this.element.clientWidth) return;
     const [traces, layout] = this.waiting;
     this.waiting = undefined;
-    const size = { width: this.element.clientWidth, height: this.element.clientHeight };
+    const size = this.paper || {
+      width: this.element.clientWidth,
+      height: this.element.clientHeight,
+    };
     const whole = { ...common(), ...layout, ...size, uirevision: "same" };
     const looks = looksOf(traces, whole);
     const moved = looks === this.looks;
@@ -110,6 +118,7 @@ export class Chart {
   }
   close() {
     this.observer.disconnect();
+    this.stopPrint();
     this.stop();
   }
 }

@@ -31,6 +31,20 @@ export function setTexts(all) {
 // A colour of the style sheet, light or dark as the reader prefers.
 export const ink = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 export const dark = window.matchMedia("(prefers-color-scheme: dark)");
+// Calls `listener` with true before something is printed and with false after it; returns how to stop that.
+export function onPrint(listener) {
+  const print = window.matchMedia("print");
+  const change = () => listener(print.matches);
+  const [before, after] = [() => listener(true), () => listener(false)];
+  print.addEventListener("change", change);
+  window.addEventListener("beforeprint", before);
+  window.addEventListener("afterprint", after);
+  return () => {
+    print.removeEventListener("change", change);
+    window.removeEventListener("beforeprint", before);
+    window.removeEventListener("afterprint", after);
+  };
+}
 export const stroke = (number) => strokeOf(number, dark.matches);
 
 // What all components do: they know the texts, and listen to topics of the bus while they are on the page.
