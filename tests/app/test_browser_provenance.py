@@ -74,6 +74,8 @@ def test_measured_and_simulated_stand_side_by_side(open_page, tmp_path, shots):
     expect(heads.nth(2)).to_have_text(text("output_measured"))
     row = page.locator(".ecl-outputs tr", has_text="MAP").first
     expect(row.locator("td").nth(1)).to_have_text("99.0")
+    unit = row.get_by_text("mmHg", exact=True).filter(visible=True)
+    expect(unit).to_have_count(1)  # it stood behind the value and beside it
     picture(page, shots, "measured")
 
 

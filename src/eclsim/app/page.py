@@ -142,26 +142,20 @@ class BedsidePage:
         self.tabs.on_value_change(lambda e: self.session.open_view(str(e.value)))
         ELEMENTS["bands"]().on("show", lambda e: self.bands.show(e.args.get("on") is True))
         panels = ui.tab_panels(self.tabs, value="monitor", animated=False, keep_alive=True)
+        specs = {"specs": output_specs()}
+        of_view = {"identify": {"fields": fields()}, "gases": specs, "outputs": specs, "compare": specs}
+        views: dict[str, Element] = {}
         with panels.classes("ecl-views"):
-            with ui.tab_panel("monitor"):
-                ELEMENTS["monitor"]()
-                self._timeline()
-            with ui.tab_panel("loops"):
-                ELEMENTS["loops"]()
-            with ui.tab_panel("ramp"):
-                ELEMENTS["ramp"]()
-            with ui.tab_panel("schemes"):
-                ELEMENTS["schemes"]().on("use", lambda e: self._use(e.args))
-            with ui.tab_panel("gases"):
-                ELEMENTS["gases"](specs=output_specs()).on("connect", lambda _: self.session.connect("gas"))
-            with ui.tab_panel("outputs"):
-                ELEMENTS["outputs"](specs=output_specs())
-            with ui.tab_panel("identify"):
-                self._identify()
-            with ui.tab_panel("compare"):
-                compare = ELEMENTS["compare"](specs=output_specs())
-                compare.on("show", lambda e: self.session.show_saved(_number(e.args)))
-                compare.on("remove", lambda e: self.session.remove_saved(_number(e.args)))
+            for name in VIEWS:
+                with ui.tab_panel(name):
+                    views[name] = ELEMENTS[name](**of_view.get(name, {}))
+                    if name == "monitor":
+                        self._timeline()
+        views["schemes"].on("use", lambda e: self._use(e.args))
+        views["gases"].on("connect", lambda _: self.session.connect("gas"))
+        views["compare"].on("show", lambda e: self.session.show_saved(_number(e.args)))
+        views["compare"].on("remove", lambda e: self.session.remove_saved(_number(e.args)))
+        self._identify(views["identify"])
         for view in ("ramp", "schemes"):
             self.session.listen(ViewStudy(self.engine, view))
         self.session.listen(self.bands)
@@ -176,8 +170,7 @@ class BedsidePage:
         timeline.on("remove", lambda e: self.session.remove_event(_number(e.args)))
         self.session.listen(self.course)
 
-    def _identify(self) -> None:
-        form = ELEMENTS["identify"](fields=fields())
+    def _identify(self, form: Element) -> None:
         form.on("fill", self.identification.fill)
         form.on("check", lambda e: self.identification.check(_typed(e.args)))
         form.on("fit", lambda e: self.identification.start(_typed(e.args)))
@@ -203,8 +196,8 @@ class BedsidePage:
                 self.session.history.change(state, "", 0.0)
             else:
                 self.session.history = History(state)
-        if restored and args.get("view") in VIEWS:
-            self.tabs.set_value(args["view"])
+        if restored and (view := str(args.get("view"))) in VIEWS:
+            self.tabs.set_value(view)
         self.session.start()
 
     def _restore(self, tab: str, last: str) -> bool:

@@ -1,5 +1,5 @@
 // Blood gases by site, what each exchanger exchanges, supply and demand, upper and lower body.
-import { SIGNS, bandsOf, fill, fixed, gravest, listening } from "eclsim-page";
+import { SIGNS, bandsOf, fill, fixed, gravest, seenIn } from "eclsim-page";
 
 const COLUMNS = [
   ["SO2", 1],
@@ -72,21 +72,12 @@ export default {
   </div>`,
   props: { specs: Object },
   mixins: [
-    listening({
+    seenIn("gases", {
       display({ samples, exchangers }) {
         Object.assign(this, { samples, exchangers });
       },
-      // The tables are filled while they are seen.
-      beat(beat) {
-        if (this.seen) this.beat = beat;
-        else this.waiting = beat;
-      },
       bands(bands) {
         this.bands = bands;
-      },
-      view(view) {
-        this.seen = view === "gases";
-        if (this.seen && this.waiting) [this.beat, this.waiting] = [this.waiting, null];
       },
     }),
   ],

@@ -1,15 +1,5 @@
 // All outputs with unit, adult reference range and change.
-import {
-  SIGNS,
-  bandsOf,
-  change,
-  compact,
-  fill,
-  isPossible,
-  limitLines,
-  listening,
-  timeOf,
-} from "eclsim-page";
+import { SIGNS, bandsOf, change, compact, fill, isPossible, limitLines, seenIn, timeOf } from "eclsim-page";
 
 export default {
   template: `
@@ -48,7 +38,7 @@ export default {
   </div>`,
   props: { specs: Object },
   mixins: [
-    listening({
+    seenIn("outputs", {
       display(display) {
         this.named = display.specs;
       },
@@ -63,15 +53,6 @@ export default {
       },
       base(beat) {
         this.base = beat;
-      },
-      // The table is filled while it is seen.
-      beat(beat) {
-        if (this.seen) this.beat = beat;
-        else this.waiting = beat;
-      },
-      view(view) {
-        this.seen = view === "outputs";
-        if (this.seen && this.waiting) [this.beat, this.waiting] = [this.waiting, null];
       },
     }),
   ],

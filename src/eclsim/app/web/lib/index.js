@@ -61,6 +61,20 @@ export const listening = (topics) => ({
   },
 });
 
+// The same for a view whose `beat` is set while it is seen, since to draw it takes long.
+export const seenIn = (name, topics) =>
+  listening({
+    beat(beat) {
+      this.latest = beat;
+      if (this.seen) this.beat = beat;
+    },
+    view(view) {
+      this.seen = view === name;
+      if (this.seen && this.latest) this.beat = this.latest;
+    },
+    ...topics,
+  });
+
 // For a view with `measure`: again whenever an element of it, by its name, has another size.
 export const sized = (name) => ({
   mounted() {
