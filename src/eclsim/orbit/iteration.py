@@ -103,7 +103,7 @@ class CompiledSearch:
         return self._run(states, np.zeros((n, n)), packed, np.zeros(n), np.ones(count), rules).after
 
     def beat(self, state: np.ndarray, packed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One plain beat of one member by the program of width 1: state after it, `signals` (steps, signals)."""
+        """One plain beat of one member, at a width of 1: state after it, `signals` (steps, signals)."""
         n, rules = len(state), np.array([-1.0, -1.0, 1.0, 1.0])
         numbers, series = _single(self.program)(state, np.zeros((n, n)), packed, np.zeros(n), 1.0, rules)
         return np.asarray(numbers[n : 2 * n]), np.asarray(series)
