@@ -20,7 +20,6 @@ from user_components import SetPointControl
 
 MEAN_PRESSURE = mean_of("Psart")
 CASES = {
-    "resistance without devices": ("none", MEAN_PRESSURE, 42.0, ("Rmc",), (True,)),
     "resistance on V-A": ("V-A", mean_of("Pao"), 80.0, ("Rmc",), (True,)),
     "resistance and heart rate": ("none", MEAN_PRESSURE, 41.0, ("Rmc", "heart_rate_bpm"), (True, False)),
     "elastance by the largest pressure": ("none", maximum_of("Pao"), 45.0, ("Rmc", "Emaxlv"), (True, True)),

@@ -330,7 +330,7 @@ def jacobian(function: Callable[..., jax.Array], key: Key | None) -> Callable[..
         value, along = jax.linearize(lambda x: function(x, *constant), numbers)
         return jnp.concatenate([value[None], jax.vmap(along)(jnp.eye(numbers.shape[0]))]).T
 
-    return compiled(table, _named("jacobian", function, key), level=0, law=function)
+    return compiled(table, _named("jacobian", function, key), law=function)
 
 
 def _named(what: str, function: Law, key: Key | None) -> Key:
