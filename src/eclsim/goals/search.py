@@ -497,11 +497,14 @@ def _message(
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
         stops = [_named(result.goal) for result in results if result.binding]
-        least = f"; smaller settings would break {' and '.join(stops)}" if stops else ", the lowest of the range"
+        least = (
+            f"; smaller settings would break {' and '.join(stops)}" if stops else ", the lowest of the range"
+        )
         return f"all goals are reached with {where}{least}"
     unmet = [r for r in results if not r.met]
     text = "; ".join(
-        f"{_named(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}" for r in unmet
+        f"{_named(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
+        for r in unmet
     )
     asked = sum(not result.goal.because for result in results)
     text += f" within the other goals, with {where}" if asked > 1 else f", with {where}"
