@@ -4,7 +4,7 @@ import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.identification.report import track_page
-from eclsim.identification.series import series_of, series_parameters
+from eclsim.identification.series import cleared, series_of, series_parameters
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import Interval, TrackedPoint, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
@@ -154,3 +154,12 @@ def test_a_held_blood_volume_is_noted_once():
     series = series_of(FitSettings(("Rmc",)), [("a", case(measurements={"MAP": 70.0}))])
     (note,) = series.remarks(case())
     assert "the blood volume is held" in note
+
+
+def test_a_membrane_that_clears_was_exchanged_or_a_gas_is_wrong():
+    """An exchange on the seventh morning was followed without a word."""
+    message = cleared((0.33, 0.36, 0.40), (0.05, 0.10, 0.16))
+    assert message.startswith("the clotted share of the oxygenator fell from 0.36 (0.33 to 0.40) to 0.10")
+    assert "exchanged, or a gas behind it is wrong" in message
+    assert not cleared((0.05, 0.38, 0.80), (0.04, 0.30, 0.75))
+    assert not cleared((0.33, 0.36, 0.40), (0.40, 0.44, 0.48))

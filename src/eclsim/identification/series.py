@@ -152,3 +152,19 @@ def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
     cases = [case for _, case in points]
     told = [key for case in cases for key in told_by_gases(case)]
     return tuple(dict.fromkeys((*told, *(key for case in cases for key in told_of_volume(case)), *usual)))
+
+
+def cleared(before: tuple[float, float, float], after: tuple[float, float, float]) -> str:
+    """A sentence where the clotted share of an oxygenator has fallen by more than it is uncertain by.
+
+    Args:
+        before: lower end, median and upper end of the interval at the time before.
+        after: likewise now.
+    """
+    if not (after[1] < before[0] and after[2] < before[1]):
+        return ""
+    old, new = (f"{median:.2f} ({low:.2f} to {high:.2f})" for low, median, high in (before, after))
+    return (
+        f"the clotted share of the oxygenator fell from {old} to {new}: no membrane clears by itself; it was "
+        "exchanged, or a gas behind it is wrong, now or before"
+    )
