@@ -159,6 +159,8 @@ def headline(verdict: Mapping[str, Any]) -> str:
             f"the largest difference from a measurement is {abs(differences[worst]):.1f} standard "
             f"uncertainties ({worst})"
         )
+        if verdict["goodness"]["probability"] is None and verdict["level"] != Level.POOR:
+            agreement += ", which is no test of the model with so few measurements"
     return _HEADLINES[Level(verdict["level"])].format(agreement=agreement)
 
 
