@@ -342,6 +342,8 @@ def _cohort(o: CourseOptions) -> bool:
 SHOWN = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "DO2")
 ROWS = 25
 BAND_SHOWN = ("MAP", "PF", "drainage_pressure", "DO2")
+_DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
+"""Of a unit in tables, so that a column's digits stand below each other; others have one."""
 
 
 def _text(result: xr.Dataset) -> str:
@@ -360,7 +362,7 @@ def _text(result: xr.Dataset) -> str:
     rows = [
         (
             clock_time(float(result["time_min"][k]), seconds),
-            *(number(float(result[name][k])) for name in names),
+            *(number(float(result[name][k]), _decimals(result[name])) for name in names),
         )
         for k in _rows(result)
     ]
@@ -379,6 +381,10 @@ def _text(result: xr.Dataset) -> str:
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
 
 
+def _decimals(values: xr.DataArray) -> int:
+    return _DECIMALS.get(values.attrs["units"], 1)
+
+
 def _rows(result: xr.Dataset) -> Sequence[int]:
     """The moments that a table shows."""
     count = result.sizes["time_min"]
@@ -393,7 +399,8 @@ def _band_text(band: xr.Dataset) -> str:
     names = [name for name in BAND_SHOWN if name in band]
 
     def cell(name: str, k: int) -> str:
-        low, _, median, _, high = (number(float(value)) for value in band[name].to_numpy()[:, k])
+        decimals = _decimals(band[name])
+        low, _, median, _, high = (number(float(v), decimals) for v in band[name].to_numpy()[:, k])
         return f"{median} ({low} to {high})"
 
     rows = [(clock_time(float(band["time_min"][k])), *(cell(n, k) for n in names)) for k in _rows(band)]
