@@ -337,3 +337,12 @@ def test_a_date_that_does_not_exist_and_a_time_in_two_spellings_are_refused(writ
         (3, "the same patient and measurement as in line 4"),
         (4, "the same patient and measurement as in line 3"),
     ]
+
+
+def test_a_note_of_a_patient_is_said_once(write):
+    """What gas exchange notes of a weight stood there for every morning."""
+    head = f"{HEAD},sweep_l_min,haemoglobin_g_dl"
+    size = {"weight_kg": "80", "height_cm": "178"}
+    lines = [f"{row(k, name, **size)},3,9" for k, name in ((1, "P01"), (2, "P01"), (1, "P02"))]
+    notes = [note for note in read_cohort(write(head, *lines)).notes if note.key == "weight_kg"]
+    assert [note.line for note in notes] == [2, 4]

@@ -106,6 +106,23 @@ def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
 
 
 @pytest.mark.slow
+def test_what_is_fitted_stays_where_the_posterior_is_stopped(shell, quick, tmp_path, monkeypatch):
+    """Only figures and a case without its verdict were left of the minutes before."""
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("eclsim.cli.identify._sample", stopped)
+    out = tmp_path / "fit"
+    command = ("identify", shell.case(more=MEASURED), "--parameters", "Rmc,Emaxlv", "--out", str(out))
+    assert shell.run(*command, "--posterior", "--posterior-method", "importance").exit_code == 130
+    content = json.loads((out / "identification.json").read_text())
+    assert "posterior" not in content
+    assert content["points"][0]["parameters"]["Rmc"]["profile"]
+    assert (out / "report.html").exists()
+
+
+@pytest.mark.slow
 def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick, tmp_path):
     file, out = cohort(tmp_path, row(1), row(2, "high"), row(3, "118")), tmp_path / "fits"
     arguments = ("identify", str(file), "--parameters", "Rmc,Emaxlv", "--out", str(out))

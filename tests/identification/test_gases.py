@@ -192,7 +192,11 @@ def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_w
     assert word.startswith("the oxygenator is held as it was new, which SaO2, PaO2, SpreO2 follow from")
     assert held_oxygenator(without, ("MAP",), ("Rmc",)) == []
     assert held_oxygenator(case, gases, ("Rmc",)) == []
+    (word,) = held_oxygenator(without, gases, (CLOTTED, "gas.shunt_fraction"))
+    assert word.startswith("no gas behind the oxygenator was measured: SaO2, PaO2, SpreO2 hardly tell a clot")
+    assert held_oxygenator(without, (*gases, "PpostO2"), (CLOTTED, "gas.shunt_fraction")) == []
     assert held_oxygenator(without.model_copy(update={"ecmo": None}), gases, ("Rmc",)) == []
+    (word,) = held_oxygenator(without, gases, ("Rmc",))
     sicker = fit(without, settings=replace(settings, parameters=("gas.shunt_fraction", "Rmc")))
     assert word in [reason.sentence for reason in sicker.verdict.remarks]
 

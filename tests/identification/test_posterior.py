@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.identification.density import Prior
 from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.posterior import PosteriorSettings, posterior, predict
+from eclsim.identification.objective import Box
+from eclsim.identification.posterior import PosteriorSettings, piled_up, posterior, predict
 from eclsim.identification.report import posterior_text
 from eclsim.identification.samples import read_samples
 from eclsim.identification.settings import FitSettings
@@ -42,6 +44,18 @@ def fit():
 def result(fit):
     settings = PosteriorSettings(method="importance")
     return posterior(fit, settings=settings, predictions=[("patient.heart_rate_bpm=100", faster(fit.case))])
+
+
+def test_draws_that_pile_up_at_a_bound_are_said_to_be_limited_by_it():
+    """Both parameters at bounds that cut the posterior: R-hat 1.000 and nothing beside the intervals."""
+    box = {"Rmc": (0.5, 0.3, 0.9), "Emaxlv": (1.0, 0.1, 10.0), "gas.shunt_fraction": (0.4, 0.0, 0.9)}
+    z = np.random.default_rng(0).standard_normal((4, 500, 3))
+    prior = Prior.within(Box.of(box))
+    assert piled_up(prior, z) == ()
+    z += np.array([2.0, 0.0, -3.0])
+    (word,) = piled_up(prior, z)
+    assert word.startswith("Rmc: 49% of the draws are in the last 2.5 %")
+    assert "at the upper bound of 0.9: the bound limits it" in word
 
 
 @pytest.mark.slow

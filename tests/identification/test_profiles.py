@@ -54,6 +54,18 @@ def test_a_profile_from_one_valley_finds_the_other():
     assert {-1.0, 1.0} <= {*np.sign(curves.within[:, a])}
 
 
+def a_wall(x: np.ndarray) -> np.ndarray:
+    return np.stack([np.exp(4.0 * (x[:, 0] - 1.0)), x[:, 1]], axis=1)
+
+
+def test_a_steep_wall_behind_flat_ground_is_found_where_it_stands():
+    """By the nine values of a profile alone it ended at 1.05 (logarithm); chi-square is 2.7 at 1.124."""
+    curves = profiles(FunctionObjective(a_wall), BOX, np.array([-1.0, 0.0]), steps=9)
+    lower, upper = interval_90(curves.values[0], curves.costs[0], LOG)
+    assert np.log(upper) == pytest.approx(1.0 + np.log(RISE_90) / 8.0, abs=0.03)
+    assert np.log(lower) == pytest.approx(-2.0)
+
+
 def test_what_is_held_stays():
     mask = np.array([[True, False], [False, True]])
     starts = np.array([[1.0, 0.0], [0.0, -1.0]])

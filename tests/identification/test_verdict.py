@@ -197,3 +197,11 @@ def test_an_interval_that_no_heartbeat_was_found_beyond_has_no_limit_there():
     bounds, beatless = {"Rmc": (0.05, 5.0)}, {"Rmc": ("upper",)}
     (sentence,) = profile_reasons("Rmc", (0.52, 0.45, 0.6), (0.48, 0.55), bounds, beatless=beatless)
     assert "no steady heartbeat was found beyond the upper end of the latter" in sentence
+
+
+@pytest.mark.parametrize(("probability", "untested"), [(None, True), (0.4, False)])
+def test_agreement_with_as_many_measurements_as_parameters_is_no_praise(probability, untested):
+    """Of a mean pressure alone, which determines nothing, the first line was the same as of seven values."""
+    verdict = FitVerdict(Goodness({"MAP": 0.0}, 0.0, 0.0, probability), ())
+    assert verdict.headline.startswith("GOOD FIT: the largest difference from a measurement is 0.0 standard")
+    assert ("no test of the model with so few measurements" in verdict.headline) == untested

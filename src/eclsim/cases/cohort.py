@@ -152,7 +152,7 @@ class _Rows:
         self.refused: list[Mistake] = []
         self.warnings: list[Mistake] = []
         self.notes: list[Mistake] = []
-        self.gas_notes: set[Mistake] = set()  # what a row leaves out of [gas] is said once
+        self.said: set[tuple[str, Mistake]] = set()  # once: of [gas] in a table, all else of a patient
 
     def check_header(self) -> None:
         """All mistakes of the header at once."""
@@ -232,10 +232,13 @@ class _Rows:
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
             if not wrong:
                 self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
-                message = [m for m in reading.notes if m.key not in _UNSAID and m not in self.gas_notes]
-                self.gas_notes.update(m for m in message if m.key.startswith(Gas.section))
-                self.notes += [self._in_columns(m).at("", line) for m in message]
-                return CohortPoint(reading.case.patient.id, row[MEASUREMENT], line, reading.case)
+                name = reading.case.patient.id
+                for m in reading.notes:
+                    about = ("" if m.key.startswith(Gas.section) else name, m)
+                    if m.key not in _UNSAID and about not in self.said:
+                        self.said.add(about)
+                        self.notes.append(self._in_columns(m).at("", line))
+                return CohortPoint(name, row[MEASUREMENT], line, reading.case)
         self.refused += [m.at("", line) for m in wrong]
         return None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -191,24 +191,37 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
     warn(checked.warnings)
     note(line for line in checked.notes if not line.key.startswith("measurements."))
 
-    from eclsim.identification.files import fits_object, write_fits, write_fitted_case
     from eclsim.identification.fit import fit
-    from eclsim.identification.report import write_fit_page
 
     folder = Path(o.out)
     with Progress() as progress:
         result = fit(reading.case, settings=settings, progress=progress)
-        (folder / "cases").mkdir(parents=True, exist_ok=True)
         warn(f"{o.file}, fitted: {line}" for line in result.warnings)
         result = _with_profiles(result, folder, progress) if result.simulated else result
-        result, posterior = _with_posterior(o, result, predictions, folder, progress)
-        content = fits_object([result.as_object()], settings.as_object()) | posterior
-        write_fits(folder, content)
-        if result.simulated:  # again, with the verdict as it is now
-            write_fitted_case(folder / "cases", result)
-        page = write_fit_page(folder, content, result.case, folder / "figures")
+        content, page = _write_fit(folder, result, settings, {})
+        if o.samples and result.simulated:
+            say(f"report: {page}, as yet without what is sampled now")
+            result, posterior = _with_posterior(o, result, predictions, folder, progress)
+            content, page = _write_fit(folder, result, settings, posterior)
     say(f"report: {page}")
     return content
+
+
+def _write_fit(
+    folder: Path, fit: FitResult, settings: FitSettings, posterior: Mapping[str, Any]
+) -> tuple[dict[str, Any], Path]:
+    """Write tables, JSON, page and the fitted case; returns what the JSON holds, and where the page is."""
+    from eclsim.identification.files import fits_object, write_fits, write_fitted_case
+    from eclsim.identification.report import write_fit_page
+
+    content = {**fits_object([fit.as_object()], settings.as_object()), **posterior}
+    write_fits(folder, content)
+    if fit.simulated:
+        (folder / "cases").mkdir(exist_ok=True)
+        path = write_fitted_case(folder / "cases", fit)
+        if not posterior:
+            say(f"fitted case: {path}")
+    return content, write_fit_page(folder, content, fit.case, folder / "figures")
 
 
 def _with_measured_gases(case: Case, settings: FitSettings) -> FitSettings:
@@ -224,15 +237,13 @@ def _with_measured_gases(case: Case, settings: FitSettings) -> FitSettings:
 
 
 def _with_profiles(fit: FitResult, folder: Path, progress: Progress) -> FitResult:
-    """The fit with its intervals; writes the fitted case and the figures."""
-    from eclsim.identification.files import write_fit_figures, write_fitted_case
+    """The fit with its intervals; writes the figures."""
+    from eclsim.identification.files import write_fit_figures
     from eclsim.identification.profiles import with_profiles
 
-    path = write_fitted_case(folder / "cases", fit)
     progress("profiles: how far each parameter can move")
     fit, profiled = with_profiles(fit)
     write_fit_figures(folder / "figures", fit, profiled)
-    say(f"fitted case: {path}")
     return fit
 
 
@@ -277,11 +288,9 @@ def _with_posterior(
     folder: Path,
     progress: Progress,
 ) -> tuple[FitResult, dict[str, Any]]:
-    """Where draws are wanted: the fit judged by them, and what the JSON says of them."""
+    """The fit judged by its draws, and what the JSON says of them."""
     from eclsim.identification.verdict import interval_agreement
 
-    if not (o.samples and fit.simulated):
-        return fit, {}
     posterior = _sample(o, fit, predictions, folder, progress)
     if posterior["method"] != "gaussian" and posterior["trusted"]:
         fitted = fit.as_object()["parameters"]

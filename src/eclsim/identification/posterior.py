@@ -28,7 +28,7 @@ from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
-from eclsim.identification.verdict import Aspect, Level
+from eclsim.identification.verdict import SIDES, Aspect, Level, possible_limits
 from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.alarms import NO_PATIENT
@@ -53,6 +53,8 @@ LARGEST_SHARE = 0.02
 """Of draws without a steady beat: beyond, the intervals speak of too particular a part of the posterior."""
 MOST_STARVED = 0.05
 """Of draws whose tissues extract nearly all their oxygen: beyond, a 90 % interval ends among them."""
+OUTERMOST, PILED_UP = 1.96, 0.2
+"""Latent variable beyond which 2.5 % of the prior lie, and share of the draws there that a bound limits."""
 EXTRACTED = ("VO2", "O2ER")
 UNCHECKED = (
     "a Gaussian approximation, which nothing has checked against the posterior: where that is curved or cut "
@@ -389,9 +391,29 @@ def posterior(
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
-        tuple(s for held in (held_volume, held_oxygenator)
-              for s in held(fit.case, fit.measured, fit.parameters)),
+        (*piled_up(density.prior, z), *(s for held in (held_volume, held_oxygenator)
+                                        for s in held(fit.case, fit.measured, fit.parameters))),
     )  # fmt: skip
+
+
+def piled_up(prior: Prior, z: np.ndarray) -> tuple[str, ...]:
+    """Sentences about parameters whose draws pile up at a bound, which limits them in place of measurements.
+
+    Args:
+        prior: of the parameters.
+        z: draws of the latent variables, shape (..., parameters).
+    """
+    ends = prior.scale.values(np.stack([prior.lower, prior.upper])).T.tolist()
+    flat = z.reshape(-1, z.shape[-1])
+    return tuple(
+        f"{name}: {share:.0%} of the draws are in the last 2.5 % of its range, at the {side} "
+        f"bound of {bound:.3g}: the bound limits it, not the measurements, and predictions go by the bound; "
+        "give wider --bounds if such a value is possible"
+        for k, name in enumerate(prior.names)
+        for side, sign, bound in zip(SIDES, (-1.0, 1.0), ends[k], strict=True)
+        if (share := float(np.mean(sign * flat[:, k] > OUTERMOST))) > PILED_UP
+        and bound not in possible_limits(name)
+    )
 
 
 def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:

@@ -40,6 +40,8 @@ PASSES = 4
 """Of further fits of values next to the interval, at most."""
 WORTH_ANOTHER = 0.1
 """Chi-square by which such a fit must be better for another pass."""
+HALVINGS = 3
+"""How often the step is halved that an interval ends in: a steep wall behind flat ground looks nearer."""
 STEPS = 9
 STANDARD_STEPS = (-3.0, -1.65, -0.7, 0.7, 1.65, 3.0)
 """Further values of a parameter, in standard errors from the best one."""
@@ -103,7 +105,7 @@ def profiles(
 
     From the optimum alone a fit may end in a worse valley than there is. Values next to the 90 % interval are
     fitted once more, from points within it that any fit has found and from scattered ones, as long as that
-    helps.
+    helps; then the steps that it ends in are halved, with such fits at the new values.
 
     Args:
         problem: its first data point is meant.
@@ -127,8 +129,30 @@ def profiles(
     found = _Found(np.vstack([refined.x, known]), np.append(refined.costs, known_costs))
     costs = found.costs[: len(held)].reshape(along.shape).copy()
     cost = problem.evaluate(points[:1], x[None], resolution=1).costs[0]
-    for _ in range(PASSES):
-        held, step, starts = found.worth_another(along, costs, known[:0] if scattered is None else scattered)
+    scattered = known[:0] if scattered is None else scattered
+    found = _lower(problem, box, along, costs, found, scattered)
+    along, costs = _with_more(along, costs, x[:, None], cost)
+    for _ in range(HALVINGS):
+        along, costs = _with_more(along, costs, _middles(along, costs), np.inf)
+        found = _lower(problem, box, along, costs, found, scattered, passes=1)
+    costs = _nan_for_none(costs)
+    return CostCurves(
+        box.names, box.scale.values(along.T).T, costs, box.scale.values(x), float(cost), found.within
+    )
+
+
+def _lower(
+    problem: LeastSquaresProblem,
+    box: Box,
+    along: np.ndarray,
+    costs: np.ndarray,
+    found: _Found,
+    scattered: np.ndarray,
+    passes: int = PASSES,
+) -> _Found:
+    """Fit values next to the interval again while that helps; lowers `costs`, returns all points found."""
+    for _ in range(passes):
+        held, step, starts = found.worth_another(along, costs, scattered)
         if not len(held):
             break
         first = np.zeros(len(held), dtype=int)
@@ -138,14 +162,30 @@ def profiles(
         found = found.with_more(again)
         if not np.any(costs[held, step] < before - WORTH_ANOTHER):
             break
-    values = np.column_stack([along, x])
-    order = np.argsort(values, axis=1, kind="stable")
-    costs = _nan_for_none(np.column_stack([costs, np.full(size, cost)]))
-    costs = np.take_along_axis(costs, order, axis=1)
-    values = np.take_along_axis(values, order, axis=1)
-    return CostCurves(
-        box.names, box.scale.values(values.T).T, costs, box.scale.values(x), float(cost), found.within
-    )
+    return found
+
+
+def _with_more(
+    along: np.ndarray, costs: np.ndarray, more: np.ndarray, cost: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values of each parameter, rising, and costs, with more values, all of one cost."""
+    along = np.column_stack([along, more])
+    order = np.argsort(along, axis=1, kind="stable")
+    costs = np.column_stack([costs, np.full(more.shape, cost)])
+    return np.take_along_axis(along, order, axis=1), np.take_along_axis(costs, order, axis=1)
+
+
+def _middles(along: np.ndarray, costs: np.ndarray) -> np.ndarray:
+    """Middles of the steps that the 90 % intervals end in, below and above, shape (parameters, 2).
+
+    An interval that reaches the last value has no such step: its last one stands in.
+    """
+    middles = []
+    for values, rise in zip(along, map(_rise, costs), strict=True):
+        ends = [(_last_within(rise, step), step) for step in (-1, 1)]
+        outer = [k + step if 0 <= k + step < len(values) else k - step for k, step in ends]
+        middles.append([0.5 * (values[k] + values[o]) for (k, _), o in zip(ends, outer, strict=True)])
+    return np.array(middles)
 
 
 @dataclass(frozen=True)

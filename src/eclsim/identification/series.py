@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.quantities import with_values
 from eclsim.identification.settings import (
+    CLOTTED,
     MEASURED_AT_REST,
     CheckedFit,
     FitSettings,
@@ -33,10 +34,13 @@ from eclsim.outputs.signals import parameters_read
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.identification.tracking import TrackedPoint
     from eclsim.orbit.model import CaseSource
 
 Points = Sequence[tuple[str, "Case"]]
 """Measurements in order: their names and cases."""
+FEWEST_COPIED = 3
+"""Fewer measurements may be the same to the last digit by chance."""
 
 
 @dataclass
@@ -152,3 +156,26 @@ def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
     cases = [case for _, case in points]
     told = [key for case in cases for key in told_by_gases(case)]
     return tuple(dict.fromkeys((*told, *(key for case in cases for key in told_of_volume(case)), *usual)))
+
+
+def cleared(before: TrackedPoint, now: TrackedPoint) -> str:
+    """A sentence where the clotted share of an oxygenator has fallen by more than it is uncertain by."""
+    old, new = before.parameters.get(CLOTTED), now.parameters.get(CLOTTED)
+    if old is None or new is None or not (new.median < old.lower and new.upper < old.median):
+        return ""
+    was, is_now = (f"{i.median:.2f} ({i.lower:.2f} to {i.upper:.2f})" for i in (old, new))
+    return (
+        f"the clotted share of the oxygenator fell from {was} to {is_now}: no membrane clears by itself; it "
+        "was exchanged, or a gas behind it is wrong, now or before"
+    )
+
+
+def copied(before: TrackedPoint, now: TrackedPoint) -> str:
+    """A sentence where all that was measured is the same to the last digit."""
+    old, new = ({n: i.measured for n, i in point.innovations.items()} for point in (before, now))
+    if len(new) < FEWEST_COPIED or old != new:
+        return ""
+    return (
+        f"all {len(new)} measurements are those of {before.name}: copied forward they count twice, and the "
+        "intervals are too narrow; leave the row out"
+    )

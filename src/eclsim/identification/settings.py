@@ -296,13 +296,21 @@ def held_volume(case: Case, measured: Collection[str], free: Collection[str]) ->
 
 
 def held_oxygenator(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A sentence about an oxygenator that is held as it was new while gases go through it."""
+    """A sentence about an oxygenator that no gas behind it tells of, held as new or free like the shunt."""
     told, gases = TELLS_OF[CLOTTED][1], [name for name in MEASURED_GASES if name in measured]
-    if not gases or not _holds_oxygenator(case, free) or {*told} & {*measured}:
+    if not gases or {*told} & {*measured}:
+        return []
+    advice = f"measure a gas behind it ({', '.join(told)}), or give {CLOTTED}"
+    if {CLOTTED, SHUNT} <= {*free}:
+        return [
+            f"no gas behind the oxygenator was measured: {', '.join(gases)} hardly tell a clotted oxygenator "
+            f"from sicker lungs, and a change of either may be the other's; {advice}"
+        ]
+    if not _holds_oxygenator(case, free):
         return []
     return [
         f"the oxygenator is held as it was new, which {', '.join(gases)} follow from: one that is clotted is "
-        f"found as sicker lungs; measure a gas behind it ({', '.join(told)}), or give {CLOTTED}"
+        f"found as sicker lungs; {advice}"
     ]
 
 

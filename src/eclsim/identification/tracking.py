@@ -35,7 +35,7 @@ from eclsim.identification.importance import Transport, WeightedDraws, importanc
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.series import Series, named_cases, series_of
+from eclsim.identification.series import Series, cleared, copied, named_cases, series_of
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
@@ -272,6 +272,7 @@ class Tracker:
         self._starts: dict[Circuit, dict[str, float]] = {}
         self._left_out: dict[str, float] = {}
         self._said: set[str] = set()
+        self._before: TrackedPoint | None = None
 
     def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
         """Forecast a measurement, hold it against that, and learn from it.
@@ -349,6 +350,9 @@ class Tracker:
     def _doubted(self, point: TrackedPoint, doubts: tuple[str, ...]) -> TrackedPoint:
         """The point with what is held although it is not known; the message has what was not said before."""
         new = [doubt for doubt in doubts if doubt not in self._said]
+        if self._before is not None:
+            new = [copied(self._before, point), cleared(self._before, point), *new]
+        self._before = point
         self._said.update(new)
         verdict = point.verdict
         if verdict is not None:

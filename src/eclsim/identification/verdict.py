@@ -29,6 +29,7 @@ POOR_PROBABILITY = 1e-4
 """Likewise poor."""
 UNLIKE_WIDTH = 3.0
 """Intervals of one parameter whose widths (of the logarithms) differ by more than this factor disagree."""
+SIDES = ("lower", "upper")
 UNLIKE_END = 2.0
 """Likewise intervals one of whose ends differ by more than this factor."""
 
@@ -158,6 +159,8 @@ def headline(verdict: Mapping[str, Any]) -> str:
             f"the largest difference from a measurement is {abs(differences[worst]):.1f} standard "
             f"uncertainties ({worst})"
         )
+        if verdict["goodness"]["probability"] is None and verdict["level"] != Level.POOR:
+            agreement += ", which is no test of the model with so few measurements"
     return _HEADLINES[Level(verdict["level"])].format(agreement=agreement)
 
 
@@ -330,13 +333,17 @@ def interval_agreement(
 
 def _at_bounds(name: str, interval: Mapping[str, Any], bounds: tuple[float, float]) -> list[str]:
     """Ends at a bound, but for those of a fraction, whose 0 and 1 are limits of what there can be."""
-    known = quantity(name)
-    limits = () if known is None or known.unit not in ("", "1") or not known.is_linear else (0.0, 1.0)
     return [
         side
-        for side, bound in zip(("lower", "upper"), bounds, strict=True)
-        if np.isclose(interval[side], bound, rtol=1e-6) and bound not in limits
+        for side, bound in zip(SIDES, bounds, strict=True)
+        if np.isclose(interval[side], bound, rtol=1e-6) and bound not in possible_limits(name)
     ]
+
+
+def possible_limits(name: str) -> tuple[float, ...]:
+    """Limits of what there can be, which no bound holds a parameter back from: a fraction's 0 and 1."""
+    known = quantity(name)
+    return () if known is None or known.unit not in ("", "1") or not known.is_linear else (0.0, 1.0)
 
 
 def unlike(one: np.ndarray, other: np.ndarray) -> bool:
