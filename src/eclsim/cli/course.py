@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import TABLES, read_all, read_table, with_speeds
+from eclsim.cli.cases import TABLES, read_all, read_table, warn_of_results, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
 from eclsim.cli.options import CaseChanges, Distributed, argument, option
@@ -243,7 +243,6 @@ def _single(o: CourseOptions) -> bool:
                 result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
     except CaseError as error:
         fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
-    result = result.assign_attrs(warnings=[*reading.doubts, *result.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_tables(result, folder)
@@ -251,8 +250,7 @@ def _single(o: CourseOptions) -> bool:
             files.write_figure(result, figures)
         if hand_over(files.course_object(result), target):
             typer.echo(_text(result))
-    said = (sentence for sentence in result.attrs["warnings"] if sentence not in reading.doubts)
-    warn(f"{o.files[0]}: {sentence}" for sentence in said)
+    warn_of_results(reading, result.attrs["warnings"])
     return bool(result.attrs["converged"])
 
 
@@ -285,7 +283,7 @@ def _band(o: CourseOptions) -> bool:
     except CaseError as error:
         fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
     doubts = doubts_of(o.posterior or "", case)
-    band = band.assign_attrs(warnings=[*reading.doubts, *doubts, *band.attrs["warnings"]])
+    band = band.assign_attrs(warnings=[*doubts, *band.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_band_tables(band, folder)
@@ -293,8 +291,7 @@ def _band(o: CourseOptions) -> bool:
             files.write_figure(band, figures)
         if hand_over(band_object(band), target):
             typer.echo(_band_text(band))
-    said = (sentence for sentence in band.attrs["warnings"] if sentence not in reading.doubts)
-    warn(f"{o.files[0]}: {sentence}" for sentence in said)
+    warn_of_results(reading, band.attrs["warnings"])
     return bool(band.attrs["converged"])
 
 

@@ -7,7 +7,7 @@ members' beats of a stage are solved as one batch.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -108,6 +108,23 @@ class History:
     passed_over: list[PassedOver] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Watch:
+    """What ends a march early: beats that are not to be, at a moment that is shown.
+
+    Args:
+        outputs: that are read of each step's beat.
+        broken: whether a beat with these values is not to be.
+        every: between moments that are shown [s], of each member.
+        reason: why a march ended, in words.
+    """
+
+    outputs: tuple[str, ...]
+    broken: Callable[[Mapping[str, float]], bool]
+    every: Sequence[float]
+    reason: str = "a goal is broken"
+
+
 class Engine:
     """Marches members through their timelines.
 
@@ -117,6 +134,7 @@ class Engine:
         policy: blood volume policy.
         options: accuracy.
         execution: how batches are computed.
+        watch: what ends a member's march early; None for nothing.
 
     Attributes:
         at_rest: gases of each member before events at minute 0, as far as they are in `GASES_MOVE`.
@@ -129,7 +147,9 @@ class Engine:
         policy: str,
         options: CourseOptions,
         execution: Execution | None = None,
+        watch: Watch | None = None,
     ):
+        self.watch, self.broken_since = watch, np.full(len(timelines), np.inf)
         self.timelines, self.laws, self.policy = timelines, laws, policy
         self.options = options
         self.execution = execution or Execution(width=SIDE_BY_SIDE if len(timelines) >= MANY else 1)
@@ -140,7 +160,8 @@ class Engine:
         self.length = np.full(count, options.step_s or FIRST_S)
         self.states, self.slopes = np.zeros((size, count)), np.zeros((size, count))
         self.jacobian = np.zeros((count, size, size))
-        self.reads = tuple(dict.fromkeys((*laws.reads, *_gases_read(self.circuits))))
+        further = _gases_read(self.circuits) if watch is None else watch.outputs
+        self.reads = tuple(dict.fromkeys((*laws.reads, *further)))
         self.predictors = [Predictor(options.predictor) for _ in timelines]
         self.histories = [History() for _ in timelines]
         self.messages = [""] * count
@@ -165,9 +186,22 @@ class Engine:
         running = self._enter(everyone[solved])
         self.settling_s = [predictor.settling_s for predictor in self.predictors]
         self._stop(everyone[~solved])
-        while len(running):
+        while len(running := self._unbroken(running)):
             running = self._advance(running)
         return self.histories
+
+    def _unbroken(self, who: np.ndarray) -> np.ndarray:
+        """Those of some members whose march is not over by what is watched."""
+        if self.watch is None or not self.laws.reads:
+            return who
+        for m in who:
+            broken = self.watch.broken(self.noted[m].read)
+            self.broken_since[m] = min(self.broken_since[m], self.time[m]) if broken else np.inf
+        every = np.asarray(self.watch.every)[who]
+        over = np.ceil(self.broken_since[who] / every - 1e-9) * every <= self.time[who] + 1e-6
+        for m in who[over]:
+            self.histories[m].stopped = self.watch.reason
+        return who[~over]
 
     def _advance(self, who: np.ndarray) -> np.ndarray:
         """One step of some members; those who go on."""
@@ -539,7 +573,8 @@ class Engine:
 
     def _beats(self, members: np.ndarray, values: dict[str, np.ndarray], start: Anchor | None) -> SteadyBeat:
         batch = Batch(self._circuit(members[0]), values, len(members), self.policy)
-        reads = self.reads if self.options.hand_over or start is None else self.laws.reads
+        all_read = self.options.hand_over or self.watch is not None or start is None
+        reads = self.reads if all_read else self.laws.reads
         last_try = start is None or (self.length[members] <= SHORTEST_S).any()
         options = self.options.orbits if last_try else replace(self.options.orbits, newton_iterations=0)
         return steady_beat(batch, reads, options=options, start=start, execution=self.execution)

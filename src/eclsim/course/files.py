@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eclsim.cases.fit_mark import DOUBTS, untrusted
 from eclsim.course.result import TIME
 from eclsim.files import (
     csv_text,
@@ -89,27 +90,32 @@ def write_tables(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
     frame = result.to_dataframe().reset_index()
     units = {str(n): result[n].attrs.get("units", "") for n in (*result.coords, *result.data_vars)}
     frame.columns = [f"{name} [{units[name]}]" if units.get(name) else name for name in frame.columns]
+    if said := untrusted(result.attrs["warnings"]):
+        frame[DOUBTS] = "; ".join(said)
     return _written(result, frame_text(frame), folder, stem)
 
 
 def write_band_tables(band: xr.Dataset, folder: Path) -> list[Path]:
     """Write a band as CSV, a row for each output and moment, its alarms likewise, and all as NetCDF."""
     minutes, followed = band[TIME].to_numpy(), band["draws_followed"].to_numpy()
-    head = ("time_min", "quantity", "unit", "draws", *(f"{100.0 * q:g} %" for q in band["quantile"].values))
+    said = "; ".join(untrusted(band.attrs["warnings"]))
+    last, words = ((DOUBTS,), (said,)) if said else ((), ())
+    quantiles = (f"{100.0 * q:g} %" for q in band["quantile"].values)
+    head = ("time_min", "quantity", "unit", "draws", *quantiles, *last)
     rows = [
-        (minute, name, band[name].attrs.get("units", ""), count, *column)
+        (minute, name, band[name].attrs.get("units", ""), count, *column, *words)
         for name in map(str, band.data_vars)
         if "quantile" in band[name].dims
         for minute, count, column in zip(minutes, followed, band[name].to_numpy().T, strict=True)
     ]
     alarms = [
-        (minute, str(label), share)
+        (minute, str(label), share, *words)
         for label, shares in zip(band["alarm"].values, band["alarm_probability"].to_numpy(), strict=True)
         for minute, share in zip(minutes, shares, strict=True)
     ]
     written = _written(band, csv_text(head, rows), folder)
     table = written[0].with_name(written[0].name.replace(".csv", "_alarms.csv"))
-    write_text(csv_text(("time_min", "alarm", "probability"), alarms), table)
+    write_text(csv_text(("time_min", "alarm", "probability", *last), alarms), table)
     return [*written, table]
 
 

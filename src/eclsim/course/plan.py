@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,11 +19,10 @@ from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
 from eclsim.goals.goal import Goal, GoalError, possible, read_goals
-from eclsim.goals.search import ALARMING, beyond_alarms, reach
+from eclsim.goals.result import ALARMING, beyond_alarms
+from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
-from eclsim.orbit.status import NoDerivativesError
-from eclsim.outputs.alarms import sentences
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
@@ -43,6 +42,8 @@ TRIED = 8
 ROUNDS = 3
 MOMENTS = 40
 """Moments of each course at which goals are looked at."""
+ROUNDING = 1e-3
+"""Scales of a goal by which a march is beyond it before it ends: beats of steps and moments differ less."""
 OUTFLOW_TRACT_CM = 2.0
 """Diameter of the left ventricular outflow tract for the velocity-time integral."""
 
@@ -52,7 +53,7 @@ class Break(NamedTuple):
 
     Attributes:
         goal: as written.
-        value: of its output, farthest beyond the bound.
+        value: of its output then.
         at_min: when it is broken first [min].
         unit: of the value.
     """
@@ -249,28 +250,29 @@ def _removed(
         for rate, span in zip(rates, minutes, strict=True)
     ]
     every = [span / MOMENTS for span in minutes]
-    return follow(timelines, every, [goal.output for goal in goals], policy)
+
+    def broken(beat: Mapping[str, float]) -> bool:
+        return any(goal.excess(beat[goal.output]) > ROUNDING * goal.scale for goal in goals)
+
+    return follow(timelines, every, [goal.output for goal in goals], policy, broken=broken)
 
 
 def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
-    """What a course breaks, its own end included."""
-    minutes, breaks = result["time_min"].to_numpy(), []
-    for goal in goals:
-        values = result[goal.output].to_numpy() if goal.output in result else np.zeros(0)
-        excess = np.array([goal.excess(float(value)) for value in values])
-        unknown = ~np.isfinite(excess)
-        if unknown.any():
-            breaks.append(Break(f"no value of {goal.output}", math.nan, float(minutes[unknown.argmax()])))
-        if (excess > 0.0).any():
-            worst = float(values[np.nanargmax(excess)])
-            first = float(minutes[(excess > 0.0).argmax()])
-            why = f" ({goal.because})" if goal.because else ""
-            breaks.append(Break(f"{goal}{why}", worst, first, unit_of(goal.output)))
-    if not result.attrs["converged"]:
-        breaks.append(
-            Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
-        )
-    return breaks
+    """What a course breaks at the first moment at which it breaks anything, its own end included."""
+    minutes = result["time_min"].to_numpy()
+    lost = Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
+    for k, minute in enumerate(minutes.tolist()):
+        breaks = []
+        for goal in goals:
+            value = float(result[goal.output][k])
+            if not math.isfinite(value):
+                breaks.append(Break(f"no value of {goal.output}", math.nan, minute))
+            elif goal.excess(value) > 0.0:
+                why = f" ({goal.because})" if goal.because else ""
+                breaks.append(Break(f"{goal}{why}", value, minute, unit_of(goal.output)))
+        if breaks:
+            return breaks
+    return [] if result.attrs["converged"] else [lost]
 
 
 def _removal(
@@ -306,7 +308,7 @@ def _break_sentence(limit: Break) -> str:
         return f"{limit.goal} after {hours}"
     unit = f" {limit.unit}" * (limit.unit != "1")
     breaks = f"breaks after {hours}" if limit.at_min else "is broken from the start"
-    return f"{limit.goal} {breaks} ({limit.value:.4g}{unit} at worst)"
+    return f"{limit.goal} {breaks} ({limit.value:.4g}{unit})"
 
 
 # --- weaning --------------------------------------------------------------------------------------
@@ -327,7 +329,8 @@ class WeaningStep(NamedTuple):
         reached: whether the goals hold.
         outputs: by name, `READ` and `LVOT_VTI_cm`, the velocity-time integral that a stroke of the left
             ventricle has in an outflow tract 2 cm wide.
-        message: in words, where a goal is not reached or no steady beat was found.
+        message: in words, where a goal is not reached, no steady beat was found, or a flow is beyond a limit
+            that what is given cannot keep.
         warnings: limits that the beat breaks and how its numbers are to be read.
     """
 
@@ -394,13 +397,10 @@ def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy
         converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
         message = "" if converged else str(result.attrs["message"])
         return WeaningStep(speed, None, converged, _read(numbers, case), message, warnings)
-    try:
-        result = reach(case, keep, vary=vary, volume_policy=policy)
-    except NoDerivativesError as error:
-        return WeaningStep(speed, math.nan, False, {}, error.reason)
-    message = "" if result.reached else result.message
-    outputs, said = _read(dict(result.outputs), case), tuple(sentences(result.findings))
-    return WeaningStep(speed, result.values[0], result.reached, outputs, message, said)
+    result = reach(case, keep, vary=vary, volume_policy=policy)
+    alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
+    message, outputs = alarms if result.reached else result.message, _read(dict(result.outputs), case)
+    return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings)
 
 
 def _read(numbers: dict[str, float], case: Case) -> dict[str, float]:

@@ -73,7 +73,7 @@ def attributes_of(
         "message": message,
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "warnings": [*warnings, *approximations, *timeline.cut_short(), *cautions],
+        "warnings": [*timeline.case.doubts, *warnings, *approximations, *timeline.cut_short(), *cautions],
         "approximations": list(approximations),
         "cautions": cautions,
         "blood_volume_policy": policy,

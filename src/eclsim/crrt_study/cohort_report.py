@@ -120,6 +120,7 @@ def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
             "MAP_mmhg": point.pressure, "blood_taken_up_ml": point.taken_up,
             "unsettled": point.beats_not_found, "not_known": "; ".join(point.unsettled),
             "relative_misfit": study.fitted.misfits.get(point.name),
+            "fit": "; ".join(study.fitted.cases[point.name].doubts),
         }  # fmt: skip
         for policy in study.policies:
             row[f"first_{policy}"] = point.first(policy)
@@ -198,6 +199,7 @@ def _differences(study: CohortStudy) -> str:
 
 def _doubts(study: CohortStudy) -> list[str]:
     lines = [f"{name}: {reason}" for name, reason in study.lost.items()]
+    lines += [f"{name}: {doubt}" for name, case in study.fitted.cases.items() for doubt in case.doubts]
     for point in study.unsettled:
         lines.append(f"{point.name}: {'; '.join(point.unsettled)}")
     for policy in study.policies:

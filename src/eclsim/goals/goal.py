@@ -48,12 +48,14 @@ class Goal:
         low: smallest value, in the output's unit; minus infinity for none.
         high: largest value; infinity for none.
         because: what a value beyond it would mean, of a bound that holds unasked; empty for a user's goal.
+        gives_way: whether it is an alarm and no goal where what is turned cannot keep it.
     """
 
     output: str
     low: float = -math.inf
     high: float = math.inf
     because: str = ""
+    gives_way: bool = False
 
     def __str__(self) -> str:
         if math.isinf(self.high):
@@ -139,6 +141,7 @@ def possible(
 
     No vein may be below its surroundings, no chamber below empty, no device carry blood backwards, no
     oxygenator less than its label says; no alarm of gases may be raised that the case does not raise itself.
+    Those of flows and gases give way where what is turned cannot keep them.
 
     Args:
         outputs: names that the case has.
@@ -154,13 +157,23 @@ def possible(
         limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs, values)
         if limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan))
     ]  # fmt: skip
-    for limit in (*impossible_bounds(outputs), *backward, *gases):
+    alarms = (*backward, *gases)
+    for limit in (*impossible_bounds(outputs), *alarms):
         if (limit.quantity, limit.side) not in taken:
             key = limit.quantity, limit.meaning
-            known = goals.get(key, Goal(limit.quantity, because=limit.meaning))
+            unbound = Goal(limit.quantity, because=limit.meaning, gives_way=limit in alarms)
+            known = goals.get(key, unbound)
             side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}
             goals[key] = replace(known, **side)
     return tuple(goals.values())
+
+
+def turned_for(goal: Goal, settings: Sequence[Setting]) -> bool:
+    """Whether settings are among those that a bound is kept by: that of a device's flow by its own alone."""
+    known = named_output(goal.output)
+    if not goal.gives_way or known is None:
+        return True
+    return known[0].key in {setting.name.rpartition(".")[0] for setting in settings}
 
 
 def is_of_gas(name: str) -> bool:
