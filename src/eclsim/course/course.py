@@ -11,12 +11,13 @@ import numpy as np
 import xarray as xr
 
 from eclsim.course.alarms import alarms, clock_time, findings_of_shown
-from eclsim.course.engine import MANY, SHORTEST_S, CourseOptions, Engine, History, Watch
+from eclsim.course.engine import MANY, SHORTEST_S, CourseOptions, Engine, History
 from eclsim.course.handover import BLOOD_S, GASES_MOVE, LAG, farthest
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import MOST_SPANS, TIME, attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
+from eclsim.course.watch import Watch
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
@@ -158,7 +159,7 @@ def follow(
     for members in _groups(timelines, volume_policy).values():
         of_group, every = [timelines[m] for m in members], [every_min[m] for m in members]
         steps = [minutes * MINUTE for minutes in every]
-        watch = None if broken is None else Watch(tuple(outputs or ()), broken, steps)
+        watch = None if broken is None else Watch(outputs or (), broken, steps)
         engine, moments = _marched(
             of_group, every, outputs, volume_policy, options, execution, with_alarms, watch
         )

@@ -7,7 +7,7 @@ members' beats of a stage are solved as one batch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -37,6 +37,7 @@ from eclsim.course.laws import Laws
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
 from eclsim.course.timeline import START, Timeline
+from eclsim.course.watch import Watch
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
@@ -108,23 +109,6 @@ class History:
     passed_over: list[PassedOver] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Watch:
-    """What ends a march early: beats that are not to be, at a moment that is shown.
-
-    Args:
-        outputs: that are read of each step's beat.
-        broken: whether a beat with these values is not to be.
-        every: between moments that are shown [s], of each member.
-        reason: why a march ended, in words.
-    """
-
-    outputs: tuple[str, ...]
-    broken: Callable[[Mapping[str, float]], bool]
-    every: Sequence[float]
-    reason: str = "a goal is broken"
-
-
 class Engine:
     """Marches members through their timelines.
 
@@ -149,9 +133,8 @@ class Engine:
         execution: Execution | None = None,
         watch: Watch | None = None,
     ):
-        self.watch, self.broken_since = watch, np.full(len(timelines), np.inf)
         self.timelines, self.laws, self.policy = timelines, laws, policy
-        self.options = options
+        self.options, self.watch = options, watch
         self.execution = execution or Execution(width=SIDE_BY_SIDE if len(timelines) >= MANY else 1)
         count, size = len(timelines), len(laws.states)
         self.circuits = canonical_circuits(timelines)
@@ -192,16 +175,11 @@ class Engine:
 
     def _unbroken(self, who: np.ndarray) -> np.ndarray:
         """Those of some members whose march is not over by what is watched."""
-        if self.watch is None or not self.laws.reads:
-            return who
-        for m in who:
-            broken = self.watch.broken(self.noted[m].read)
-            self.broken_since[m] = min(self.broken_since[m], self.time[m]) if broken else np.inf
-        every = np.asarray(self.watch.every)[who]
-        over = np.ceil(self.broken_since[who] / every - 1e-9) * every <= self.time[who] + 1e-6
-        for m in who[over]:
-            self.histories[m].stopped = self.watch.reason
-        return who[~over]
+        watch = self.watch
+        over = [m for m in who if watch and watch.is_over(m, float(self.time[m]), self.noted[m].read)]
+        for m in over:
+            self.histories[m].stopped = Watch.reason
+        return np.setdiff1d(who, over)
 
     def _advance(self, who: np.ndarray) -> np.ndarray:
         """One step of some members; those who go on."""
