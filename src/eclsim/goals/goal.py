@@ -17,8 +17,9 @@ from eclsim.devices.registry import named_output
 from eclsim.inputs.mistakes import CaseError
 from eclsim.inputs.numbers import suspected_unit
 from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
-from eclsim.outputs.registry import output, unavailable
+from eclsim.outputs.registry import all_outputs, output, unavailable
 from eclsim.spelling import spelling_hint
+from eclsim.units import convert, known_unit, quantity_of
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
 _TWO_SIDES = re.compile(rf"(\S+?)\s*(?:=|:|in|\s)\s*({_NUMBER})\s*(?:\.\.|to)\s*({_NUMBER})")
+_WITH_UNIT = re.compile(r"(.*[\d.])\s*([A-Za-zµ%][\w/µ%.²]*)")
 ALLOWED = "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, in the outputs' units, with commas between"
 LARGEST_FLOW_L_MIN = 30.0
 LITTLE_OXYGEN_ML_MIN = 10.0
@@ -200,7 +202,23 @@ def _read(text: str) -> Goal:
     if match := _TWO_SIDES.fullmatch(text):
         output, low, high = match.groups()
         return Goal(output, float(low), float(high))
+    if (match := _WITH_UNIT.fullmatch(text)) and not _WITH_UNIT.fullmatch(match[1]):
+        return _in_own_unit(_read(match[1]), match[2], text)
     raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED}"])
+
+
+def _in_own_unit(goal: Goal, written: str, text: str) -> Goal:
+    """A goal behind whose bound a unit stands, which has to be that of its output."""
+    if goal.output not in all_outputs():
+        return goal
+    unit = output(goal.output).unit
+    if (known_unit(written) or written).lower() == unit.lower():
+        return goal
+    wrong = f"{text}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"
+    bound = goal.low if math.isfinite(goal.low) else goal.high
+    if quantity_of(unit) is not None and quantity_of(written) == quantity_of(unit):
+        wrong += f"; did you mean {convert(bound, known_unit(written) or written, unit):.4g} {unit}?"
+    raise GoalError([wrong])
 
 
 def _in_other_units(goal: Goal) -> list[str]:
