@@ -5,8 +5,10 @@ import json
 from pathlib import Path
 
 import pytest
+import xarray as xr
 
 from eclsim.cases.fit_mark import with_mark
+from eclsim.cli.course import _rows
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
 
@@ -151,3 +153,10 @@ def test_a_cohort_says_in_whom_steady_beats_run_ahead_of_the_blood(shell):
     high, low = csv.DictReader((shell.folder / "out" / "courses.csv").read_text().splitlines())
     assert "steady beats run ahead" in low["approximations"]
     assert high["approximations"] == ""
+
+
+def test_moments_of_one_minute_are_told_apart_in_the_table():
+    """A course of ten minutes had two rows 00:00, two rows 00:01 and so on."""
+    halves = xr.Dataset(coords={"time_min": [0.0, 0.5, 1.0]})
+    assert list(_rows(halves).values()) == ["00:00:00", "00:00:30", "00:01:00"]
+    assert list(_rows(halves.isel(time_min=[0, 2])).values()) == ["00:00", "00:01"]

@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -385,30 +386,22 @@ def test_beats_that_are_undetermined_everywhere_are_not_called_not_found():
     assert found.message.startswith("nowhere in the ranges is the steady beat determined: steady beat found")
 
 
-WEAK = {
-    "format": 1, "patient": {"id": "P", "sex": "male", "age_years": 58, "heart_rate_bpm": 100},
-    "ecmo": {"mode": "VA", "pump": "Rotaflow", "speed_rpm": 1500, "oxygenator": "Quadrox-i Adult"},
-    "drugs": {"noradrenaline": 0.0},
-}  # fmt: skip
-"""A pump so slow that no drug keeps its flow within the oxygenator's label."""
-
-
 def test_a_limit_that_what_is_turned_cannot_keep_is_an_alarm_and_no_goal():
     """No dose kept `PF > 0.5`, which nobody had asked for: the dose for a pressure was "not reached"."""
-    case = read_mapping(WEAK).case
-    found = reach(case, "MAP > 85", vary="drugs.noradrenaline=0..1")
+    slow = CASE.with_section("ecmo", speed_rpm=1000.0)
+    found = reach(slow, "MAP > 60", vary="Rmc=0.3..3")
     assert found.reached
-    assert found.outputs["MAP"] == pytest.approx(85.0, abs=0.01)
+    assert found.outputs["MAP"] == pytest.approx(60.0, abs=0.01)
     (alarm,) = found.not_kept
     assert (alarm.goal.output, alarm.goal.low, alarm.value) == ("PF", 0.5, found.outputs["PF"])
     assert found.outputs["PF"] < 0.5
     assert "PF > 0.5 (blood that hardly flows clots" in found.message
-    assert "with a goal for them they are kept" not in found.message
+    assert "PF is beyond alarm limits" not in found.message
     assert found.as_object()["not_kept"][0]["output"] == "PF"
-    (step,) = plan_weaning(case, [1500.0], keep="MAP > 85", vary="drugs.noradrenaline=0..1")
+    (step,) = plan_weaning(CASE, [1000.0], keep="MAP > 60", vary="Rmc=0.3..3")
     assert step.reached
     assert "PF > 0.5" in step.message
-    asked = reach(case, "MAP > 85, PF > 0.5", vary="drugs.noradrenaline=0..1")
+    asked = reach(slow, "MAP > 60, PF > 0.5", vary="Rmc=0.3..3")
     assert not asked.reached
     assert not asked.not_kept
 
@@ -422,14 +415,18 @@ def test_a_flow_is_kept_by_its_own_pump_alone():
     assert turned_for(Goal("PF", low=0.5), [dose])
 
 
-def test_what_is_not_reached_says_how_much_of_the_ranges_was_not_seen():
-    patient = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 80}
-    case = read_mapping(WEAK | {"patient": patient, "parameters": {"Emaxlv": 0.1}}).case
-    found = reach(case, "MAP > 200", vary="ecmo.speed_rpm=1000..5000")
-    assert not found.reached
-    assert 0 < found.without_beat < found.tried == 9
-    words = f"{found.without_beat} of the 9 places over the ranges that were tried first had no steady beat"
-    assert words in found.message
+def test_what_is_not_reached_says_how_much_of_the_ranges_was_not_seen(monkeypatch):
+    scan = search._Bedside.scan
+
+    def without_two(bedside, outputs):
+        places, values, beat = scan(bedside, outputs)
+        values[:, :2] = np.nan
+        return places, values, SimpleNamespace(status=beat.status, determined=np.arange(9) > 1)
+
+    monkeypatch.setattr(search._Bedside, "scan", without_two)
+    found = reach(CASE, "PF > 9", vary="ecmo.speed_rpm")
+    assert (found.reached, found.tried, found.without_beat) == (False, 9, 2)
+    assert "2 of the 9 places over the ranges that were tried first had no steady beat" in found.message
 
 
 def test_a_start_without_derivatives_is_an_answer_and_no_error(monkeypatch, tmp_path):

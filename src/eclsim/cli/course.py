@@ -345,7 +345,6 @@ def _text(result: xr.Dataset) -> str:
     """Some moments of the course as a table, and the balance of blood."""
     import json
 
-    from eclsim.course.alarms import clock_time
     from eclsim.course.result import spans_in_words
     from eclsim.reporting.numbers import number, text_table
 
@@ -355,11 +354,7 @@ def _text(result: xr.Dataset) -> str:
     seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN if name in result]
     rows = [
-        (
-            clock_time(float(result["time_min"][k]), seconds),
-            *(number(float(result[name][k])) for name in names),
-        )
-        for k in _rows(result)
+        (at, *(number(float(result[name][k])) for name in names)) for k, at in _rows(result, seconds).items()
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
     balance = json.loads(result.attrs["balance"])
@@ -376,10 +371,15 @@ def _text(result: xr.Dataset) -> str:
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
 
 
-def _rows(result: xr.Dataset) -> Sequence[int]:
-    """The moments that a table shows."""
-    count = result.sizes["time_min"]
-    return sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
+def _rows(result: xr.Dataset, seconds: bool = False) -> dict[int, str]:
+    """The moments that a table shows, with their times: to the second where minutes are not enough."""
+    from eclsim.course.alarms import clock_time
+
+    count, minute = result.sizes["time_min"], result["time_min"].to_numpy().tolist()
+    places = sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
+    times = {k: clock_time(minute[k], seconds) for k in places}
+    same = len(set(times.values())) < len(places)
+    return {k: clock_time(minute[k], True) for k in places} if same else times
 
 
 def _band_text(band: xr.Dataset) -> str:
@@ -393,7 +393,7 @@ def _band_text(band: xr.Dataset) -> str:
         low, _, median, _, high = (number(float(value)) for value in band[name].to_numpy()[:, k])
         return f"{median} ({low} to {high})"
 
-    rows = [(clock_time(float(band["time_min"][k])), *(cell(n, k) for n in names)) for k in _rows(band)]
+    rows = [(at, *(cell(name, k) for name in names)) for k, at in _rows(band).items()]
     head = ("time", *(f"{name} [{band[name].attrs['units']}]" for name in names))
     words = [f"median (90 % interval) of {band.attrs['draws']} draws"]
     for label, shares in zip(band["alarm"].values, band["alarm_probability"].to_numpy(), strict=True):
