@@ -1,5 +1,6 @@
 """The documentation's examples run, and its links lead somewhere."""
 
+import itertools
 import re
 import shlex
 import shutil
@@ -51,6 +52,32 @@ def test_every_row_of_a_table_stands_in_one(page: Path):
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     blocks = re.findall(r"(?:^\|.*\n?)+", text, re.MULTILINE)
     assert [block for block in blocks if not re.match(r".*\n\|[\s:|-]+\|(?:\n|$)", block)] == []
+
+
+def prose_of(page: Path) -> list[str]:
+    """Lines of a page, those of code blocks and comments left empty."""
+    text = page.read_text(encoding="utf-8")
+    for pattern in (r"^```.*?^```", r"<!--.*?-->"):
+        text = re.sub(
+            pattern, lambda found: "\n" * found[0].count("\n"), text, flags=re.MULTILINE | re.DOTALL
+        )
+    return ["", *text.splitlines(), ""]
+
+
+@pytest.mark.parametrize("page", [*PAGES, REPOSITORY / "CONTRIBUTING.md"], ids=name)
+def test_tables_lists_and_formulae_stand_apart_from_the_text(page: Path):
+    """Glued to a paragraph they are read as part of it, and the page shows bars, dashes and dollars."""
+    item, wrong = re.compile(r"- |\d+\. "), []
+    pairs = itertools.pairwise(prose_of(page))
+    for number, (before, line) in enumerate(pairs, 1):
+        text_before = bool(before) and not before.startswith(("|", " ", "- ", ":", "[", "$$", "!!!"))
+        glued_table = line.startswith("|") and bool(before) and not before.startswith("|")
+        glued_text = before.startswith("|") and bool(line) and not line.startswith("|")
+        glued_item = bool(item.match(line)) and text_before and not item.match(before)
+        ends = re.search(r"\$\$(?!\S?$)", line[2:]) if line.startswith("$$") else re.search(r"\$\$.", line)
+        if glued_table or glued_text or glued_item or ends:
+            wrong.append(f"{number}: {line[:60]}")
+    assert wrong == []
 
 
 def commands_of(page: str) -> list[str]:

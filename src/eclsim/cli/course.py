@@ -339,6 +339,8 @@ def _cohort(o: CourseOptions) -> bool:
 SHOWN = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "DO2")
 ROWS = 25
 BAND_SHOWN = ("MAP", "PF", "drainage_pressure", "DO2")
+_DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
+"""Of a unit in tables, so that a column's digits stand below each other; others have one."""
 
 
 def _text(result: xr.Dataset) -> str:
@@ -354,7 +356,8 @@ def _text(result: xr.Dataset) -> str:
     seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN if name in result]
     rows = [
-        (at, *(number(float(result[name][k])) for name in names)) for k, at in _rows(result, seconds).items()
+        (at, *(number(float(result[name][k]), _decimals(result[name])) for name in names))
+        for k, at in _rows(result, seconds).items()
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
     balance = json.loads(result.attrs["balance"])
@@ -369,6 +372,10 @@ def _text(result: xr.Dataset) -> str:
     if spans:
         words += f"\n{spans}, where an event left the circulation no time to settle"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
+
+
+def _decimals(values: xr.DataArray) -> int:
+    return _DECIMALS.get(values.attrs["units"], 1)
 
 
 def _rows(result: xr.Dataset, seconds: bool = False) -> dict[int, str]:
@@ -390,7 +397,8 @@ def _band_text(band: xr.Dataset) -> str:
     names = [name for name in BAND_SHOWN if name in band]
 
     def cell(name: str, k: int) -> str:
-        low, _, median, _, high = (number(float(value)) for value in band[name].to_numpy()[:, k])
+        decimals = _decimals(band[name])
+        low, _, median, _, high = (number(float(v), decimals) for v in band[name].to_numpy()[:, k])
         return f"{median} ({low} to {high})"
 
     rows = [(at, *(cell(name, k) for name in names)) for k, at in _rows(band).items()]

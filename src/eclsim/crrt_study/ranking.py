@@ -273,7 +273,8 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
         if not unknown:
             second = next((r for r in ranking if r.decided_by), None)
-            by = [f"before scheme {second.letter} by: {second.decided_by}"] if second else []
+            them = "them" if tied else "it"
+            by = [f"what places {them} before scheme {second.letter}: {second.decided_by}"] if second else []
             if tied:
                 answer = f"First for this patient: schemes {listed(tied)}, which the rule does not tell apart"
                 first = ranking[: min(len(tied), MOST_LINES)]

@@ -152,7 +152,7 @@ def _ranking_table(study: CrrtStudy, policy: str) -> Table:
         "Scheme",
         "Access – return",
         "Limits kept up to [L/min]",
-        "Behind the one above by",
+        "What the one above does better",
         "Why",
     ]
     return Table(head, rows, numeric=(0, 3))
