@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from eclsim.cases.fit_mark import with_mark
-from eclsim.cli.course import _rows
+from eclsim.cli.course import CourseOptions, _cases, _rows
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
 
@@ -104,6 +104,16 @@ def test_events_of_a_file_have_to_fit_each_patient(shell):
     assert done.exit_code == 2
     assert "events[1].set.crrt.net_ultrafiltration_ml_h" in done.stderr
     assert "(for P01, P02)" in done.stderr
+
+
+def test_an_event_of_a_file_that_is_without_effect_in_a_patient_is_named(shell, capsys):
+    """A sweep turned off in patients without gases was followed without a word."""
+    event = '[[events]]\nat_min = 2\nset = { "ecmo.sweep_l_min" = 0.5 }\n'
+    case = shell.case(more=shell.ecmo)
+    shell.case("events.toml", more=f"{shell.ecmo}[gas]\n{event}")
+    (reading,), _ = _cases(CourseOptions(files=[case], events=str(shell.folder / "events.toml")))
+    assert len(reading.case.events) == 1
+    assert "events[1].set.ecmo.sweep_l_min = 0.5: without effect" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -152,6 +152,14 @@ def test_a_volume_that_nobody_has_is_refused(own, volume):
         plan_removal(own, volume, "MAP > 62")
 
 
+def test_a_rate_that_the_device_cannot_have_is_said_in_what_was_asked(own):
+    """1 mL was refused for a rate of 0.0139 mL/h with the advice to take 50."""
+    with pytest.raises(GoalError, match=r"remove 10000 mL in 0.5 h, 20000 mL/h: .*, or more hours"):
+        plan_removal(own, 10_000.0, "MAP > 62", hours=0.5)
+    found = plan_removal(own, 1.0, "MAP > 120")
+    assert min(found.tried) == 1.0
+
+
 def test_without_a_device_that_removes_fluid_it_is_refused(own):
     bare = own.model_copy(update={"crrt": None})
     with pytest.raises(GoalError, match="no device that removes fluid"):
@@ -173,6 +181,20 @@ def test_weaning_reads_what_the_bedside_reads(own):
     vti = steps[0].outputs["LVOT_VTI_cm"]
     stroke = 1000.0 * steps[0].outputs["LVO"] / 80.0
     assert vti == pytest.approx(stroke / math.pi)
+
+
+def test_a_speed_that_does_not_keep_a_goal_is_named_where_nothing_is_given_for_it(own):
+    """Goals were refused without something to vary: nobody could ask down to which speed they hold."""
+    plain = plan_weaning(own, [3000.0, 2500.0])
+    bound = 0.5 * sum(step.outputs["PF"] for step in plain)
+    fast, slow = plan_weaning(own, [3000.0, 2500.0], keep=f"PF > {bound:.3f}, MAP > 20")
+    assert (fast.reached, fast.message, fast.setting) == (True, "", None)
+    assert not slow.reached
+    assert slow.message == f"PF > {bound:.4g} is not kept there: {slow.outputs['PF']:.4g} L/min"
+    with pytest.raises(GoalError, match="no such output"):
+        plan_weaning(own, [3000.0], keep="MAPP > 20")
+    with pytest.raises(GoalError, match="for goals to keep"):
+        plan_weaning(own, [3000.0], vary="Rmc")
 
 
 @pytest.mark.slow

@@ -186,8 +186,7 @@ def _case(path: Path) -> _Contents:
     """The case of a file; a doubt about its fit stands where its numbers come from, and is no remark."""
     reading = read_case(path)
     remarks = [mistake for mistake in reading.warnings if mistake.message not in reading.case.doubts]
-    case = reading.case.model_copy(update={"fit_mark": None})
-    return ((case.patient.id, case),), remarks, reading.case.fit_mark
+    return ((reading.case.patient.id, reading.case),), remarks, reading.case.fit_mark
 
 
 def _cohort(path: Path) -> _Contents:

@@ -134,21 +134,25 @@ def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool)
     if not events:
         fail(f"{file}: holds no [[events]]")
     plain, wrong = [event.as_object() for event in events], dict[str, list[str]]()
+    doubtful = dict[str, list[str]]()
     followed: list[CaseReading] = []
     for reading in readings:
         case = reading.case
         try:
-            read_mapping(case.as_mapping() | {"events": plain}, file)
+            checked = read_mapping(case.as_mapping() | {"events": plain}, file)
         except CaseError as error:
             for mistake in error.mistakes:
                 wrong.setdefault(str(mistake), []).append(case.patient.id)
         else:
+            for doubt in (doubt for doubt in checked.warnings if doubt.key.startswith("events[")):
+                doubtful.setdefault(str(doubt), []).append(case.patient.id)
             followed.append(replace(reading, case=case.model_copy(update={"events": events})))
     lines = [f"{message} (for {_named(names)})" for message, names in wrong.items()]
     if lines and not (refuses_rows and followed):
         fail(*lines)
     for line in lines:
         say(f"refused: {line}")
+    warn(f"{message} (for {_named(names)})" for message, names in doubtful.items())
     return followed
 
 

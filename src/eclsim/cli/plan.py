@@ -36,7 +36,10 @@ class PlanOptions(CaseChanges, Json):
         None, "Goals that hold all the time: 'MAP > 60, drainage_pressure > -80, DO2 > 400'.", metavar="GOALS"
     )
     vary: str | None = option(
-        None, "With --wean, what is given to keep the goals: drugs.noradrenaline=0..1.", metavar="NAME"
+        None,
+        "With --wean, what is given to keep the goals: drugs.noradrenaline=0..1; left out, it is said which "
+        "speeds keep them.",
+        metavar="NAME",
     )
     hours: float = option(72.0, "With --remove-ml, longest time [h].", minimum=0.5, maximum=744.0)
 

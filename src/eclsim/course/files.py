@@ -162,6 +162,9 @@ def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]
         lowest = float(result["MAP"].min()) if "MAP" in result else math.nan
         count = sum(alarm["kind"] == "alarm" for alarm in course["alarms"])
         said = course["message"], "; ".join(result.attrs["approximations"])
-        rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said))
-    write_text(csv_text(head, rows), folder / TABLE)
+        doubts = "; ".join(untrusted(result.attrs["warnings"]))
+        rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said, doubts))
+    doubted = any(row[-1] for row in rows)
+    text = csv_text((*head, DOUBTS), rows) if doubted else csv_text(head, (row[:-1] for row in rows))
+    write_text(text, folder / TABLE)
     return content

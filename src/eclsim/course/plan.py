@@ -19,7 +19,7 @@ from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
 from eclsim.goals.goal import Goal, GoalError, possible, read_goals
-from eclsim.goals.result import ALARMING, beyond_alarms
+from eclsim.goals.result import ALARMING, beyond_alarms, broken
 from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 FILTRATION = "net_ultrafiltration_ml_h"
 FILTERED = "filtration_fraction"
 """Output whose limit bounds the rate unasked: beyond it the filter that is to remove the fluid clots."""
+LEAST_ML_H = 1.0
+"""Slowest rate that devices can be set to."""
 TRIED = 8
 """Rates of one round, marched side by side."""
 ROUNDS = 3
@@ -132,9 +134,15 @@ def plan_removal(
         raise GoalError(
             [f"remove {remove_ml:g} mL: more than anybody is given; allowed: to {LARGEST_ML:g} mL"]
         )
-    key, slowest = _filtration(solved, keep), remove_ml / hours
+    key = _filtration(solved, keep)
+    slowest = max(remove_ml / hours, LEAST_ML_H)
+    try:
+        slow = changed(solved, {key: slowest}, solved)
+    except CaseError as error:
+        (first, *_) = error.mistakes
+        reason = f"{first.message}; allowed: {first.allowed}, or more hours"
+        raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h, {slowest:.0f} mL/h: {reason}"]) from None
     fastest = _fastest(solved, key, slowest)
-    slow = changed(solved, {key: slowest}, solved)
     outputs = output_names(model_of(slow).circuit)
     asked = read_goals(keep, outputs)
     goals = (*asked, *_unasked(slow, outputs, asked, volume_policy))
@@ -251,10 +259,10 @@ def _removed(
     ]
     every = [span / MOMENTS for span in minutes]
 
-    def broken(beat: Mapping[str, float]) -> bool:
+    def is_broken(beat: Mapping[str, float]) -> bool:
         return any(goal.excess(beat[goal.output]) > ROUNDING * goal.scale for goal in goals)
 
-    return follow(timelines, every, [goal.output for goal in goals], policy, broken=broken)
+    return follow(timelines, every, [goal.output for goal in goals], policy, broken=is_broken)
 
 
 def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
@@ -356,7 +364,8 @@ def plan_weaning(
         case: path of a case file, what `read_case` returned, or a case with ECMO.
         speeds: of the pump [rpm], in order.
         keep: goals at every speed, such as "MAP > 65".
-        vary: what is given for them, such as "drugs.noradrenaline=0..1"; the smallest is sought.
+        vary: what is given for them, such as "drugs.noradrenaline=0..1"; the smallest is sought. Left out,
+            it is only looked at which speeds keep them.
         volume_policy: blood volume policy; left out, the case's.
 
     Raises:
@@ -367,8 +376,8 @@ def plan_weaning(
     if start.ecmo is None:
         raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
     numbers = _speeds(speeds)
-    if (keep is None) != (vary is None):
-        raise GoalError(["goals to keep and what is varied for them go together"])
+    if keep is None and vary is not None:
+        raise GoalError([f"vary '{vary}': for goals to keep, such as MAP > 65; none is given"])
     if vary is not None and "," in vary:
         raise GoalError([f"vary '{vary}': one setting is sought at each speed; allowed: NAME=LOW..HIGH"])
     if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:
@@ -392,11 +401,13 @@ def _speeds(given: Sequence[float]) -> list[float]:
 
 def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None) -> WeaningStep:
     if keep is None or vary is None:
+        goals = () if keep is None else read_goals(keep, output_names(model_of(case).circuit))
         result = simulate(case, policy)
         numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
         converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
-        message = "" if converged else str(result.attrs["message"])
-        return WeaningStep(speed, None, converged, _read(numbers, case), message, warnings)
+        message = "; ".join(one.sentence for one in broken(numbers, goals))
+        message = message if converged else str(result.attrs["message"])
+        return WeaningStep(speed, None, converged and not message, _read(numbers, case), message, warnings)
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
     message, outputs = alarms if result.reached else result.message, _read(dict(result.outputs), case)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,6 +15,8 @@ from eclsim.outputs.registry import output
 if TYPE_CHECKING:
     from eclsim.outputs.alarms import Finding
 
+MET = 1e-4
+"""Largest miss, in scales of the goal, of a goal that is reached."""
 ALARMING = ("alarm", "collapse")
 """Kinds of findings that an answer names in its first words."""
 
@@ -47,8 +50,10 @@ class GoalResult(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Of a bound that nobody asked for and that is broken, in words."""
+        """Of a bound that is broken, in words."""
         unit = output(self.goal.output).unit
+        if math.isnan(self.value):
+            return f"{self.goal.output} has no value there"
         return f"{_named(self.goal)} is not kept there: {self.value:.4g} {unit}"
 
     def as_object(self) -> dict[str, object]:
@@ -131,6 +136,14 @@ class Reached:
             "tried": self.tried,
             "without_beat": self.without_beat,
         }  # fmt: skip
+
+
+def broken(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
+    """Those of some bounds that outputs are beyond, or whose output has no value."""
+    for goal in goals:
+        value = outputs.get(goal.output, math.nan)
+        if not goal.excess(value) <= MET * goal.scale:
+            yield GoalResult(goal, value, met=False, binding=False, slopes={})
 
 
 def unseen(tried: int, without_beat: int) -> str:

@@ -19,7 +19,7 @@ turned can keep are no goals: the answer names them where they are broken.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,10 +38,12 @@ from eclsim.goals.goal import (
 )
 from eclsim.goals.result import (
     ALARMING,
+    MET,
     GoalResult,
     Reached,
     ReachStatus,
     beyond_alarms,
+    broken,
     message_of,
     unseen,
 )
@@ -56,8 +58,6 @@ PENALTY = 30.0
 """Of a miss by one scale of its goal (`Goal.scale`); a setting counts at most 1 over its whole range."""
 LATER = 0.05
 """Weight of each further setting, of the weight of the one before."""
-MET = 1e-4
-"""Largest miss, in scales of the goal, of a goal that is reached."""
 IDLE = 1e-6
 """Change of all goals, in scales, over the whole range of a setting that none of them depends on."""
 SMALLEST_REGION = 1e-9
@@ -275,7 +275,7 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...], giving_way: Sequence[Go
     without = _without(bedside, goals, results, start) if status is ReachStatus.NOT_REACHED else {}
     beat = bedside.beat(end.place[:, None], None)
     found, outputs = tuple(beat.findings()), beat.outputs()
-    alarms = tuple(_broken(outputs, [goal for goal in giving_way if goal not in goals]))
+    alarms = tuple(broken(outputs, [goal for goal in giving_way if goal not in goals]))
     lost = "" if status is ReachStatus.REACHED else unseen(tried, without_beat)
     said = {alarm.goal.output for alarm in alarms}
     return Reached(
@@ -298,14 +298,6 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...], giving_way: Sequence[Go
         without_beat,
         bedside.model.doubts,
     )
-
-
-def _broken(outputs: Mapping[str, float], goals: Sequence[Goal]) -> Iterator[GoalResult]:
-    """Those of some bounds that outputs are beyond."""
-    for goal in goals:
-        value = outputs.get(goal.output, np.nan)
-        if goal.excess(value) > MET * goal.scale:
-            yield GoalResult(goal, value, met=False, binding=False, slopes={})
 
 
 def _without(
