@@ -351,7 +351,8 @@ def _text(result: xr.Dataset) -> str:
     """Some moments of the course as a table, and the balance of blood."""
     import json
 
-    from eclsim.course.result import spans_in_words
+    from eclsim.course.result import impossible_moments, spans_in_words
+    from eclsim.outputs.alarms import NO_PATIENT
     from eclsim.reporting.numbers import number, text_table
 
     if not result.sizes["time_min"]:
@@ -359,8 +360,12 @@ def _text(result: xr.Dataset) -> str:
     spans = spans_in_words(result)
     seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN if name in result]
+    impossible = impossible_moments(result)
     rows = [
-        (at, *(number(float(result[name][k]), _decimals(result[name])) for name in names))
+        (
+            f"{at} *" if impossible[k] else at,
+            *(number(float(result[name][k]), _decimals(result[name])) for name in names),
+        )
         for k, at in _rows(result, seconds).items()
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
@@ -373,6 +378,8 @@ def _text(result: xr.Dataset) -> str:
     took = f"{result.attrs['seconds']:.1f} s"
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
+    if any(impossible):
+        words = f"* a beat {NO_PATIENT}: its numbers are not to be read\n\n{words}"
     if spans:
         words += f"\n{spans}, where an event left the circulation no time to settle"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.fit_mark import DOUBTS, untrusted
-from eclsim.course.result import TIME
+from eclsim.course.result import TIME, impossible_moments
 from eclsim.files import (
     csv_text,
     file_stem,
@@ -38,6 +38,7 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
         "status": str(about["status"]),
         "message": str(about["message"]),
         "time_min": finite(result["time_min"].to_numpy()),
+        "impossible": impossible_moments(result),
         "outputs": {n: finite(result[n].to_numpy()) for n in numeric if n not in states},
         "slow_states": {n: finite(result[n].to_numpy()) for n in states},
         "units": {n: str(result[n].attrs.get("units", "")) for n in numeric},
