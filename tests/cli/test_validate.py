@@ -39,14 +39,14 @@ def test_rows_are_shown_with_error_and_verdict(shell, checks):
     assert ["a", "100", "100.5", "mmHg", "+0.50", "%", "ok"] in lines
     assert ["d", "1", "2", "1", "+100.00", "%", "MISS"] in lines
     assert ["f", "1", "3", "1", "+200.00", "%", "not", "decidable"] in lines
-    assert "All bars hold." in done.stdout
+    assert "All required comparisons pass." in done.stdout
     assert done.stderr == "running: this part\n"
 
 
 def test_a_missed_bar_is_named_and_ends_with_status_1(shell, checks):
     done = shell.run("validate", "--only", "gradients")
     assert done.exit_code == 1
-    assert "bar missed: Bad things: c" in done.stdout
+    assert "missed: Bad things: c" in done.stdout
     assert "explained: the moon" in done.stdout
     assert "the tide" not in done.stdout
     assert "2 miss (1 of them explained)" in done.stdout

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from eclsim.cases.reading import read_mapping
+from eclsim.circuit.volumes import total_volumes
 from eclsim.course.beats import course_beats, marched
 from eclsim.course.course import course
 from eclsim.course.engine import CourseOptions
+from eclsim.devices.ecmo import OXYGENATORS
+from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 
@@ -45,6 +48,19 @@ def courses(march):
 
 def at(result, minute, name):
     return float(np.interp(minute, result["time_min"], result[name]))
+
+
+@pytest.mark.parametrize("oxygenator", OXYGENATORS)
+def test_blood_in_every_oxygenator_has_a_volume(oxygenator):
+    """One that is not known was not a number, and courses with gases ended at the first event."""
+    ecmo = {**CASE["ecmo"], "oxygenator": oxygenator}
+    crrt = {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"}
+    read = read_mapping({**CASE, "ecmo": ecmo, "crrt": crrt})
+    model = model_of(read.case)
+    volumes = total_volumes(model.circuit, model.values, [0.0] * len(model.circuit.compartments))
+    assert np.isfinite(np.asarray(volumes, dtype=float)).all()
+    assumed = OXYGENATORS[oxygenator].priming_volume_ml is None
+    assert any("how much blood it holds" in note.message for note in read.notes) is assumed
 
 
 @pytest.mark.slow

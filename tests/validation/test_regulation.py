@@ -40,8 +40,8 @@ def test_nerves_that_answer_to_carbon_dioxide_have_the_wrong_signs_in_red_rows()
         f"chemoreflex: {of}: sign" for of in ("systemic resistance", "mean pulmonary artery pressure")
     } < wrong
     assert len(rows) == 15
-    measured = {name for name in wrong if name.startswith("measured answer")}
-    assert measured == {"measured answer: mean arterial pressure (test): sign"}
+    measured = {name for name in wrong if name.startswith("measured response")}
+    assert measured == {"measured response: mean arterial pressure (test): sign"}
 
 
 @pytest.mark.slow

@@ -50,10 +50,10 @@ class ValidateOptions(Distributed):
 
 
 def validate(options: ValidateOptions) -> None:
-    """Hold eclsim against the published code, other solvers, bench data and patients.
+    """Compare eclsim with the published code, other solvers, bench data and patients.
 
-    Rows that miss are shown, also where it is known why. Exit status: 0 all bars hold, 1 a row misses its
-    bar, 2 bad input. Comparisons with measurements of devices and patients are shown and fail nothing.
+    Rows that miss are shown, also where it is known why. Exit status: 0 all required comparisons pass, 1 a
+    required row misses, 2 bad input. Comparisons with measurements of devices and patients are not required.
     """
     options = replace(options, only=[name for names in options.only for name in names.split(",")])
     places = Destinations(force=options.force, resume=options.continues)
@@ -109,9 +109,9 @@ class BenchmarkOptions(Json):
 
 
 def benchmark(options: BenchmarkOptions) -> None:
-    """Measure speed and memory on the paper's patient, beside the bars and the published code's numbers.
+    """Measure speed and memory on the paper's patient, beside limits and the published code's numbers.
 
-    Takes one to two minutes. Exit status: 0 all bars hold, 1 a bar is missed, 2 bad input.
+    Takes one to two minutes. Exit status: 0 all within their limits, 1 a limit is missed, 2 bad input.
     """
     places = Destinations(force=options.force)
     target = places.target("--json", options.json)

@@ -17,7 +17,7 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import total_volumes
 from eclsim.components.exchangers import HAEMOGLOBIN
-from eclsim.gas.network import CONTENTS, PATIENT, GasStatus, Quantity, gas_of, lungs_of
+from eclsim.gas.network import CONTENTS, PATIENT, Quantity, gas_of, lungs_of
 from eclsim.outputs.coupling import solved_for
 from eclsim.outputs.gas import artery_of
 from eclsim.outputs.measures import Measures, single
@@ -44,6 +44,10 @@ LEAST_ML = 1.0
 SETTLED_ML_DL = (0.03, 0.05)
 """Content of oxygen and of carbon dioxide within which a compartment of the patient has settled: a fifth of a
 percent of saturation at 10 g/dL of haemoglobin, and 0.1 mmHg."""
+NOT_FOLLOWED = (
+    "the gases of the blood could not be followed beat by beat; steady beats alone (--steady-only) may still "
+    "have them"
+)
 
 
 class Gases(NamedTuple):
@@ -139,7 +143,7 @@ class GasesInTime:
 
     def trouble(self, gases: Gases) -> str:
         """Why there are no gases; empty where there are."""
-        return "" if np.isfinite(gases.contents).all() else GasStatus.NOT_CONVERGED.message
+        return "" if np.isfinite(gases.contents).all() else NOT_FOLLOWED
 
     def _beds(self) -> list[str]:
         return [bed for bed in LOCAL_OUTPUTS if local_resistance(bed) in self.answers]

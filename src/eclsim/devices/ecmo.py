@@ -165,6 +165,8 @@ OXYGENATORS = by_key(
     )
 )  # fmt: skip
 """Oxygenators by the name users write."""
+ASSUMED_ML = OXYGENATORS["Quadrox-i Adult"].priming_volume_ml or math.nan
+"""Blood in an oxygenator whose volume is not known."""
 
 _R, _C = "mmHg s/mL", "mL/mmHg"
 TUBING = circuit_parameters(
@@ -726,7 +728,7 @@ class EcmoDevice(Device[Ecmo]):
         """
         values = {
             "Recmooxy": OXYGENATORS[section.oxygenator].resistance,
-            "ecmo.oxygenator_ml": OXYGENATORS[section.oxygenator].priming_volume_ml or math.nan,
+            "ecmo.oxygenator_ml": OXYGENATORS[section.oxygenator].priming_volume_ml or ASSUMED_ML,
             "ecmo.drainage_fr": section.drainage_fr,
             "ecmo.return_fr": section.return_fr,
             **{f"ecmo.{name}": _gas_setting(section, name) for name in GAS_KEYS},
@@ -842,7 +844,7 @@ class EcmoDevice(Device[Ecmo]):
                 check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
         check_second(key, values, CANNULAE, remarks)
         check_speed(key, values, PUMPS, remarks)
-        _check_sweep(values, case, key, remarks)
+        _check_gases(values, case, key, remarks)
         single = len(case.of(self.key)) == 1
         _check_pump_flow(values, case.measurements if single else {}, key, remarks)
         if single:
@@ -940,8 +942,8 @@ def _mixes_in_a_vein(values: Raw, case: CaseValues) -> bool:
     return "gas" in case.physiology and site in VENOUS_SITES and values.get("drainage_site") == site
 
 
-def _check_sweep(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-    """Settings of the sweep gas without [gas], and a sweep that is assumed."""
+def _check_gases(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+    """Settings of the sweep gas without [gas], and what is assumed with it."""
     with_gas = "gas" in case.physiology
     for name in GAS_KEYS:
         if name in values and not with_gas:
@@ -950,6 +952,13 @@ def _check_sweep(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     if with_gas and "sweep_l_min" not in values:
         assumed = Ecmo.parameters["ecmo.sweep_l_min"].value
         remarks.note(f"{key}.sweep_l_min", f"left out, so assumed: {assumed:g} L/min")
+    product = OXYGENATORS.get(values.get("oxygenator", ""))
+    if with_gas and product is not None and product.priming_volume_ml is None:
+        message = (
+            f"how much blood it holds is not known: {ASSUMED_ML:g} mL, as a Quadrox-i Adult, where a course "
+            "follows gases beat by beat"
+        )
+        remarks.note(f"{key}.oxygenator", message, shown(product.key))
 
 
 def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:

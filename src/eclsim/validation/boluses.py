@@ -84,6 +84,9 @@ WIDE = (("fluid", (("filtration_ml_min_mmHg", 4.0),)), ("parameters", (("Csvn", 
 the forearm's 0.0036 mL/min/mmHg for each 100 mL of tissue (Clin Physiol 3:433, 1983; 2.5 in 70 kg). Where
 between was chosen with these rows in sight: it shows the reason and is no test."""
 SOFT = WIDE[1:]
+WIDER = "4 mL/min/mmHg, Csvn 95 and heldt2010"
+STIFF = "the published patient has stiff veins"
+SOFTENED = "with Csvn 95 and heldt2010 at the same wall the row holds"
 Sections = tuple[tuple[str, tuple[tuple[str, object], ...]], ...]
 
 USUAL, HEALTHY = (0.30, 6.0), (0.42, 7.0)
@@ -118,16 +121,17 @@ def bolus_rows() -> Iterator[Row]:
     yield within(
         "crystalloid in the plasma after 4 h (test)", 22.5, in_plasma, 5.0, "%", source=TEXTBOOK,
         explanation=Explanation(
-            "a share of spaces that nobody measured as such: patients after heart surgery kept 9 %, bled "
-            "ones 17 and 18 %, and eclsim is within their spread", (in_patients,), undecided=True),
+            "the textbook's number is a ratio of spaces, not a measurement: patients after heart surgery "
+            "kept 9 %, bled ones 17 and 18 %, and eclsim is within their spread",
+            (in_patients,), undecided=True),
     )  # fmt: skip
     ratio = kept["albumin_ml"] / kept["crystalloid_ml"]
     yield within(
         "crystalloid for the effect of albumin (test)", 1.4, ratio, 0.4, "mL/mL", source=SAFE,
         explanation=Explanation(
-            "volumes that doctors gave, not what stayed: measured, 5 % albumin is worth 5.8 (Ernest 2001) "
-            "and 4.1 times (10.1186/s13054-024-04821-6) as much crystalloid", (_measured_ratio(ratio),),
-            undecided=True),
+            "the source reports the volumes given, not what stayed: measured, 5 % albumin is worth 5.8 "
+            "(Ernest 2001) and 4.1 times (10.1186/s13054-024-04821-6) as much crystalloid",
+            (_measured_ratio(ratio),), undecided=True),
     )  # fmt: skip
     yield from _nothing_lost(saline)
     yield from _blood_lost()
@@ -135,10 +139,7 @@ def bolus_rows() -> Iterator[Row]:
 
 def _nothing_lost(saline: Given) -> Iterator[Row]:
     """People who lost nothing."""
-    text = (
-        "the wall of dialysis patients and the stiff veins of the published patient: with 4 mL/min/mmHg, "
-        "Csvn 95 and heldt2010 both are as measured"
-    )
+    text = f"the wall is that of dialysis patients, and {STIFF}; with {WIDER} both rows are as measured"
     for after, expected, spread, words in ((0.0, 55.0, 5.0, "as it ends"), (30.0, 17.5, 2.5, "30 min later")):
         given, label = VOLUNTEER._replace(after_min=after), f"a litre of Ringer's in 30 min, {words} (test)"
         shown = within(f"{label}, experiment", expected, share(given, WIDE), spread, "%")
@@ -152,7 +153,7 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
     men = Given(body("male", 25, 178, HASKELL_KG, 65), HEALTHY, (("albumin_ml", HASKELL_ML),), 10.0, 60.0)
     to_percent = 100.0 * HASKELL_KG / HASKELL_ML
     label, expected, spread = "5 % albumin, 234 mL in men, after 1 h", HASKELL_ML_KG, MOST_ERROR_ML_KG
-    text = "stiff veins and no reflex; with Csvn 95 and heldt2010 at the same wall it holds"
+    text = f"{STIFF} and no reflex; {SOFTENED}"
     soft = within(f"{label}, experiment", to_percent * expected, share(men, SOFT), to_percent * spread, "%")
     yield within(f"{label} (test)", to_percent * expected, share(men), to_percent * spread, "%",
                  source=HASKELL, explanation=Explanation(text, (soft,)))  # fmt: skip
@@ -161,7 +162,7 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
 def _blood_lost() -> Iterator[Row]:
     """Fluid in place of blood."""
     label, (loss, given) = "blood lost and Ringer's lactate: blood volume (test)", (1097.0, 3430.0)
-    text = "its share of stiff veins: with Csvn 95 and heldt2010 at the same wall it holds"
+    text = f"{STIFF}; {SOFTENED}"
     soft = Explanation(text, (within("experiment", -459.0, gained(LACTATE, SOFT)[1], 185.0, "mL"),))
     blood = gained(LACTATE)[1]
     yield within(label, -459.0, blood, 185.0, "mL", source=JACOB, explanation=soft)

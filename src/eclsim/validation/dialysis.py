@@ -66,17 +66,20 @@ def respiratory_dialysis() -> list[Row]:
     gas, baths = _dialysed(crosses=True), _dialysed(crosses=True, base_excess=BATHS_MMOL_L)
     names = [f"CO2 removed, blood {b:.0f} mL/min, PCO2 {p:.0f} mmHg" for b, p in MAY_POINTS]
     measured = ((62.6, 4.8), (77.7, 3.0), (117.8, 3.8))
-    as_gas = "carbon dioxide that crosses as gas, faster than bicarbonate, is not told apart here; "
+    as_gas = (
+        "carbon dioxide that crosses as gas, faster than bicarbonate, is not distinguished here; when it "
+        "crosses as fast as water brings it, "
+    )
     reasons = (
         None,
         Explanation(
-            f"{as_gas}let it cross as fast as water brings it, and the removal is within the spread",
+            f"{as_gas}the removal is within the spread",
             (within(names[1], 77.7, gas[1], 3.0, "mL/min"),),
         ),
         Explanation(
-            f"{as_gas}that gives {gas[2]:.0f} mL/min. Base excess and haemoglobin of the two baths are not "
-            "in the abstract, nor the flow at which so much was removed; with a base excess of "
-            f"{BATHS_MMOL_L[0]:g} mmol/L at 50 and {BATHS_MMOL_L[1]:g} at 100 mmHg both come out",
+            f"{as_gas}{gas[2]:.0f} mL/min are removed. The abstract states neither base excess and "
+            "haemoglobin of the two baths nor the flow at which so much was removed; with a base excess of "
+            f"{BATHS_MMOL_L[0]:g} mmol/L at 50 and {BATHS_MMOL_L[1]:g} at 100 mmHg both rows hold",
             tuple(within(names[k], measured[k][0], baths[k], measured[k][1], "mL/min") for k in (1, 2)),
             undecided=True,
         ),

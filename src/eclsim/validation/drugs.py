@@ -230,64 +230,71 @@ class Experiment(NamedTuple):
 
 
 HALF_DOSE = Experiment(
-    "doses of the fit study, or of this one given at once, were taken as an infusion; half of it suffices",
+    "doses of the fit study, or boluses of this one, were taken as an infusion; with half of it the row "
+    "holds",
     undecided=True, sensitivity=0.5,
 )  # fmt: skip
 FASTER = Experiment(
-    "the fit studies of dobutamine hardly raised the heart rate; three times its effect on it suffices",
+    "dobutamine hardly raised the heart rate in its fit studies; with three times this effect the row holds",
     acting=ALL._replace(heart_rate=3.0),
 )  # fmt: skip
 HALF_RESISTANCE = ALL._replace(systemic_resistance=0.5)
 HALF_VESSELS = Experiment(
-    "these patients, after cardiac surgery, constrict less than Landry's septic ones; half of it suffices",
+    "these patients, after cardiac surgery, constrict less than Landry's septic ones; with half of it the "
+    "row holds",
     acting=HALF_RESISTANCE,
 )  # fmt: skip
-GOOD_HEARTS = "dobutamine was fitted to failing hearts with constricted vessels; in these patients "
-HEALTHY = "healthy men answer to less: their own outputs have a half dose of 0.026, the fit study's 0.085"
-SEPTIC = "adrenaline was fitted to patients whose vessels it dilates; in sepsis "
+GOOD_HEARTS = (
+    "dobutamine was fitted to failing hearts with constricted vessels; in these patients the row holds "
+)
+HEALTHY = "healthy men respond to less: their own outputs have a half dose of 0.026, the fit study's 0.085"
+NO_VESSELS = "without its effect on vessels"
+SEPTIC = "adrenaline was fitted to patients whose vessels it dilates; in sepsis the row holds "
 REASONS: dict[str, tuple[Experiment, ...]] = {
     "Monrad 1986 milrinone": (HALF_DOSE,),
     "Lowes 2001 milrinone": (
         HALF_DOSE,
-        Experiment("on carvedilol milrinone dilates less; half of it suffices", acting=HALF_RESISTANCE),
+        Experiment("on carvedilol milrinone dilates less; with half of it the row holds",
+                   acting=HALF_RESISTANCE),
     ),
     "Lowes 2001 dobutamine": (
-        Experiment("carvedilol blocks the receptors by which it dilates; no effect on vessels suffices",
-                   acting=SLACK),
+        Experiment("carvedilol blocks the receptors by which it dilates; without its effect on vessels the "
+                   "row holds", acting=SLACK),
         FASTER,
     ),
     "Additive effects of milrinone and dobutamine dobutamine": (FASTER,),
     "Additive effects of milrinone and dobutamine milrinone": (HALF_DOSE,),
     "Additive effects of milrinone and dobutamine both": (FASTER,),
     "Coronary surgery 1979 dobutamine": (
-        Experiment(f"{GOOD_HEARTS}no effect on vessels suffices", acting=SLACK),
-        Experiment(f"{GOOD_HEARTS}no effect on vessels and three times that on contractility suffice",
+        Experiment(f"{GOOD_HEARTS}{NO_VESSELS}", acting=SLACK),
+        Experiment(f"{GOOD_HEARTS}{NO_VESSELS} and with three times that on contractility",
                    acting=SLACK._replace(contractility=3.0)),
-        Experiment(f"{GOOD_HEARTS}that and four times the effect on the heart rate suffice",
-                   acting=SLACK._replace(contractility=3.0, heart_rate=4.0)),
+        Experiment(f"{GOOD_HEARTS}{NO_VESSELS}, with three times that on contractility and four times that "
+                   "on the heart rate", acting=SLACK._replace(contractility=3.0, heart_rate=4.0)),
     ),
     "Butterworth 1992 dobutamine": (FASTER,),
     "Butterworth 1992 adrenaline": (
-        Experiment("patients after surgery answer to less; half of the dose suffices", sensitivity=0.5),
+        Experiment("patients after surgery respond less; with half of the dose the row holds",
+                   sensitivity=0.5),
     ),
     "Stratton 1985 adrenaline": (
         Experiment(HEALTHY, sensitivity=0.085 / 0.026),
-        Experiment(f"{HEALTHY}; with twice the effect on resistance that suffices", sensitivity=0.085 / 0.026,
-                   acting=ALL._replace(systemic_resistance=2.0)),
+        Experiment(f"{HEALTHY}; with that and twice the effect on resistance the row holds",
+                   sensitivity=0.085 / 0.026, acting=ALL._replace(systemic_resistance=2.0)),
     ),
     "Moran 1993 adrenaline": (
-        Experiment(f"{SEPTIC}no effect on vessels suffices", acting=SLACK),
-        Experiment(f"{SEPTIC}no effect on arterioles and half of that on contractility suffice",
+        Experiment(f"{SEPTIC}{NO_VESSELS}", acting=SLACK),
+        Experiment(f"{SEPTIC}without its effect on arterioles and with half of that on contractility",
                    acting=Effects(0.5, 0.0, 0.0, 1.0, 1.0)),
     ),
     "Argenziano 1997 vasopressin": (HALF_VESSELS,),
     "Morales 2000 vasopressin": (HALF_VESSELS,),
     "Med Klin 2006 levosimendan": (
-        Experiment("heart rates differ between studies; no effect on it suffices",
+        Experiment("changes of heart rate differ between studies; with none the row holds",
                    acting=ALL._replace(heart_rate=0.0)),
     ),
     "PMID 19353405 levosimendan": (
-        Experiment("the half of the patients with a high resistance; half of the dose suffices",
+        Experiment("these are the half with a high resistance; with half of the dose the row holds",
                    sensitivity=0.5),
     ),
 }  # fmt: skip
@@ -344,12 +351,14 @@ def _arm_rows(arm: Arm, patient: Model) -> list[Row]:
 MORE_LEGS = 1.25
 """How much more raised legs give at the higher dose in an experiment."""
 VEINS = Experiment(
-    "veins are moved too little; three times the effect suffices, and raises the fit study's output too far",
+    "the effect on veins is too small; with three times it the row holds, but the fit study's output rises "
+    "too far",
     acting=ALL._replace(veins=3.0),
 )  # fmt: skip
 LEGS = (
     "the same blood raises a larger stressed volume by a smaller share, however stiff veins are; legs that "
-    f"give {100 * (MORE_LEGS - 1):.0f} % more at the higher dose suffice, and what they gave was not measured"
+    f"give {100 * (MORE_LEGS - 1):.0f} % more at the higher dose meet the row; what they gave was not "
+    "measured"
 )
 
 

@@ -195,9 +195,9 @@ def fluid_check() -> Check:
     rows = (*_filtration(), *_forces(), *_standing(), *_haemorrhage(), *_stores())
     bar = "spreads of the measurements; compared, not required"
     remarks = (
-        "No one filtration coefficient suits all rows: a dialysis wants 0.4 to 2 mL/min/mmHg, men who stand "
-        "up 10; the wall is not the same in patients, and not in all tissues.",
-        f"Standing men have the reflex {STANDING_REFLEX}, which of the three suits best those who bleed.",
+        "No single filtration coefficient meets all rows: dialyses need 0.4 to 2 mL/min/mmHg, men who stand "
+        "up 10; the capillary wall differs between people and between tissues.",
+        f"Men who stand have the reflex {STANDING_REFLEX}, which agrees best with the men who were bled.",
     )
     return Check("fluid", "Fluid and stores against measurements", bar, rows, required=False, remarks=remarks)
 
@@ -212,8 +212,8 @@ def _filtration() -> list[Row]:
         """Fall of the blood volume, with the published mean and, as evidence, with the low coefficient."""
         usual, tight = (fall_of_blood(patient, 1000.0 * litres) / per for patient in (as_published, low))
         reason = (
-            f"refill is too quick at the published mean; at {LOW_COEFFICIENT:.1f} mL/min/mmHg, one of its "
-            "standard deviations lower, the fall is as measured"
+            "refill is too fast at the published mean of the filtration coefficient; at "
+            f"{LOW_COEFFICIENT:.1f} mL/min/mmHg, one standard deviation lower, the fall is as measured"
         )
         evidence = (within(label, expected, tight, spread, unit),)
         return within(
@@ -290,8 +290,9 @@ def _forces() -> list[Row]:
     """What drives refill in a dialysis of 1.7 L."""
     usual, tight = (driven(dialysed(k), 1700.0) for k in (PUBLISHED, LOWEST_COEFFICIENT))
     reason = (
-        "at the published mean of the coefficient small forces suffice for the refill; the source has 0.43, "
-        f"1.29 and 5.93 mL/min/mmHg in its three groups, and at {LOWEST_COEFFICIENT:g} forces are as there"
+        "at the published mean of the filtration coefficient small forces are enough for the refill; the "
+        f"source found 0.43, 1.29 and 5.93 mL/min/mmHg in its three groups, and at {LOWEST_COEFFICIENT:g} "
+        "the forces are as measured"
     )
     return [
         replace(row, explanation=Explanation(reason, (evidence,)))
@@ -422,18 +423,22 @@ MEASURED = (
 """What healthy people showed: words, value, spread, unit, source."""
 
 
-_FLOOR = "the 2.5 mmHg that an empty right ventricle of the published patient has (RV_Pd_beta); 0 suffices"
-_LATE = "little constricts until pressure falls; the cardiopulmonary pathways of CVSim suffice"
+_FLOOR = "an empty right ventricle of the published patient has 2.5 mmHg (RV_Pd_beta)"
+_LATE = "this reflex hardly constricts before arterial pressure falls"
+_PATHWAYS = "the cardiopulmonary pathways of CVSim"
 EXPERIMENTS: tuple[tuple[str, Mapping[str, float]], ...] = (
-    (_FLOOR, {"RV_Pd_beta": 0.0}),
-    (_LATE, {"cardiopulmonary": True}),
-    (f"neither suffices alone, both do: {_FLOOR}; {_LATE}", {"RV_Pd_beta": 0.0, "cardiopulmonary": True}),
+    (f"{_FLOOR}; with 0 the row holds", {"RV_Pd_beta": 0.0}),
+    (f"{_LATE}; with {_PATHWAYS} the row holds", {"cardiopulmonary": True}),
+    (
+        f"{_FLOOR}, and {_LATE}; the row holds with 0 and {_PATHWAYS} together, not with one of them alone",
+        {"RV_Pd_beta": 0.0, "cardiopulmonary": True},
+    ),
 )
 """What may keep a man who bleeds from what was measured, and the changes that take it away."""
 
 
 def _bled(reflex: str) -> list[Row]:
-    """Men bled 0.9 and 1 L, patients who gave 375 mL; what misses has the first experiment that mends it."""
+    """Men bled 0.9 and 1 L, patients who gave 375 mL; a miss has the first experiment that meets the row."""
     own = () if reflex == HELDT_2010.name else EXPERIMENTS[1:]
     tried = [(words, bled(healthy(reflex, **changes))) for words, changes in (EXPERIMENTS[0], *own)]
     got, rows = bled(healthy(reflex)), []
@@ -506,8 +511,8 @@ SPEED = f"{ECMO.key}.speed_rpm"
 LOST_ML = -740.0
 """Where the search for the blood that is missing begins."""
 UNLIKE = (
-    "suction: the abstract names neither cannulae nor pump; here 25 and 19 Fr, a Rotaflow, and a patient in "
-    "place of a mock circulation"
+    "suction: the abstract names neither cannulae nor pump; eclsim has 25 and 19 Fr, a Rotaflow, and a "
+    "patient in place of a mock circulation"
 )
 
 
@@ -542,7 +547,7 @@ def suction_check() -> Check:
     filled = with_outputs(patient(), (SPEED,), {"PF": NORMAL_L_MIN})
     short = with_outputs(filled.with_values({EXTRA_VOLUME: LOST_ML}), (EXTRA_VOLUME,), {"PF": SHORT_L_MIN})
     pressure = float(simulate(short)["drainage_pressure"])
-    label = f"as much blood lost as lowers {NORMAL_L_MIN} to {SHORT_L_MIN} L/min: drainage pressure"
+    label = f"loss of blood that lowers {NORMAL_L_MIN} to {SHORT_L_MIN} L/min: drainage pressure"
     gains = [_gain(model) for model in (filled, short)]
     rows: list[Row] = [
         within(label, SHORT_MMHG, pressure, SPREAD_MMHG, "mmHg", source=SIMONS),

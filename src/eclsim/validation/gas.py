@@ -310,8 +310,9 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     haemoglobin = Explanation(
         "haemoglobin was not set but differed between a few animals (2013: P 0.04; 2016: its initial value, "
         "without the possibility of causal inference). Where it was set, on the bench (May 2020), blood with "
-        "more of it gave off more, as at given pressures by two sets of equations. A membrane constant that "
-        f"falls by {100 * cells:.0f} % for each g/dL, which no measurement shows, would give both signs",
+        "more haemoglobin gave off more carbon dioxide, as it does by two sets of equations at given "
+        f"pressures. A membrane constant that falls by {100 * cells:.0f} % per g/dL would give both signs, "
+        "but no measurement shows one",
         (
             *(
                 at_least(f"given off from 45 to 33 mmHg ({law})", _given_off(law), 0.0, "mL/min per g/dL")
@@ -326,23 +327,25 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         for area, removed in ((0.8, 73.0), (1.35, 72.0))
     ]
     by_area = Explanation(
-        "0.8 and 1.35 m2 removed the same, so no constant by area alone gives both: fibres differ",
+        "0.8 and 1.35 m2 removed the same, so no constant that depends on area alone gives both: fibres "
+        "differ",
         (Row("constant that 1.35 m2 needs over that of 0.8 m2", needed[1] / needed[0], 0.0, 1.0),),
     )
     reasons = {
         **{f"prisma {area}": by_area for area in (0.35, 0.8, 1.35)},
         "park13 oxygen saturation": Explanation(
-            "a membrane of half the transfer, worn or smaller, is limited by itself and less by the blood",
+            "a membrane with half the transfer (worn or smaller) limits the uptake, so the blood matters "
+            "less",
             (Row("with half the transfer", 0.5 * (half[1] - half[0]), -3.4, -0.85, "mL/min per %"),),
         ),
         "park13 co2 pressure": _ventilated(), **_outputs(numbers),
         "park13 co2 haemoglobin": haemoglobin, "park pco2 haemoglobin": haemoglobin,
         "park po2 shunt": Explanation(
-            "the slope depends on where it is taken: near complete shunt it is the measured one",
+            "the slope depends on where it is taken: near complete shunt it is as measured",
             (Row("between shunts of 98 and 100 %", shunted, -0.46, -0.115, "mmHg per %"),),
         ),
         "park pco2 temperature": Explanation(
-            "consumption is held here; in animals it rises by about 10 % for each degree",
+            "consumption does not follow temperature here; in animals it rises by about 10 % per degree",
             (Row("with 10 % more consumption for each degree", warm[1] - warm[0], 2.25, 9.0, "mmHg per C"),),
         ),
         "mendes 1.5": unseen_in_five(numbers["mendes 1.5"]),
@@ -350,7 +353,8 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         **_sheep(numbers),
         "falk drained svc": _faster(numbers), "falk sign drained": _faster(numbers),
         "watershed 75": Explanation(
-            "the upper body takes more than the heart gives; with a fifth of all flow it does not",
+            "the upper body takes more flow than the heart gives; if it takes a fifth of all flow, it does "
+            "not",
             (Row("with an upper body of 20 %", numbers["watershed 75 small"], 75.0, 100.0, "%"),),
         ),
     }  # fmt: skip
@@ -391,8 +395,8 @@ def _diluted() -> Explanation:
     whole, thin = _between(np.array([11.0, 8.0 / 3.0]), 20.0)
     change = 100.0 * float(thin / whole - 1.0)
     return Explanation(
-        "the membrane's constant for carbon dioxide is the same whatever blood holds, that for oxygen grows "
-        f"with it; between given pressures, 45 and 20 mmHg, diluted blood gives off {-change:.0f} % less",
+        "the membrane's constant for carbon dioxide does not grow with the blood's content, as that for "
+        f"oxygen does; between given pressures, 45 and 20 mmHg, diluted blood gives off {-change:.0f} % less",
         (Row("change between given pressures", change, -64.0, -16.0, "%"),),
     )
 
@@ -401,7 +405,7 @@ def _ventilated() -> Explanation:
     """Where gas limits removal, a mmHg before the oxygenator counts less."""
     ends = [single_pass(3.0, 1.5, 0.65, pco2, 10.0).carbon_dioxide for pco2 in (44.0, 46.0)]
     return Explanation(
-        "the slope depends on the sweep at which it is taken, and the regression is over several",
+        "the slope depends on the sweep at which it is taken, and the regression covers several",
         (Row("at a sweep of 1.5 L/min", 0.5 * (ends[1] - ends[0]), 0.6, 2.4, "mL/min per mmHg"),),
         undecided=True,
     )
@@ -418,14 +422,14 @@ def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     more = (3.6 - numbers["park pco2 output"]) / by_consumption
     return {
         "park po2 output": Explanation(
-            "the slope is steep where the output is near the flow of the pump and nil far above: -12 at "
-            f"{steep:.1f} L/min; theirs is over several flows",
+            "the slope is steep where cardiac output is near the pump flow and zero far above: -12 at "
+            f"{steep:.1f} L/min; the regression covers several flows",
             (Row(f"at an output of {steep:.1f} L/min", slope(steep), -24.0, -6.0, "mmHg per L/min"),),
             undecided=True,
         ),
         "park pco2 output": Explanation(
-            "output was not set: animals with a higher one have a higher consumption too, held here; "
-            f"{more:.0f} mL/min more for each L/min give theirs, no more than in proportion",
+            "cardiac output was not set: animals with a higher one also consume more, which is held here; "
+            f"{more:.0f} mL/min more per L/min give the measured slope, no more than in proportion",
             (Row("consumption with output that gives theirs", more, 0.0, 200.0 / 6.0, "mL/min per L/min"),),
             undecided=True,
         ),
@@ -436,16 +440,16 @@ def _sheep(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     """What the abstract does not say of the sheep: flow, consumption, and what the lungs gave."""
     apart = numbers["hou ivc"] - numbers["hou svc drained"]
     balance = Explanation(
-        "where lungs give nothing the oxygenator gives all, and what is drained has one saturation at one "
-        "flow and consumption, whichever cava it comes from: 83.6 and 70.4 cannot both be. With lungs that "
-        f"give half and another flow, not in the abstract, it is {numbers['lungs ivc']:.0f} at best",
+        "where the lungs give nothing the oxygenator gives all, so at given flow and consumption the drained "
+        "blood has one saturation, whichever cava it comes from: 83.6 and 70.4 cannot both be. With lungs "
+        f"that give half and another flow, not in the abstract, it is {numbers['lungs ivc']:.0f} at best",
         (Row("drained from the inferior less from the superior cava", apart, -0.5, 0.5, "%"),),
         undecided=True,
     )
     lungs = Explanation(
         "flow, consumption and what the lungs gave are not in the abstract; with a shunt of "
         f"{100 * _SHEEP['gas.shunt_fraction']:.0f} %, a slower pump and a weaker heart three of the four "
-        "numbers come out",
+        "numbers are as measured",
         tuple(
             within(f"{place} of such a sheep", expected, numbers[f"lungs {key}"], 5.0, "%")
             for place, key, expected in (
@@ -464,8 +468,8 @@ def unseen_in_five(fall: float) -> Explanation:
     return Explanation(
         "the abstract prints neither PaCO2 nor its spread, only that five pigs showed no significant effect; "
         f"a fall of {fall:.0f} mmHg is not significant in five if its standard deviation is above "
-        f"{spread:.0f} mmHg; PCO2 before the oxygenator of this laboratory's pigs had quartiles of 47 and 91 "
-        "mmHg (Park 2013)",
+        f"{spread:.0f} mmHg; in pigs of the same laboratory PCO2 before the oxygenator had quartiles of 47 "
+        "and 91 mmHg (Park 2013)",
         (at_least("standard deviation between those pigs", (91.0 - 47.0) / QUARTILES, spread, "mmHg"),),
         undecided=True,
     )
@@ -475,7 +479,7 @@ def _other_membrane() -> Explanation:
     """The membrane of the other simulator, which its page does not state."""
     scale = _root(lambda x: _swept(10.0, x) / 27.0 + _swept(2.0, x) / 60.0 - 2.0, 0.2, 1.0)
     return Explanation(
-        f"its membrane is not stated; one of {scale:.2f} times the constant gives both",
+        f"the other simulator does not state its membrane; {scale:.2f} times the constant gives both numbers",
         (
             within("sweep 10 L/min with that constant", 27.0, _swept(10.0, scale), 2.7, "mmHg"),
             within("sweep 2 L/min with that constant", 60.0, _swept(2.0, scale), 6.0, "mmHg"),
@@ -490,8 +494,8 @@ def _formula(numbers: Mapping[str, float]) -> Explanation:
     fitted = _root(lambda c: _by_carbon_dioxide(beats, 1.5, c)[1], 1.0, 8.0)
     low = float(_by_carbon_dioxide(beats, 1.5, fitted)[0])
     return Explanation(
-        f"the formula's constant is 1.157 in those pigs and {fitted:.1f} in the model; with that, or with as "
-        "much gas as blood, where it does not matter, the output comes out",
+        f"the formula's constant is 1.157 in those pigs and {fitted:.1f} in the model; with that of the "
+        "model, or with as much gas as blood, where it does not matter, the output is within the limits",
         (
             Row("with as much gas as blood", numbers["bachmann even high"], -266.0, 418.0, "mL/min"),
             Row("the low output with the model's constant", low, -266.0, 418.0, "mL/min"),
@@ -502,9 +506,9 @@ def _formula(numbers: Mapping[str, float]) -> Explanation:
 def _faster(numbers: Mapping[str, float]) -> Explanation:
     return Explanation(
         "flow and consumption after the move are not in the abstract, and both cannot have been as before: "
-        f"with blood of 74 for 62 % the oxygenator gives {numbers['falk lost']:.0f} % of the consumption "
-        "less, and lungs that get richer blood take up less as well, not more; at the new place "
-        f"{100 * (numbers['falk flow'] - 1):.0f} % more flow gives theirs",
+        f"with blood of 74 in place of 62 % the oxygenator gives {numbers['falk lost']:.0f} % of the "
+        "consumption less, and lungs that get richer blood take up less as well, not more; at the new site "
+        f"{100 * (numbers['falk flow'] - 1):.0f} % more flow gives the measured saturation",
         (
             at_least("consumption that the oxygenator no longer gives", numbers["falk lost"], 0.0, "%"),
             within("saturation before the oxygenator with that flow", 74.0, numbers["falk faster"], 3.7, "%"),

@@ -1,8 +1,8 @@
-"""Carbon dioxide in healthy people and in ventilated patients, by what answers to it.
+"""Carbon dioxide in healthy people and in ventilated patients, by what responds to it.
 
 Patients have the pressures, the output and the PaCO2 of a study before; then the ventilation is turned down
 to the PaCO2 after. Body surface, and what an abstract does not print, is assumed (`hypercapnia` of
-data/protocols.toml). The measured answer was fitted to the first study's resistance; all else is a test.
+data/protocols.toml). The measured response was fitted to the first study's resistance; all else is a test.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ NERVES = {"baroreflex": 1.0, "chemoreflex": 1.0}
 ORGANS = {"hypoxic_vasodilation": 1.0}
 MEASURED = {"carbon_dioxide_response": 1.0}
 REASON = (
-    "the published nerves constrict by more than the organs' own answer dilates; with the answer that was "
-    "measured in patients (carbon_dioxide_response) in their place the sign is the measured one"
+    "with their published gains the nerves constrict more than the organs dilate; with the response measured "
+    "in patients (carbon_dioxide_response) in their place the sign is as measured"
 )
 SEDATED = {"baroreflex": 0.5, "set_point_pao2_mmHg": 90.0, "set_point_venous_o2_ml_dl": 10.0} | MEASURED
 FELT = 0.01
@@ -47,16 +47,16 @@ def hypercapnia_checks() -> list[Check]:
 
 
 def healthy_rows() -> Iterator[Row]:
-    """Directions of change with carbon dioxide in a healthy man, by what answers to it."""
+    """Directions of change with carbon dioxide in a healthy man, by what responds to it."""
     measured = _in_health(NERVES | MEASURED)
     for words, keys in {"chemoreflex": NERVES, "and organs": NERVES | ORGANS}.items():
         found = _in_health(keys)
         for name, expected, source in HEALTHY:
-            shown = sign(f"{_label(name)}, measured answer", expected, measured[name], source)
+            shown = sign(f"{_label(name)}, measured response", expected, measured[name], source)
             reason = Explanation(REASON, (shown,))
             yield sign(f"hypercapnia, {words}: {_label(name)}", expected, found[name], source, reason)
     for name, expected, source in HEALTHY:
-        yield sign(f"hypercapnia, measured answer: {_label(name)} (test)", expected, measured[name], source)
+        yield sign(f"hypercapnia, measured response: {_label(name)} (test)", expected, measured[name], source)
 
 
 def _in_health(keys: Mapping[str, float]) -> dict[str, float]:

@@ -39,7 +39,7 @@ TEXT_RELATIVE = 0.02
 SMALLER_PATIENT_ML = 3247.0
 """Blood volume that the search of `eclsim reproduce` finds for the paper's patient."""
 PATIENT_UNKNOWN = (
-    "the paper does not print the sex, age and size of its patient, which give the blood volume; with "
+    "the paper does not print the sex, age and size of its patient, which determine the blood volume; with "
     f"{SMALLER_PATIENT_ML:.0f} mL in place of that of the reference cases, eclsim gives the printed number"
 )
 

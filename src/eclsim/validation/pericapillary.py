@@ -19,8 +19,8 @@ from eclsim.validation.reference_cases import compared
 NEAR_SHARE = 0.12
 SECTIONS: Sections = ((SECTION, ((PERICAPILLARY.split(".")[1], NEAR_SHARE),)),)
 THINNED = (
-    "what leaves thins the protein next to capillaries, whose oncotic pressure no longer draws; with share 1 "
-    "it holds"
+    "fluid that leaves dilutes the protein next to the capillaries, which then draws less; with a share of 1 "
+    "the row holds"
 )
 
 

@@ -41,8 +41,8 @@ WAVEFORM_UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
 EVIDENCE = 0.2
 """Share of a statistic's tolerance within which the evidence of an explanation must lie."""
 PUBLISHED_LAWS = (
-    "the published code rounds the valves off over 0.01 mmHg and lets chamber pressures lag by 0.08 ms; the "
-    "same circuit integrated with these two laws gives its number (data/published_laws.csv)"
+    "the published code smooths the valve law over 0.01 mmHg and lets chamber pressures lag by 0.08 ms; the "
+    "same circuit integrated with these two laws gives the published number (data/published_laws.csv)"
 )
 
 

@@ -16,7 +16,9 @@ from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
 from eclsim.parameters.fluid import PARAMETERS
 from eclsim.validation.boluses import (
     HEALTHY,
+    STIFF,
     WIDE,
+    WIDER,
     Given,
     Sections,
     body,
@@ -75,8 +77,8 @@ BOTH_STAYS = 100.0 * (500.0 + 5000.0 * (0.9 * 14.3 / 12.15 - 1.0)) / 2000.0
 LOST_SHARE = 0.1
 """Of the blood, by 500 mL of the trial's donors; their refilled share hardly depends on it."""
 POSTURE = (
-    "donors who walked in and lay down dilute their blood without losing any, more than the spread of these "
-    "rows; carbon monoxide found no refill, haemoglobin half: no model holds both"
+    "donors who walk in and lie down dilute their blood without losing any, by more than the spread of these "
+    "rows; carbon monoxide found no refill, haemoglobin half of the loss: no model meets both"
 )
 
 
@@ -129,7 +131,7 @@ def _hours() -> Iterator[Row]:
     yield within("saline 4 h after a loss of 620 mL: share that stays in the plasma (test)",
                  100.0 * 0.43 / 1.43, saline_stays(), 10.0, "%", source=MOORE)  # fmt: skip
     label = "500 mL bled and 2 L of crystalloid: share that stays"
-    text = "the wall of dialysis patients and stiff veins: with 4 mL/min/mmHg, Csvn 95 and heldt2010 it holds"
+    text = f"the wall is that of dialysis patients, and {STIFF}; with {WIDER} the row holds"
     stays = [0.05 * (500.0 + gained(BOTH, sections)[1]) for sections in ((), WIDE)]
     shown = within(f"{label}, experiment", BOTH_STAYS, stays[1], 10.0, "%")
     yield within(f"{label} (test)", BOTH_STAYS, stays[0], 10.0, "%", source=TWO_LITRES,
@@ -149,7 +151,7 @@ def _concentrated() -> Iterator[Row]:
     plasma = np.interp(30.0, minutes, states[PLASMA]) / states[PLASMA][0]
     yield within("20 % albumin, 225 mL in 30 min: plasma gained (test)", 16.1, 100.0 * (plasma - 1.0),
                  2.0 * 6.5 / 12.0**0.5, "%", source=FAST)  # fmt: skip
-    text = "lymph that brings back too little protein, so that as little leaves: with lymph_ml_min 6 it holds"
+    text = "lymph brings back too little protein, so too little leaves; with lymph_ml_min 6 the row holds"
     for label, expected, spread, found, source in (
         ("45 g of albumin: what leaves in an hour, of what was given (test)", 3.8, 1.9, _albumin_lost, STAYS),
         ("protein of the plasma that leaves in an hour at rest (test)", 5.0, 2.0, _leak, LEAKS),

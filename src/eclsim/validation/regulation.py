@@ -117,14 +117,16 @@ def curve_rows() -> list[Row]:
 
 BLED = "Heldt 2004, after others: 1 L lost, the splanchnic veins give about 500 mL, nothing else changes"
 STRESSED = (
-    "a litre is more than all the blood that makes pressure in the published patient (620 mL), and no fluid "
-    "comes from the tissues in a steady beat; "
+    "a litre is more than the whole stressed volume of the published patient (620 mL), and in a steady beat "
+    "no fluid returns from the tissues; "
 )
 SOFTER = (
-    f"{STRESSED}in a healthy man with soft veins, an empty right ventricle of 0 mmHg and the cardiopulmonary "
-    "pathways of CVSim the heart rate holds"
+    f"{STRESSED}the heart rate hardly changes in a healthy man with soft veins, a right ventricle of 0 mmHg "
+    "when empty, and the cardiopulmonary pathways of CVSim"
 )
-CONTRADICTED = f"{STRESSED}and output fell by 28 % in eight men bled 0.9 L, which a healthy man has here"
+CONTRADICTED = (
+    f"{STRESSED}besides, output fell by 28 % in eight men bled 0.9 L, and falls as much in a healthy man here"
+)
 
 
 def haemorrhage_rows() -> list[Row]:
@@ -167,16 +169,16 @@ ANIMALS = {
 NATIVE_L_MIN, STROKE_ML = 2.8, 48.0
 """Output and stroke volume give the heart rate [bpm]: 58 in both studies (2.9 L/min, 50 mL in the other)."""
 VOLUME_HELD = (
-    "blood volume is held here and nothing is given, so that filling does not rise with the flow; with blood "
-    "given to hold right atrial pressure the sign is the measured one"
+    "the blood volume is held constant here, so filling does not rise with the flow; with blood given to "
+    "hold right atrial pressure the sign is as measured"
 )
 """What was held is not in the abstracts of the studies."""
 STRONGER = 1.1
 """How much stronger a heart is against the higher pressure in an experiment."""
 SAME_FORCE = (
-    "the heart's force does not answer to load here; in dogs it rises with sustained arterial pressure "
-    f"(Bregagnollo and others). {100 * (STRONGER - 1):.0f} % more contractility at the high flow brings the "
-    "change within the spread"
+    "contractility does not respond to load here; in dogs it rises with sustained arterial pressure "
+    f"(Bregagnollo and others). With {100 * (STRONGER - 1):.0f} % more contractility at the high flow the "
+    "change is within the spread"
 )
 
 
@@ -240,14 +242,16 @@ LOWEST = {"MAP": 80.0, "CO": 4.2, "PCWP": 22.0, RIGHT_ATRIUM: 11.0}
 
 
 WITHOUT = (
-    "the reflex opens vessels as the pump raises pressure; without it the output is within the spread, and "
-    "systolic pressure rises by 4 to 5 mmHg: no strength of the reflex gives both"
+    "the reflex dilates vessels as the pump raises pressure; without it the output is within the spread, but "
+    "systolic pressure rises by 4 to 5 mmHg: no strength of the reflex meets both"
 )
 LATE = (
-    "resistance answers too little to arterial pressure; with the gains of heldt2010 it is within the spread"
+    "resistance responds too little to arterial pressure; with the gains of heldt2010 the change is within "
+    "the spread"
 )
 ARTERIAL = (
-    "no receptors in the right atrium; with the cardiopulmonary pathways of CVSim it is within the spread"
+    "this reflex has no receptors in the right atrium; with the cardiopulmonary pathways of CVSim the change "
+    "is within the spread"
 )
 
 
@@ -315,7 +319,7 @@ def _lowest(assist: tuple[tuple[str, object], ...]) -> Mapping[str, float]:
 
 # --- another model --------------------------------------------------------------------------------
 
-DONKER = "Donker 2019 (PMC6325768), another closed-loop model with reflexes; its patient is not in reach"
+DONKER = "Donker 2019 (PMC6325768), another closed-loop model with reflexes; its patient could not be read"
 FAILING = {"MAP": 65.0, "CO": 3.3, "PCWP": 20.0}
 """Patient before ECMO: assumed."""
 
@@ -325,10 +329,13 @@ SICKER = {"MAP": 55.0, "CO": 2.6, "PCWP": 20.0}
 LOST_ML, LESS_ML = 800.0, 300.0
 """Blood taken there, and in an experiment."""
 UNKNOWN = (
-    "its patient before ECMO, the vessels and the blood volume are not in the abstract: one with soft veins, "
-    f"{SICKER['MAP']:.0f} mmHg and {SICKER['CO']} L/min has the rise, one who loses {LESS_ML:.0f} mL the fall"
+    "the abstract does not describe its patient before ECMO, the vessels and the blood volume: a patient "
+    f"with soft veins, {SICKER['MAP']:.0f} mmHg and {SICKER['CO']} L/min has the same rise, one who loses "
+    f"{LESS_ML:.0f} mL the same fall"
 )
-WITHDRAWN = "a reflex withdraws the tone of veins as the pump raises pressure; with fixed tone the sign holds"
+WITHDRAWN = (
+    "a reflex lowers the tone of the veins as the pump raises pressure; with fixed tone the sign is right"
+)
 
 
 def donker_rows() -> list[Row]:

@@ -164,7 +164,8 @@ stay between two of them, or it measures the kinks.
 FINER = 2
 """Resolution of the grid with half the step."""
 GRID = (
-    "exact for the default grid, whose own error this is: with half the step the derivative is within the bar"
+    "this is the error of the default grid, for which the derivative is exact; with half the step it is "
+    "within the tolerance"
 )
 TIGHT = OrbitOptions(tolerance=1e-12, error_tolerance=1e-11, quasi_newton_beats=60)
 

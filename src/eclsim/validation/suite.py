@@ -137,7 +137,7 @@ def validation_markdown(checks: Sequence[Check]) -> str:
     parts = [heading, _summary(required)]
     if compared:
         parts += [
-            "Compared with measurements and with the paper's text, without a bar to pass:",
+            "Compared with measurements and with the paper's text, nothing required:",
             _summary(compared),
         ]
     parts += [f"- {remark}" for check in checks for remark in check.remarks]
@@ -153,13 +153,13 @@ def validation_markdown(checks: Sequence[Check]) -> str:
 def _summary(checks: Iterable[Check]) -> str:
     rows = []
     for check in checks:
-        hardest, red = worst(check.rows), Counter(map(_verdict, check.missed))
+        most, red = worst(check.rows), Counter(map(_verdict, check.missed))
         fits = [row for row in check.rows if FIT in row.name]
         others = [row for row in check.rows if FIT not in row.name]
         cells = (_held(fits), _held(others), *(str(red[verdict] or "") for verdict in RED))
-        rows.append((check.title, check.bar.partition(";")[0], *cells, f"{hardest.name}: {_error(hardest)}"))
+        rows.append((check.title, check.bar.partition(";")[0], *cells, f"{most.name}: {_error(most)}"))
     others = "others within" if any(row[2] for row in rows) else "rows within"
-    return _table(("comparison", "bar", "fits within", others, *RED, "hardest row"), rows)
+    return _table(("comparison", "tolerance", "fits within", others, *RED, "worst row"), rows)
 
 
 def _held(rows: Sequence[Row]) -> str:
@@ -167,12 +167,12 @@ def _held(rows: Sequence[Row]) -> str:
 
 
 def _reasons(missed: Iterable[tuple[str, Row]]) -> list[str]:
-    """Of rows that miss, shown or supposed, each once."""
-    return list(dict.fromkeys(row.reason for _, row in missed if row.reason))
+    """Of rows that miss and are explained, each once."""
+    return list(dict.fromkeys(row.explained for _, row in missed if row.explained))
 
 
 def _miss(key: str, row: Row, reasons: Mapping[str, int]) -> tuple[str, ...]:
-    reason = str(reasons[row.reason]) if row.reason else ""
+    reason = str(reasons[row.explained]) if row.explained else ""
     numbers = (_expected(row), f"{row.got:.5g} {_unit(row)}", _error(row))
     return key, row.name, *numbers, _verdict(row), reason
 
@@ -227,14 +227,14 @@ def check_text(check: Check, every_row: bool = False) -> str:
     rows = _chosen(check, every_row)
     head = ("quantity", "expected", "got", "unit", "error", "verdict")
     cells = [(r.name, _expected_text(r), _number(r.got), r.unit, _percent(r), _verdict(r)) for r in rows]
-    lines = [f"\n{check.title}", f"bar: {check.bar}", text_table(head, cells, numeric=(1, 2, 4))]
+    lines = [f"\n{check.title}", f"tolerance: {check.bar}", text_table(head, cells, numeric=(1, 2, 4))]
     if len(rows) < len(check.rows):
-        lines.append(f"... and {len(check.rows) - len(rows)} rows within the bar (--all shows them)")
+        lines.append(f"... and {len(check.rows) - len(rows)} rows within tolerance (--all shows them)")
     for text in dict.fromkeys(row.explained for row in check.missed if row.explained):
         lines.append(f"explained: {text}")
     lines += [f"note: {remark}" for remark in check.remarks]
     within = len(check.rows) - len(check.missed)
-    lines.append(f"{within} of {len(check.rows)} rows within the bar ({check.seconds:.1f} s)")
+    lines.append(f"{within} of {len(check.rows)} rows within tolerance ({check.seconds:.1f} s)")
     return "\n".join(lines)
 
 
@@ -246,19 +246,19 @@ def _chosen(check: Check, every_row: bool) -> Sequence[Row]:
 
 
 def verdict_text(checks: Sequence[Check]) -> str:
-    """How many rows hold, and each bar that is missed."""
+    """How many rows hold, and each required row that misses."""
     required = [check for check in checks if check.required]
     compared = [check for check in checks if not check.required]
     rows, off = _count(required)
     explained = sum(1 for check in required for row in check.missed if row.explained)
     line = (
-        f"{rows - off} of {rows} required rows within their bars, {off} miss ({explained} of them explained)."
+        f"{rows - off} of {rows} required rows within tolerance, {off} miss ({explained} of them explained)."
     )
     if compared:
         total, missed = _count(compared)
         line += f" Compared with measurements and the paper's text: {total - missed} of {total}."
-    names = [f"bar missed: {c.title}: {row.name}" for c in required if not c.holds for row in c.missed]
-    return "\n".join([line, *names]) if names else f"{line} All bars hold."
+    names = [f"missed: {c.title}: {row.name}" for c in required if not c.holds for row in c.missed]
+    return "\n".join([line, *names]) if names else f"{line} All required comparisons pass."
 
 
 def _count(checks: Sequence[Check]) -> tuple[int, int]:
@@ -291,8 +291,8 @@ def _verdict(row: Row) -> str:
 
 
 def measurements_text(measurements: Sequence[Measurement]) -> str:
-    """Times and memory beside their bars and the published code's."""
-    head = ("figure", "elapsed", "processor", "bar", "verdict", "published code", "times faster")
+    """Times and memory beside their limits and the published code's."""
+    head = ("figure", "elapsed", "processor", "limit", "verdict", "published code", "times faster")
     rows = [
         (
             m.name,
