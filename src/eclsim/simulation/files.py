@@ -112,7 +112,7 @@ def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
     variables = (*result.coords, *result.data_vars)
     names = [str(name) for name in variables if result[name].dims == (dimension,)]
     table = pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
-    said = untrusted(result.attrs["warnings"])
+    said = untrusted(result.attrs.get("warnings", ()))
     return table.assign(**{DOUBTS: "; ".join(said)}) if said else table
 
 

@@ -279,7 +279,7 @@ def write_figure(sweep: Sweep, path_without_suffix: Path) -> list[Path]:
     from eclsim.simulation.figures import plot_sweep
 
     figure = plot_sweep(as_table(sweep))
-    write_above(figure, untrusted(sweep.results[0].attrs["warnings"]))
+    write_above(figure, untrusted(sweep.results[0].attrs.get("warnings", ())))
     return save_figure(figure, path_without_suffix)
 
 
