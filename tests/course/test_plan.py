@@ -120,7 +120,7 @@ def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not(
     assert found.rate_ml_h == 40.0
     assert found.message == (
         "100 mL can be removed at 40 mL/h, in 2.5 h; at 80 mL/h MAP > 65 breaks after 0.5 h (60 mmHg); "
-        "not slower: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg)"
+        "do not go slower: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg)"
     )
 
 

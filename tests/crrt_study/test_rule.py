@@ -78,10 +78,10 @@ def test_a_quantity_of_the_rule_that_is_not_known_leaves_places_open(study):
     )
     last = next(one for one in ranking if one.letter == "e")
     assert (last.rank, last.places) == (None, (1, 9))
-    assert last.why_no_rank == "place 1 to 9: not known SaO2 of it"
+    assert last.why_no_rank == "place 1 to 9: its SaO2 is not known"
     assert "no steady gas state at 3425 rpm (a tissue gets less than a tenth" in "; ".join(last.reasons)
     assert {one.rank for one in ranking} == {None}
-    assert ranking[0].why_no_rank == "place 1 to 2: not known SaO2 of scheme e"
+    assert ranking[0].why_no_rank == "place 1 to 2: the SaO2 of scheme e is not known"
     assert first_choice(ranking) is None
     lost = replace(study, means=means).unsettled
     assert {(one.place, one.status, one.state) for one in lost} == {("scheme e", "no_oxygen", "gas state")}

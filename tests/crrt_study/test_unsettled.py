@@ -139,8 +139,8 @@ def test_a_place_that_a_missing_beat_decides_is_a_range_and_not_a_rank(study):
     assert first_choice(gone.ranking["as_published"]) is None
     assert {one.letter for one in candidates(gone.ranking["as_published"])} == {"d", "g"}
     why = {one.letter: one.why_no_rank for one in gone.ranking["as_published"]}
-    assert why["g"] == "place 1 to 3: not known up to which ECMO flow it keeps its limits"
-    assert why["d"] == "place 1 to 2: not known up to which ECMO flow scheme g keeps its limits"
+    assert why["g"] == "place 1 to 3: the ECMO flow up to which it keeps its limits is not known"
+    assert why["d"] == "place 1 to 2: the ECMO flow up to which scheme g keeps its limits is not known"
 
 
 def test_no_order_is_given_where_nothing_is_known(study):

@@ -137,7 +137,7 @@ def test_the_lowest_speed_for_a_flow_is_that_of_the_search_for_a_flow(flow):
     at_bound, *others = flow.goals
     assert (at_bound.met, at_bound.binding) == (True, True)
     assert [(other.met, other.binding) for other in others] == [(True, False)] * 2
-    assert "less is stopped by PF > 4" in flow.message
+    assert "smaller settings would break PF > 4" in flow.message
 
 
 @pytest.mark.slow
@@ -200,7 +200,7 @@ def test_a_pump_is_not_turned_up_beyond_what_veins_and_chambers_can_be():
     assert not result.reached
     assert result.values[0] < 4500.0
     (stop,) = result.stops
-    assert f"what stops it is {stop.goal} ({stop.goal.because})" in result.message
+    assert f"it is limited by {stop.goal} ({stop.goal.because})" in result.message
     there = simulate(model_of(bled).with_values({"ecmo.speed_rpm": result.values[0]}))
     assert not there.attrs["impossible"]
     assert float(there["right_atrial_pressure"]) >= 0.0

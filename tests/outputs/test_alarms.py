@@ -178,7 +178,8 @@ CAUTIONS = {
     ),
     "vasopressin in sepsis": (SEPTIC, {"drugs.vasopressin": 0.03}, ""),
     "felt as much more": (
-        {}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 40.0}, "felt as 40 ug/kg/min",
+        {}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 40.0},
+        "dose times sensitivity is 40 ug/kg/min",
     ),
     "usual dose": ({}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 1.0}, ""),
     "three at usual doses": (
@@ -202,7 +203,7 @@ CAUTIONS = {
     "half of the measured answer": (
         {"PaCO2": 55.0, "MAP": 60.0},
         {"regulation.set_point_paco2_mmHg": 40.0, "regulation.carbon_dioxide_response": 0.5},
-        "likely too low",
+        "probably too low",
     ),
     "beyond the measured answer": (
         {"PaCO2": 70.0},

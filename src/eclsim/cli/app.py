@@ -18,24 +18,23 @@ _THIS_MACHINE = ("127.0.0.1", "localhost", "::1", "[::1]")
 class AppOptions:
     """Options of `eclsim app`."""
 
-    case_file: str | None = argument(None, "[CASE.toml]", "Case to start with; left out, a healthy adult.")
+    case_file: str | None = argument(None, "[CASE.toml]", "Case to start with; default: a healthy adult.")
     port: int = option(8080, "Port to listen on.", minimum=1, maximum=65535)
-    host: str = option("127.0.0.1", "Address to listen on. Any but this machine's own needs --password-file.")
+    host: str = option("127.0.0.1", "Address to listen on; others than this machine need --password-file.")
     root_path: str = option("", "Path under which a proxy serves the page.", "--root-path", metavar="/PATH")
     password_file: str | None = option(
-        None, "File whose first line is the password that is asked for (chmod 600).", metavar="FILE"
+        None, "File with the password in its first line (chmod 600).", metavar="FILE"
     )
     allow_host: list[str] = option(
-        [], "Name by which a browser may call the page, as behind a proxy. May be repeated.", metavar="NAME"
+        [], "Host name in the browser's address, such as that of a proxy. May be repeated.", metavar="NAME"
     )
-    max_sessions: int = option(40, "Pages open at a time.", minimum=1, maximum=500)
+    max_sessions: int = option(40, "Largest number of open pages.", minimum=1, maximum=500)
 
 
 def app(options: AppOptions) -> None:
-    """Open the bedside page: turn a knob, see the patient.
+    """Serve the bedside page: turn a knob and see what happens to the patient.
 
-    The page is served on this machine alone unless --host says otherwise; no data leaves it.
-    Research use only.
+    Only this machine can open the page unless --host says otherwise; no data leave it. Research use only.
     """
     root_path = _checked_root(options.root_path)
     reading = with_speeds(read_all([options.case_file], []))[0] if options.case_file else None

@@ -43,9 +43,9 @@ class MergeOptions:
 
 
 def merge(options: MergeOptions) -> None:
-    """Finish a command whose shards are all there: the same results as of one run.
+    """Finish a command whose shards are all done; results are those of a single run.
 
-    The command, with its options, is the one that the shards were of; its inputs have to be where they were.
+    The command and its options are those of the shards; the input files must be where they were.
     Exit status: that of the command, 2 if a shard is missing.
     """
     from eclsim.execution.folder import ExecutionError, read_inputs
@@ -87,19 +87,19 @@ parameters = typer.Typer(
 for name, function, summary in (
     ("simulate", simulate, "Simulate the steady heartbeat of each case."),
     ("course", course, "Follow a case over hours, with its events."),
-    ("crrt-study", crrt_study, "Compare all ways of connecting CRRT to a patient's ECMO circuit."),
+    ("crrt-study", crrt_study, "Compare the ways of connecting CRRT to a patient's ECMO circuit."),
     ("reproduce", reproduce, "Recompute the numbers of the paper."),
-    ("sensitivity", sensitivity, "Sobol indices: what the outputs of a case depend on."),
-    ("identifiability", identifiability, "Which parameters measurements can tell apart."),
+    ("sensitivity", sensitivity, "Find the parameters that outputs depend on (Sobol indices)."),
+    ("identifiability", identifiability, "Find the parameters that measurements can tell apart."),
     ("merge", merge, "Finish a command whose shards (--shard k/n) are all done."),
-    ("identify", identify, "Fit a patient's own model to what was measured."),
-    ("import", import_data, "Turn clinical data into a cohort to identify."),
+    ("identify", identify, "Fit the model to a patient's measurements."),
+    ("import", import_data, "Convert clinical data to a cohort for identify."),
     ("track", track, "Follow a patient's parameters from measurement to measurement."),
-    ("settings", settings, "Search for the smallest settings that reach goals."),
-    ("plan", plan, "How fast fluid can be removed; what weaning needs."),
+    ("settings", settings, "Find the smallest settings that reach goals."),
+    ("plan", plan, "Plan fluid removal or weaning."),
     ("devices", devices, "List devices and their ranges, or explain one."),
-    ("demo", demo, "Simulate the paper's patient, with figures and its numbers."),
-    ("validate", validate, "Hold eclsim against published results."),
+    ("demo", demo, "Simulate the paper's patient, with figures and the printed numbers."),
+    ("validate", validate, "Compare eclsim with published results."),
     ("app", bedside_page, "Open the bedside page in a browser."),
     ("benchmark", benchmark, "Measure speed and memory on this machine."),
 ):

@@ -32,13 +32,13 @@ class CourseOptions(CaseChanges, Distributed):
     files: list[str] = argument(
         ...,
         "CASE.toml...|COHORT.csv|DIR",
-        "Case file, with its [[events]]; or several, a table of data points, or a folder of case files.",
+        "Case file with its [[events]]; or several, a table of data points, or a folder of case files.",
     )
-    hours: float = option(24.0, "How long [h].", minimum=0.01, maximum=744.0)
-    until: float | None = option(None, "How long [min], in place of --hours.", metavar="MINUTES", minimum=0.1)
+    hours: float = option(24.0, "Length of the course [h].", minimum=0.01, maximum=744.0)
+    until: float | None = option(None, "Length [min], instead of --hours.", metavar="MINUTES", minimum=0.1)
     every: float | None = option(
         None,
-        "Minutes between the moments shown; left out, some 144 of them.",
+        "Minutes between the moments shown; default: about 144 moments.",
         metavar="MINUTES",
         minimum=0.01,
     )
@@ -51,17 +51,17 @@ class CourseOptions(CaseChanges, Distributed):
         "`eclsim identify --posterior`.",
         metavar="DRAWS.nc",
     )
-    draws: int = option(200, "Draws of --posterior at most, evenly taken.", minimum=2, maximum=1000)
+    draws: int = option(200, "Largest number of draws of --posterior to follow.", minimum=2, maximum=1000)
     beats: bool = option(
         False,
-        "Follow every beat with the lags of reflexes instead of steady beats: a clamp, a pump stop, a bolus; "
-        "up to 120 minutes.",
+        "Compute every beat, with the lags of reflexes, instead of steady beats (a clamp, a pump stop, a "
+        "bolus); up to 120 minutes.",
         "--beats",
     )
     steady_only: bool = option(
         False,
-        "Steady beats throughout; left out, every beat is followed from a sudden event on until the "
-        "circulation has settled, where that is felt.",
+        "Steady beats throughout. Without this option every beat after a large sudden change is computed "
+        "until the circulation has settled.",
         "--steady-only",
     )
     out: str | None = option(None, "Folder for the course as CSV and NetCDF.", metavar="DIR")
@@ -83,11 +83,11 @@ def _holds_many(file: str) -> bool:
 
 
 def course(options: CourseOptions) -> None:
-    """Follow a case over hours: settings changed, fluid and drugs given, blood lost, ultrafiltration.
+    """Follow a case over hours: changed settings, fluid, drugs, blood loss, ultrafiltration.
 
-    At each moment pressures, flows and volumes are those of the steady beat. Several patients are followed in
-    groups that --resume, --shard and --dask know. Exit status: 0 all reached their end, 1 a moment has no
-    steady beat (what came before is written), 2 bad input.
+    At each moment pressures, flows and volumes are those of the steady beat. Several patients are computed in
+    groups, to which --resume, --shard and --dask apply. Exit status: 0 all courses reached their end, 1 a
+    moment has no steady beat (everything before it is written), 2 bad input.
     """
     follow = _cohort if options.many else _band if options.posterior else _single
     if not follow(options):

@@ -31,30 +31,30 @@ class CrrtStudyOptions(Distributed):
     file: str = argument(
         ...,
         "CASE.toml|COHORT.csv|DIR",
-        "Case file of a patient on ECMO; or a table of measurements, whose data points are fitted first; or "
-        "a folder of case files, such as fitted ones: does one scheme win for all?",
+        "Case file of a patient on ECMO. Or, to see whether one scheme is best for all: a table of "
+        "measurements, whose data points are fitted first, or a folder of case files, such as fitted ones.",
     )
     settings: list[str] = option(
         [],
-        "Value that wins over the case file, such as {setting}=3000 [rpm]. May be repeated.",
+        "Override a value of the case file, such as {setting}=3000 [rpm]. May be repeated.",
         "--set",
         metavar="KEY=VALUE",
     )
     schemes: str = option(
         "all",
-        "Schemes with commas between: letters a to i, all (those nine), pairs (all 36 ordered pairs of "
+        "Schemes, separated by commas: letters a to i, all (those nine), pairs (all 36 ordered pairs of "
         "positions), separate (CRRT on the patient), or access:return such as post_oxy:pre_rc.",
         metavar="LIST",
     )
     scheme_h: Literal["published", "figure"] = option(
         "published",
-        "Scheme h: published has both lines at pre pump, as the published code and numbers; figure has the "
-        "return line at post drainage cannula, as Figure 2 of the paper.",
+        "Scheme h. published: both lines at pre pump, as in the published code and numbers; figure: the "
+        "return line at post drainage cannula, as in Figure 2 of the paper.",
     )
     speeds: str | None = option(
         None,
-        "Pump speeds [rpm], first:last:step or a list; default: the range in use of the case's pump in steps "
-        "of 250, 1000 to 5000 for the Rotaflow. The case's own is added.",
+        "Pump speeds [rpm], first:last:step or a list; default: the usual range of the pump in steps "
+        "of 250, 1000 to 5000 for the Rotaflow. The speed of the case is added.",
         metavar="RANGE",
     )
     crrt_flow: float | None = option(
@@ -63,17 +63,16 @@ class CrrtStudyOptions(Distributed):
     volume_policy: Literal["as_published", "patient_held", "both"] | None = option(
         None,
         "as_published: the patient's blood fills the circuits; patient_held: the circuits are primed and the "
-        "patient keeps the stressed volume; both: side by side. Left out, what the case file says, else "
-        "both.",
+        "patient keeps the stressed volume; both: side by side. Default: as in the case file, else both.",
     )
     rule: str | None = option(
         None,
-        "Rule of ranking: criteria in order, and limits, as TOML; left out, the usual rule.",
+        "Ranking rule: criteria in order, and limits, as TOML; default: the usual rule.",
         metavar="RULE.toml",
     )
     posterior: str | None = option(
         None,
-        "Samples of the patient's parameters, a column each: tells how surely limits are kept.",
+        "Samples of the patient's parameters, a column each, to show how certain it is that limits are kept.",
         metavar="FILE.csv",
     )
     out: str | None = option(
@@ -81,12 +80,11 @@ class CrrtStudyOptions(Distributed):
     )
     explore: int = option(
         USUAL_EXPLORE,
-        "Explored sets of parameters for each free one in the fits of COHORT.csv; `eclsim identify` takes "
-        "1000.",
+        "Parameter sets explored per free parameter in the fits of COHORT.csv; `eclsim identify` uses 1000.",
         minimum=2,
     )
     resume: bool = option(
-        False, "Take over the fits of COHORT.csv, and the studies, that --out holds already.", "--resume"
+        False, "Keep the fits of COHORT.csv and the studies that --out holds already.", "--resume"
     )
 
 

@@ -37,39 +37,40 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
     out: str = option(..., "Write fitted case files, tables, JSON and figures here.", "--out", metavar="DIR")
     weights: Literal["relative", "uncertainty"] = option(
         "relative",
-        "What a difference is divided by: the measured value (as in the paper), or its uncertainty.",
+        "Divide each difference by the measured value (as in the paper), or by its uncertainty.",
     )
     posterior: bool = option(
         False,
-        "Sample the full posterior with NUTS as well (minutes; needs the extra `bayes`).",
+        "Also sample the full posterior, by default with NUTS (minutes; needs the extra `bayes`).",
         "--posterior",
     )
     posterior_method: Literal["nuts", "importance"] = option(
-        "nuts", "nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior."
+        "nuts",
+        "For --posterior. nuts: chains with exact derivatives; importance: weighted draws, in seconds.",
     )
     predict: list[str] = option(
         [],
         "Predict the outputs at other settings with 90 % intervals, such as {setting}=4000. Without "
-        "--posterior by --predict-with. May be repeated.",
+        "--posterior the method is --predict-with. May be repeated.",
         metavar="KEY=VALUE,...",
     )
     predict_with: Literal["importance", "gaussian"] = option(
         "importance",
-        "importance: draws weighted by the exact posterior, with a check of the weights (seconds); gaussian: "
-        "the Gaussian approximation, unchecked. For --predict without --posterior.",
+        "For --predict without --posterior. importance: draws weighted by the exact posterior, with a check "
+        "of the weights (seconds); gaussian: the Gaussian approximation, unchecked.",
     )
     prior: Prior = option(
-        "log-uniform", "Of --posterior and --predict: what is known before any measurement."
+        "log-uniform", "Prior of --posterior and --predict: what is known before any measurement."
     )
     chains: int = option(CHAINS[0], "Chains of --posterior.", minimum=2, maximum=64)
-    warmup: int = option(CHAINS[1], "Draws of each chain that are thrown away.", minimum=50)
+    warmup: int = option(CHAINS[1], "Draws of each chain that are discarded.", minimum=50)
     draws: int = option(CHAINS[2], "Draws of each chain that are kept.", minimum=50)
     shared: str | None = option(
         None,
-        "For cohorts: free parameters that all data points of a patient have in common, as Csvn.",
+        "For cohorts: free parameters that are the same at all data points of a patient, such as Csvn.",
         metavar="NAMES",
     )
-    seed: int = option(0, "Of the explored points; the same seed, the same result.", minimum=0)
+    seed: int = option(0, "Seed of the explored points; the same seed gives the same result.", minimum=0)
 
     @property
     def samples(self) -> bool:
@@ -80,10 +81,10 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
 def identify(options: IdentifyOptions) -> None:
     """Fit parameters to measurements: multi-start least squares with exact derivatives.
 
-    Explores 1,000 sets of parameters for each free one, refines the best until the optimum has been found
-    again ten times, says whether the fit is good, doubtful or poor, and how far each parameter can be relied
-    on. A cohort has a row for each data point; a bad row stops no other. Exit status: 0 all fitted (look at
-    the verdict: doubtful ones count as fitted), 1 some were not or are poor, 2 bad input.
+    Explores 1,000 sets of parameters for each free parameter and refines the best until the optimum has been
+    found again ten times. Shows whether the fit is good, doubtful or poor, and how reliable parameters are.
+    A cohort has a row for each data point; a bad row does not stop the others. Exit status: 0 all fitted
+    (see the verdict: doubtful fits count), 1 some were not fitted or are poor, 2 bad input.
     """
     cohort = Path(options.file).suffix.lower() in TABLES
     target, distribution = _checked_json(options, cohort)
@@ -372,20 +373,20 @@ class ImportOptions(Force):
     out: str = option(..., "The cohort to write.", "--out", metavar="COHORT.csv")
     base: str | None = option(
         None,
-        "Gives the devices, and sex, age, size and heart rate where the file has none.",
+        "Case file with the devices, and with sex, age, size and heart rate if the data have none.",
         metavar="CASE.toml",
     )
     within: float = option(
-        5.0, "Values up to so long after the first are one point.", metavar="MINUTES", minimum=0.0
+        5.0, "Values within this time after the first form one point.", metavar="MINUTES", minimum=0.0
     )
 
 
 def import_data(options: ImportOptions) -> None:
-    """Turn clinical data into a cohort that `eclsim identify` takes.
+    """Convert clinical data to a cohort for `eclsim identify`.
 
-    Reads heart rate, SP, DP, MAP, MPAP, PCWP, CVP, CO, ECMO flow, height and weight by LOINC or SNOMED CT
-    code or by column name. Every conversion of a unit is said. Exit status: 0 written, 2 bad input, all
-    mistakes at once and nothing written.
+    Reads heart rate, SP, DP, MAP, MPAP, PCWP, CVP, CO, ECMO flow, blood gases, height and weight by LOINC or
+    SNOMED CT code or by column name. Every conversion of a unit is reported. Exit status: 0 written, 2 bad
+    input (all mistakes are listed and nothing is written).
     """
     from datetime import timedelta
 

@@ -158,7 +158,7 @@ class CaseChanges:
 
     settings: list[str] = option(
         [],
-        "Value that wins over the case file, such as {setting}=3000 [rpm], patient.heart_rate_bpm=90 or "
+        "Override a value of the case file, such as {setting}=3000 [rpm], patient.heart_rate_bpm=90 or "
         "Rmc=0.8 [mmHg s/mL]. May be repeated.",
         "--set",
         metavar="KEY=VALUE",
@@ -166,7 +166,7 @@ class CaseChanges:
     volume_policy: VolumePolicy | None = option(
         None,
         "as_published: the patient's blood fills the circuits; patient_held: the circuits are primed and the "
-        "patient keeps the stressed volume. Left out, what the case file says, else as_published.",
+        "patient keeps the stressed volume. Default: as in the case file, else as_published.",
     )
 
 
@@ -176,16 +176,16 @@ class FreeParameters:
 
     parameters: str | None = option(
         None,
-        "Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn, with measured blood "
-        "gases what these tell of, with CVP the blood volume (fluid.extra_volume_ml).",
+        "Free parameters. Default: the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn; with measured blood "
+        "gases those that they determine; with CVP also the blood volume (fluid.extra_volume_ml).",
         "--parameters",
         "--free",
         metavar="NAMES",
     )
     bounds: str | None = option(
         None,
-        "Bounds in the parameter's unit; equal ones fix it. Default: those of the table in the "
-        "documentation, else the published value / 10 to * 10; a case's own outside of them is a warning.",
+        "Bounds in the parameter's unit; equal bounds fix it. Default: the table in the documentation, "
+        "else the published value / 10 to * 10. A value of the case outside them gives a warning.",
         metavar="NAME=LOWER:UPPER,...",
     )
     uncertainty: str | None = option(
@@ -200,20 +200,20 @@ class FreeParameters:
 class Resumable(Json):
     """Of a command whose finished tasks are kept."""
 
-    resume: bool = option(False, "Go on with what --out holds already.", "--resume")
+    resume: bool = option(False, "Continue from the results in --out.", "--resume")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Distributed(Resumable, ResultsFolder):
     """Where tasks run, and which."""
 
-    workers: int | None = option(None, "Threads, or local Dask workers; left out, all processors.", minimum=1)
+    workers: int | None = option(None, "Threads, or local Dask workers; default: all processors.", minimum=1)
     dask: str | None = option(
-        None, "Run on the workers of a Dask scheduler, or on local ones: local.", metavar="ADDRESS"
+        None, "Run on the workers of this Dask scheduler; local: on local workers.", metavar="ADDRESS"
     )
     shard: str | None = option(
         None,
-        "Run part k of n (from 1) only; finish with `eclsim merge DIR` when all are done.",
+        "Run only part k of n (from 1); finish with `eclsim merge DIR` when all parts are done.",
         metavar="k/n",
     )
 

@@ -27,29 +27,28 @@ class ReproduceOptions(Distributed):
     """Options of `eclsim reproduce`."""
 
     folder: str | None = argument(None, "DIR", "The same as --out DIR.", show_default=False)
-    out: str | None = option(None, "Folder to write to; made if it does not exist.", "--out", metavar="DIR")
+    out: str | None = option(None, "Folder to write to; created if necessary.", "--out", metavar="DIR")
     parts: str = option(
         ",".join(PARTS),
-        "Parts besides the CRRT study (crrt, always done), with commas between: sensitivity (Figures 3, S-1, "
+        "Parts besides the CRRT study (crrt, always done), separated by commas: sensitivity (Figures 3, S-1, "
         "S-3, S-4, Table 2), positions (Figures 7, S-5 to S-7), cohort (Table 1, Figures 4, S-2).",
         metavar="LIST",
     )
     samples: int = option(
-        USUAL_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper has 2048.", minimum=2
+        USUAL_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper uses 2048.", minimum=2
     )
     explore: int = option(
         USUAL_EXPLORE,
-        "Explored sets of parameters for each free one in the fits of the cohort; `eclsim identify` takes "
-        "1000.",
+        "Parameter sets explored per free parameter in the fits of the cohort; `eclsim identify` uses 1000.",
         minimum=2,
     )
     cohort: str | None = option(
         None,
-        "Measurements to fit; left out, the synthetic cohort: the paper's are not published.",
+        "Measurements to fit; default: the synthetic cohort, since those of the paper are not published.",
         metavar="COHORT.csv",
     )
-    resume: bool = option(False, "Go on with what DIR/runs holds already.", "--resume")
-    force: bool = option(False, "Overwrite files that exist, begin anew.", "--force")
+    resume: bool = option(False, "Continue from the results in DIR/runs.", "--resume")
+    force: bool = option(False, "Overwrite existing files and start again.", "--force")
 
     @property
     def held(self) -> tuple[str | None, str]:
@@ -61,7 +60,7 @@ def reproduce(options: ReproduceOptions) -> None:
     """Recompute every table and figure of Thiel et al. 2025 and the numbers of its text.
 
     Writes index.html with all of them beside the printed values, and each as SVG or CSV, in a few minutes.
-    Ctrl-C keeps what is done of the long parts; --resume goes on.
+    Ctrl-C keeps finished results of the long parts; --resume continues.
 
     Exit status: 0 done, 2 bad input.
     """

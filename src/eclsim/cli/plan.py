@@ -27,29 +27,29 @@ class PlanOptions(CaseChanges, Json):
 
     case_file: str = argument(..., "CASE.toml", "Case file.")
     remove_ml: float | None = option(
-        None, "Find the fastest net ultrafiltration that removes so much [mL].", "--remove-ml", minimum=1.0
+        None, "Remove this volume [mL]: find the fastest net ultrafiltration.", "--remove-ml", minimum=1.0
     )
     wean: str | None = option(
-        None, "Wean from the pump, speed by speed: FIRST:LAST:STEP or a list [rpm].", metavar="SPEEDS"
+        None, "Wean from the pump over these speeds: FIRST:LAST:STEP or a list [rpm].", metavar="SPEEDS"
     )
     keep: str | None = option(
-        None, "Goals that hold all the time: 'MAP > 60, drainage_pressure > -80, DO2 > 400'.", metavar="GOALS"
+        None, "Goals to keep throughout: 'MAP > 60, drainage_pressure > -80, DO2 > 400'.", metavar="GOALS"
     )
     vary: str | None = option(
         None,
-        "With --wean, what is given to keep the goals: drugs.noradrenaline=0..1; left out, it is said which "
-        "speeds keep them.",
+        "With --wean, setting that may change to keep the goals: drugs.noradrenaline=0..1. Left out, it is "
+        "only said which speeds keep them.",
         metavar="NAME",
     )
-    hours: float = option(72.0, "With --remove-ml, longest time [h].", minimum=0.5, maximum=744.0)
+    hours: float = option(72.0, "With --remove-ml, longest time allowed [h].", minimum=0.5, maximum=744.0)
 
 
 def plan(options: PlanOptions) -> None:
-    """Ask courses and steady beats a question.
+    """Plan fluid removal or weaning.
 
-    --remove-ml: how fast can fluid be removed before a goal breaks? --wean: what is read at the bedside, and
-    which dose keeps a goal, while the pump is turned down? For research, not for treatment. Exit status: 0
-    goals are kept, 1 not, 2 bad input.
+    --remove-ml: how fast can fluid be removed without breaking a goal? --wean: what will the bedside readings
+    be while the pump is turned down, and which dose keeps the goals? For research, not for treatment. Exit
+    status: 0 goals are kept, 1 not, 2 bad input.
     """
     if (options.remove_ml is None) == (options.wean is None):
         fail("--remove-ml or --wean: give one of them")
@@ -57,7 +57,7 @@ def plan(options: PlanOptions) -> None:
         fail("--remove-ml needs --keep GOALS, such as 'MAP > 60, drainage_pressure > -80'")
     target, reading = _read(options)
     if reading.case.events:
-        note(["events of the case are left out: nothing else happens to the patient meanwhile"])
+        note(["the events of the case are ignored in a plan"])
     from eclsim.goals.goal import GoalError
     from eclsim.inputs.mistakes import CaseError
 
@@ -168,15 +168,15 @@ class SettingsOptions(CaseChanges, Json):
     case_file: str = argument(..., "CASE.toml", "Case file.")
     goal: str = option(
         ...,
-        "What outputs should be, in their units, with commas between: "
+        "Goals for outputs, in their units, separated by commas: "
         "'MAP > 65, drainage_pressure > -80, PaCO2 35..45'. Names are those of the results in JSON.",
         "--goal",
         metavar="GOALS",
     )
     vary: str | None = option(
         None,
-        "What is turned, the dearest first, with or without bounds: {setting}=2000..4000,Rmc. Left out, "
-        "the speed (and sweep) of the devices, over the ranges of the page.",
+        "Settings that may change, the one to spare most first, with or without bounds: "
+        "{setting}=2000..4000,Rmc. Default: speed (and sweep) of the devices, over the ranges of the page.",
         metavar="NAMES",
     )
 
@@ -184,8 +184,8 @@ class SettingsOptions(CaseChanges, Json):
 def settings(options: SettingsOptions) -> None:
     """Search for the smallest settings, such as the lowest pump speed [rpm], that reach a set of goals.
 
-    Where goals exclude each other it says which, how near they can be had, and what would do without each.
-    For research, not for treatment. Exit status: 0 all reached, 1 not, 2 bad input.
+    If goals exclude each other, it shows which, how closely they can be met, and what is possible without
+    each. For research, not for treatment. Exit status: 0 all reached, 1 not, 2 bad input.
     """
     target, reading = _read(options)
     from eclsim.goals.goal import GoalError

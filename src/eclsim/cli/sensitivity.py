@@ -30,48 +30,48 @@ class SensitivityOptions(CaseChanges, Distributed):
     case_file: str = argument(..., "CASE.toml", "Case file.")
     out: str | None = option(None, "Folder for samples, indices and figures.", metavar="DIR")
     samples: int = option(2048, "Rows N of Saltelli's design, a power of two: N (2 D + 2) runs.", minimum=2)
-    perturbation: float = option(25.0, "Half width of the range of each number [%].", metavar="PERCENT")
+    perturbation: float = option(25.0, "Half width of the range of each input [%].", metavar="PERCENT")
     parameters: str | None = option(
-        None, "Parameters to vary: Rmc,Emaxlv ...; left out, the paper's 24.", metavar="NAMES"
+        None, "Parameters to vary: Rmc,Emaxlv ...; default: the paper's 24.", metavar="NAMES"
     )
     include: str | None = option(
         None,
-        "Further inputs: {setting} and any number of a device (of cannulae the maker's sizes), "
-        "where lines are ({lines}), heart_rate_bpm, any parameter.",
+        "Further inputs: {setting} and any number of a device (for cannulae the sizes sold), "
+        "positions of lines ({lines}), heart_rate_bpm, any parameter.",
         metavar="NAMES",
     )
     groups: str | None = option(
-        None, "Treat all parameters of a unit as one factor, such as all resistances.", metavar="R,C,L,E"
+        None, "Treat all parameters of one unit as one factor, such as all resistances.", metavar="R,C,L,E"
     )
-    outputs: str | None = option(None, "Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
+    outputs: str | None = option(None, "Outputs; default: SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
     second_order: bool | None = option(
         None,
-        "Report the indices of pairs; without the runs they need, N (D + 2). Left out: with these runs, "
-        "pairs in the files only.",
+        "Show the indices of pairs, or omit the runs that they need (leaving N (D + 2)). Default: pairs in "
+        "the files only.",
         "--second-order/--no-second-order",
         show_default=False,
     )
-    seed: int = option(1, "Of the design and of the intervals.", minimum=0)
+    seed: int = option(1, "Seed of the design and of the intervals.", minimum=0)
     states: str | None = option(
         None,
-        "Analyse around these states in place of the case's values: normal,hypertensive,hypotensive (mean "
-        "arterial pressure 79, 102, 60 mmHg, by Rmc), a folder each.",
+        "Analyse around these states instead of the case's values: normal,hypertensive,hypotensive (mean "
+        "arterial pressure 79, 102, 60 mmHg, set by Rmc), in a folder each.",
         metavar="NAMES",
     )
     until: float | None = option(
         None,
-        "Stop at 64, 128, 256 ... rows once every total order is certain to +- this (95 %).",
+        "Stop at 64, 128, 256 ... rows when every total order is known to +- this (95 %).",
         metavar="WIDTH",
     )
     figures: bool = option(True, "Write figures to --out.")
-    force: bool = option(False, "Throw away what --out and --json hold.", "--force")
+    force: bool = option(False, "Discard the contents of --out and --json.", "--force")
 
 
 def sensitivity(options: SensitivityOptions) -> None:
     """Sobol sensitivity indices of a case: which parameters its outputs [mmHg, L/min] depend on.
 
-    Ctrl-C keeps what is done; --resume goes on. Exit status: 0 done, 1 some runs failed (they are named in
-    failed.csv and their rows left out), 2 bad input.
+    Ctrl-C keeps finished runs; --resume continues. Exit status: 0 done, 1 some runs failed (listed in
+    failed.csv; their rows are left out), 2 bad input.
     """
     target, distribution = _checked_destinations(options)
     merges = MERGE in (options.case_file, options.shard)
@@ -200,11 +200,9 @@ class IdentifiabilityOptions(CaseChanges, Json):
     """Options of `eclsim identifiability`."""
 
     case_file: str = argument(..., "CASE.toml", "Case file.")
-    parameters: str | None = option(
-        None, "Parameters in question; left out, the paper's 24.", metavar="NAMES"
-    )
+    parameters: str | None = option(None, "Parameters to analyse; default: the paper's 24.", metavar="NAMES")
     outputs: str | None = option(
-        None, "What is measured; left out, the case's measurements, or all seven.", metavar="NAMES"
+        None, "Measured outputs; default: the case's measurements, or all seven.", metavar="NAMES"
     )
     uncertainty: str | None = option(
         None,
@@ -215,7 +213,8 @@ class IdentifiabilityOptions(CaseChanges, Json):
     limit: float = option(10.0, "Largest collinearity index of a set that can be told apart.", minimum=1.0)
     threshold: float = option(
         1.0,
-        "Smallest effect that counts: change of the measurements, in uncertainties, for 100 %.",
+        "Smallest effect that counts: change of the measurements, in uncertainties, if a parameter changes "
+        "by 100 %.",
         minimum=0.0,
     )
     out: str | None = option(None, "Write JSON and figures here.", metavar="DIR")
@@ -224,7 +223,7 @@ class IdentifiabilityOptions(CaseChanges, Json):
 def identifiability(options: IdentifiabilityOptions) -> None:
     """Which parameters the measurements of a case can tell apart, from exact derivatives of the steady beat.
 
-    Proposes a set to fit and says of every other parameter why it is not in it.
+    Proposes a set of parameters to fit, and gives the reason why each other parameter is not in it.
     """
     target, folder = _checked_places(options)
     (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))

@@ -34,13 +34,13 @@ class SimulateOptions(CaseChanges, Json):
     case_files: list[str] = argument(..., "CASE.toml...", "Case files, one patient each.")
     sweep: list[str] = option(
         [],
-        "Vary one key that --set takes, a steady beat for each value: {setting}=2000:4500:250 [rpm], "
-        "{target}=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0; one case file.",
+        "Vary one key of --set and compute the steady beat at each value: {setting}=2000:4500:250 [rpm], "
+        "{target}=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0. For one case file.",
         metavar="KEY=FIRST:LAST:STEP",
     )
     compare: bool = option(
         False,
-        "Show the case as its file has it beside the case with --set, or two case files, and the change.",
+        "Compare the case as in its file with the case after --set, or two case files; show the change.",
         "--compare",
     )
     out: str | None = option(None, "Write waveforms and outputs as NetCDF.", metavar="FILE.nc")
@@ -49,11 +49,11 @@ class SimulateOptions(CaseChanges, Json):
         None, "Write waveforms and a table of outputs as CSV to this folder.", metavar="DIR"
     )
     solver: Solver = option(
-        "semi-implicit", "semi-implicit solves for the steady beat; adaptive checks it with tight tolerances."
+        "semi-implicit", "semi-implicit: solve for the steady beat; adaptive: check it with tight tolerances."
     )
     transient: float = option(
         0.0,
-        "Also follow the course from the start for so long [s]; goes to --out and --csv.",
+        "Also simulate this long from the start [s]; written to --out and --csv.",
         metavar="SECONDS",
         minimum=0.0,
         maximum=3600.0,
@@ -62,7 +62,7 @@ class SimulateOptions(CaseChanges, Json):
         None, "Only these waveforms in --out and --csv: Pao,Qlv,Vlv ...", metavar="NAMES"
     )
     check_grid: bool = option(
-        False, "Solve again with half the step and say how much outputs change [%].", "--check-grid"
+        False, "Solve again with half the step and show how much outputs change [%].", "--check-grid"
     )
 
 

@@ -32,35 +32,35 @@ class TrackOptions(ResultsFolder, FreeParameters, Json):
         ...,
         "SERIES.csv|CASE.toml...",
         "A table with a row for each time, or case files of one patient in order of time. Names such as "
-        "2024-03-01T08:00 (files: 2024-03-01T08-00.toml) say how much time lies between them.",
+        "2024-03-01T08:00 (files: 2024-03-01T08-00.toml) give the time between them.",
     )
     out: str = option(..., "Write JSON, tables and figures here.", "--out", metavar="DIR")
     prior: Prior = option("log-uniform", "What is known of the parameters before the first measurement.")
     drift: float | None = option(
         None,
-        "How far parameters drift in a day: 0.1 is about 18 %. Left out, the measurements decide among three "
-        "rates.",
+        "Drift of the parameters in a day: 0.1 is about 18 %. Default: three rates, weighted by the "
+        "measurements.",
         minimum=0.001,
         maximum=0.9,
     )
     interval: float = option(
         24.0,
-        "Time from one measurement to the next where their names are no times [h].",
+        "Time between measurements if their names are not times [h].",
         metavar="HOURS",
         minimum=0.01,
         maximum=8760.0,
     )
     volume_policy: VolumePolicy | None = option(
-        None, "Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."
+        None, "Whose blood fills the circuits, see `eclsim simulate --help`; default: as in the case file."
     )
 
 
 def track(options: TrackOptions) -> None:
-    """Follow a patient's parameters through time, forecast the next outputs, flag what does not fit.
+    """Follow a patient's parameters over time, forecast the next outputs, and flag what does not fit.
 
-    Each measurement is first held against its forecast (normalised innovation), then updates the parameters:
+    Each measurement is compared with its forecast (normalised innovation) and then updates the parameters:
     an iterated unscented Kalman filter on the steady heartbeat. All intervals are 90 %. Exit status: 0 all
-    points followed, 1 some could not be or the first estimate fits poorly, 2 bad input.
+    points followed, 1 some could not be followed or the first estimate fits poorly, 2 bad input.
     """
     from eclsim.identification.files import TRACK_SUMMARY
 

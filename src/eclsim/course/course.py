@@ -296,16 +296,16 @@ def _passed_over(history: History) -> list[str]:
     times += f" and at {more} more" if more > 0 else ""
     first = history.passed_over[0]
     return [
-        f"not followed beat by beat at {times}, though {first.reason}, because {first.refusal}: steady beats "
-        "stand at once where the patient takes seconds to minutes"
+        f"not followed beat by beat at {times}, although {first.reason}, because {first.refusal}: steady "
+        "beats change at once, but a patient needs seconds to minutes"
     ]
 
 
 def _unsettled(history: History) -> list[str]:
     """Spans that ended before the patient had settled, though the course goes on."""
     return [
-        f"beats were followed from {clock_time(span.begin / MINUTE)} to {clock_time(span.end / MINUTE)} and "
-        "had not settled then: steady beats run ahead from there"
+        f"the patient was followed beat by beat from {clock_time(span.begin / MINUTE)} to "
+        f"{clock_time(span.end / MINUTE)} and had not settled then: from there steady beats run ahead"
         for span in history.spans
         if not (span.settled or history.stopped) and span.end < history.times[-1] - SHORTEST_S
     ]

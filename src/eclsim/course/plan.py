@@ -297,14 +297,14 @@ def _removal(
         assert above is not None
         until = above * min(limit.at_min for limit in limits) / 60.0
         text = f"{remove_ml:g} mL cannot be removed: at {above:.0f} mL/h, the slowest, {sentence}"
-        text += f"; by then {until:.0f} mL are out" if until else ""
+        text += f"; {until:.0f} mL are removed by then" if until else ""
     else:
         text = f"{remove_ml:g} mL can be removed at {best:.0f} mL/h, in {remove_ml / best:.1f} h"
         text += f"; at {above:.0f} mL/h {sentence}" if above is not None else ", the fastest of the device"
         slower = [rate for rate, kept in tried.items() if not kept and rate < best]
         if slower:
             reason = " and ".join(map(_break_sentence, broken[max(slower)]))
-            text += f"; not slower: at {max(slower):.0f} mL/h {reason}"
+            text += f"; do not go slower: at {max(slower):.0f} mL/h {reason}"
     rate = math.nan if best is None else best
     keep = tuple(str(goal) for goal in goals)
     return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)

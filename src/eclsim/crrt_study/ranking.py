@@ -143,7 +143,7 @@ def _placed(scheme: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
     places = (1 + better, 1 + better + len(open_against))
     if not open_against:
         return replace(scheme, rank=places[0], places=places)
-    reason = f"place {places[0]} to {places[1]}: not known {_open(scheme, open_against, rule)}"
+    reason = f"place {places[0]} to {places[1]}: {_open(scheme, open_against, rule)} is not known"
     return replace(scheme, places=places, why_no_rank=reason)
 
 
@@ -154,8 +154,9 @@ def _open(scheme: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
     letters = [] if quantity in scheme.unknown else [o.letter for o in others if quantity in o.unknown]
     which = schemes_named(letters).lower() if letters else "it"
     if quantity != FLOW:
-        return f"{quantity} of {which}"
-    return f"up to which ECMO flow {which} {'keep their' if len(letters) > 1 else 'keeps its'} limits"
+        return f"the {quantity} of {which}" if letters else f"its {quantity}"
+    keeps = f"{which} {'keep their' if len(letters) > 1 else 'keeps its'}"
+    return f"the ECMO flow up to which {keeps} limits"
 
 
 def _before(a: Ranked, b: Ranked, rule: Rule) -> bool | None:

@@ -169,39 +169,42 @@ def message_of(
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
         stops = [_named(result.goal) for result in results if result.binding]
-        least = f"; less is stopped by {' and '.join(stops)}" if stops else ", the lowest of the range"
+        least = (
+            f"; smaller settings would break {' and '.join(stops)}" if stops else ", the lowest of the range"
+        )
         return f"all goals are reached with {where}{least}"
     unmet = [r for r in results if not r.met]
     text = "; ".join(
-        f"{_named(r.goal)} is not reached: {r.value:.4g} {output(r.goal.output).unit} at best" for r in unmet
+        f"{_named(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
+        for r in unmet
     )
     asked = sum(not result.goal.because for result in results)
-    text += f" beside the other goals, with {where}" if asked > 1 else f", with {where}"
+    text += f" within the other goals, with {where}" if asked > 1 else f", with {where}"
     ends = [_at_end(s, values[s.name]) for s in settings]
     if any(ends):
         text += f" ({', '.join(filter(None, ends))})"
     held = [_named(r.goal) for r in results if r.goal.because and r.binding and r.met]
     if held:
-        text += f"; what stops it is {' and '.join(held)}"
+        text += f"; it is limited by {' and '.join(held)}"
     for goal, others in without.items():
         if others is not None:
             numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
-            text += f"; without {goal} all others are reached, with {numbers}"
+            text += f"; without the goal {goal} all others are reached, with {numbers}"
     return text
 
 
-def beyond_alarms(quantities: Iterable[str], where: str = "there") -> str:
-    """That outputs are beyond alarm limits at what was found; empty where none is.
+def beyond_alarms(quantities: Iterable[str], where: str = "with the settings found") -> str:
+    """That outputs break alarm limits at what was found; empty where none does.
 
     Args:
         quantities: outputs or waveforms whose alarm limits are broken.
-        where: the word for it.
+        where: that is so, in words.
     """
     alarming = dict.fromkeys(quantities)
     if not alarming:
         return ""
-    are = "are" if len(alarming) > 1 else "is"
-    return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: with a goal for them they are kept"
+    are, them = ("are", "them") if len(alarming) > 1 else ("is", "it")
+    return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: add a goal for {them}"
 
 
 def _named(goal: Goal) -> str:

@@ -143,7 +143,7 @@ class FitVerdict:
 
 _HEADLINES = {
     Level.GOOD: "GOOD FIT: {agreement}, and the fitted patient is plausible",
-    Level.DOUBTFUL: "DOUBTFUL FIT: {agreement}; look at the reasons before you use it",
+    Level.DOUBTFUL: "DOUBTFUL FIT: {agreement}; read the reasons before you use it",
     Level.POOR: "POOR FIT, not to be used: {agreement}",
 }
 
@@ -215,15 +215,15 @@ def agreement(
     if reasons:
         advice = "; or weigh them by uncertainty (--weights uncertainty)" if weights == "relative" else ""
         sentence = (
-            "no set of parameters was found that gives all measurements: check them for a wrong value, "
-            f"zero level or unit, and free other parameters{advice}"
+            "no set of parameters was found that reproduces all measurements: check them for a wrong value, "
+            f"zero level or unit, or free other parameters{advice}"
         )
         reasons.append(Reason(Aspect.AGREEMENT, reasons[0].level, "", sentence))
     chance = goodness.probability
     if chance is None:
         sentence = (
-            f"the {len(measured)} measurements determine about as many combinations of parameters: that they "
-            "are reproduced is no test of the model"
+            f"the {len(measured)} measurements determine about as many combinations of parameters: a close "
+            "fit is therefore no test of the model"
         )
         reasons.append(Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence))
     elif chance < DOUBTFUL_PROBABILITY:
@@ -269,7 +269,7 @@ def plausibility(
         number = f"{value:.3g} {span.unit}".strip()
         sentence = (
             f"{span.description} {number}, which is implausible even in severe illness "
-            f"(healthy: {low:.3g} to {high:.3g}): do not read it, nor what follows from it, off this fit"
+            f"(healthy: {low:.3g} to {high:.3g}): do not use it, nor what depends on it, from this fit"
         )
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, name, sentence))
     return reasons + [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", s) for s in broken_limits]
@@ -305,16 +305,16 @@ def interval_agreement(
                 "weights decide the fit (--weights uncertainty)"
             )
         elif not interval["lower"] <= estimate["value"] <= interval["upper"]:
-            verdict = f"the fitted value {estimate['value']:.3g} is outside of the latter"
+            verdict = f"the fitted value {estimate['value']:.3g} is outside the latter"
         elif len(at_bounds) > 1:
-            verdict = "the latter is all that its bounds allow, so the measurements do not determine it"
+            verdict = "the latter fills the bounds, so the measurements do not determine the parameter"
         elif at_bounds:
             (side,) = at_bounds
             verdict = f"the latter ends at the {side} bound, so the measurements give no {side} limit"
         elif sides := (beatless or {}).get(name):
             verdict = (
-                f"beyond the {' and the '.join(sides)} end of the latter no steady heartbeat was found, "
-                "which is no limit of the true value"
+                f"no steady heartbeat was found beyond the {' and the '.join(sides)} end of the latter, "
+                "but the true value may lie there"
             )
         elif unlike(_ends(name, interval), _ends(name, estimate)):
             verdict = "take the wider of the two"

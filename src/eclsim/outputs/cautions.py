@@ -23,7 +23,7 @@ BLOOD_PH = (6.8, 7.7)
 FAR_MMHG, STUDIED_MMHG = 10.0, 25.0
 """PaCO2 above the set point from which the published answer to it has the wrong sign, and from which the one
 measured in patients, up to 19 mmHg, is extrapolated."""
-_INSTEAD = f"; {keys.CARBON_DIOXIDE} = 1 takes the answer measured in patients instead"
+_INSTEAD = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
 class _Effect(NamedTuple):
@@ -64,8 +64,8 @@ def _emptied(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Fi
         return []
     text = (
         f"{' and '.join(given)}: fitted to failing hearts with a wedge pressure above 20 mmHg; here it is "
-        f"{wedge:.0f} mmHg, and what veins take of the blood empties the heart: pressures and outputs are "
-        "likely too low, and may fall where they rise in patients"
+        f"{wedge:.0f} mmHg, and blood that pools in dilated veins empties the heart: pressures and outputs "
+        "are probably too low, and may fall although they rise in patients"
     )
     return [_about("PCWP", wedge, text, "CO", "MAP")]
 
@@ -81,9 +81,9 @@ def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list
     if not without > NOT_SEPTIC_DYN:
         return []
     text = (
-        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5 before it, "
-        f"here {without:.0f}; it hardly raises the pressure of people who are not septic (Landry 1997): the "
-        "rise is likely too large"
+        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5 before the "
+        f"drug, here {without:.0f}; it hardly raises the pressure of people who are not septic (Landry "
+        "1997): the rise is probably too large"
     )
     return [_about("systemic_resistance_factor", without, text, "MAP")]
 
@@ -95,7 +95,7 @@ def _beyond(felt: Mapping[str, float]) -> list[Finding]:
         usual, unit = keys.DRUG_DOSES[drug].usual, keys.DRUG_DOSES[drug].unit
         if dose > usual:
             text = (
-                f"{drug}: felt as {dose:.3g} {unit}, by dose and sensitivity, beyond the usual {usual:g}: "
+                f"{drug}: dose times sensitivity is {dose:.3g} {unit}, above the usual {usual:g}: "
                 "its effect is extrapolated"
             )
             result.append(_about(keys.dose(drug), dose, text, "MAP", "CO"))
@@ -116,8 +116,9 @@ def _together(felt: Mapping[str, float]) -> list[Finding]:
     if not parts:
         return []
     text = (
-        f"{', '.join(felt)} together ({', '.join(parts)}): their factors are multiplied, which was held "
-        "against one pair alone, dobutamine and milrinone, which did less in patients: take it for the most"
+        f"{', '.join(felt)} together ({', '.join(parts)}): their factors are multiplied. This was compared "
+        "with patients for one pair only, dobutamine and milrinone, whose effect was smaller: read it as an "
+        "upper limit"
     )
     return [_about("contractility_lv_factor", float("nan"), text, "MAP", "CO")]
 
@@ -141,22 +142,22 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
     text = f"PaCO2 {pressure:.0f} mmHg, {pressure - rest:.0f} above the set point: "
     if measured < 1.0 and keys.CHEMOREFLEX in published:
         text += (
-            "with the chemoreflex cardiac output and pulmonary pressure fall and resistance rises, where in "
-            "healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen and "
-            f"Eger 1974, Kiely 1996){_INSTEAD}"
+            "with the chemoreflex cardiac output and pulmonary pressure fall and resistance rises, whereas "
+            "in healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen "
+            f"and Eger 1974, Kiely 1996){_INSTEAD}"
         )
     elif measured < 1.0 and published:
-        text += "the organs' answer to it was published for small changes, and is not held against people"
+        text += "the organs' response was published for small changes and not compared with people"
         text += _INSTEAD
     elif measured > 0.0:
         others = ()
         text += (
-            "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), where it was "
-            "unchanged in the patients whose resistance this is (Thorens 1996) and rises in healthy people "
-            "(Kiely 1996): it is likely too low"
+            "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), but it was "
+            "unchanged in the patients with this measured resistance (Thorens 1996) and rises in healthy "
+            "people (Kiely 1996): it is probably too low"
         )
         if pressure > rest + STUDIED_MMHG:
-            text += "; the answer was measured up to 19 mmHg above, and is extrapolated"
+            text += "; the response was measured up to 19 mmHg above, and is extrapolated"
             others = ("CO", "MPAP", "heart_rate")
         return [_about("MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
     else:
