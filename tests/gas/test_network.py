@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 
 import eclsim
+from eclsim import gas
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import Tissue
@@ -184,6 +186,28 @@ def test_the_network_lists_what_it_reads():
     circuit = model().circuit
     assert {e.name for e in gas_exchanges(circuit)} == {"tissue", "lung", "ecmooxy"}
     assert set(gas_of(circuit).parameters) <= set(circuit.content_names())
+
+
+def test_circuits_that_carry_the_same_blood_share_their_programs():
+    """Each program takes seconds to compile; reflexes and laws of vessels are no part of any."""
+    raw = VV | {"regulation": {"baroreflex": 1.0}, "physiology": {"pericardium": True}}
+    circuits = [model().circuit, model_of(read_mapping(raw).case).circuit]
+    assert circuits[0] != circuits[1]
+    assert len({id(gas_of(circuit)) for circuit in circuits}) == 1
+    assert gas_of(model(ecmo_drainage_site="svn").circuit) is not gas_of(circuits[0])
+
+
+def test_derivatives_start_from_what_the_search_has_found(monkeypatch):
+    """The search is most of a program and was compiled once more for them."""
+    function = gas_of(model().circuit)
+    numbers = np.ones(2 * len(function.connections) + len(function.parameters))
+    found = jax.eval_shape(function.compute, numbers)
+    assert found.shape == (len(function.quantities),)
+    monkeypatch.setattr(gas.steady, "_searched", None)
+    assert function.again is not None
+    assert jax.eval_shape(function.again, numbers, found) == found
+    with pytest.raises(TypeError):
+        jax.eval_shape(lambda x: function.compute(x), numbers)  # another function than the one traced above
 
 
 INPUTS = (

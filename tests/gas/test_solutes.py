@@ -1,5 +1,6 @@
 """Effective clearances: closed forms where the paths are simple, and nothing is lost on any."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from eclsim.devices.ecmo import ecmo
 from eclsim.gas.network import flows_of
 from eclsim.gas.solutes import effective_shares, sources
 from eclsim.gas.transport import mixtures
+from eclsim.outputs.measures import single
 from eclsim.patient.circulation import circulation
 
 OUTPUT, ECMO, CRRT = 3.0, 2.0, 0.2
@@ -24,8 +26,8 @@ def flows_along(circuit, **given):
 def effective(circuit, forward):
     law = effective_shares(circuit, "crrtfil")
     assert law.connections == tuple(c.name for c in circuit.connections)
-    numbers = jnp.asarray([*forward, *np.zeros(len(forward)), *CLEARED, *WATER])
-    return CLEARED * np.asarray(law.compute(numbers))
+    numbers = np.array([*forward, *np.zeros(len(forward)), *CLEARED, *WATER])
+    return CLEARED * np.asarray(single(law.compute, law.key)(numbers))
 
 
 def lines(flow):
@@ -58,9 +60,8 @@ def test_what_the_filter_removes_is_what_the_tissues_give():
     circuit = circulation() + ecmo("ra", "ao") + crrt("ecmotuor", "ecmooxy")
     rng = np.random.default_rng(5)
     forward, backward = rng.uniform(0.5, 4.0, (2, len(circuit.connections)))
-    flows = flows_of(circuit, jnp.asarray(forward), jnp.asarray(backward), {})
     at = sources(circuit, "crrtfil")
-    mixed = mixtures(flows, at)
+    mixed = jax.jit(lambda *both: mixtures(flows_of(circuit, *both, {}), at))(forward, backward)
     kept = 1.0 - CLEARED[0] / WATER[0]
     inlet = mixed.inlets[-1, 0] / (1.0 - kept * mixed.inlets[-1, 1])
     outlets = jnp.array([1.0, kept * inlet])

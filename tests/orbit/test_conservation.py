@@ -7,6 +7,7 @@ from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.orbit.independent import AdaptiveBeats
+from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.steady import start_state
 from eclsim.orbit.transient import follow
 from model_catalogue import CIRCUITS, SCHEMES, model, scheme_sites
@@ -17,13 +18,13 @@ BEATS = 1000
 def blood_after(patient, beats=BEATS):
     """Stressed volume of all compartments at the start and after each beat [mL]."""
     program = beat_program(patient.circuit)
-    step = program.trace(())
+    search = compiled_search(program, 1)
     packed = np.array([patient.values[name] for name in program.names])
     state, volumes = start_state(patient), program.assembly.layout.volumes.where
     blood = [state[volumes].sum()]
     for _ in range(beats):
-        state = step(state, packed)[0]
-        blood.append(np.asarray(state)[volumes].sum())
+        state = search.beat(state, packed)[0]
+        blood.append(state[volumes].sum())
     return np.array(blood)
 
 

@@ -11,6 +11,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.independent import AdaptiveBeats
+from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import Model, model_of, nominal_values
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.results import derivatives
@@ -114,10 +115,8 @@ def test_lost_blood_is_answered_and_the_solved_beat_is_where_marching_ends(which
     assert 0.0 < kept < 0.6 * lost
     assert regulated.volume("patient") == pytest.approx(bled.volume("patient"), abs=1e-6)
     program, state = beat_program(patient.circuit), start_state(patient)
-    packed = np.array([patient.values[name] for name in program.names])
-    step = program.trace(())
-    for _ in range(1500):
-        state = np.asarray(step(state, packed)[0])
+    packed = Batch.of(patient).packed(program)
+    state = compiled_search(program, 1).wait(state[:, None], packed, 1500)[:, 0]
     np.testing.assert_allclose(state, regulated.orbits.states[:, 0], rtol=1e-6, atol=1e-6)
 
 

@@ -256,12 +256,19 @@ class BeatProgram:
 
         Stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1).
         """
+
+        @jax.jit  # both stages are traced once: half the time before a program with tangents is compiled
+        def stage(
+            base_v: list[Number], base_q: list[Number], guess: list[Number], curves: States
+        ) -> tuple[list[Number], list[Number]]:
+            return self._stage(base_v, base_q, guess, curves, steps, constants)
+
         volumes, flows = carry.volumes, carry.flows
-        middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
+        middle_v, middle_q = stage(volumes, flows, flows, activations[0])
         ratio = (1.0 - GAMMA) / GAMMA
         base_v = [a + ratio * (b - a) for a, b in zip(volumes, middle_v, strict=True)]
         base_q = [a + ratio * (b - a) for a, b in zip(flows, middle_q, strict=True)]
-        end_v, end_q = self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
+        end_v, end_q = stage(base_v, base_q, middle_q, activations[1])
         return end_v, end_q, [(1.0 - GAMMA) * a + GAMMA * b for a, b in zip(middle_q, end_q, strict=True)]
 
     def _stage(

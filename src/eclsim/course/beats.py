@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import groupby
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ from eclsim.course.timeline import MINUTE, START, Timeline
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
 from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
@@ -554,8 +556,13 @@ def _traced(
 ) -> tuple[np.ndarray, np.ndarray]:
     """State after a beat, and its signals (points, signals)."""
     packed = np.array([values[name] for name in program.names])
-    after, recorded = program.trace(signals)(state, packed)
-    return np.asarray(after), np.asarray(recorded)
+    after, recorded = compiled_search(program, 1).beat(state, packed)
+    return after, recorded[:, _columns_of(program.signals, signals)]
+
+
+@lru_cache(maxsize=64)
+def _columns_of(names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
+    return [names.index(name) for name in wanted]
 
 
 def _numbers(values: Mapping[str, np.ndarray]) -> dict[str, float]:

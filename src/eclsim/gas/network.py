@@ -8,7 +8,7 @@ to all of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import lru_cache
 from typing import NamedTuple
@@ -17,10 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from eclsim.circuit.network import Choice, Circuit, Exchange, sites_of
+from eclsim.circuit.network import Choice, Circuit, Compartment, Exchange, sites_of
 from eclsim.components.base import Values, names_in, value_of
 from eclsim.components.exchangers import ENTERING, GasExchanger, NativeLung, Tissue
-from eclsim.gas.steady import GasState, Samples, solve
+from eclsim.components.vessels import ElasticVessel, Resistance
+from eclsim.gas.steady import GasState, Known, Samples, solve
 from eclsim.gas.transport import Drainage, Flows, Held, Mixtures, balanced, mixtures
 
 PATIENT = "patient"
@@ -77,11 +78,12 @@ class Quantity(NamedTuple):
 
     Attributes:
         what: a name of `GASES`; "gained" gas or "gained_co2", "supplied" and "demanded" oxygen [mL/min STPD]
-            of an exchange; "recirculated" share of what an exchange sent; or "status".
+            of an exchange; "recirculated" share of what an exchange sent; "status"; or "unknown", a number
+            that the search has found, from which derivatives are computed.
         where: "in" a compartment whose blood is analysed, "mixed" in any (contents alone), "drawn" by a
             connection, "behind" an exchange, "into" one that answers to what enters, "within" a lung (its
             alveoli), or "at" an exchange.
-        place: name of the compartment or connection.
+        place: name of the compartment or connection, or number of an unknown.
     """
 
     what: str
@@ -157,12 +159,14 @@ class FlowFunction:
         parameters: that come next.
         compute: the function, from an array (numbers,) to an array of what it gives.
         key: what tells it from all others.
+        again: the same from the numbers and what `compute` has given, without its search; for derivatives.
     """
 
     connections: tuple[str, ...]
     parameters: tuple[str, ...]
     compute: Callable[[Array], Array]
     key: tuple[Hashable, ...]
+    again: Callable[[Array, Array], Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -177,16 +181,32 @@ class GasFunction(FlowFunction):
         quantities: what it gives.
     """
 
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[Quantity, ...] = ()
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
+def transport_of(circuit: Circuit, exchanges: bool = True) -> Circuit:
+    """What transport asks for of a circuit: places, connections and exchanges.
+
+    Laws of pressures and flows, reflexes and drugs are left out, so that circuits which differ in these alone
+    share the programs for what their blood carries.
+    """
+    stores = tuple(Compartment(c.name, ElasticVessel(1.0), c.group) for c in circuit.compartments)
+    paths = tuple(replace(c, component=Resistance(1.0)) for c in circuit.connections)
+    return Circuit(stores, paths, exchanges=circuit.exchanges if exchanges else ()).canonical
+
+
 def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = False) -> GasFunction:
     """The gas state of a circuit with exchanges, by a law of the blood: the steady one, or a step later.
 
     Over a step in time compartments hold blood and lungs gas; exchangers hold no blood: membranes and
     tissues, whose PCO2 stores may hold, answer at once to the blood that reaches them.
     """
+    return _gas_of(transport_of(circuit), law, in_time)
+
+
+@lru_cache(maxsize=64)
+def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
     exchanges, names = gas_exchanges(circuit), tuple(c.name for c in circuit.connections)
     laws = [e.component for e in exchanges if isinstance(e.component, GasExchanger)]
     of_exchanges = [n for e in exchanges for n in e.component.parameter_names()]
@@ -206,7 +226,10 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         for what in ("gained", "gained_co2", "supplied", "demanded")
     )
 
-    def compute(numbers: Array) -> Array:
+    points = sum(law.points for law in laws) + len(samples)
+    unknowns = () if in_time else tuple(Quantity("unknown", place=str(k)) for k in range(3 * points + 1))
+
+    def compute(numbers: Array, given: Array | None = None) -> Array:
         count = len(names)
         last = 2 * count + len(parameters)
         values = dict(zip(parameters, numbers[2 * count : last], strict=True))
@@ -219,8 +242,8 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
         mixed = mixtures(flows, at, drawn, held)
         lasting = mixtures(balanced(flows), at, drawn) if in_time else mixed
-        state = solve(over_time, mixed, values, law, _shares(circuit, samples, mixed))
-        points = state.ph.shape[0]
+        known = None if given is None else _known(given[-len(unknowns) :], points)
+        state = solve(over_time, mixed, values, law, _shares(circuit, samples, mixed), known)
         inside = [point for _, point in (*_entered(laws), *_alveoli(laws))]
         sampled = np.r_[points - len(samples) : points, inside].astype(int)
         gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
@@ -234,9 +257,18 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         status = _status(exchanges, state, values)
         # A tissue may be without oxygen for some time, which no steady state has.
         valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
-        return jnp.append(jnp.where(valid, result, jnp.nan), status)
+        found = [] if in_time else [*state.pressure, state.ph, state.error[None]]
+        return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *found])
 
-    return GasFunction(names, parameters, compute, ("gas", circuit, law, in_time), (*quantities, STATUS))
+    key = ("gas", circuit, law, in_time)
+    again = None if in_time else compute
+    return GasFunction(names, parameters, compute, key, again, (*quantities, STATUS, *unknowns))
+
+
+def _known(unknowns: Array, points: int) -> Known:
+    """What a search has found, from what `gas_of` gives of it."""
+    pressure, ph, error = unknowns[: 2 * points].reshape(2, points), unknowns[2 * points : -1], unknowns[-1]
+    return Known(pressure, ph, jnp.zeros((), dtype=int), error)
 
 
 def _drawn(circuit: Circuit) -> list[tuple[str, int]]:

@@ -14,7 +14,7 @@ import numpy as np
 from jax import Array
 
 from eclsim.circuit.network import Circuit, sites_of
-from eclsim.gas.network import PATIENT, FlowFunction, flows_of, switches
+from eclsim.gas.network import PATIENT, FlowFunction, flows_of, switches, transport_of
 from eclsim.gas.transport import mixtures
 
 MITRAL = "la"
@@ -23,9 +23,13 @@ ARTERIES = ("ao", "arch", "descending", "upper", "lower")
 """Arteries of the patient in regions."""
 
 
-@lru_cache(maxsize=64)
 def native_shares(circuit: Circuit) -> FlowFunction:
     """Native shares of the blood in `ARTERIES`, in a circuit with regions."""
+    return _native_shares(transport_of(circuit, exchanges=False))
+
+
+@lru_cache(maxsize=64)
+def _native_shares(circuit: Circuit) -> FlowFunction:
     names = tuple(c.name for c in circuit.connections)
     stores = [c.name for c in circuit.compartments]
     parameters, sources = switches(circuit), [names.index(MITRAL), *_arterial_returns(circuit)]

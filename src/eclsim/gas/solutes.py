@@ -20,20 +20,24 @@ from jax import Array
 
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import names_in, value_of
-from eclsim.gas.network import FlowFunction, drainages, flows_of, switches
+from eclsim.gas.network import FlowFunction, drainages, flows_of, switches, transport_of
 from eclsim.gas.transport import Mixtures, mixtures
 
 CAPILLARIES = ("sart", "upper", "lower")
 """Connections through the capillary beds of the body, where a circuit has them."""
 
 
-@lru_cache(maxsize=64)
 def effective_shares(circuit: Circuit, filtered: str) -> FlowFunction:
     """Effective over own clearances of the filter on a connection of a circuit.
 
     At the end of the numbers stand clearances [mL/min], then the flows of water that carry the solutes to the
     filter; each clearance gives the share of it that is for the patient.
     """
+    return _effective_shares(transport_of(circuit, exchanges=False), filtered)
+
+
+@lru_cache(maxsize=64)
+def _effective_shares(circuit: Circuit, filtered: str) -> FlowFunction:
     names = tuple(c.name for c in circuit.connections)
     mixing = [n for d in drainages(circuit) for n in names_in(d.mixing)]
     parameters = tuple(dict.fromkeys((*mixing, *switches(circuit))))

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, dtypes
+from jax import Array
 
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood.acid_base import excess_of
@@ -89,6 +89,15 @@ class Samples(NamedTuple):
     kept: Array | None = None
 
 
+class Known(NamedTuple):
+    """What a search has found: the first two and last two entries of a `GasState`."""
+
+    pressure: Array
+    ph: Array
+    steps: Array
+    error: Array
+
+
 class _Local(NamedTuple):
     """Blood at all points, and how it changes with the unknowns there, pH eliminated."""
 
@@ -150,6 +159,7 @@ def solve(
     values: Values,
     law: str = "severinghaus1979",
     samples: Samples | None = None,
+    known: Known | None = None,
 ) -> GasState:
     """The steady gas state of one patient; map over patients with `jax.vmap`.
 
@@ -159,23 +169,23 @@ def solve(
         values: parameters of the exchangers and of the blood.
         law: of the blood.
         samples: blood whose gases are wanted too.
+        known: what a search with the same numbers has found; only derivatives are then computed.
     """
     samples = Samples(jnp.zeros((0, len(exchangers)))) if samples is None else samples
     network = _Network(tuple(exchangers), mixed, samples, values, law)
-    end = _searched(network.exchangers, law, mixed, samples, {k: jnp.asarray(v) for k, v in values.items()})
-    content, _, saturation, _ = _properties(law, blood_of(values), end.pressure, end.ph)
+    found = _searched(network.frozen()) if known is None else known
+    given = mixed, samples, {name: jnp.asarray(value) for name, value in values.items()}
+    pressure, ph = _following(network.exchangers, law, (found.pressure, found.ph), *given)
+    content, _, saturation, _ = _properties(law, blood_of(values), pressure, ph)
     outlets, inlets = _streams(network, content)
     gained = 10.0 * mixed.streams * (outlets - inlets)
-    return GasState(end.pressure, end.ph, saturation, content, outlets, inlets, gained, end.steps, end.error)
+    return GasState(pressure, ph, saturation, content, outlets, inlets, gained, found.steps, found.error)
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def _searched(
-    exchangers: tuple[GasExchanger, ...], law: str, mixed: Mixtures, samples: Samples, values: Values
-) -> _Search:
+def _searched(network: _Network) -> Known:
     """The end of the search; one step more than `TOLERANCE` asks for."""
-    network = _Network(exchangers, mixed, samples, values, law)
-    acid = partial(_acid_step, law, blood_of(values))
+    samples = network.samples
+    acid = partial(_acid_step, network.law, blood_of(network.values))
 
     def unfinished(state: _Search) -> Array:
         return (state.steps < ITERATIONS) & ~state.last
@@ -208,7 +218,8 @@ def _searched(
     start = _Search(
         pressure, jnp.full(points, 7.4), gained, jnp.array(INERTIA), far, jnp.array(0), far, jnp.array(False)
     )
-    return jax.lax.while_loop(unfinished, improve, start)
+    end = jax.lax.while_loop(unfinished, improve, start)
+    return Known(end.pressure, end.ph, end.steps, end.error)
 
 
 def _next_inertia(state: _Search, size: Array, error: Array, change: Array) -> Array:
@@ -224,25 +235,33 @@ def _next_inertia(state: _Search, size: Array, error: Array, change: Array) -> A
     return jnp.where(ended, 0.0, inertia)
 
 
-@_searched.defjvp
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _following(
+    exchangers: tuple[GasExchanger, ...],
+    law: str,
+    found: tuple[Array, Array],
+    mixed: Mixtures,
+    samples: Samples,
+    values: Values,
+) -> tuple[Array, Array]:
+    """Pressures and pH that were found, as functions of what is given."""
+    return found
+
+
+@_following.defjvp
 def _derivative(
     exchangers: tuple[GasExchanger, ...],
     law: str,
-    arguments: tuple[Mixtures, Samples, Values],
-    changes: tuple[Mixtures, Samples, Values],
-) -> tuple[_Search, _Search]:
+    arguments: tuple[tuple[Array, Array], Mixtures, Samples, Values],
+    changes: tuple[tuple[Array, Array], Mixtures, Samples, Values],
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """By the implicit function theorem: how Newton's step from the solution follows what is given."""
-    end = _searched(exchangers, law, *arguments)
+    found, *given = arguments
 
     def step(mixed: Mixtures, samples: Samples, values: Values) -> tuple[Array, Array]:
-        network = _Network(exchangers, mixed, samples, values, law)
-        return _newton_step(network, end.pressure, end.ph, 0.0)[:2]
+        return _newton_step(_Network(exchangers, mixed, samples, values, law), *found, 0.0)[:2]
 
-    _, (by, by_ph) = jax.jvp(step, arguments, changes)
-    constant = jax.tree.map(
-        lambda x: np.zeros(x.shape, dtypes.float0 if x.dtype.kind in "ib" else x.dtype), end
-    )
-    return end, constant._replace(pressure=by, ph=by_ph)
+    return found, jax.jvp(step, tuple(given), changes[1:])[1]
 
 
 def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:

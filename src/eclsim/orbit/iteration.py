@@ -102,17 +102,19 @@ class CompiledSearch:
         rules = np.array([-1.0, -1.0, float(beats), 1.0])
         return self._run(states, np.zeros((n, n)), packed, np.zeros(n), np.ones(count), rules).after
 
+    def beat(self, state: np.ndarray, packed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One plain beat of one member, at a width of 1: state after it, `signals` (steps, signals)."""
+        n, rules = len(state), np.array([-1.0, -1.0, 1.0, 1.0])
+        numbers, series = _single(self.program)(state, np.zeros((n, n)), packed, np.zeros(n), 1.0, rules)
+        return np.asarray(numbers[n : 2 * n]), np.asarray(series)
+
     def record(
         self, states: np.ndarray, packed: np.ndarray, signals: tuple[str, ...]
     ) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of recorded signals, at least those wanted, and their values (steps, signals, members)."""
-        n, count = states.shape
+        count = states.shape[1]
         if self.width == 1:
-            rules, none = np.array([-1.0, -1.0, 1.0, 1.0]), np.zeros((n, n))
-            series = [
-                _single(self.program)(states[:, k], none, packed[:, k], np.zeros(n), 1.0, rules)[1]
-                for k in range(count)
-            ]
+            series = [self.beat(states[:, k], packed[:, k])[1] for k in range(count)]
             return self.signals, np.stack(series, axis=-1)
         entries = np.arange(-(-count // self.width) * self.width).reshape(-1, self.width) % count
         trace = self.program.trace(signals)

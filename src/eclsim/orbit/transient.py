@@ -14,6 +14,7 @@ from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.circuit.assembly import assemble
 from eclsim.orbit.independent import AdaptiveBeats, adaptive_program
 from eclsim.orbit.inputs import InvalidInputError, allowed_values
+from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import AS_PUBLISHED, Model
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, SOLVERS, Batch, solve, start_state
 
@@ -69,9 +70,9 @@ def follow(
     if mistakes:
         raise InvalidInputError(mistakes)
     state = primed_start(model, policy) if start is None else np.asarray(start, dtype=float)
-    grid, record = _recorder(model, signals, solver)
     assembly, elapsed = assemble(model.circuit), 0.0
     times, pieces = [np.zeros(1)], [_at_start(model, state, signals)]
+    grid, record = _recorder(model, signals, solver)
     while elapsed < seconds * (1.0 - 1e-12):
         # A controller may act on the heart rate, so that beats differ in length.
         period = 60.0 / float(assembly.in_effect(model.values, state)[HEART_RATE])
@@ -113,11 +114,12 @@ def _recorder(model: Model, signals: tuple[str, ...], solver: str) -> tuple[Phas
         return grid, integrate
     program = beat_program(model.circuit, grid.resolution)
     packed = np.array([float(model.values[name]) for name in program.names])
-    trace = program.trace(signals)
+    search = compiled_search(program, 1)
+    columns = [search.signals.index(name) for name in signals]
 
     def step(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        after, recorded = trace(state, packed)
-        return np.asarray(after), np.asarray(recorded)
+        after, recorded = search.beat(state, packed)
+        return after, recorded[:, columns]
 
     return grid, step
 

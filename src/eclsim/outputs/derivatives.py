@@ -8,11 +8,12 @@ nothing but one number per measure and direction is kept.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from eclsim.beat.compilation import Key
@@ -23,7 +24,7 @@ from eclsim.devices.registry import registered
 from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
-from eclsim.outputs.measures import Measures, Points, jacobian, whole_beat
+from eclsim.outputs.measures import Measures, Points, jacobian, single, whole_beat
 from eclsim.outputs.registry import all_outputs, contract, output
 from eclsim.outputs.signals import needed_signals, output_names
 from eclsim.units import ML_S_PER_L_MIN
@@ -117,10 +118,20 @@ class LinearMeasures(Measures):
         """A parameter, which depends on itself."""
         return Dual(float(self._parameters[name]), {name: 1.0})
 
-    def apply(self, function: Law, numbers: Sequence[Dual | float], key: Key | None = None) -> Sequence[Dual]:
+    def apply(
+        self,
+        function: Law,
+        numbers: Sequence[Dual | float],
+        key: Key | None = None,
+        again: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
+    ) -> Sequence[Dual]:
         """A function of some numbers; its results depend on themselves (see `slopes`)."""
         duals = [_dual(number) for number in numbers]
-        table = np.asarray(jacobian(function, key)(np.array([number.value for number in duals])))
+        at = np.array([number.value for number in duals])
+        if again is None:
+            table = np.asarray(jacobian(function, key)(at))
+        else:
+            table = np.asarray(jacobian(again, key)(at, single(function, key)(at)))
         self.applied.append((duals, table[:, 1:]))
         call = len(self.applied) - 1
         return [Dual(value, {Result(call, k): 1.0}) for k, value in enumerate(table[:, 0].tolist())]

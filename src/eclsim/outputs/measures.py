@@ -160,7 +160,13 @@ class Measures:
         """A parameter."""
         return self._parameters[name]
 
-    def apply(self, function: Law, numbers: Sequence[Numbers], key: Key | None = None) -> Sequence[Numbers]:
+    def apply(
+        self,
+        function: Law,
+        numbers: Sequence[Numbers],
+        key: Key | None = None,
+        again: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
+    ) -> Sequence[Numbers]:
         """A function of some numbers, shape (n,), that gives others.
 
         Args:
@@ -168,6 +174,7 @@ class Measures:
             numbers: one for each argument, or one for each patient.
             key: what tells the function from all others, so that its programs are kept on disk; left out, its
                 own name, or what it is made of.
+            again: see `FlowFunction`.
         """
         table = np.empty((len(numbers), *np.broadcast_shapes(*map(np.shape, numbers))))
         for k, number in enumerate(numbers):
@@ -207,7 +214,7 @@ class Measures:
         """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
         numbers = [*flows, *map(self.parameter, function.parameters), *more]
-        return self.apply(function.compute, numbers, function.key)
+        return self.apply(function.compute, numbers, function.key, function.again)
 
     def loop_area(self, pressure: str, volume: str) -> Numbers:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
@@ -313,11 +320,14 @@ def side_by_side(function: Law, key: Key | None) -> Callable[..., jax.Array]:
 
 
 @lru_cache(maxsize=64)
-def jacobian(function: Law, key: Key | None) -> Callable[..., jax.Array]:
-    """Its value, in the first column, and derivatives, of one patient, shape (results, 1 + numbers)."""
+def jacobian(function: Callable[..., jax.Array], key: Key | None) -> Callable[..., jax.Array]:
+    """Its value, in the first column, and derivatives, of one patient, shape (results, 1 + numbers).
 
-    def table(numbers: jax.Array) -> jax.Array:
-        value, along = jax.linearize(function, numbers)
+    Of a function of the numbers and of others that are constant.
+    """
+
+    def table(numbers: jax.Array, *constant: jax.Array) -> jax.Array:
+        value, along = jax.linearize(lambda x: function(x, *constant), numbers)
         return jnp.concatenate([value[None], jax.vmap(along)(jnp.eye(numbers.shape[0]))]).T
 
     return compiled(table, _named("jacobian", function, key), law=function)
