@@ -30,7 +30,7 @@ from eclsim.execution import Shard as Shard
 from eclsim.goals.goal import Goal as Goal
 from eclsim.goals.goal import GoalError as GoalError
 from eclsim.goals.goal import Setting as Setting
-from eclsim.goals.search import Reached as Reached
+from eclsim.goals.result import Reached as Reached
 from eclsim.goals.search import reach as reach
 from eclsim.identification.fit import FitResult as FitResult
 from eclsim.identification.fit import fit as fit

@@ -2,10 +2,14 @@
 
 import pytest
 
+import eclsim
 from eclsim.cases.fit_mark import LEVELS, FitMark, read_mark, with_mark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case
 from eclsim.cases.writing import case_text
+from eclsim.identification.settings import FitSettings, ready
+from eclsim.sensitivity.analysis import SobolSettings
+from eclsim.sensitivity.results import write_results
 
 PLAIN = case_text(PRESETS["paper"].case())
 
@@ -55,7 +59,41 @@ def test_every_command_that_reads_it_hears_of_a_doubt(tmp_path, level, word):
     path.write_text(marked(level), encoding="utf-8")
     reading = read_case(path)
     doubts = [str(mistake) for mistake in reading.warnings if "fit" in str(mistake)]
-    assert reading.fit == FitMark(level, is_changed=False)
+    assert reading.case.fit_mark == FitMark(level, is_changed=False)
     assert len(doubts) == (level != "good")
     assert word in "".join(doubts)
-    assert reading.case == PRESETS["paper"].case()
+    assert reading.case.model_copy(update={"fit_mark": None}) == PRESETS["paper"].case()
+
+
+def says(warnings) -> bool:
+    return any("a POOR fit of eclsim identify" in str(sentence) for sentence in warnings)
+
+
+@pytest.mark.parametrize("source", ["path", "case"])
+def test_every_result_of_it_says_so(tmp_path, source):
+    """A path given in Python, or `read_case(path).case`, gave numbers of a poor fit without a word."""
+    path = tmp_path / "P01.toml"
+    path.write_text(marked("poor"), encoding="utf-8")
+    case = path if source == "path" else read_case(path).case
+    few = SobolSettings(samples=2, parameters=("Rmc",), outputs=("MAP",), second_order=False)
+    found = eclsim.sensitivity(case, settings=few)
+    at_goal = eclsim.reach(case, "MAP > 20", vary="Rmc=0.8..0.81")
+    steps = eclsim.plan_weaning(case, [3000.0])
+    results = [
+        eclsim.simulate(case).attrs["warnings"],
+        eclsim.simulate_many(case, {"Rmc": [0.9]}, ["MAP"]).attrs["warnings"],
+        eclsim.derivatives(case, ["MAP"], ["Rmc"]).attrs["warnings"],
+        eclsim.course(case, minutes=1.0, outputs=["MAP"]).attrs["warnings"],
+        found.indices.as_object()["warnings"],
+        at_goal.as_object()["warnings"],
+        steps[0].warnings,
+    ]
+    assert list(map(says, results)) == [True] * len(results)
+    write_results(tmp_path, found)
+    assert "a POOR fit" in (tmp_path / "indices.csv").read_text()
+
+
+def test_a_case_that_is_fitted_anew_has_no_verdict_yet(tmp_path):
+    path = tmp_path / "P01.toml"
+    path.write_text(marked("poor"), encoding="utf-8")
+    assert ready(read_case(path).case, FitSettings()).doubts == ()

@@ -1,5 +1,6 @@
 """Case files and a computation that costs nothing, so that tests of the command line test only that."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,7 +48,9 @@ def shell(tmp_path):
     return Shell(tmp_path)
 
 
-def small_result(case_id: str, *, converged: bool = True, pump_flow: float | None = None) -> xr.Dataset:
+def small_result(
+    case_id: str, *, converged: bool = True, pump_flow: float | None = None, warnings: Sequence[str] = ()
+) -> xr.Dataset:
     """A Dataset as the simulation gives it, with an uneven grid and one output that is not finite."""
     phase = np.array([0.0, 0.1, 0.5, 1.0])
     pressure = np.array([100.0, 120.0, 60.0, 100.0])
@@ -73,7 +76,7 @@ def small_result(case_id: str, *, converged: bool = True, pump_flow: float | Non
         "beats": 9,
         "residual": 3e-9 if converged else np.nan,
         "blood_volume_policy": "as_published",
-        "warnings": [],
+        "warnings": list(warnings),
     }
     return xr.Dataset(data, coords={"phase": phase, "time": ("phase", phase * 0.5)}, attrs=attributes)
 
@@ -86,7 +89,8 @@ def instant(monkeypatch):
     def compute(case, **options):
         called.append((case, options))
         flow = 3.7 if case.ecmo is not None else None
-        return small_result(case.patient.id, converged=case.patient.id != "never", pump_flow=flow)
+        settled = case.patient.id != "never"
+        return small_result(case.patient.id, converged=settled, pump_flow=flow, warnings=case.doubts)
 
     monkeypatch.setattr("eclsim.simulation.single.simulate", compute)
     return called

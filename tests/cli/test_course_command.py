@@ -5,8 +5,11 @@ import json
 from pathlib import Path
 
 import pytest
+import xarray as xr
 
 from eclsim.cases.fit_mark import with_mark
+from eclsim.cli.course import CourseOptions, _cases, _rows, _text
+from eclsim.course.files import course_object
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
 
@@ -104,6 +107,16 @@ def test_events_of_a_file_have_to_fit_each_patient(shell):
     assert "(for P01, P02)" in done.stderr
 
 
+def test_an_event_of_a_file_that_is_without_effect_in_a_patient_is_named(shell, capsys):
+    """A sweep turned off in patients without gases was followed without a word."""
+    event = '[[events]]\nat_min = 2\nset = { "ecmo.sweep_l_min" = 0.5 }\n'
+    case = shell.case(more=shell.ecmo)
+    shell.case("events.toml", more=f"{shell.ecmo}[gas]\n{event}")
+    (reading,), _ = _cases(CourseOptions(files=[case], events=str(shell.folder / "events.toml")))
+    assert len(reading.case.events) == 1
+    assert "events[1].set.ecmo.sweep_l_min = 0.5: without effect" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_draws_of_a_posterior_become_a_band(shell):
     import xarray as xr
@@ -151,3 +164,32 @@ def test_a_cohort_says_in_whom_steady_beats_run_ahead_of_the_blood(shell):
     high, low = csv.DictReader((shell.folder / "out" / "courses.csv").read_text().splitlines())
     assert "steady beats run ahead" in low["approximations"]
     assert high["approximations"] == ""
+
+
+def test_moments_of_one_minute_are_told_apart_in_the_table():
+    """A course of ten minutes had two rows 00:00, two rows 00:01 and so on."""
+    halves = xr.Dataset(coords={"time_min": [0.0, 0.5, 1.0]})
+    assert list(_rows(halves).values()) == ["00:00:00", "00:00:30", "00:01:00"]
+    assert list(_rows(halves.isel(time_min=[0, 2])).values()) == ["00:00", "00:01"]
+
+
+def test_moments_that_no_patient_can_have_are_marked_in_table_and_json():
+    """2.5 L were bled on ECMO: rows with a right atrium at -17 mmHg stood among the others, plain."""
+    broken = [{"kind": "collapse", "at_min": 1.5, "until_min": 4.0}, {"kind": "alarm", "at_min": 0.0}]
+    pressure = xr.Variable("time_min", [70.0, 60.0, 36.0, 60.0], {"units": "mmHg"})
+    ends = {"blood_volume_start_ml": 5000.0, "blood_volume_end_ml": 2500.0}
+    balance = ends | {"given_ml": 0.0, "removed_ml": 2500.0, "refilled_ml": 0.0}
+    course = xr.Dataset(
+        {"MAP": pressure},
+        {"time_min": [0.0, 1.0, 2.0, 4.0]},
+        {
+            "alarms": json.dumps(broken), "balance": json.dumps(balance), "beat_by_beat": 0, "seconds": 1.0,
+            "settling_s": 0.0, "id": "P", "converged": 1, "status": "finished", "message": "",
+            "events": "[]", "warnings": [], "blood_volume_policy": "as_published",
+        },
+    )  # fmt: skip
+    assert course_object(course)["impossible"] == [False, False, True, False]
+    shown = _text(course)
+    assert next(line for line in shown.splitlines() if "*" in line).split() == ["00:02", "*", "36.0"]
+    assert "* a beat that no patient can have" in shown
+    assert "*" not in _text(course.assign_attrs(alarms="[]"))

@@ -8,7 +8,7 @@ import xarray as xr
 
 from eclsim.cases import read_case
 from eclsim.cases.settings import apply_settings
-from eclsim.course.course import course
+from eclsim.course.course import course, follow
 from eclsim.course.plan import (
     FILTRATION,
     Break,
@@ -16,9 +16,12 @@ from eclsim.course.plan import (
     _breaks,
     _fastest,
     _removal,
+    _removed,
     plan_removal,
     plan_weaning,
 )
+from eclsim.course.timeline import Timeline, changed
+from eclsim.course.watch import Watch
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
 from small_patient import ON_ECMO
@@ -74,8 +77,9 @@ def test_a_filter_that_clots_removes_nothing_so_its_limit_holds_unasked(own):
 @pytest.mark.slow
 def test_a_goal_whose_output_has_no_value_is_not_kept():
     result = xr.Dataset(
-        {"DO2": ("time_min", [450.0, np.nan, 440.0])}, {"time_min": [0.0, 1.0, 2.0]}, {"converged": True}
-    )
+        {"DO2": ("time_min", [450.0, np.nan, 440.0])}, {"time_min": [0.0, 1.0, 2.0]},
+        {"converged": True, "message": ""},
+    )  # fmt: skip
     (only,) = _breaks(read_goals("DO2 > 400", ["DO2"]), result)
     assert (only.goal, only.at_min) == ("no value of DO2", 1.0)
 
@@ -86,7 +90,22 @@ def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
     assert math.isnan(result.rate_ml_h)
     assert "cannot be removed" in result.message
     assert "MAP > 120 is broken from the start (" in result.message
-    assert result.message.endswith("mmHg at worst)")
+    assert result.message.endswith("mmHg)")
+
+
+def test_a_march_ends_where_it_breaks_a_goal(own):
+    """10 L from a patient of 68 kg were marched to their end, mostly in a patient without plasma: 105 s."""
+    watch = Watch(("MAP",), lambda beat: beat["MAP"] < 65.0, [60.0])
+    seen = [(0.0, 70.0), (50.0, 64.0), (59.0, 63.0), (61.0, 66.0), (110.0, 64.0), (121.0, 63.0)]
+    assert [watch.is_over(0, time, {"MAP": value}) for time, value in seen] == [False] * 5 + [True]
+    goals = read_goals("MAP > 78", ["MAP"])
+    key, rate = f"crrt.{FILTRATION}", 2000.0
+    (whole,) = follow([Timeline(changed(own, {key: rate}, own), 3600.0)], [1.5], ["MAP"])
+    (stopped,) = _removed(own, key, [rate], rate, goals, None)
+    assert whole.sizes["time_min"] == 41
+    assert stopped.sizes["time_min"] < 20
+    assert stopped.attrs["solves"] < 0.5 * whole.attrs["solves"]
+    assert _breaks(goals, stopped)[0] == pytest.approx(_breaks(goals, whole)[0])
 
 
 def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not():
@@ -100,8 +119,8 @@ def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not(
     assert found.possible
     assert found.rate_ml_h == 40.0
     assert found.message == (
-        "100 mL can be removed at 40 mL/h, in 2.5 h; at 80 mL/h MAP > 65 breaks after 0.5 h (60 mmHg at "
-        "worst); do not go slower: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg at worst)"
+        "100 mL can be removed at 40 mL/h, in 2.5 h; at 80 mL/h MAP > 65 breaks after 0.5 h (60 mmHg); "
+        "do not go slower: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg)"
     )
 
 
@@ -133,6 +152,14 @@ def test_a_volume_that_nobody_has_is_refused(own, volume):
         plan_removal(own, volume, "MAP > 62")
 
 
+def test_a_rate_that_the_device_cannot_have_is_said_in_what_was_asked(own):
+    """1 mL was refused for a rate of 0.0139 mL/h with the advice to take 50."""
+    with pytest.raises(GoalError, match=r"remove 10000 mL in 0.5 h, 20000 mL/h: .*, or more hours"):
+        plan_removal(own, 10_000.0, "MAP > 62", hours=0.5)
+    found = plan_removal(own, 1.0, "MAP > 120")
+    assert min(found.tried) == 1.0
+
+
 def test_without_a_device_that_removes_fluid_it_is_refused(own):
     bare = own.model_copy(update={"crrt": None})
     with pytest.raises(GoalError, match="no device that removes fluid"):
@@ -154,6 +181,20 @@ def test_weaning_reads_what_the_bedside_reads(own):
     vti = steps[0].outputs["LVOT_VTI_cm"]
     stroke = 1000.0 * steps[0].outputs["LVO"] / 80.0
     assert vti == pytest.approx(stroke / math.pi)
+
+
+def test_a_speed_that_does_not_keep_a_goal_is_named_where_nothing_is_given_for_it(own):
+    """Goals were refused without something to vary: nobody could ask down to which speed they hold."""
+    plain = plan_weaning(own, [3000.0, 2500.0])
+    bound = 0.5 * sum(step.outputs["PF"] for step in plain)
+    fast, slow = plan_weaning(own, [3000.0, 2500.0], keep=f"PF > {bound:.3f}, MAP > 20")
+    assert (fast.reached, fast.message, fast.setting) == (True, "", None)
+    assert not slow.reached
+    assert slow.message == f"PF > {bound:.4g} is not kept there: {slow.outputs['PF']:.4g} L/min"
+    with pytest.raises(GoalError, match="no such output"):
+        plan_weaning(own, [3000.0], keep="MAPP > 20")
+    with pytest.raises(GoalError, match="for goals to keep"):
+        plan_weaning(own, [3000.0], vary="Rmc")
 
 
 @pytest.mark.slow

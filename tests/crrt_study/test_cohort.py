@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ from eclsim.cases import read_case
 from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.writing import case_text
 from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, answer, crrt_cohort, summaries
+from eclsim.crrt_study.cohort_report import _doubts, cohort_json
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.identification.cohort import as_they_are, with_fitted
@@ -44,15 +46,19 @@ def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohor
 
 def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     """A folder of fitted cases was studied, poor fits and all."""
-    files = [tmp_path / f"{name}.toml" for name in ("good", "poor")]
+    files = [tmp_path / f"{name}.toml" for name in ("doubtful", "poor")]
     for file in files:
         file.write_text(with_mark(case_text(case(file.stem)), file.stem, "as it says"))
     fitted = as_they_are([read_case(file) for file in files], "case files")
-    assert list(fitted.cases) == ["good"]
+    assert list(fitted.cases) == ["doubtful"]
     assert "POOR fit" in fitted.not_fitted["poor"]
     study = crrt_cohort(fitted, StudyOptions(schemes="d", speeds="3425", volume_policy="as_published"))
-    assert [point.name for point in study.points] == ["good"]
+    assert [point.name for point in study.points] == ["doubtful"]
     assert "nothing is studied of such a fit" in study.lost["poor"]
+    assert list(study.doubts) == ["doubtful"]
+    (row,) = json.loads(cohort_json(study))["points"]
+    assert "a DOUBTFUL fit" in row["doubts"]
+    assert any("doubtful: its parameters are a DOUBTFUL fit" in line for line in _doubts(study))
 
 
 def test_every_point_is_ranked_at_its_own_speed(cohort):
@@ -134,18 +140,20 @@ def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
 
 
 def test_fitted_parameters_win_over_those_of_the_case():
-    result = {"parameters": {"Rmc": {"value": 0.4}, "Emaxlv": {"value": 2.0}}}
+    result = {
+        "parameters": {"Rmc": {"value": 0.4}, "Emaxlv": {"value": 2.0}}, "verdict": {"level": "doubtful"},
+    }  # fmt: skip
     changed = with_fitted(paper_case(), result)
+    assert "a DOUBTFUL fit" in changed.doubts[0]
     assert changed.parameters["Rmc"] == 0.4
     assert changed.parameters["Csart"] == paper_case().parameters["Csart"]
 
 
 def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
     import csv
-    import json
 
     from eclsim.crrt_study.cohort import FILES
-    from eclsim.crrt_study.cohort_report import cohort_json, write_cohort
+    from eclsim.crrt_study.cohort_report import write_cohort
 
     hostile = replace(cohort, points=(replace(cohort.points[0], name="<b>=1+1</b>"), *cohort.points[1:]))
     written = write_cohort(hostile, tmp_path / "out")

@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,18 @@ from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case, read_mapping
 from eclsim.cases.writing import case_text
 from eclsim.cli import main
+from eclsim.course.plan import plan_weaning
 from eclsim.course.timeline import changed
 from eclsim.goals import search
-from eclsim.goals.goal import Goal, GoalError, Setting, possible, read_goals, read_settings
+from eclsim.goals.goal import (
+    Goal,
+    GoalError,
+    Setting,
+    possible,
+    read_goals,
+    read_settings,
+    turned_for,
+)
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.registry import all_outputs
@@ -39,6 +49,10 @@ def test_goals_are_read_in_the_usual_spellings():
         Goal("MAP", low=65.0), Goal("PCWP", high=18.0), Goal("PF", 3.0, 4.5),
         Goal("drainage_pressure", -80.0, -20.0),
     )  # fmt: skip
+    assert read_goals("MAP > 65 mmHg, PF 3..4.5 l/min", OUTPUTS) == (
+        Goal("MAP", low=65.0),
+        Goal("PF", 3.0, 4.5),
+    )
     assert str(Goal("MAP", low=65.0)) == "MAP > 65"
     assert str(Goal("PF", 3.0, 4.5)) == "PF 3..4.5"
 
@@ -47,6 +61,9 @@ def test_goals_are_read_in_the_usual_spellings():
     ("text", "message"),
     [
         ("MAP ~ 65", "'MAP ~ 65' is no goal"),
+        ("MAP > 9 kPa", "MAP > 9 kPa: MAP is in mmHg; did you mean 67.51 mmHg?"),
+        ("MAP > 65 bananas", "MAP > 65 bananas: MAP is in mmHg"),
+        ("PF > 4000 mL/min", "PF is in L/min; did you mean 4 L/min?"),
         ("MAPP > 65", "no such output; did you mean MAP"),
         ("MAP 70..65", "the first must not be larger"),
         ("MAP > 65, MAP < 80", "two goals; write both bounds as MAP LOW..HIGH"),
@@ -367,3 +384,57 @@ def test_beats_that_are_undetermined_everywhere_are_not_called_not_found():
     found = reach(read_mapping(raw).case, "MAP > 65", vary="ecmo.speed_rpm=3500..4500")
     assert found.status is search.ReachStatus.NO_STEADY_BEAT
     assert found.message.startswith("nowhere in the ranges is the steady beat determined: steady beat found")
+
+
+def test_a_limit_that_what_is_turned_cannot_keep_is_an_alarm_and_no_goal():
+    """No dose kept `PF > 0.5`, which nobody had asked for: the dose for a pressure was "not reached"."""
+    slow = CASE.with_section("ecmo", speed_rpm=1000.0)
+    found = reach(slow, "MAP > 60", vary="Rmc=0.3..3")
+    assert found.reached
+    assert found.outputs["MAP"] == pytest.approx(60.0, abs=0.01)
+    (alarm,) = found.not_kept
+    assert (alarm.goal.output, alarm.goal.low, alarm.value) == ("PF", 0.5, found.outputs["PF"])
+    assert found.outputs["PF"] < 0.5
+    assert "PF > 0.5 (blood that hardly flows clots" in found.message
+    assert "PF is beyond alarm limits" not in found.message
+    assert found.as_object()["not_kept"][0]["output"] == "PF"
+    (step,) = plan_weaning(CASE, [1000.0], keep="MAP > 60", vary="Rmc=0.3..3")
+    assert step.reached
+    assert "PF > 0.5" in step.message
+    asked = reach(slow, "MAP > 60, PF > 0.5", vary="Rmc=0.3..3")
+    assert not asked.reached
+    assert not asked.not_kept
+
+
+def test_a_flow_is_kept_by_its_own_pump_alone():
+    flow, gases = Goal("PF", low=0.5, gives_way=True), Goal("PaCO2", high=60.0, gives_way=True)
+    speed, dose = Setting("ecmo.speed_rpm", 0.0, 5000.0), Setting("drugs.noradrenaline", 0.0, 1.0)
+    assert turned_for(flow, [dose, speed])
+    assert not turned_for(flow, [dose])
+    assert turned_for(gases, [dose])
+    assert turned_for(Goal("PF", low=0.5), [dose])
+
+
+def test_what_is_not_reached_says_how_much_of_the_ranges_was_not_seen(monkeypatch):
+    scan = search._Bedside.scan
+
+    def without_two(bedside, outputs):
+        places, values, beat = scan(bedside, outputs)
+        values[:, :2] = np.nan
+        return places, values, SimpleNamespace(status=beat.status, determined=np.arange(9) > 1)
+
+    monkeypatch.setattr(search._Bedside, "scan", without_two)
+    found = reach(CASE, "PF > 9", vary="ecmo.speed_rpm")
+    assert (found.reached, found.tried, found.without_beat) == (False, 9, 2)
+    assert "2 of the 9 places over the ranges that were tried first had no steady beat" in found.message
+
+
+def test_a_start_without_derivatives_is_an_answer_and_no_error(monkeypatch, tmp_path):
+    """The command ended without the JSON that was asked for."""
+    monkeypatch.setattr(search._Bedside, "point", lambda *_: None)
+    file, out = tmp_path / "case.toml", tmp_path / "settings.json"
+    file.write_text(case_text(CASE))
+    assert run_command("settings", file, "--goal", "MAP > 65", "--json", out) == 1
+    content = json.loads(out.read_text())
+    assert content["status"] == "not_converged"
+    assert "have no derivatives" in content["message"]

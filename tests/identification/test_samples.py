@@ -105,3 +105,11 @@ def test_a_table_of_ones_own_has_nothing_to_say_and_a_damaged_summary_is_no_trus
     assert doubts_of(tmp_path / "samples.csv", CASE) == ()
     (tmp_path / "posterior.json").write_text("{")
     assert "cannot be read" in doubts_of(tmp_path / "samples.csv", CASE)[0]
+
+
+def test_a_table_of_untrusted_draws_says_so_itself(tmp_path):
+    """`samples.csv` taken away from its `posterior.json` was trusted."""
+    file = tmp_path / "elsewhere.csv"
+    write_samples(("Rmc", "Rsvn"), np.array([[0.8, 0.01], [0.9, 0.02]]), file, ("r_hat 1.4", "POOR FIT"))
+    assert read_samples(file) == {"Rmc": [0.8, 0.9], "Rsvn": [0.01, 0.02]}
+    assert doubts_of(file, CASE) == ("posterior: r_hat 1.4; POOR FIT",)

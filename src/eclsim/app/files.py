@@ -186,9 +186,8 @@ _Contents = tuple[tuple[tuple[str, "Case"], ...], Sequence[Mistake], FitMark | N
 def _case(path: Path) -> _Contents:
     """The case of a file; a doubt about its fit stands where its numbers come from, and is no remark."""
     reading = read_case(path)
-    said = reading.fit.sentence if reading.fit else None
-    remarks = [mistake for mistake in reading.warnings if mistake.message != said]
-    return ((reading.case.patient.id, reading.case),), remarks, reading.fit
+    remarks = [mistake for mistake in reading.warnings if mistake.message not in reading.case.doubts]
+    return ((reading.case.patient.id, reading.case),), remarks, reading.case.fit_mark
 
 
 def _cohort(path: Path) -> _Contents:

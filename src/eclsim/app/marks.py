@@ -56,8 +56,10 @@ def opened_state(case: Case, source: str, fit: FitMark | None = None) -> PageSta
     Args:
         case: of the file.
         source: name of the file.
-        fit: what `eclsim identify` wrote into it; the page itself writes it behind the id.
+        fit: what `eclsim identify` wrote into it, left out that of the case; the page itself writes it
+            behind the id.
     """
+    fit, case = fit or case.fit_mark, case.model_copy(update={"fit_mark": None})
     name, word, changed = _read(case.patient.id)
     state = PageState(case, case.volume_policy, origin="file", source=source)
     if fit is not None and not word:

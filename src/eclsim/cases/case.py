@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_va
 
 from eclsim.cases.checking import check_case
 from eclsim.cases.events import Event
+from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.fluid import Fluid, Solutes
 from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.cases.sections import (
@@ -63,6 +64,8 @@ class Case(PublishedDevices):
     events: tuple[Event, ...] = ()
     as_written: Case | None = Field(default=None, exclude=True, repr=False)
     """The case of the file where settings were put over it; what open set points of reflexes refer to."""
+    fit_mark: FitMark | None = Field(default=None, exclude=True, repr=False)
+    """What its file says of the fit that gave its parameters."""
 
     @model_validator(mode="before")
     @classmethod
@@ -81,6 +84,17 @@ class Case(PublishedDevices):
     def volume_policy(self) -> Policy:
         """The blood volume policy to simulate the case with: its own, else the published one."""
         return self.blood_volume_policy or "as_published"
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What results of it are to say of the fit that gave its parameters, where that is not good."""
+        mark = self.fit_mark
+        return () if mark is None or mark.level == "good" else (mark.sentence,)
+
+    @property
+    def refusal(self) -> str:
+        """Why studies of many leave it out: its fit is poor; empty where they do not."""
+        return "" if self.fit_mark is None else self.fit_mark.refusal
 
     def with_volume_policy(self, policy: str) -> Case:
         """The same case, saying how its circuits are filled.

@@ -261,7 +261,8 @@ def _check_overlap(events: Sequence[Raw], remarks: Remarks) -> None:
             assert path is not None
             start, end = last.get(path, (-1.0, -1.0))
             if begin == start or start < begin < end:
-                message = f"overlaps the change of {key} from {start:g} to {end:g} min"
+                until = f"overlaps the change of {key} from {start:g} to {end:g} min"
+                message = until if end > start else f"sets {key}, which another event sets at the same minute"
                 remarks.error(
                     f"{event['place']}.at_min", message, shown(begin), "one change of a key at a time"
                 )

@@ -10,6 +10,7 @@ import json
 import re
 import tomllib
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 _WORDS = {
@@ -19,6 +20,11 @@ _WORDS = {
 }
 LEVELS = tuple(_WORDS)
 _MARK = re.compile(rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \(of what has the mark ([0-9a-f]{{8}})\)")
+DOUBTS = "doubts"
+"""Column of a table that says why none of its numbers is to be trusted; there where that is so."""
+POSTERIOR = "posterior: "
+"""Begins what results say of the posterior whose draws they are computed from."""
+NOT_STUDIED = "nothing is studied of such a fit"
 _HEAD = 40
 """Lines in which a mark is looked for."""
 
@@ -36,15 +42,20 @@ class FitMark:
     is_changed: bool
 
     @property
-    def is_poor(self) -> bool:
-        """Whether what is computed with it says nothing of this patient."""
-        return self.level == "poor"
-
-    @property
     def sentence(self) -> str:
         """In words."""
         changed = "; the file was changed since it was fitted" if self.is_changed else ""
         return _WORDS[self.level] + changed
+
+    @property
+    def refusal(self) -> str:
+        """Why studies of many leave such a patient out; empty where they do not."""
+        return f"{self.sentence}; {NOT_STUDIED}" if self.level == "poor" else ""
+
+
+def untrusted(sentences: Iterable[object]) -> list[str]:
+    """Those of a result's warnings that hold for every number of it: of its fit, or of its posterior."""
+    return [text for text in map(str, sentences) if text.startswith((*_WORDS.values(), POSTERIOR))]
 
 
 def with_mark(text: str, level: str, headline: str) -> str:

@@ -7,12 +7,12 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from eclsim.cases.case import Case
 from eclsim.cases.checking import check_case
-from eclsim.cases.fit_mark import FitMark, read_mark
+from eclsim.cases.fit_mark import read_mark
 from eclsim.cases.sections import POLICY_KEY
 from eclsim.cases.settings import PLACE, merge_settings, parse_settings
 from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
@@ -41,19 +41,12 @@ class CaseReading:
         warnings: Doubts about values that were kept.
         notes: What was filled in, left out or overridden.
         file: Where it was read.
-        fit: What the file says of the fit that gave its parameters.
     """
 
     case: Case
     warnings: tuple[Mistake, ...]
     notes: tuple[Mistake, ...]
     file: str
-    fit: FitMark | None = None
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What results of it are to say of the fit that gave its parameters, where that is not good."""
-        return () if self.fit is None or self.fit.level == "good" else (self.fit.sentence,)
 
 
 def read_case(
@@ -78,13 +71,11 @@ def read_case(
         notes += _with_policy(merged, volume_policy, file)
     set_keys = {f"{section}.{key}" for section, key in parse_settings(settings)}
     reading = _checked(merged, file, lines_of_keys(text), set_keys)
-    case = reading.case
+    case = reading.case.model_copy(update={"fit_mark": read_mark(text)})
     if settings and case.regulation and case.regulation.open_set_points:
         case = case.model_copy(update={"as_written": _as_written(raw)})
-    fit = read_mark(text)
-    result = CaseReading(case, reading.warnings, (*reading.notes, *notes), file, fit)
-    doubts = (Mistake("", sentence, file=file) for sentence in result.doubts)
-    return replace(result, warnings=(*reading.warnings, *doubts))
+    doubts = (Mistake("", sentence, file=file) for sentence in case.doubts)
+    return CaseReading(case, (*reading.warnings, *doubts), (*reading.notes, *notes), file)
 
 
 def _as_written(raw: dict[str, Any]) -> Case | None:

@@ -52,7 +52,7 @@ def app(options: AppOptions) -> None:
 
     state = preset_state("healthy")
     if reading:
-        state = opened_state(reading.case, shown_name(reading.file), reading.fit)
+        state = opened_state(reading.case, shown_name(reading.file))
     names = frozenset({*_THIS_MACHINE, host.lower(), *map(str.lower, options.allow_host)})
     typer.echo(f"eclsim: http://{host}:{options.port}{root_path}/  (Ctrl-C stops it)")
     serve(Options(state, host, options.port, root_path, names, password, options.max_sessions))

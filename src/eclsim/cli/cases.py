@@ -99,6 +99,11 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
     return solved
 
 
+def warn_of_results(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:
+    """Say what there is to say of results, but what was said where their case was read."""
+    warn(f"{reading.file}{at}: {line}" for line in lines if line not in reading.case.doubts)
+
+
 def names_of(text: str | None) -> tuple[str, ...] | None:
     """Names with commas between; None if there are none."""
     return tuple(name.strip() for name in (text or "").split(",") if name.strip()) or None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import TABLES, read_all, read_table, with_speeds
+from eclsim.cli.cases import TABLES, read_all, read_table, warn_of_results, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
 from eclsim.cli.options import CaseChanges, Distributed, argument, option
@@ -134,21 +134,25 @@ def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool)
     if not events:
         fail(f"{file}: holds no [[events]]")
     plain, wrong = [event.as_object() for event in events], dict[str, list[str]]()
+    doubtful = dict[str, list[str]]()
     followed: list[CaseReading] = []
     for reading in readings:
         case = reading.case
         try:
-            read_mapping(case.as_mapping() | {"events": plain}, file)
+            checked = read_mapping(case.as_mapping() | {"events": plain}, file)
         except CaseError as error:
             for mistake in error.mistakes:
                 wrong.setdefault(str(mistake), []).append(case.patient.id)
         else:
+            for doubt in (doubt for doubt in checked.warnings if doubt.key.startswith("events[")):
+                doubtful.setdefault(str(doubt), []).append(case.patient.id)
             followed.append(replace(reading, case=case.model_copy(update={"events": events})))
     lines = [f"{message} (for {_named(names)})" for message, names in wrong.items()]
     if lines and not (refuses_rows and followed):
         fail(*lines)
     for line in lines:
         say(f"refused: {line}")
+    warn(f"{message} (for {_named(names)})" for message, names in doubtful.items())
     return followed
 
 
@@ -243,7 +247,6 @@ def _single(o: CourseOptions) -> bool:
                 result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
     except CaseError as error:
         fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
-    result = result.assign_attrs(warnings=[*reading.doubts, *result.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_tables(result, folder)
@@ -251,8 +254,7 @@ def _single(o: CourseOptions) -> bool:
             files.write_figure(result, figures)
         if hand_over(files.course_object(result), target):
             typer.echo(_text(result))
-    said = (sentence for sentence in result.attrs["warnings"] if sentence not in reading.doubts)
-    warn(f"{o.files[0]}: {sentence}" for sentence in said)
+    warn_of_results(reading, result.attrs["warnings"])
     return bool(result.attrs["converged"])
 
 
@@ -285,7 +287,7 @@ def _band(o: CourseOptions) -> bool:
     except CaseError as error:
         fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
     doubts = doubts_of(o.posterior or "", case)
-    band = band.assign_attrs(warnings=[*reading.doubts, *doubts, *band.attrs["warnings"]])
+    band = band.assign_attrs(warnings=[*doubts, *band.attrs["warnings"]])
     with writing():
         if folder is not None:
             files.write_band_tables(band, folder)
@@ -293,8 +295,7 @@ def _band(o: CourseOptions) -> bool:
             files.write_figure(band, figures)
         if hand_over(band_object(band), target):
             typer.echo(_band_text(band))
-    said = (sentence for sentence in band.attrs["warnings"] if sentence not in reading.doubts)
-    warn(f"{o.files[0]}: {sentence}" for sentence in said)
+    warn_of_results(reading, band.attrs["warnings"])
     return bool(band.attrs["converged"])
 
 
@@ -350,8 +351,8 @@ def _text(result: xr.Dataset) -> str:
     """Some moments of the course as a table, and the balance of blood."""
     import json
 
-    from eclsim.course.alarms import clock_time
-    from eclsim.course.result import spans_in_words
+    from eclsim.course.result import impossible_moments, spans_in_words
+    from eclsim.outputs.alarms import NO_PATIENT
     from eclsim.reporting.numbers import number, text_table
 
     if not result.sizes["time_min"]:
@@ -359,12 +360,13 @@ def _text(result: xr.Dataset) -> str:
     spans = spans_in_words(result)
     seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN if name in result]
+    impossible = impossible_moments(result)
     rows = [
         (
-            clock_time(float(result["time_min"][k]), seconds),
+            f"{at} *" if impossible[k] else at,
             *(number(float(result[name][k]), _decimals(result[name])) for name in names),
         )
-        for k in _rows(result)
+        for k, at in _rows(result, seconds).items()
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
     balance = json.loads(result.attrs["balance"])
@@ -376,6 +378,8 @@ def _text(result: xr.Dataset) -> str:
     took = f"{result.attrs['seconds']:.1f} s"
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
+    if any(impossible):
+        words = f"* a beat {NO_PATIENT}: its numbers are not to be read\n\n{words}"
     if spans:
         words += f"\n{spans}, where an event left the circulation no time to settle"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
@@ -385,10 +389,15 @@ def _decimals(values: xr.DataArray) -> int:
     return _DECIMALS.get(values.attrs["units"], 1)
 
 
-def _rows(result: xr.Dataset) -> Sequence[int]:
-    """The moments that a table shows."""
-    count = result.sizes["time_min"]
-    return sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
+def _rows(result: xr.Dataset, seconds: bool = False) -> dict[int, str]:
+    """The moments that a table shows, with their times: to the second where minutes are not enough."""
+    from eclsim.course.alarms import clock_time
+
+    count, minute = result.sizes["time_min"], result["time_min"].to_numpy().tolist()
+    places = sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
+    times = {k: clock_time(minute[k], seconds) for k in places}
+    same = len(set(times.values())) < len(places)
+    return {k: clock_time(minute[k], True) for k in places} if same else times
 
 
 def _band_text(band: xr.Dataset) -> str:
@@ -403,7 +412,7 @@ def _band_text(band: xr.Dataset) -> str:
         low, _, median, _, high = (number(float(v), decimals) for v in band[name].to_numpy()[:, k])
         return f"{median} ({low} to {high})"
 
-    rows = [(clock_time(float(band["time_min"][k])), *(cell(n, k) for n in names)) for k in _rows(band)]
+    rows = [(at, *(cell(name, k) for name in names)) for k, at in _rows(band).items()]
     head = ("time", *(f"{name} [{band[name].attrs['units']}]" for name in names))
     words = [f"median (90 % interval) of {band.attrs['draws']} draws"]
     for label, shares in zip(band["alarm"].values, band["alarm_probability"].to_numpy(), strict=True):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.cases import TABLES, read_all, read_table, with_speeds
+from eclsim.cli.cases import TABLES, read_all, read_table, warn_of_results, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, say, warn
 from eclsim.cli.destination import Destinations, Target, resumable, writing
 from eclsim.cli.options import Distributed, argument, option
@@ -157,8 +157,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     (reading,) = with_speeds(readings, _first_policy(o))
     target, samples = _check_case(o, reading.case)
     study = _compute(o, reading.case, samples)
-    warn(f"{o.file}: {sentence}" for sentence in study.warnings)
-    study = replace(study, warnings=(*reading.doubts, *study.warnings))
+    warn_of_results(reading, study.warnings)
     from eclsim.crrt_study import files, report
     from eclsim.crrt_study.beats import not_known
 

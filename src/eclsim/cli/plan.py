@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.cases import read_all, with_speeds
+from eclsim.cli.cases import read_all, warn_of_results, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, warn
 from eclsim.cli.destination import Destinations, hand_over, writing
 from eclsim.cli.options import CaseChanges, Json, argument, option
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from eclsim.cases import CaseReading
     from eclsim.cli.destination import Target
     from eclsim.course.plan import WeaningStep
-    from eclsim.goals.search import Reached
+    from eclsim.goals.result import Reached
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,8 @@ class PlanOptions(CaseChanges, Json):
     )
     vary: str | None = option(
         None,
-        "With --wean, setting that may change to keep the goals: drugs.noradrenaline=0..1.",
+        "With --wean, setting that may change to keep the goals: drugs.noradrenaline=0..1. Left out, it is "
+        "only said which speeds keep them.",
         metavar="NAME",
     )
     hours: float = option(72.0, "With --remove-ml, longest time allowed [h].", minimum=0.5, maximum=744.0)
@@ -88,7 +89,7 @@ def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     with writing():
         if hand_over(result.as_object(), target):
             typer.echo(f"{result.id}: {result.message}")
-    warn(f"{options.case_file}, at {result.rate_ml_h:.0f} mL/h: {line}" for line in result.warnings)
+    warn_of_results(reading, result.warnings, f", at {result.rate_ml_h:.0f} mL/h")
     return result.possible
 
 
@@ -106,7 +107,7 @@ def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     with writing():
         if hand_over(content, target):
             typer.echo(_table(steps, options.vary))
-    warn(_warnings(steps))
+    warn(_warnings(steps, reading.case.doubts))
     return all(step.reached for step in steps)
 
 
@@ -139,13 +140,16 @@ def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
     return text_table(head, rows, tuple(range(len(head) - 1)))
 
 
-def _warnings(steps: Sequence[WeaningStep]) -> list[str]:
-    """What there is to say about the beats: of the last speed of which it is said, with the others."""
+def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:
+    """What there is to say about the beats: of the last speed of which it is said, with the others.
+
+    Doubts of the case were said where it was read.
+    """
     from eclsim.course.alarms import NUMBER
 
     kinds: dict[str, list[tuple[str, str]]] = {}
     for step in steps:
-        for sentence in step.warnings:
+        for sentence in (sentence for sentence in step.warnings if sentence not in doubts):
             kinds.setdefault(NUMBER.sub("", sentence), []).append((f"{step.speed_rpm:g}", sentence))
     found = []
     for *before, (last, sentence) in kinds.values():
@@ -186,8 +190,6 @@ def settings(options: SettingsOptions) -> None:
     target, reading = _read(options)
     from eclsim.goals.goal import GoalError
     from eclsim.goals.search import reach
-    from eclsim.orbit.status import NoDerivativesError
-    from eclsim.outputs.alarms import sentences
 
     try:
         with Progress() as progress:
@@ -195,13 +197,10 @@ def settings(options: SettingsOptions) -> None:
             result = reach(reading.case, options.goal, vary=options.vary)
     except GoalError as error:
         fail(*error.mistakes)
-    except NoDerivativesError as error:
-        warn([f"{reading.file}: {error.reason}"])
-        raise typer.Exit(INCOMPLETE) from None
     with writing():
         if hand_over(result.as_object(), target):
             typer.echo(_text(result))
-    warn(f"{reading.file}: {sentence}" for sentence in sentences(result.findings))
+    warn_of_results(reading, result.warnings)
     if not result.reached:
         raise typer.Exit(INCOMPLETE)
 

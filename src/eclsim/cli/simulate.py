@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.cases import names_of, read_all, read_each
+from eclsim.cli.cases import names_of, read_all, read_each, warn_of_results
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
 from eclsim.cli.destination import NETCDF, Destinations, Target, hand_over, writing
 from eclsim.cli.options import CaseChanges, Json, argument, option
@@ -147,8 +147,6 @@ def _each(
         for case, result in zip(cases, results, strict=True)
         if o.transient
     ]
-    for reading, result in zip(readings, results, strict=True):
-        result.attrs["warnings"] = [*reading.doubts, *result.attrs.get("warnings", ())]
     _write(places, cases, results, courses, names, labels)
     _say_doubts(readings, results)
     return results
@@ -211,11 +209,11 @@ def _say_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) 
     for reading, result in zip(readings, results, strict=True):
         if solved := speed_found(result):
             note([f"{reading.file}: {solved}"])
-        lines = [line for line in result.attrs.get("warnings", ()) if line not in reading.doubts]
+        lines = list(result.attrs.get("warnings", ()))
         if not result.attrs["converged"]:
             kind = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
             lines.insert(0, f"{kind}{result.attrs.get('message', '')}")
-        warn(f"{reading.file}: {line}" for line in lines)
+        warn_of_results(reading, lines)
 
 
 # --- before and after a change --------------------------------------------------------------------

@@ -77,7 +77,9 @@ def course_band(
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over=False)
     chosen = _thinned(samples, draws)
     courses = courses_of_draws(solved, chosen, compute, folder, executor, progress)
-    return band_of(courses, tuple(chosen)).assign_attrs(seconds=clock.perf_counter() - began)
+    band = band_of(courses, tuple(chosen))
+    warnings = [*solved.doubts, *band.attrs["warnings"]]
+    return band.assign_attrs(warnings=warnings, seconds=clock.perf_counter() - began)
 
 
 def _thinned(samples: Mapping[str, Sequence[float]], draws: int) -> dict[str, list[float]]:

@@ -13,7 +13,6 @@ import numpy as np
 import xarray as xr
 
 from eclsim.cases.case import Case
-from eclsim.cases.reading import CaseReading, read_case
 from eclsim.cases.writing import case_text
 from eclsim.course.course import course_many, usual_every
 from eclsim.course.engine import CourseOptions
@@ -129,12 +128,11 @@ def course_cohort(
         ExecutionError: the folder holds other courses, or workers cannot be reached.
         ShardDone: this was a shard.
     """
-    cases = [source if isinstance(source, (Case, CaseReading)) else read_case(source) for source in cases]
     patients = tuple(as_case(source) for source in cases)
     for case in patients:
         Timeline(case, minutes * MINUTE)
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over)
-    poor = tuple(map(_poor, cases))
+    poor = tuple(case.refusal for case in patients)
     groups = [
         Members(patients[k : k + GROUP], {}, poor[k : k + GROUP] if any(poor[k : k + GROUP]) else ())
         for k in range(0, len(patients), GROUP)
@@ -144,12 +142,6 @@ def course_cohort(
     }
     inputs |= {"poor fits": list(poor)} if any(poor) else {}
     return _complete(compute, groups, inputs, "groups of patients", folder, executor, progress)
-
-
-def _poor(source: Case | CaseReading) -> str:
-    """Why a patient is not followed whose parameters are no model of them; empty else."""
-    mark = source.fit if isinstance(source, CaseReading) else None
-    return f"{mark.sentence}; nothing is followed of such a fit" if mark and mark.is_poor else ""
 
 
 def courses_of_draws(
@@ -197,7 +189,10 @@ def _digests(case: Case) -> dict[str, str]:
     """What a case is, and apart from it its events; set points may be those of the case as written."""
     bare = (case.model_copy(update={"events": ()}), *([case.as_written] if case.as_written else ()))
     events = [event.as_object() for event in case.events]
-    return {"case": _digest("".join(map(case_text, bare))), "events": _digest(json.dumps(events))}
+    return {
+        "case": _digest("".join((*map(case_text, bare), *case.doubts))),
+        "events": _digest(json.dumps(events)),
+    }
 
 
 def _digest(text: str) -> str:

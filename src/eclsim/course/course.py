@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time as clock
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import MOST_SPANS, TIME, attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
+from eclsim.course.watch import Watch
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
@@ -148,12 +149,20 @@ def follow(
     options: CourseOptions | None = None,
     execution: Execution | None = None,
     with_alarms: bool = False,
+    broken: Callable[[Mapping[str, float]], bool] | None = None,
 ) -> list[xr.Dataset]:
-    """Courses along some timelines, each with moments so many minutes apart; see `course_many`."""
+    """Courses along some timelines, each with moments so many minutes apart; see `course_many`.
+
+    One whose steady beat is `broken` by the outputs named ends behind the first such moment.
+    """
     results: dict[int, xr.Dataset] = {}
     for members in _groups(timelines, volume_policy).values():
         of_group, every = [timelines[m] for m in members], [every_min[m] for m in members]
-        engine, moments = _marched(of_group, every, outputs, volume_policy, options, execution, with_alarms)
+        steps = [minutes * MINUTE for minutes in every]
+        watch = None if broken is None else Watch(outputs or (), broken, steps)
+        engine, moments = _marched(
+            of_group, every, outputs, volume_policy, options, execution, with_alarms, watch
+        )
         results |= {m: _labelled(moments, k, engine, with_alarms) for k, m in enumerate(members)}
     return [results[m] for m in range(len(timelines))]
 
@@ -166,11 +175,12 @@ def _marched(
     options: CourseOptions | None,
     execution: Execution | None,
     with_alarms: bool,
+    watch: Watch | None = None,
 ) -> tuple[Engine, Moments]:
     """Members of one circuit and policy at the ends of their courses, and the moments that are shown."""
     policy = policy or timelines[0].case.volume_policy
     laws = Laws(laws_of(*timelines[0].start))
-    engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution)
+    engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution, watch)
     moments = moments_of(engine, engine.march(), [every * MINUTE for every in every_min])
     beats_at(moments, engine, outputs, with_alarms, execution)
     return engine, moments

@@ -37,6 +37,7 @@ from eclsim.course.laws import Laws
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
 from eclsim.course.timeline import START, Timeline
+from eclsim.course.watch import Watch
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
@@ -117,6 +118,7 @@ class Engine:
         policy: blood volume policy.
         options: accuracy.
         execution: how batches are computed.
+        watch: what ends a member's march early; None for nothing.
 
     Attributes:
         at_rest: gases of each member before events at minute 0, as far as they are in `GASES_MOVE`.
@@ -129,9 +131,10 @@ class Engine:
         policy: str,
         options: CourseOptions,
         execution: Execution | None = None,
+        watch: Watch | None = None,
     ):
         self.timelines, self.laws, self.policy = timelines, laws, policy
-        self.options = options
+        self.options, self.watch = options, watch
         self.execution = execution or Execution(width=SIDE_BY_SIDE if len(timelines) >= MANY else 1)
         count, size = len(timelines), len(laws.states)
         self.circuits = canonical_circuits(timelines)
@@ -140,7 +143,8 @@ class Engine:
         self.length = np.full(count, options.step_s or FIRST_S)
         self.states, self.slopes = np.zeros((size, count)), np.zeros((size, count))
         self.jacobian = np.zeros((count, size, size))
-        self.reads = tuple(dict.fromkeys((*laws.reads, *_gases_read(self.circuits))))
+        further = _gases_read(self.circuits) if watch is None else watch.outputs
+        self.reads = tuple(dict.fromkeys((*laws.reads, *further)))
         self.predictors = [Predictor(options.predictor) for _ in timelines]
         self.histories = [History() for _ in timelines]
         self.messages = [""] * count
@@ -165,9 +169,17 @@ class Engine:
         running = self._enter(everyone[solved])
         self.settling_s = [predictor.settling_s for predictor in self.predictors]
         self._stop(everyone[~solved])
-        while len(running):
+        while len(running := self._unbroken(running)):
             running = self._advance(running)
         return self.histories
+
+    def _unbroken(self, who: np.ndarray) -> np.ndarray:
+        """Those of some members whose march is not over by what is watched."""
+        watch = self.watch
+        over = [m for m in who if watch and watch.is_over(m, float(self.time[m]), self.noted[m].read)]
+        for m in over:
+            self.histories[m].stopped = Watch.reason
+        return np.setdiff1d(who, over)
 
     def _advance(self, who: np.ndarray) -> np.ndarray:
         """One step of some members; those who go on."""
@@ -539,7 +551,8 @@ class Engine:
 
     def _beats(self, members: np.ndarray, values: dict[str, np.ndarray], start: Anchor | None) -> SteadyBeat:
         batch = Batch(self._circuit(members[0]), values, len(members), self.policy)
-        reads = self.reads if self.options.hand_over or start is None else self.laws.reads
+        all_read = self.options.hand_over or self.watch is not None or start is None
+        reads = self.reads if all_read else self.laws.reads
         last_try = start is None or (self.length[members] <= SHORTEST_S).any()
         options = self.options.orbits if last_try else replace(self.options.orbits, newton_iterations=0)
         return steady_beat(batch, reads, options=options, start=start, execution=self.execution)

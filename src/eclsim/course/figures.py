@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from eclsim.cases.events import Event
+from eclsim.cases.fit_mark import untrusted
 from eclsim.course.alarms import clock_time
 from eclsim.course.result import spans_in_words
 from eclsim.devices.description import Panel
@@ -190,7 +191,8 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
         lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
     if spans := spans_in_words(result):
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
-    said = result.attrs["warnings"] if "quantile" in result.dims else [result.attrs["message"]]
+    said = [*untrusted(result.attrs["warnings"]), result.attrs["message"]]
+    said = result.attrs["warnings"] if "quantile" in result.dims else said
     for sentence in filter(None, said):
         lines += textwrap.wrap(style.plain_text(str(sentence), 330), 110)
     return "\n".join(lines)

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.course.result import TIME
+from eclsim.cases.fit_mark import DOUBTS, untrusted
+from eclsim.course.result import TIME, impossible_moments
 from eclsim.files import (
     csv_text,
     file_stem,
@@ -37,6 +38,7 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
         "status": str(about["status"]),
         "message": str(about["message"]),
         "time_min": finite(result["time_min"].to_numpy()),
+        "impossible": impossible_moments(result),
         "outputs": {n: finite(result[n].to_numpy()) for n in numeric if n not in states},
         "slow_states": {n: finite(result[n].to_numpy()) for n in states},
         "units": {n: str(result[n].attrs.get("units", "")) for n in numeric},
@@ -89,27 +91,32 @@ def write_tables(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
     frame = result.to_dataframe().reset_index()
     units = {str(n): result[n].attrs.get("units", "") for n in (*result.coords, *result.data_vars)}
     frame.columns = [f"{name} [{units[name]}]" if units.get(name) else name for name in frame.columns]
+    if said := untrusted(result.attrs["warnings"]):
+        frame[DOUBTS] = "; ".join(said)
     return _written(result, frame_text(frame), folder, stem)
 
 
 def write_band_tables(band: xr.Dataset, folder: Path) -> list[Path]:
     """Write a band as CSV, a row for each output and moment, its alarms likewise, and all as NetCDF."""
     minutes, followed = band[TIME].to_numpy(), band["draws_followed"].to_numpy()
-    head = ("time_min", "quantity", "unit", "draws", *(f"{100.0 * q:g} %" for q in band["quantile"].values))
+    said = "; ".join(untrusted(band.attrs["warnings"]))
+    last, words = ((DOUBTS,), (said,)) if said else ((), ())
+    quantiles = (f"{100.0 * q:g} %" for q in band["quantile"].values)
+    head = ("time_min", "quantity", "unit", "draws", *quantiles, *last)
     rows = [
-        (minute, name, band[name].attrs.get("units", ""), count, *column)
+        (minute, name, band[name].attrs.get("units", ""), count, *column, *words)
         for name in map(str, band.data_vars)
         if "quantile" in band[name].dims
         for minute, count, column in zip(minutes, followed, band[name].to_numpy().T, strict=True)
     ]
     alarms = [
-        (minute, str(label), share)
+        (minute, str(label), share, *words)
         for label, shares in zip(band["alarm"].values, band["alarm_probability"].to_numpy(), strict=True)
         for minute, share in zip(minutes, shares, strict=True)
     ]
     written = _written(band, csv_text(head, rows), folder)
     table = written[0].with_name(written[0].name.replace(".csv", "_alarms.csv"))
-    write_text(csv_text(("time_min", "alarm", "probability"), alarms), table)
+    write_text(csv_text(("time_min", "alarm", "probability", *last), alarms), table)
     return [*written, table]
 
 
@@ -156,6 +163,9 @@ def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]
         lowest = float(result["MAP"].min()) if "MAP" in result else math.nan
         count = sum(alarm["kind"] == "alarm" for alarm in course["alarms"])
         said = course["message"], "; ".join(result.attrs["approximations"])
-        rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said))
-    write_text(csv_text(head, rows), folder / TABLE)
+        doubts = "; ".join(untrusted(result.attrs["warnings"]))
+        rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said, doubts))
+    doubted = any(row[-1] for row in rows)
+    text = csv_text((*head, DOUBTS), rows) if doubted else csv_text(head, (row[:-1] for row in rows))
+    write_text(text, folder / TABLE)
     return content

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,11 +19,10 @@ from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
 from eclsim.goals.goal import Goal, GoalError, possible, read_goals
-from eclsim.goals.search import ALARMING, beyond_alarms, reach
+from eclsim.goals.result import ALARMING, beyond_alarms, broken
+from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
-from eclsim.orbit.status import NoDerivativesError
-from eclsim.outputs.alarms import sentences
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
@@ -38,11 +37,15 @@ if TYPE_CHECKING:
 FILTRATION = "net_ultrafiltration_ml_h"
 FILTERED = "filtration_fraction"
 """Output whose limit bounds the rate unasked: beyond it the filter that is to remove the fluid clots."""
+LEAST_ML_H = 1.0
+"""Slowest rate that devices can be set to."""
 TRIED = 8
 """Rates of one round, marched side by side."""
 ROUNDS = 3
 MOMENTS = 40
 """Moments of each course at which goals are looked at."""
+ROUNDING = 1e-3
+"""Scales of a goal by which a march is beyond it before it ends: beats of steps and moments differ less."""
 OUTFLOW_TRACT_CM = 2.0
 """Diameter of the left ventricular outflow tract for the velocity-time integral."""
 
@@ -52,7 +55,7 @@ class Break(NamedTuple):
 
     Attributes:
         goal: as written.
-        value: of its output, farthest beyond the bound.
+        value: of its output then.
         at_min: when it is broken first [min].
         unit: of the value.
     """
@@ -131,9 +134,15 @@ def plan_removal(
         raise GoalError(
             [f"remove {remove_ml:g} mL: more than anybody is given; allowed: to {LARGEST_ML:g} mL"]
         )
-    key, slowest = _filtration(solved, keep), remove_ml / hours
+    key = _filtration(solved, keep)
+    slowest = max(remove_ml / hours, LEAST_ML_H)
+    try:
+        slow = changed(solved, {key: slowest}, solved)
+    except CaseError as error:
+        (first, *_) = error.mistakes
+        reason = f"{first.message}; allowed: {first.allowed}, or more hours"
+        raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h, {slowest:.0f} mL/h: {reason}"]) from None
     fastest = _fastest(solved, key, slowest)
-    slow = changed(solved, {key: slowest}, solved)
     outputs = output_names(model_of(slow).circuit)
     asked = read_goals(keep, outputs)
     goals = (*asked, *_unasked(slow, outputs, asked, volume_policy))
@@ -249,28 +258,29 @@ def _removed(
         for rate, span in zip(rates, minutes, strict=True)
     ]
     every = [span / MOMENTS for span in minutes]
-    return follow(timelines, every, [goal.output for goal in goals], policy)
+
+    def is_broken(beat: Mapping[str, float]) -> bool:
+        return any(goal.excess(beat[goal.output]) > ROUNDING * goal.scale for goal in goals)
+
+    return follow(timelines, every, [goal.output for goal in goals], policy, broken=is_broken)
 
 
 def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
-    """What a course breaks, its own end included."""
-    minutes, breaks = result["time_min"].to_numpy(), []
-    for goal in goals:
-        values = result[goal.output].to_numpy() if goal.output in result else np.zeros(0)
-        excess = np.array([goal.excess(float(value)) for value in values])
-        unknown = ~np.isfinite(excess)
-        if unknown.any():
-            breaks.append(Break(f"no value of {goal.output}", math.nan, float(minutes[unknown.argmax()])))
-        if (excess > 0.0).any():
-            worst = float(values[np.nanargmax(excess)])
-            first = float(minutes[(excess > 0.0).argmax()])
-            why = f" ({goal.because})" if goal.because else ""
-            breaks.append(Break(f"{goal}{why}", worst, first, unit_of(goal.output)))
-    if not result.attrs["converged"]:
-        breaks.append(
-            Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
-        )
-    return breaks
+    """What a course breaks at the first moment at which it breaks anything, its own end included."""
+    minutes = result["time_min"].to_numpy()
+    lost = Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
+    for k, minute in enumerate(minutes.tolist()):
+        breaks = []
+        for goal in goals:
+            value = float(result[goal.output][k])
+            if not math.isfinite(value):
+                breaks.append(Break(f"no value of {goal.output}", math.nan, minute))
+            elif goal.excess(value) > 0.0:
+                why = f" ({goal.because})" if goal.because else ""
+                breaks.append(Break(f"{goal}{why}", value, minute, unit_of(goal.output)))
+        if breaks:
+            return breaks
+    return [] if result.attrs["converged"] else [lost]
 
 
 def _removal(
@@ -306,7 +316,7 @@ def _break_sentence(limit: Break) -> str:
         return f"{limit.goal} after {hours}"
     unit = f" {limit.unit}" * (limit.unit != "1")
     breaks = f"breaks after {hours}" if limit.at_min else "is broken from the start"
-    return f"{limit.goal} {breaks} ({limit.value:.4g}{unit} at worst)"
+    return f"{limit.goal} {breaks} ({limit.value:.4g}{unit})"
 
 
 # --- weaning --------------------------------------------------------------------------------------
@@ -327,7 +337,8 @@ class WeaningStep(NamedTuple):
         reached: whether the goals hold.
         outputs: by name, `READ` and `LVOT_VTI_cm`, the velocity-time integral that a stroke of the left
             ventricle has in an outflow tract 2 cm wide.
-        message: in words, where a goal is not reached or no steady beat was found.
+        message: in words, where a goal is not reached, no steady beat was found, or a flow is beyond a limit
+            that what is given cannot keep.
         warnings: limits that the beat breaks and how its numbers are to be read.
     """
 
@@ -353,7 +364,8 @@ def plan_weaning(
         case: path of a case file, what `read_case` returned, or a case with ECMO.
         speeds: of the pump [rpm], in order.
         keep: goals at every speed, such as "MAP > 65".
-        vary: what is given for them, such as "drugs.noradrenaline=0..1"; the smallest is sought.
+        vary: what is given for them, such as "drugs.noradrenaline=0..1"; the smallest is sought. Left out,
+            it is only looked at which speeds keep them.
         volume_policy: blood volume policy; left out, the case's.
 
     Raises:
@@ -364,8 +376,8 @@ def plan_weaning(
     if start.ecmo is None:
         raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
     numbers = _speeds(speeds)
-    if (keep is None) != (vary is None):
-        raise GoalError(["goals to keep and what is varied for them go together"])
+    if keep is None and vary is not None:
+        raise GoalError([f"vary '{vary}': for goals to keep, such as MAP > 65; none is given"])
     if vary is not None and "," in vary:
         raise GoalError([f"vary '{vary}': one setting is sought at each speed; allowed: NAME=LOW..HIGH"])
     if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:
@@ -389,18 +401,17 @@ def _speeds(given: Sequence[float]) -> list[float]:
 
 def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None) -> WeaningStep:
     if keep is None or vary is None:
+        goals = () if keep is None else read_goals(keep, output_names(model_of(case).circuit))
         result = simulate(case, policy)
         numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
         converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
-        message = "" if converged else str(result.attrs["message"])
-        return WeaningStep(speed, None, converged, _read(numbers, case), message, warnings)
-    try:
-        result = reach(case, keep, vary=vary, volume_policy=policy)
-    except NoDerivativesError as error:
-        return WeaningStep(speed, math.nan, False, {}, error.reason)
-    message = "" if result.reached else result.message
-    outputs, said = _read(dict(result.outputs), case), tuple(sentences(result.findings))
-    return WeaningStep(speed, result.values[0], result.reached, outputs, message, said)
+        message = "; ".join(one.sentence for one in broken(numbers, goals))
+        message = message if converged else str(result.attrs["message"])
+        return WeaningStep(speed, None, converged and not message, _read(numbers, case), message, warnings)
+    result = reach(case, keep, vary=vary, volume_policy=policy)
+    alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
+    message, outputs = alarms if result.reached else result.message, _read(dict(result.outputs), case)
+    return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings)
 
 
 def _read(numbers: dict[str, float], case: Case) -> dict[str, float]:

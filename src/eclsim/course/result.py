@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -73,7 +74,7 @@ def attributes_of(
         "message": message,
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "warnings": [*warnings, *approximations, *timeline.cut_short(), *cautions],
+        "warnings": [*timeline.case.doubts, *warnings, *approximations, *timeline.cut_short(), *cautions],
         "approximations": list(approximations),
         "cautions": cautions,
         "blood_volume_policy": policy,
@@ -96,6 +97,16 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
     moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
     ends = {"blood_volume_start_ml": before, "blood_volume_end_ml": after}
     return doors | ends | {"error_ml": after - before - moved}
+
+
+def impossible_moments(result: xr.Dataset) -> list[bool]:
+    """At which moments of a course a chamber is without blood or a vein sucked shut, as no patient is."""
+    spans = [
+        (alarm["at_min"], math.inf if alarm["until_min"] is None else alarm["until_min"])
+        for alarm in json.loads(result.attrs["alarms"])
+        if alarm["kind"] == "collapse"
+    ]
+    return [any(at <= minute < until for at, until in spans) for minute in result[TIME].to_numpy().tolist()]
 
 
 def spans_in_words(result: xr.Dataset) -> str:

@@ -270,7 +270,7 @@ def _with(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
     from eclsim.cases.reading import read_mapping
 
     changed = read_mapping(put_in(case.as_mapping(), values)[0]).case
-    return changed.model_copy(update={"as_written": case.as_written})
+    return changed.model_copy(update={"as_written": case.as_written, "fit_mark": case.fit_mark})
 
 
 def _refuse_ramp(event: Event, number: int) -> None:

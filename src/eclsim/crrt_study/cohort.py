@@ -89,6 +89,11 @@ class CohortStudy:
         return tuple(self.points[0].ranking)
 
     @property
+    def doubts(self) -> dict[str, tuple[str, ...]]:
+        """What there is to say of fits that are not good, by data point."""
+        return {name: case.doubts for name, case in self.fitted.cases.items() if case.doubts}
+
+    @property
     def unsettled(self) -> tuple[PointResult, ...]:
         """Data points with beats that were not found."""
         return tuple(point for point in self.points if point.unsettled)

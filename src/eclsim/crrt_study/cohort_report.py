@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.cases.fit_mark import DOUBTS
 from eclsim.crrt_study.cohort import answer, summaries
 from eclsim.crrt_study.ranking import place
 from eclsim.files import csv_text, json_text, write_text
@@ -120,6 +121,7 @@ def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
             "MAP_mmhg": point.pressure, "blood_taken_up_ml": point.taken_up,
             "unsettled": point.beats_not_found, "not_known": "; ".join(point.unsettled),
             "relative_misfit": study.fitted.misfits.get(point.name),
+            DOUBTS: "; ".join(study.doubts.get(point.name, ())),
         }  # fmt: skip
         for policy in study.policies:
             row[f"first_{policy}"] = point.first(policy)
@@ -198,6 +200,7 @@ def _differences(study: CohortStudy) -> str:
 
 def _doubts(study: CohortStudy) -> list[str]:
     lines = [f"{name}: {reason}" for name, reason in study.lost.items()]
+    lines += [f"{name}: {doubt}" for name, doubts in study.doubts.items() for doubt in doubts]
     for point in study.unsettled:
         lines.append(f"{point.name}: {'; '.join(point.unsettled)}")
     for policy in study.policies:

@@ -214,7 +214,7 @@ def crrt_study(
         case, chosen, own_speed, flow, means, crrt_datasets.without(without_crrt, policies, rpm),
         crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
         judged_by, renox, tuple(sentences),
-        beat_warnings(circuits, runs[0], at.tolist(), without_crrt[0], sentences),
+        (*case.doubts, *beat_warnings(circuits, runs[0], at.tolist(), without_crrt[0], sentences)),
     )  # fmt: skip
 
 

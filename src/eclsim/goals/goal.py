@@ -17,8 +17,9 @@ from eclsim.devices.registry import named_output
 from eclsim.inputs.mistakes import CaseError
 from eclsim.inputs.numbers import suspected_unit
 from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
-from eclsim.outputs.registry import output, unavailable
+from eclsim.outputs.registry import all_outputs, output, unavailable
 from eclsim.spelling import spelling_hint
+from eclsim.units import convert, known_unit, quantity_of
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
 _TWO_SIDES = re.compile(rf"(\S+?)\s*(?:=|:|in|\s)\s*({_NUMBER})\s*(?:\.\.|to)\s*({_NUMBER})")
+_WITH_UNIT = re.compile(r"(.*[\d.])\s*([A-Za-zµ%][\w/µ%.²]*)")
 ALLOWED = "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, in the outputs' units, with commas between"
 LARGEST_FLOW_L_MIN = 30.0
 LITTLE_OXYGEN_ML_MIN = 10.0
@@ -48,12 +50,14 @@ class Goal:
         low: smallest value, in the output's unit; minus infinity for none.
         high: largest value; infinity for none.
         because: what a value beyond it would mean, of a bound that holds unasked; empty for a user's goal.
+        gives_way: whether it is an alarm and no goal where what is turned cannot keep it.
     """
 
     output: str
     low: float = -math.inf
     high: float = math.inf
     because: str = ""
+    gives_way: bool = False
 
     def __str__(self) -> str:
         if math.isinf(self.high):
@@ -139,6 +143,7 @@ def possible(
 
     No vein may be below its surroundings, no chamber below empty, no device carry blood backwards, no
     oxygenator less than its label says; no alarm of gases may be raised that the case does not raise itself.
+    Those of flows and gases give way where what is turned cannot keep them.
 
     Args:
         outputs: names that the case has.
@@ -154,13 +159,23 @@ def possible(
         limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs, values)
         if limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan))
     ]  # fmt: skip
-    for limit in (*impossible_bounds(outputs), *backward, *gases):
+    alarms = (*backward, *gases)
+    for limit in (*impossible_bounds(outputs), *alarms):
         if (limit.quantity, limit.side) not in taken:
             key = limit.quantity, limit.meaning
-            known = goals.get(key, Goal(limit.quantity, because=limit.meaning))
+            unbound = Goal(limit.quantity, because=limit.meaning, gives_way=limit in alarms)
+            known = goals.get(key, unbound)
             side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}
             goals[key] = replace(known, **side)
     return tuple(goals.values())
+
+
+def turned_for(goal: Goal, settings: Sequence[Setting]) -> bool:
+    """Whether settings are among those that a bound is kept by: that of a device's flow by its own alone."""
+    known = named_output(goal.output)
+    if not goal.gives_way or known is None:
+        return True
+    return known[0].key in {setting.name.rpartition(".")[0] for setting in settings}
 
 
 def is_of_gas(name: str) -> bool:
@@ -187,7 +202,23 @@ def _read(text: str) -> Goal:
     if match := _TWO_SIDES.fullmatch(text):
         output, low, high = match.groups()
         return Goal(output, float(low), float(high))
+    if (match := _WITH_UNIT.fullmatch(text)) and not _WITH_UNIT.fullmatch(match[1]):
+        return _in_own_unit(_read(match[1]), match[2], text)
     raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED}"])
+
+
+def _in_own_unit(goal: Goal, written: str, text: str) -> Goal:
+    """A goal behind whose bound a unit stands, which has to be that of its output."""
+    if goal.output not in all_outputs():
+        return goal
+    unit = output(goal.output).unit
+    if (known_unit(written) or written).lower() == unit.lower():
+        return goal
+    wrong = f"{text}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"
+    bound = goal.low if math.isfinite(goal.low) else goal.high
+    if quantity_of(unit) is not None and quantity_of(written) == quantity_of(unit):
+        wrong += f"; did you mean {convert(bound, known_unit(written) or written, unit):.4g} {unit}?"
+    raise GoalError([wrong])
 
 
 def _in_other_units(goal: Goal) -> list[str]:

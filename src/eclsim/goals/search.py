@@ -12,40 +12,52 @@ other the same search ends at the smallest sum of misses, each in hundredths of 
 way is found by leaving out the goals at their bounds, one by one. Bounds are kept unasked, for
 no patient is beyond them or should be: veins do not fill below the pressure of their surroundings, no chamber
 ejects more than it holds, no device carries blood backwards and no oxygenator less than its label says, and
-no alarm of gases is raised that the case does not raise itself.
+no alarm of gases is raised that the case does not raise itself. Bounds of a flow or of gases that no setting
+turned can keep are no goals: the answer names them where they are broken.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linprog
 
 from eclsim.gas.network import GasStatus
-from eclsim.goals.goal import Goal, GoalError, Setting, is_of_gas, possible, read_goals, read_settings
+from eclsim.goals.goal import (
+    Goal,
+    GoalError,
+    Setting,
+    is_of_gas,
+    possible,
+    read_goals,
+    read_settings,
+    turned_for,
+)
+from eclsim.goals.result import (
+    ALARMING,
+    MET,
+    GoalResult,
+    Reached,
+    ReachStatus,
+    beyond_alarms,
+    broken,
+    message_of,
+    unseen,
+)
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
-from eclsim.orbit.status import NoDerivativesError, Status
+from eclsim.orbit.status import NoDerivativesError
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import sentences
-from eclsim.outputs.registry import output
 from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.simulation.target_flow import with_speed
-
-if TYPE_CHECKING:
-    from eclsim.outputs.alarms import Finding
 
 PENALTY = 30.0
 """Of a miss by one scale of its goal (`Goal.scale`); a setting counts at most 1 over its whole range."""
 LATER = 0.05
 """Weight of each further setting, of the weight of the one before."""
-MET = 1e-4
-"""Largest miss, in scales of the goal, of a goal that is reached."""
 IDLE = 1e-6
 """Change of all goals, in scales, over the whole range of a setting that none of them depends on."""
 SMALLEST_REGION = 1e-9
@@ -54,103 +66,8 @@ NO_BEAT = "no steady beat was found"
 SCANNED = {1: 9, 2: 7, 3: 5}
 """Values of each setting that are tried first, by the number of settings; with more of them, three."""
 
-
-ALARMING = ("alarm", "collapse")
-"""Kinds of findings that an answer names in its first words."""
 STARTS = 3
 """Places from which a search of several settings is begun."""
-
-
-class ReachStatus(StrEnum):
-    """How a search for settings ended."""
-
-    REACHED = "reached"
-    NOT_REACHED = "not_reached"
-    NOT_CONVERGED = "not_converged"
-    NO_STEADY_BEAT = "no_steady_beat"
-    NO_STEADY_GASES = "no_steady_gases"
-
-
-class GoalResult(NamedTuple):
-    """One goal at the settings.
-
-    Attributes:
-        goal: what was asked for.
-        value: what the output is, in its unit.
-        met: whether it is reached.
-        binding: whether it is at its bound, or missed: smaller settings would break it.
-        slopes: d output / d setting, in the units of both, by setting.
-    """
-
-    goal: Goal
-    value: float
-    met: bool
-    binding: bool
-    slopes: Mapping[str, float]
-
-    def as_object(self) -> dict[str, object]:
-        """As plain data for JSON."""
-        goal = self.goal
-        return {
-            "goal": str(goal), "output": goal.output, "low": goal.low, "high": goal.high,
-            "value": self.value, "met": self.met, "binding": self.binding, "slopes": dict(self.slopes),
-        }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Reached:
-    """What `reach` found.
-
-    Args:
-        id: of the case.
-        settings: what was turned, with the ranges.
-        values: of each setting, in its unit; NaN where no steady beat was found at all.
-        goals: how each goal stands there.
-        stops: bounds at which the search stood though nobody asked for them, since no patient is beyond them.
-        status: how the search ended; what has not converged is not the smallest setting.
-        message: in words; where a goal is not reached, why.
-        without: for each goal that stands in the way, the settings that reach all others (none: neither do);
-            a goal whose own search did not converge is left out.
-        outputs: all outputs of the beat, by name.
-        findings: limits that it breaks and how its numbers are to be read.
-        beats: solved on the way.
-    """
-
-    id: str
-    settings: tuple[Setting, ...]
-    values: tuple[float, ...]
-    goals: tuple[GoalResult, ...]
-    status: ReachStatus
-    message: str
-    stops: tuple[GoalResult, ...] = ()
-    without: Mapping[str, Mapping[str, float] | None] = field(default_factory=dict)
-    outputs: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-    beats: int = 0
-
-    @property
-    def reached(self) -> bool:
-        """Whether these are the smallest settings that meet all goals."""
-        return self.status is ReachStatus.REACHED
-
-    def as_object(self) -> dict[str, object]:
-        """As plain data for JSON."""
-        return {
-            "id": self.id,
-            "reached": self.reached,
-            "status": self.status.value,
-            "message": self.message,
-            "settings": [
-                {"name": s.name, "value": v, "unit": s.unit, "low": s.low, "high": s.high}
-                for s, v in zip(self.settings, self.values, strict=True)
-            ],
-            "goals": [g.as_object() for g in self.goals],
-            "stops": [{**g.as_object(), "because": g.goal.because} for g in self.stops],
-            "without": {goal: None if at is None else dict(at) for goal, at in self.without.items()},
-            "outputs": dict(self.outputs),
-            "warnings": sentences(self.findings),
-            "beats": self.beats,
-        }  # fmt: skip
 
 
 def reach(
@@ -195,7 +112,9 @@ def reach(
     unasked = possible(names, parsed, present, model.values)
     if vary is None:
         settings = _acting(whole, parsed, unasked)
-    return _reached(_Bedside(model, settings, volume_policy), (*parsed, *unasked))
+    held = [goal for goal in unasked if turned_for(goal, settings)]
+    giving_way = [goal for goal in unasked if goal.gives_way]
+    return _reached(_Bedside(model, settings, volume_policy), (*parsed, *held), giving_way)
 
 
 def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -> tuple[Setting, ...]:
@@ -208,7 +127,7 @@ def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -
     """
     outputs = [goal.output for goal in goals]
     now = bedside.point(bedside.own, outputs)
-    if now is None and not isinstance(starts := _best_starts(bedside, (*goals, *unasked)), _Nowhere):
+    if now is None and not isinstance(starts := _Scan.of(bedside, (*goals, *unasked)).starts(), _Nowhere):
         points = (bedside.point(place, outputs) for place in starts)
         now = next((point for point in points if point is not None), None)
     if now is None:
@@ -323,14 +242,19 @@ def _lost(beat: SteadyBeat) -> str:
     return "valves stay shut all beat, so that it is one of many" if beat.converged[0] else NO_BEAT
 
 
-def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
+def _reached(bedside: _Bedside, goals: tuple[Goal, ...], giving_way: Sequence[Goal]) -> Reached:
     """Search, and where it ends short of a goal, ask what stands in the way."""
-    starts = _best_starts(bedside, goals)
+    scan = _Scan.of(bedside, goals)
+    goals, starts = scan.goals, _points(bedside, scan.goals, scan.starts())
+    tried, without_beat = len(scan.beat.status), int((~scan.beat.determined).sum())
     if isinstance(starts, _Nowhere):
         nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals if not goal.because)
         none, name = tuple(np.nan for _ in bedside.settings), bedside.model.name
         status, message = starts
-        return Reached(name, bedside.settings, none, nowhere, status, message, beats=bedside.beats)
+        return Reached(
+            name, bedside.settings, none, nowhere, status, message, beats=bedside.beats, tried=tried,
+            without_beat=without_beat, doubts=bedside.model.doubts,
+        )  # fmt: skip
     ends = [(_search(bedside, goals, start), start) for start in starts]
     (end, unfinished), start = min(
         ends, key=lambda e: (bool(e[0].unfinished), _merit(goals, e[0].at.place, e[0].at.values))
@@ -350,33 +274,44 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
     status = ReachStatus.NOT_CONVERGED if unfinished else status
     without = _without(bedside, goals, results, start) if status is ReachStatus.NOT_REACHED else {}
     beat = bedside.beat(end.place[:, None], None)
-    found = tuple(beat.findings())
+    found, outputs = tuple(beat.findings()), beat.outputs()
+    alarms = tuple(broken(outputs, [goal for goal in giving_way if goal not in goals]))
+    lost = "" if status is ReachStatus.REACHED else unseen(tried, without_beat)
+    said = {alarm.goal.output for alarm in alarms}
     return Reached(
         bedside.model.name,
         bedside.settings,
         tuple(numbers.values()),
         tuple(result for result in results if not result.goal.because),
         status,
-        _message(bedside.settings, numbers, results, without, unfinished)
-        + beyond_alarms(one.quantity for one in found if one.kind in ALARMING),
+        message_of(bedside.settings, numbers, results, without, unfinished)
+        + lost
+        + "".join(f"; {alarm.sentence}" for alarm in alarms)
+        + beyond_alarms(one.quantity for one in found if one.kind in ALARMING and one.quantity not in said),
         tuple(result for result in results if result.goal.because and result.binding),
         without,
-        beat.outputs(),
+        outputs,
         found,
         bedside.beats,
+        alarms,
+        tried,
+        without_beat,
+        bedside.model.doubts,
     )
 
 
 def _without(
-    bedside: _Bedside, goals: tuple[Goal, ...], results: Sequence[GoalResult], start: np.ndarray
+    bedside: _Bedside, goals: tuple[Goal, ...], results: Sequence[GoalResult], start: _Point
 ) -> dict[str, Mapping[str, float] | None]:
     """For each goal that may stand in the way of a missed one: the settings that reach all but it, if any."""
     settings: dict[str, Mapping[str, float] | None] = {}
     unmet = sum(not result.met for result in results)
     binding = [result for result in results if result.binding and not result.goal.because]
     for left_out in [result.goal for result in binding if result.met or unmet > 1]:
-        remaining = tuple(goal for goal in goals if goal is not left_out)
-        end, unfinished = _search(bedside, remaining, start)
+        rows = [k for k, goal in enumerate(goals) if goal is not left_out]
+        remaining = tuple(goals[k] for k in rows)
+        begin = start._replace(values=start.values[rows], slopes=start.slopes[rows])
+        end, unfinished = _search(bedside, remaining, begin)
         met = all(g.excess(v) <= MET * g.scale for g, v in zip(remaining, end.values, strict=True))
         values = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
         if met or not unfinished:
@@ -384,29 +319,62 @@ def _without(
     return settings
 
 
-def _best_starts(bedside: _Bedside, goals: Sequence[Goal]) -> list[np.ndarray] | _Nowhere:
-    """The best of places all over the ranges, or why no goal's output is known at any.
+class _Scan(NamedTuple):
+    """Places all over the ranges (settings, places), with the outputs of goals there (goals, places)."""
 
-    With several settings three of them, each with another value of the last setting.
-    """
-    places, values, beat = bedside.scan([goal.output for goal in goals])
-    merits = np.array([_merit(goals, u, v) for u, v in zip(places.T, values.T, strict=True)])
-    known = np.isfinite(merits)
-    if not known.any():
-        steady = np.flatnonzero(beat.determined)
-        if len(steady):
-            reason = GasStatus(int(beat.gas_status[steady[0]])).message
-            return _Nowhere(ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}")
-        reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
-        if beat.converged.any():
-            one = int(np.flatnonzero(beat.converged)[0])
-            reason = f"nowhere in the ranges is the steady beat determined: {beat.message(one)}"
-        return _Nowhere(ReachStatus.NO_STEADY_BEAT, reason)
-    order = [k for k in np.argsort(merits, kind="stable").tolist() if known[k]]
-    if len(bedside.settings) == 1:
-        return [places[:, order[0]]]
-    first_of = {float(places[-1, k]): k for k in reversed(order)}
-    return [places[:, k] for k in sorted(first_of.values(), key=order.index)[:STARTS]]
+    goals: tuple[Goal, ...]
+    places: np.ndarray
+    values: np.ndarray
+    beat: SteadyBeat
+
+    @classmethod
+    def of(cls, bedside: _Bedside, goals: Sequence[Goal]) -> _Scan:
+        """Without goals that give way and are kept nowhere."""
+        places, values, beat = bedside.scan([goal.output for goal in goals])
+        rows = []
+        for k, goal in enumerate(goals):
+            known = values[k, np.isfinite(values[k])].tolist()
+            if not (goal.gives_way and known) or any(goal.excess(value) <= 0.0 for value in known):
+                rows.append(k)
+        return cls(tuple(goals[k] for k in rows), places, values[rows], beat)
+
+    def starts(self) -> list[np.ndarray] | _Nowhere:
+        """The best of the places, or why no goal's output is known at any.
+
+        With several settings three of them, each with another value of the last setting.
+        """
+        beat, places = self.beat, self.places
+        merits = np.array([_merit(self.goals, u, v) for u, v in zip(places.T, self.values.T, strict=True)])
+        known = np.isfinite(merits)
+        if not known.any():
+            steady = np.flatnonzero(beat.determined)
+            if len(steady):
+                reason = GasStatus(int(beat.gas_status[steady[0]])).message
+                return _Nowhere(
+                    ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}"
+                )
+            reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
+            if beat.converged.any():
+                one = int(np.flatnonzero(beat.converged)[0])
+                reason = f"nowhere in the ranges is the steady beat determined: {beat.message(one)}"
+            return _Nowhere(ReachStatus.NO_STEADY_BEAT, reason)
+        order = [k for k in np.argsort(merits, kind="stable").tolist() if known[k]]
+        if len(places) == 1:
+            return [places[:, order[0]]]
+        first_of = {float(places[-1, k]): k for k in reversed(order)}
+        return [places[:, k] for k in sorted(first_of.values(), key=order.index)[:STARTS]]
+
+
+def _points(
+    bedside: _Bedside, goals: Sequence[Goal], starts: list[np.ndarray] | _Nowhere
+) -> list[_Point] | _Nowhere:
+    """Outputs and slopes at the starts that have them."""
+    if isinstance(starts, _Nowhere):
+        return starts
+    points = (bedside.point(start, [goal.output for goal in goals]) for start in starts)
+    found = [point for point in points if point is not None]
+    reason = "the steady beats at the best of the places tried first have no derivatives to search along"
+    return found or _Nowhere(ReachStatus.NOT_CONVERGED, reason)
 
 
 def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> float:
@@ -421,8 +389,8 @@ def _weights(count: int) -> np.ndarray:
     return LATER ** np.arange(count)
 
 
-def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _End:
-    """Where the search ends."""
+def _search(bedside: _Bedside, goals: Sequence[Goal], now: _Point) -> _End:
+    """Where the search from a point ends."""
     outputs = [goal.output for goal in goals]
 
     def moved(at: _Point, move: np.ndarray) -> tuple[_Point | None, float]:
@@ -430,9 +398,6 @@ def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _End
         trial = bedside.point(np.clip(at.place + move, 0.0, 1.0), outputs)
         return trial, np.nan if trial is None else _merit(goals, trial.place, trial.values)
 
-    now = bedside.point(start, outputs)
-    if now is None:
-        raise NoDerivativesError(Status.NOT_CONVERGED, "the steady beat at the best start has no derivatives")
     merit, region, trial = _merit(goals, now.place, now.values), 0.25, now
     move, expected = _linear_program(goals, now, region)
     for step in itertools.count():
@@ -480,69 +445,3 @@ def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[n
     if not solved.success:
         raise RuntimeError(f"the linear program of a step towards the goals failed: {solved.message}")
     return solved.x[:count], float(_weights(count) @ at.place + solved.fun)
-
-
-def _message(
-    settings: Sequence[Setting],
-    values: Mapping[str, float],
-    results: Sequence[GoalResult],
-    without: Mapping[str, Mapping[str, float] | None],
-    unfinished: str,
-) -> str:
-    """The result in sentences."""
-    where = " and ".join(f"{s.name} = {values[s.name]:.4g} {s.unit}".rstrip() for s in settings)
-    if unfinished:
-        unmet = ", ".join(str(result.goal) for result in results if not result.met)
-        goals = f"not reached: {unmet}" if unmet else "all goals are reached"
-        return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
-    if all(result.met for result in results):
-        stops = [_named(result.goal) for result in results if result.binding]
-        least = (
-            f"; smaller settings would break {' and '.join(stops)}" if stops else ", the lowest of the range"
-        )
-        return f"all goals are reached with {where}{least}"
-    unmet = [r for r in results if not r.met]
-    text = "; ".join(
-        f"{_named(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
-        for r in unmet
-    )
-    asked = sum(not result.goal.because for result in results)
-    text += f" within the other goals, with {where}" if asked > 1 else f", with {where}"
-    ends = [_at_end(s, values[s.name]) for s in settings]
-    if any(ends):
-        text += f" ({', '.join(filter(None, ends))})"
-    held = [_named(r.goal) for r in results if r.goal.because and r.binding and r.met]
-    if held:
-        text += f"; it is limited by {' and '.join(held)}"
-    for goal, others in without.items():
-        if others is not None:
-            numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
-            text += f"; without the goal {goal} all others are reached, with {numbers}"
-    return text
-
-
-def beyond_alarms(quantities: Iterable[str], where: str = "with the settings found") -> str:
-    """That outputs break alarm limits at what was found; empty where none does.
-
-    Args:
-        quantities: outputs or waveforms whose alarm limits are broken.
-        where: that is so, in words.
-    """
-    alarming = dict.fromkeys(quantities)
-    if not alarming:
-        return ""
-    are, them = ("are", "them") if len(alarming) > 1 else ("is", "it")
-    return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: add a goal for {them}"
-
-
-def _named(goal: Goal) -> str:
-    """A goal, and why it holds if nobody asked for it."""
-    return f"{goal} ({goal.because})" if goal.because else str(goal)
-
-
-def _at_end(setting: Setting, value: float) -> str:
-    """Whether a setting stands at an end of its range, in words."""
-    span = setting.high - setting.low
-    if value >= setting.high - 1e-6 * span:
-        return f"{setting.name} at its highest"
-    return f"{setting.name} at its lowest" if value <= setting.low + 1e-6 * span else ""

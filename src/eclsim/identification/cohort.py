@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.cases.fit_mark import with_mark
-from eclsim.cases.reading import CaseReading
+from eclsim.cases.fit_mark import NOT_STUDIED, FitMark, with_mark
 from eclsim.cases.writing import case_text
 from eclsim.devices.registry import own_files
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
@@ -21,7 +20,7 @@ from eclsim.identification.quantities import FLOWS, PRESSURES, measured_and_simu
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Level, headline
 from eclsim.inputs.mistakes import CaseError
-from eclsim.orbit.model import as_case
+from eclsim.orbit.model import CaseSource, as_case
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -205,7 +204,7 @@ def fit_points(
                 not_fitted[point.name] = numbers["message"]
                 continue
             if numbers["verdict"]["level"] == Level.POOR:
-                not_fitted[point.name] = f"{headline(numbers['verdict'])}; nothing is studied of such a fit"
+                not_fitted[point.name] = f"{headline(numbers['verdict'])}; {NOT_STUDIED}"
                 continue
             cases[point.name] = with_fitted(point.case, numbers)
             count = sum(cell["measured"] is not None for cell in numbers["outputs"].values())
@@ -221,20 +220,16 @@ def fit_points(
 
 
 def with_fitted(case: Case, result: Mapping[str, Any]) -> Case:
-    """A case with the parameters of a result of `fit_cohort`."""
+    """A case with the parameters of a result of `fit_cohort`, and its verdict on them."""
     fitted = {name: cell["value"] for name, cell in result["parameters"].items()}
-    return case.model_copy(update={"parameters": {**case.parameters, **fitted}})
+    mark = FitMark(str(result["verdict"]["level"]), is_changed=False)
+    return case.model_copy(update={"parameters": {**case.parameters, **fitted}, "fit_mark": mark})
 
 
-def as_they_are(cases: Sequence[Case | CaseReading], where: str) -> FittedCases:
+def as_they_are(cases: Sequence[CaseSource], where: str) -> FittedCases:
     """Cases that have their parameters already; files that say they are poor fits are left out."""
-    readings = {as_case(source).patient.id: source for source in cases}
-    poor = {
-        name: f"{source.fit.sentence}; nothing is studied of such a fit"
-        for name, source in readings.items()
-        if isinstance(source, CaseReading) and source.fit is not None and source.fit.is_poor
-    }
-    by_name = {name: as_case(source) for name, source in readings.items()}
+    by_name = {case.patient.id: case for case in map(as_case, cases)}
+    poor = {name: case.refusal for name, case in by_name.items() if case.refusal}
     inputs: dict[str, object] = {"cases": {name: case_text(case) for name, case in by_name.items()}}
     inputs |= own_files() | ({"poor fits": poor} if poor else {})
     groups = tuple((name,) for name in by_name)

@@ -143,7 +143,7 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
     netcdf, samples, summary = (folder / f for f in ("posterior.nc", "samples.csv", "posterior.json"))
     with whole_file(netcdf) as partial:
         result.draws.to_netcdf(partial, engine="h5netcdf")
-    write_samples(result.names, result.flat, samples)
+    write_samples(result.names, result.flat, samples, result.doubts)
     write_json(result.as_object(), summary)
     figures = {"pairs": plot_pairs(result), "predictive": plot_predictive(result)}
     if result.chains is not None:

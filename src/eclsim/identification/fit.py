@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
 from eclsim.identification.held import carried_consumption, left_open
@@ -157,7 +158,9 @@ class FitResult:
         if verdict.level is Level.POOR:
             nothing = {"identifiable": False, "reason": NOT_FROM_A_POOR_FIT}
             parameters = {name: replace(p, **nothing) for name, p in parameters.items()}
-        return replace(self, verdict=verdict, parameters=parameters)
+        mark = FitMark(str(verdict.level), is_changed=False)
+        case = self.case.model_copy(update={"fit_mark": mark})
+        return replace(self, case=case, verdict=verdict, parameters=parameters)
 
     def _undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
         """The parameters, those with a reason no longer called determined."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.cohort_rows import read_table
+from eclsim.cases.fit_mark import DOUBTS, POSTERIOR
 from eclsim.cases.quantities import quantity
 from eclsim.devices.registry import parameters
 from eclsim.files import csv_text, write_text
@@ -31,9 +32,14 @@ class SamplesError(ValueError):
     """A file that holds no samples; names every mistake."""
 
 
-def write_samples(names: tuple[str, ...], draws: np.ndarray, path: Path) -> None:
-    """Write draws (draws, parameters) as a table, a column each; `eclsim crrt-study --posterior` takes it."""
-    write_text(csv_text(names, draws[:: max(1, len(draws) // MOST)].tolist()), path)
+def write_samples(names: tuple[str, ...], draws: np.ndarray, path: Path, doubts: Sequence[str] = ()) -> None:
+    """Write draws (draws, parameters) as a table, a column each; `eclsim crrt-study --posterior` takes it.
+
+    Why they are not to be trusted stands in a last column, where they are not.
+    """
+    rows, said = draws[:: max(1, len(draws) // MOST)].tolist(), "; ".join(doubts)
+    head = (*names, DOUBTS) if said else names
+    write_text(csv_text(head, ([*row, said] for row in rows) if said else rows), path)
 
 
 def read_samples(path: str | Path) -> dict[str, list[float]]:
@@ -47,6 +53,10 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         SamplesError: With every mistake.
     """
     head, rows, mistakes = _of_posterior(path) if Path(path).suffix == ".nc" else _of_table(path)
+    if DOUBTS in head:
+        words = head.index(DOUBTS)
+        head, *cells = ([*row[:words], *row[words + 1 :]] for row in (head, *(cells for _, cells in rows)))
+        rows = [(line, row) for (line, _), row in zip(rows, cells, strict=True)]
     mistakes += [
         f"{path}: column '{name[:40]}' is no parameter{spelling_hint(name, (*parameters(), *OPEN))}"
         for name in head
@@ -71,7 +81,7 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
 def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
     """Why a study of samples is not to be trusted: what their posterior says of itself, and of whom it is.
 
-    Of `samples.csv` the `posterior.json` beside it says so; any other table knows nothing of itself.
+    A table says so in a column of its own, and of `samples.csv` the `posterior.json` beside it.
 
     Args:
         path: of samples that `read_samples` reads.
@@ -86,7 +96,7 @@ def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
         doubts.append(f"its draws are those of patient '{name}', the case is of '{case.patient.id}'")
     if policy and policy != own:
         doubts.append(f"its draws were fitted with the blood volume policy {policy}, the case has {own}")
-    return tuple(f"posterior: {doubt}" for doubt in doubts)
+    return tuple(f"{POSTERIOR}{doubt}" for doubt in doubts)
 
 
 def _about(path: Path) -> dict[str, Any]:
@@ -98,6 +108,9 @@ def _about(path: Path) -> dict[str, Any]:
         with xr.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
             attributes = draws.attrs
         return {**usual, "trusted": False, **attributes, "doubts": (attributes.get("doubts", ""),)}
+    if DOUBTS in (table := read_table(path)).header:
+        column = table.header.index(DOUBTS)
+        usual["doubts"] = tuple(dict.fromkeys(cells[column] for _, cells in table.rows))
     summary = path.with_name("posterior.json")
     if path.name != "samples.csv" or not summary.exists():
         return usual

@@ -131,7 +131,8 @@ class CheckedFit:
 
 
 def ready(case: Case, settings: FitSettings) -> Case:
-    """The case as it is fitted: with the section of a free blood volume, and measured at rest."""
+    """The case as it is fitted: with a free blood volume's section, measured at rest, no verdict yet."""
+    case = case.model_copy(update={"fit_mark": None})
     if EXTRA_VOLUME in settings.names and case.fluid is None:
         case = with_values(case, {EXTRA_VOLUME: 0.0})
     return measured_at_rest(case, settings)

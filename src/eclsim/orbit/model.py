@@ -51,12 +51,14 @@ class Model:
         values: a number for every parameter of the circuit and for `heart_rate_bpm`.
         name: what to call it in results.
         policy: blood volume policy that it is simulated with where no other is asked for.
+        doubts: what results say of where the values come from (`Case.doubts`).
     """
 
     circuit: Circuit
     values: Mapping[str, float] = field(hash=False)
     name: str = "model"
     policy: str = AS_PUBLISHED
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         missing = [n for n in (HEART_RATE, *self.circuit.parameter_names()) if n not in self.values]
@@ -91,7 +93,7 @@ def model_of(case: Case) -> Model:
     Args:
         case: checked, such as `read_case(file).case`.
     """
-    return Model(circuit_of(case), values_of(case), case.patient.id, case.volume_policy)
+    return Model(circuit_of(case), values_of(case), case.patient.id, case.volume_policy, case.doubts)
 
 
 def values_of(case: Case) -> dict[str, float]:

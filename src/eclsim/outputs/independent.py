@@ -58,7 +58,7 @@ def simulate_adaptive(
         statistics_of(measures, plain, series[..., None]), {0: Waveforms(RECORDED.phases, series)},
         gas_status,
     )  # fmt: skip
-    return labelled(beat, 0, model.name)
+    return labelled(beat, 0, model.name, model.doubts)
 
 
 def _orbits(batch: Batch, waited: Waited, refused: bool, tolerance: float) -> SolvedOrbits:

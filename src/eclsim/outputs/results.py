@@ -42,16 +42,19 @@ def simulate(
     model = as_model(case)
     batch = Batch.of(model, volume_policy)
     beat = steady_beat(batch, waveforms=None, keep=None, options=options, resolution=resolution)
-    return labelled(beat, 0, model.name)
+    return labelled(beat, 0, model.name, model.doubts)
 
 
-def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Dataset:
+def labelled(
+    beat: SteadyBeat, member: int = 0, name: str = "model", doubts: Sequence[str] = ()
+) -> xr.Dataset:
     """One member of a batch as `simulate` gives it; its waveforms were kept.
 
     Args:
         beat: solved and measured.
         member: which.
         name: `id` of the result.
+        doubts: of the model, which are said before what there is to say of the beat.
     """
     values, circuit = beat.batch.member(member), beat.batch.circuit
     phases = beat.waveforms[member].phases
@@ -86,7 +89,7 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
         "drift_ml_per_beat": float(orbits.drift[member]),
         "blood_volume_policy": beat.batch.policy,
         **_solver(beat, member),
-        "warnings": sentences(result),
+        "warnings": [*doubts, *sentences(result)],
         "impossible": int(impossible(result)),
         "one_of_many": int(status is Status.ONE_OF_MANY),
     }
@@ -134,6 +137,7 @@ def simulate_many(
         "id": model.name,
         "blood_volume_policy": batch.policy,
         "failed": int((~beat.converged).sum()),
+        "warnings": list(model.doubts),
     }
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
 
@@ -152,8 +156,9 @@ def beat_warnings(
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
     if not beat.converged[0]:
-        return (beat.message(),)
-    return tuple(sentences(f for f in beat.findings() if shown is None or f.is_about(shown)))
+        return (*model.doubts, beat.message())
+    found = sentences(f for f in beat.findings() if shown is None or f.is_about(shown))
+    return (*model.doubts, *found)
 
 
 def member_count(changes: Mapping[str, npt.ArrayLike]) -> int:
@@ -224,7 +229,7 @@ def derivatives(
             "id": model.name,
             "status": status,
             "message": message,
-            "warnings": sentences(beat.findings()),
+            "warnings": [*model.doubts, *sentences(beat.findings())],
         },
     )
 
@@ -332,7 +337,7 @@ def simulate_course(
         "blood_volume_policy": policy,
         "steps_per_beat": course.steps_per_beat,
         "solver": solver,
-        "warnings": [f.sentence for f in findings({}, extremes)],
+        "warnings": [*model.doubts, *(f.sentence for f in findings({}, extremes))],
     }
     time = variable("time", course.time, units="s", long_name="time")
     return xr.Dataset(data, coords={"time": time}, attrs=attributes)

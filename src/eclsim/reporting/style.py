@@ -4,6 +4,7 @@ Colours are those of Okabe and Ito (2008), told apart by people with colour-blin
 as well, so that figures can be read when printed in grey. Sizes are in millimetres and fit on A4.
 """
 
+import textwrap
 import unicodedata
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -178,6 +179,16 @@ def plain_text(value: object, limit: int = 70) -> str:
     if len(text) > limit:
         text = text[: limit - 1] + "…"
     return text.replace("$", r"\$")
+
+
+def write_above(fig: Figure, sentences: Sequence[str]) -> None:
+    """Puts sentences above a figure, below its title."""
+    title = fig.get_suptitle()
+    lines = [line for text in sentences for line in textwrap.wrap(plain_text(text, 330), 100)]
+    if lines:
+        there = next((text for text in fig.texts if title and text.get_text() == title), None)
+        above = there or fig.suptitle("", fontsize=8)
+        above.set_text("\n".join([*filter(None, [title]), *lines]))
 
 
 def save_figure(

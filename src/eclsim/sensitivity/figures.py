@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import parameters
 from eclsim.outputs.registry import UnknownOutputError
 from eclsim.outputs.registry import output as registered_output
@@ -32,6 +33,7 @@ from eclsim.reporting.style import (
     save_figure,
     short_name,
     turned_names,
+    write_above,
 )
 from eclsim.sensitivity.inputs import GROUPS
 from eclsim.sensitivity.results import Indices, SensitivityResult
@@ -67,8 +69,8 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
     }
     if indices.estimates.S2 is not None and len(indices.factors) > 1:
         figures["pairs"] = lambda: plot_pairs(indices)
-    doubt = "" if indices.ranked else TOO_FEW.format(indices.rows_used, indices.samples)
-    return _save(figures, folder, doubt)
+    doubts = [] if indices.ranked else [TOO_FEW.format(indices.rows_used, indices.samples)]
+    return _save(figures, folder, [*untrusted(indices.warnings), *doubts])
 
 
 def write_identifiability_figures(result: Identifiability, folder: Path) -> list[Path]:
@@ -80,16 +82,15 @@ def write_identifiability_figures(result: Identifiability, folder: Path) -> list
     }
     if result.subsets:
         figures["collinearity"] = lambda: plot_collinearity(result)
-    return _save(figures, folder)
+    return _save(figures, folder, untrusted(result.warnings))
 
 
-def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubt: str = "") -> list[Path]:
-    """Write figures; with a doubt it stands above each."""
+def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Sequence[str]) -> list[Path]:
+    """Write figures with doubts above each."""
     paths = []
     for name, draw in figures.items():
         figure = draw()
-        if doubt:
-            figure.suptitle(doubt, fontsize=8)
+        write_above(figure, doubts)
         paths += save_figure(figure, folder / name)
     return paths
 

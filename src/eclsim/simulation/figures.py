@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.description import Panel
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import device_of, named_output
@@ -41,6 +42,7 @@ from eclsim.reporting.style import (
     new_figure,
     plain_text,
     save_figure,
+    write_above,
 )
 
 if TYPE_CHECKING:
@@ -81,7 +83,9 @@ def write_case_figures(
         figures[f"waveforms_{part.replace('.', '_')}"] = lambda part=part: plot_waveforms(result, part)
     written = []
     for name, draw in figures.items():
-        written += save_figure(draw(), beginning.with_name(f"{beginning.name}_{name}"), formats)
+        figure = draw()
+        write_above(figure, untrusted(result.attrs.get("warnings", ())))
+        written += save_figure(figure, beginning.with_name(f"{beginning.name}_{name}"), formats)
     return written
 
 

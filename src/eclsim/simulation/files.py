@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim import files
+from eclsim.cases.fit_mark import DOUBTS, untrusted
 from eclsim.files import finite, frame_text, whole_file, write_text
 from eclsim.simulation.target_flow import speed_found
 
@@ -110,7 +111,9 @@ def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
 
     variables = (*result.coords, *result.data_vars)
     names = [str(name) for name in variables if result[name].dims == (dimension,)]
-    return pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
+    table = pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
+    said = untrusted(result.attrs.get("warnings", ()))
+    return table.assign(**{DOUBTS: "; ".join(said)}) if said else table
 
 
 def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:

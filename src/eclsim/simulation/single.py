@@ -193,7 +193,7 @@ def _no_derivatives(solved: SolvedSpeeds, outputs: Sequence[str], parameters: Se
         "id": solved.case.patient.id,
         "status": NOT_REACHED,
         "message": solved.reasons[0],
-        "warnings": [],
+        "warnings": list(solved.case.doubts),
     }
     return xr.DataArray(nothing, coordinates, ("output", "parameter"), attrs=about)
 
@@ -220,7 +220,7 @@ def not_reached(case: Case, policy: str, sentence: str) -> xr.Dataset:
         "beats": 0,
         "residual": float("nan"),
         "blood_volume_policy": policy,
-        "warnings": [],
+        "warnings": list(case.doubts),
     }
     return xr.Dataset(attrs=attributes)
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import devices, named_output
 from eclsim.outputs.regulation import REGULATED
 from eclsim.reporting.numbers import text_table
@@ -260,7 +261,8 @@ def sweep_doubts(sweep: Sweep) -> list[str]:
     """Each warning once, with the values it holds for; its numbers are those of the last of them."""
     places: dict[str, list[tuple[str, str]]] = {}
     for value, result in zip(sweep.values, sweep.results, strict=True):
-        sentences = [str(sentence) for sentence in result.attrs.get("warnings", ())]
+        warnings = [str(sentence) for sentence in result.attrs.get("warnings", ())]
+        sentences = [text for text in warnings if text not in untrusted(warnings)]  # said of the case
         if not result.attrs["converged"]:
             sentences = [f"no beat: {result.attrs.get('message', '')}"]
         for sentence in sentences:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import usual_setting
 from eclsim.files import frame_text, whole_file, write_text
 from eclsim.orbit.model import circuit_of, values_of
@@ -116,8 +117,9 @@ def sweep_cases(
         values.append(values_of(solved))
         speeds.append(speed)
     _check_effect(key, circuit, values, len(cases))
-    name = next(iter(cases.values())).patient.id
-    beats = iter(_beats(circuit, values, speeds, name, policy))
+    first = next(iter(cases.values()))
+    name = first.patient.id
+    beats = iter(_beats(circuit, values, speeds, name, policy, first.doubts))
     filled = tuple(next(beats) if result is None else result for result in results)
     return Sweep(name, key, unit, tuple(cases), case_value, filled)
 
@@ -128,6 +130,7 @@ def _beats(
     result: Sequence[SpeedFound | None],
     name: str,
     policy: str,
+    doubts: Sequence[str],
 ) -> list[xr.Dataset]:
     if not values:
         return []
@@ -136,7 +139,7 @@ def _beats(
     solved = steady_beat(Batch(circuit, columns, len(values), policy), waveforms=None, keep=None)
     beats = []
     for member, speed in enumerate(result):
-        beat = labelled(solved, member, name)
+        beat = labelled(solved, member, name, doubts)
         if speed is not None:
             beat.attrs |= speed.attributes()
         beats.append(beat)
@@ -272,10 +275,12 @@ def write_csv(sweep: Sweep, path: Path) -> None:
 
 def write_figure(sweep: Sweep, path_without_suffix: Path) -> list[Path]:
     """Draw the outputs over the values, as SVG and PNG."""
-    from eclsim.reporting.style import save_figure
+    from eclsim.reporting.style import save_figure, write_above
     from eclsim.simulation.figures import plot_sweep
 
-    return save_figure(plot_sweep(as_table(sweep)), path_without_suffix)
+    figure = plot_sweep(as_table(sweep))
+    write_above(figure, untrusted(sweep.results[0].attrs.get("warnings", ())))
+    return save_figure(figure, path_without_suffix)
 
 
 def _frame(sweep: Sweep) -> pd.DataFrame:

@@ -1,0 +1,220 @@
+"""What a search for settings found: as data and in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, NamedTuple
+
+from eclsim.goals.goal import Goal, Setting
+from eclsim.outputs.alarms import sentences
+from eclsim.outputs.registry import output
+
+if TYPE_CHECKING:
+    from eclsim.outputs.alarms import Finding
+
+MET = 1e-4
+"""Largest miss, in scales of the goal, of a goal that is reached."""
+ALARMING = ("alarm", "collapse")
+"""Kinds of findings that an answer names in its first words."""
+
+
+class ReachStatus(StrEnum):
+    """How a search for settings ended."""
+
+    REACHED = "reached"
+    NOT_REACHED = "not_reached"
+    NOT_CONVERGED = "not_converged"
+    NO_STEADY_BEAT = "no_steady_beat"
+    NO_STEADY_GASES = "no_steady_gases"
+
+
+class GoalResult(NamedTuple):
+    """One goal at the settings.
+
+    Attributes:
+        goal: what was asked for.
+        value: what the output is, in its unit.
+        met: whether it is reached.
+        binding: whether it is at its bound, or missed: smaller settings would break it.
+        slopes: d output / d setting, in the units of both, by setting.
+    """
+
+    goal: Goal
+    value: float
+    met: bool
+    binding: bool
+    slopes: Mapping[str, float]
+
+    @property
+    def sentence(self) -> str:
+        """Of a bound that is broken, in words."""
+        unit = output(self.goal.output).unit
+        if math.isnan(self.value):
+            return f"{self.goal.output} has no value there"
+        return f"{_named(self.goal)} is not kept there: {self.value:.4g} {unit}"
+
+    def as_object(self) -> dict[str, object]:
+        """As plain data for JSON."""
+        goal = self.goal
+        return {
+            "goal": str(goal), "output": goal.output, "low": goal.low, "high": goal.high,
+            "value": self.value, "met": self.met, "binding": self.binding, "slopes": dict(self.slopes),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What `reach` found.
+
+    Args:
+        id: of the case.
+        settings: what was turned, with the ranges.
+        values: of each setting, in its unit; NaN where no steady beat was found at all.
+        goals: how each goal stands there.
+        stops: bounds at which the search stood though nobody asked for them, since no patient is beyond them.
+        status: how the search ended; what has not converged is not the smallest setting.
+        message: in words; where a goal is not reached, why.
+        without: for each goal that stands in the way, the settings that reach all others (none: neither do);
+            a goal whose own search did not converge is left out.
+        outputs: all outputs of the beat, by name.
+        findings: limits that it breaks and how its numbers are to be read.
+        beats: solved on the way.
+        not_kept: bounds of flows and gases that nobody asked for, that no setting turned keeps, and that are
+            broken there.
+        tried: places all over the ranges that were tried first.
+        without_beat: those of them without a steady beat that is determined.
+        doubts: what the case says of the fit that gave its parameters, where that is not good.
+    """
+
+    id: str
+    settings: tuple[Setting, ...]
+    values: tuple[float, ...]
+    goals: tuple[GoalResult, ...]
+    status: ReachStatus
+    message: str
+    stops: tuple[GoalResult, ...] = ()
+    without: Mapping[str, Mapping[str, float] | None] = field(default_factory=dict)
+    outputs: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    beats: int = 0
+    not_kept: tuple[GoalResult, ...] = ()
+    tried: int = 0
+    without_beat: int = 0
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What there is to say of where its numbers come from, and of the beat."""
+        return (*self.doubts, *sentences(self.findings))
+
+    @property
+    def reached(self) -> bool:
+        """Whether these are the smallest settings that meet all goals."""
+        return self.status is ReachStatus.REACHED
+
+    def as_object(self) -> dict[str, object]:
+        """As plain data for JSON."""
+        return {
+            "id": self.id,
+            "reached": self.reached,
+            "status": self.status.value,
+            "message": self.message,
+            "settings": [
+                {"name": s.name, "value": v, "unit": s.unit, "low": s.low, "high": s.high}
+                for s, v in zip(self.settings, self.values, strict=True)
+            ],
+            "goals": [g.as_object() for g in self.goals],
+            "stops": [{**g.as_object(), "because": g.goal.because} for g in self.stops],
+            "not_kept": [{**g.as_object(), "because": g.goal.because} for g in self.not_kept],
+            "without": {goal: None if at is None else dict(at) for goal, at in self.without.items()},
+            "outputs": dict(self.outputs),
+            "warnings": list(self.warnings),
+            "beats": self.beats,
+            "tried": self.tried,
+            "without_beat": self.without_beat,
+        }  # fmt: skip
+
+
+def broken(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
+    """Those of some bounds that outputs are beyond, or whose output has no value."""
+    for goal in goals:
+        value = outputs.get(goal.output, math.nan)
+        if not goal.excess(value) <= MET * goal.scale:
+            yield GoalResult(goal, value, met=False, binding=False, slopes={})
+
+
+def unseen(tried: int, without_beat: int) -> str:
+    """How much of the ranges was not seen; empty where all was."""
+    if not without_beat:
+        return ""
+    where = f"{without_beat} of the {tried} places over the ranges that were tried first"
+    return f"; {where} had no steady beat that is determined"
+
+
+def message_of(
+    settings: Sequence[Setting],
+    values: Mapping[str, float],
+    results: Sequence[GoalResult],
+    without: Mapping[str, Mapping[str, float] | None],
+    unfinished: str,
+) -> str:
+    """The result in sentences."""
+    where = " and ".join(f"{s.name} = {values[s.name]:.4g} {s.unit}".rstrip() for s in settings)
+    if unfinished:
+        unmet = ", ".join(str(result.goal) for result in results if not result.met)
+        goals = f"not reached: {unmet}" if unmet else "all goals are reached"
+        return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
+    if all(result.met for result in results):
+        stops = [_named(result.goal) for result in results if result.binding]
+        least = (
+            f"; smaller settings would break {' and '.join(stops)}" if stops else ", the lowest of the range"
+        )
+        return f"all goals are reached with {where}{least}"
+    unmet = [r for r in results if not r.met]
+    text = "; ".join(
+        f"{_named(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
+        for r in unmet
+    )
+    asked = sum(not result.goal.because for result in results)
+    text += f" within the other goals, with {where}" if asked > 1 else f", with {where}"
+    ends = [_at_end(s, values[s.name]) for s in settings]
+    if any(ends):
+        text += f" ({', '.join(filter(None, ends))})"
+    held = [_named(r.goal) for r in results if r.goal.because and r.binding and r.met]
+    if held:
+        text += f"; it is limited by {' and '.join(held)}"
+    for goal, others in without.items():
+        if others is not None:
+            numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
+            text += f"; without the goal {goal} all others are reached, with {numbers}"
+    return text
+
+
+def beyond_alarms(quantities: Iterable[str], where: str = "with the settings found") -> str:
+    """That outputs break alarm limits at what was found; empty where none does.
+
+    Args:
+        quantities: outputs or waveforms whose alarm limits are broken.
+        where: that is so, in words.
+    """
+    alarming = dict.fromkeys(quantities)
+    if not alarming:
+        return ""
+    are, them = ("are", "them") if len(alarming) > 1 else ("is", "it")
+    return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: add a goal for {them}"
+
+
+def _named(goal: Goal) -> str:
+    """A goal, and why it holds if nobody asked for it."""
+    return f"{goal} ({goal.because})" if goal.because else str(goal)
+
+
+def _at_end(setting: Setting, value: float) -> str:
+    """Whether a setting stands at an end of its range, in words."""
+    span = setting.high - setting.low
+    if value >= setting.high - 1e-6 * span:
+        return f"{setting.name} at its highest"
+    return f"{setting.name} at its lowest" if value <= setting.low + 1e-6 * span else ""
