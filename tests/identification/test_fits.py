@@ -342,7 +342,7 @@ def test_a_study_leaves_out_patients_whose_fit_is_poor_or_ends_where_valves_stay
         status = FitStatus.ONE_OF_MANY if shut else FitStatus.FITTED
         numbers = {"id": name, "cost": 0.1, "status": str(status), "message": status.message,
                    "verdict": {"level": "poor" if poor else "good",
-                               "goodness": {"differences": {"MAP": 31.0}}},
+                               "goodness": {"differences": {"MAP": 31.0}, "probability": 0.0}},
                    "parameters": {"Rmc": {"value": 0.8}}, "outputs": {"MAP": {"measured": 80.0}}}  # fmt: skip
         return SimpleNamespace(as_object=lambda: numbers, case=case, name=name, simulated={})
 
