@@ -1,9 +1,7 @@
 """A beat that no patient has gives no number anywhere: not in a ramp, a scheme, a course or a comparison."""
 
-import json
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 import xarray as xr
 
@@ -59,11 +57,11 @@ def test_a_scheme_that_cannot_be_has_no_waveforms():
 
 
 def test_the_lanes_of_a_course_have_gaps_at_impossible_minutes():
-    collapse = {"kind": "collapse", "quantity": "Vra", "at_min": 9.5, "until_min": 20.5, "sentence": "empty"}
-    minutes = np.array([0.0, 10.0, 20.0, 30.0])
     names = ("fluid.plasma_ml", "fluid.red_cells_ml", "MAP")
-    result = xr.Dataset({name: ("time", [80.0] * 4) for name in names} | {"time_min": ("time", minutes)})
-    result.attrs = {"alarms": json.dumps([collapse]), "balance": "{}", "seconds": 1.0}
+    columns = {name: [80.0] * 4 for name in names} | {"impossible": [0, 1, 1, 0]}
+    result = xr.Dataset({name: ("time_min", column) for name, column in columns.items()})
+    result = result.assign_coords(time_min=[0.0, 10.0, 20.0, 30.0])
+    result.attrs = {"alarms": "[]", "balance": "{}", "seconds": 1.0}
     result.attrs |= {"message": "", "approximations": [], "cautions": []}
     course = PageCourse(PAPER, SimpleNamespace(result=result, at=None))  # type: ignore[arg-type]
     plain = plain_course(course, 30)

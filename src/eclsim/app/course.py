@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +17,7 @@ from eclsim.app.texts import ENGLISH, text, with_minus
 from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
+from eclsim.course.result import impossible_moments
 from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.files import finite
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
@@ -98,7 +99,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     """
     result = course.followed.result
     alarms = json.loads(result.attrs["alarms"])
-    impossible = _within(result["time_min"].to_numpy(), [one for one in alarms if one["kind"] == "collapse"])
+    impossible = impossible_moments(result)
     broken = [one | {"sentence": with_minus(one["sentence"])} for one in alarms if one["kind"] != CAUTION]
     rows = [
         lane._asdict() | {"values": finite(np.where(lane.usual & impossible, np.nan, lane.values), digits=5)}
@@ -114,15 +115,6 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
         ],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip
-
-
-def _within(minutes: np.ndarray, alarms: Sequence[Mapping[str, Any]]) -> np.ndarray:
-    """Which minutes lie where one of these limits is broken."""
-    result = np.zeros(len(minutes), dtype=bool)
-    for alarm in alarms:
-        until = np.inf if alarm["until_min"] is None else alarm["until_min"]
-        result |= (minutes >= alarm["at_min"]) & (minutes <= until)
-    return result
 
 
 def plain_events(case: Case) -> list[dict[str, Any]]:

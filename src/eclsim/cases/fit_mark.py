@@ -12,6 +12,10 @@ import tomllib
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _WORDS = {
     "good": "its parameters were fitted by eclsim identify: a good fit",
@@ -56,6 +60,12 @@ class FitMark:
 def untrusted(sentences: Iterable[object]) -> list[str]:
     """Those of a result's warnings that hold for every number of it: of its fit, or of its posterior."""
     return [text for text in map(str, sentences) if text.startswith((*_WORDS.values(), POSTERIOR))]
+
+
+def with_doubts(table: pd.DataFrame, sentences: Iterable[object]) -> pd.DataFrame:
+    """A table with the column `DOUBTS`, where a result's warnings say that none of its numbers is trusted."""
+    said = "; ".join(untrusted(sentences))
+    return table.assign(**{DOUBTS: said}) if said else table
 
 
 def with_mark(text: str, level: str, headline: str) -> str:

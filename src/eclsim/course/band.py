@@ -16,7 +16,7 @@ from eclsim.cases.samples import check_samples
 from eclsim.course.alarms import NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
 from eclsim.course.course import refuse_unknown, usual_every
-from eclsim.course.result import TIME
+from eclsim.course.result import IMPOSSIBLE, TIME
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION
 from eclsim.execution import Executor, Progress
@@ -210,7 +210,7 @@ def _ended(failed: Sequence[xr.Dataset], count: int) -> str:
 
 
 _UNREADABLE = (
-    ("draws_impossible", "impossible", 1, "a chamber is without blood, so that the beat can be no patient's"),
+    ("draws_impossible", IMPOSSIBLE, 1, "a chamber is without blood, so that the beat can be no patient's"),
     (
         "draws_undetermined", "status", Status.ONE_OF_MANY.word,
         "no valve opens all beat, so that volumes and pressures of the heart are not determined",

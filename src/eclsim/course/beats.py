@@ -25,7 +25,13 @@ from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms
 from eclsim.course.gases import Gases, GasesInTime
 from eclsim.course.laws import Laws, laws_of
-from eclsim.course.result import attributes_of, balance_of, labelled_course
+from eclsim.course.result import (
+    IMPOSSIBLE,
+    attributes_of,
+    balance_of,
+    impossible_among,
+    labelled_course,
+)
 from eclsim.course.timeline import MINUTE, START, Timeline
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
@@ -543,6 +549,7 @@ class BeatMarch:
         )
         in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
         result = labelled_course(time, outputs, self.laws, states, in_effect)
+        result[IMPOSSIBLE] = impossible_among(beat_findings)
         broken = alarms(beat_findings, outputs, time / MINUTE, np.ones(len(beats), dtype=bool))
         warnings = [self.stopped] * bool(self.stopped) + [alarm.sentence for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)

@@ -15,7 +15,15 @@ from eclsim.course.engine import MANY, SHORTEST_S, CourseOptions, Engine, Histor
 from eclsim.course.handover import BLOOD_S, GASES_MOVE, LAG, farthest
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
-from eclsim.course.result import MOST_SPANS, TIME, attributes_of, balance_of, labelled_course
+from eclsim.course.result import (
+    IMPOSSIBLE,
+    MOST_SPANS,
+    TIME,
+    attributes_of,
+    balance_of,
+    impossible_among,
+    labelled_course,
+)
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
 from eclsim.course.watch import Watch
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -254,8 +262,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         outputs |= {quantity.name: quantity.values for quantity in shown}
         of_shown = findings_of_shown(shown, len(places))
         moment_findings = [[*moments.findings[k], *of_shown[i]] for i, k in enumerate(places)]
-        impossible = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
-        result["impossible"] = variable(TIME, np.array(impossible, dtype=int))
+        result[IMPOSSIBLE] = impossible_among(moment_findings)
     result["beat_by_beat"] = variable(TIME, moments.by_beat[places].astype(int))
     words = [Status(int(s)).word for s in moments.status[places]]
     result["status"] = variable(TIME, np.array(words, dtype=str))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cases.fit_mark import DOUBTS, untrusted
+from eclsim.cases.fit_mark import DOUBTS, untrusted, with_doubts
 from eclsim.course.result import TIME, impossible_moments
 from eclsim.files import (
     csv_text,
@@ -38,7 +38,7 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
         "status": str(about["status"]),
         "message": str(about["message"]),
         "time_min": finite(result["time_min"].to_numpy()),
-        "impossible": impossible_moments(result),
+        "impossible": impossible_moments(result).tolist(),
         "outputs": {n: finite(result[n].to_numpy()) for n in numeric if n not in states},
         "slow_states": {n: finite(result[n].to_numpy()) for n in states},
         "units": {n: str(result[n].attrs.get("units", "")) for n in numeric},
@@ -91,8 +91,7 @@ def write_tables(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
     frame = result.to_dataframe().reset_index()
     units = {str(n): result[n].attrs.get("units", "") for n in (*result.coords, *result.data_vars)}
     frame.columns = [f"{name} [{units[name]}]" if units.get(name) else name for name in frame.columns]
-    if said := untrusted(result.attrs["warnings"]):
-        frame[DOUBTS] = "; ".join(said)
+    frame = with_doubts(frame, result.attrs["warnings"])
     return _written(result, frame_text(frame), folder, stem)
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -19,8 +18,11 @@ from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
+if TYPE_CHECKING:
+    from eclsim.devices.description import Finding
+
 MOST_SPANS = 4
-TIME = "time_min"
+TIME, IMPOSSIBLE = "time_min", "impossible"
 DOORS = {"given_ml": GIVEN, "removed_ml": REMOVED, "refilled_ml": REFILLED}
 BALANCE = (*DOORS, "blood_volume_start_ml", "blood_volume_end_ml", "error_ml")
 
@@ -99,14 +101,15 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
     return doors | ends | {"error_ml": after - before - moved}
 
 
-def impossible_moments(result: xr.Dataset) -> list[bool]:
-    """At which moments of a course a chamber is without blood or a vein sucked shut, as no patient is."""
-    spans = [
-        (alarm["at_min"], math.inf if alarm["until_min"] is None else alarm["until_min"])
-        for alarm in json.loads(result.attrs["alarms"])
-        if alarm["kind"] == "collapse"
-    ]
-    return [any(at <= minute < until for at, until in spans) for minute in result[TIME].to_numpy().tolist()]
+def impossible_among(moment_findings: Sequence[Sequence[Finding]]) -> xr.Variable:
+    """At which moments a chamber is without blood or a vein sucked shut, as no patient is; `IMPOSSIBLE`."""
+    found = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
+    return variable(TIME, np.array(found, dtype=int))
+
+
+def impossible_moments(result: xr.Dataset) -> np.ndarray:
+    """The same of a course; none where limits were not looked at."""
+    return result[IMPOSSIBLE].to_numpy() == 1 if IMPOSSIBLE in result else np.zeros(result.sizes[TIME], bool)
 
 
 def spans_in_words(result: xr.Dataset) -> str:

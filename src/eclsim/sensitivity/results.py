@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.cases.fit_mark import DOUBTS, untrusted
+from eclsim.cases.fit_mark import with_doubts
 from eclsim.files import csv_text, write_json, write_text
 from eclsim.outputs.alarms import NO_PATIENT
 from eclsim.reporting.numbers import text_table
@@ -337,9 +337,8 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
     frames = {"indices": indices.table, "convergence": _convergence_table(result.convergence)}
     if (pairs := indices.pairs) is not None:
         frames["second_order"] = pairs
-    said = untrusted(indices.warnings)
     for name, frame in frames.items():
-        frame = frame.assign(**{DOUBTS: "; ".join(said)}) if said else frame
+        frame = with_doubts(frame, indices.warnings)
         text = csv_text(list(frame.columns), frame.itertuples(index=False))
         write_text(text, folder / f"{name}.csv")
     head = ("run", "row", "point", "status", *(indices.failed[0].inputs if indices.failed else ()))

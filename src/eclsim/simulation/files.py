@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim import files
-from eclsim.cases.fit_mark import DOUBTS, untrusted
+from eclsim.cases.fit_mark import with_doubts
 from eclsim.files import finite, frame_text, whole_file, write_text
 from eclsim.simulation.target_flow import speed_found
 
@@ -112,8 +112,7 @@ def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
     variables = (*result.coords, *result.data_vars)
     names = [str(name) for name in variables if result[name].dims == (dimension,)]
     table = pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
-    said = untrusted(result.attrs.get("warnings", ()))
-    return table.assign(**{DOUBTS: "; ".join(said)}) if said else table
+    return with_doubts(table, result.attrs.get("warnings", ()))
 
 
 def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:

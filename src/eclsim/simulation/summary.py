@@ -262,7 +262,8 @@ def sweep_doubts(sweep: Sweep) -> list[str]:
     places: dict[str, list[tuple[str, str]]] = {}
     for value, result in zip(sweep.values, sweep.results, strict=True):
         warnings = [str(sentence) for sentence in result.attrs.get("warnings", ())]
-        sentences = [text for text in warnings if text not in untrusted(warnings)]  # said of the case
+        of_case = untrusted(warnings)  # said where it was read
+        sentences = [text for text in warnings if text not in of_case]
         if not result.attrs["converged"]:
             sentences = [f"no beat: {result.attrs.get('message', '')}"]
         for sentence in sentences:
