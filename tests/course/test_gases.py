@@ -60,7 +60,7 @@ def test_blood_in_every_oxygenator_has_a_volume(oxygenator):
     volumes = total_volumes(model.circuit, model.values, [0.0] * len(model.circuit.compartments))
     assert np.isfinite(np.asarray(volumes, dtype=float)).all()
     assumed = OXYGENATORS[oxygenator].priming_volume_ml is None
-    assert any("how much blood it holds" in note.message for note in read.notes) is assumed
+    assert any("its blood volume is not known" in note.message for note in read.notes) is assumed
 
 
 @pytest.mark.slow
