@@ -955,8 +955,8 @@ def _check_gases(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     product = OXYGENATORS.get(values.get("oxygenator", ""))
     if with_gas and product is not None and product.priming_volume_ml is None:
         message = (
-            f"its blood volume is not known: {ASSUMED_ML:g} mL, that of a Quadrox-i Adult, is assumed where a "
-            "course follows gases beat by beat"
+            f"its blood volume is not known: {ASSUMED_ML:g} mL, that of a Quadrox-i Adult, is assumed where "
+            "a course follows gases beat by beat"
         )
         remarks.note(f"{key}.oxygenator", message, shown(product.key))
 
