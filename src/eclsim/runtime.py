@@ -1,8 +1,12 @@
-"""JAX set up once for the whole package: double precision and the compilation cache.
+"""JAX set up once for the whole package: double precision, the processor and the compilation cache.
 
-Every module that computes with JAX imports this one first. The compiled programs are kept in the user's
-cache folder (`ECLSIM_CACHE_DIR`, else `$XDG_CACHE_HOME/eclsim` or `~/.cache/eclsim`), so that a second
-process starts without compiling. `ECLSIM_CACHE_DIR=off` switches the cache off.
+Every module that computes with JAX imports this one first. Where JAX sees a graphics processor too, the
+default device becomes the CPU, unless one was chosen before (`jax_default_device`): a beat has hundreds of
+small steps, and a graphics processor takes ten times as long for one patient (docs, page Numerics).
+
+The compiled programs are kept in the cache folder (`ECLSIM_CACHE_DIR`, else `$XDG_CACHE_HOME/eclsim` or
+`~/.cache/eclsim`), so that a second process starts without compiling. `ECLSIM_CACHE_DIR=off` switches the
+cache off.
 """
 
 from __future__ import annotations
@@ -10,8 +14,11 @@ from __future__ import annotations
 import os
 import platform
 from pathlib import Path
+from typing import Any
 
 import jax
+
+SETTINGS: Any = jax.config  # its attributes appear when it is made: no type checker sees them
 
 
 def cache_folder() -> Path | None:
@@ -35,8 +42,19 @@ def _processor_key() -> str:
     return hashlib.sha256(flags.encode()).hexdigest()[:12]
 
 
+def on_cpu() -> bool:
+    """Whether programs are compiled for the CPU."""
+    device = SETTINGS.jax_default_device
+    if device is None:
+        return jax.default_backend() == "cpu"
+    return (device if isinstance(device, str) else device.platform) == "cpu"
+
+
 def _configure() -> None:
     jax.config.update("jax_enable_x64", True)
+    platforms = SETTINGS.jax_platforms
+    if SETTINGS.jax_default_device is None and (not platforms or "cpu" in platforms.split(",")):
+        jax.config.update("jax_default_device", "cpu")
     # Dispatched programs wait in the threads that they need themselves: two at a time can wait for ever.
     jax.config.update("jax_cpu_enable_async_dispatch", False)
     folder = cache_folder()

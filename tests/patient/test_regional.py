@@ -8,7 +8,9 @@ from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, nominal_values
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.volumes import unstressed_volume
+from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import model_of
+from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.registry import contract
 from eclsim.outputs.results import simulate
@@ -211,3 +213,21 @@ def test_failing_lungs_on_femoral_va_ecmo_give_the_upper_body_less_oxygen_and_ca
     assert numbers["ivc"]["SpreO2"] > numbers["ivc"]["SvO2"], "Hou 2015: 83.6 % in the inferior cava"
     assert numbers["svc"]["SpreO2"] < numbers["svc"]["SvO2"], "Hou 2015: 70.4 % against 73.4 % behind"
     assert numbers["svc"]["SaO2"] > numbers["ivc"]["SaO2"] + 2.0, "Falk 2023: 54 to 86 %"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1, 32])
+def test_the_beat_of_a_heart_that_bronchial_return_fills_is_found_at_once(width):
+    """Blood moves to the lungs for a thousand beats until the left heart ejects what returns through them."""
+    changes = {
+        "Emaxlv": [0.241, 0.219], "Emaxrv": [1.03, 0.966], "Rmc": [0.855, 0.869], "Csvn": [22.405, 11.042],
+        "Rpmc": [0.1, 0.031], "Cpvn": [16.304, 38.269], "Rsvn": [0.006, 0.02], "P0svn": [1.715, 2.42],
+    }  # fmt: skip
+    model = model_of(case(False, physiology={"bronchial_fraction": 0.015}, ecmo=VA))
+    batch = Batch(model.circuit, {**model.values, **{k: np.array(v) for k, v in changes.items()}}, 2)
+    beat = steady_beat(batch, ("LVO", "bronchial_flow"), execution=Execution(width=width))
+    assert [Status(k).word for k in beat.status] == ["one_of_many"] * 2  # the right heart is shut all beat
+    assert beat.orbits.beats.max() < 400
+    np.testing.assert_allclose(*beat.values, rtol=1e-4)
+    later = beat.orbits.wait(np.arange(2), beat.orbits.states, 500)
+    np.testing.assert_allclose(later, beat.orbits.states, atol=1e-5)

@@ -54,6 +54,7 @@ def test_all_configurations_have_their_devices():
         "V-A + CRRT g": {"patient", "ecmo", "crrt"},
         "LVAD": {"patient", "lvad"},
         "LVAD + V-A": {"patient", "lvad", "ecmo"},
+        "V-A, bronchial return, veins that collapse": {"patient", "ecmo"},
     }
 
 

@@ -37,7 +37,7 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.stages import Compiled, Lowered, Wrapped
 from numpy.typing import ArrayLike
 
-from eclsim.runtime import cache_folder  # its import sets double precision, before the first array
+from eclsim.runtime import cache_folder, on_cpu  # its import sets double precision, before the first array
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -68,7 +68,7 @@ def compiled(
         law: function of another module that this one calls.
     """
     inner = jax.jit(function)
-    if jax.default_backend() != "cpu":
+    if not on_cpu():
         return inner
 
     def call(*arguments: jax.Array) -> object:

@@ -11,6 +11,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     # Looking for plugins reads every installed package: 50 ms that no command needs.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # Commands compute on the CPU: no graphics processor has to be started for them.
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")
     from eclsim.cli.application import run
 
     run(arguments)

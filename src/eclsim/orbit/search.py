@@ -1,8 +1,10 @@
 """The search for steady heartbeats.
 
 Broyden's method starts from the inverse Jacobian of a known orbit; a member it does not settle is handed to
-Newton's method with a Jacobian of its own, by differences, and where that fails with the exact one and in
-shorter steps. Nothing here depends on the other members of a batch.
+Newton's method with a Jacobian of its own, by differences if it is alone, and where that fails with the exact
+one. Where blood drifts towards the lungs until a valve opens, neither lowers the residual at first: implicit
+steps of many beats then follow the drift (pseudo-transient continuation, Kelley and Keyes 1998,
+doi 10.1137/S0036142996304796). Nothing here depends on the other members of a batch.
 """
 
 from __future__ import annotations
@@ -20,8 +22,14 @@ WAITING_BEATS = 30
 """Plain beats after a search that found nothing."""
 DAMPING = (1.0, 0.5, 0.25, 0.1)
 """Shares of a step of Newton's method, tried until the residual falls."""
-SHORT_STEPS = tuple(0.5**k for k in range(11))
-"""With the exact Jacobian: valves that hardly open bend the residual within a thousandth of a step."""
+SHARES = (1.0, 0.5, 0.25)
+"""With the exact Jacobian."""
+AHEAD, LONGEST_AHEAD = 16.0, 4096.0
+"""Beats of the first step ahead where no share of Newton's step lowers the residual, and of the longest."""
+OVERSHOT = 2.0
+"""Growth of the residual over a step ahead from which on the next one is shorter."""
+SETTLING = 5
+"""Plain beats behind a step with the exact Jacobian: what decays fast hides how far what is slow has come."""
 LARGEST_MULTIPLIER = 1.0 + 1e-4
 """Of a beat that plain beats lead to; 1 is that of conserved blood, and rounding splits several of them."""
 DETERMINED, DETERMINED_IN_COLLAPSE = 1e-13, 1e-10
@@ -40,22 +48,29 @@ def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions, w
         for member in map(int, np.flatnonzero(~result.converged)):
             state = orbits.states[:, [member]]
             state = state if np.isfinite(state).all() else start[:, [member]]
-            single = _by_newton(search, problem.take([member]), options, state)
+            single = _by_newton(problem.take([member]), options, state, by_differences=width == 1)
             single.beats[:] += orbits.beats[member]
             orbits.put(np.array([member]), single)
     return orbits
 
 
 def _by_newton(
-    search: CompiledSearch, problem: OrbitProblem, options: OrbitOptions, state: np.ndarray
+    problem: OrbitProblem, options: OrbitOptions, state: np.ndarray, by_differences: bool
 ) -> Orbits:
-    """Steady beat of one member from a state of shape (states, 1)."""
-    result = _Newton(search, problem, options).solve(state)
-    if not options.exact_iterations or result.status[0] == Status.CONVERGED:
-        return result
-    again = _Newton(search, problem, options, exact=True).solve(state)
-    again.beats[:] += result.beats
-    return again if again.status[0] == Status.CONVERGED else result
+    """Steady beat of one member from a state of shape (states, 1), whose beats run alone.
+
+    Differences spare a single patient the seconds that compiling the exact Jacobian takes; in a batch that
+    is nothing, and the exact one is quicker.
+    """
+    search, beats = compiled_search(problem.program, 1), 0
+    if by_differences or not options.exact_iterations:
+        result = _Newton(search, problem, options).solve(state)
+        if not options.exact_iterations or result.status[0] == Status.CONVERGED:
+            return result
+        beats = result.beats
+    result = _Newton(search, problem, options, exact=True).solve(state)
+    result.beats[:] += beats
+    return result
 
 
 @dataclass(frozen=True)
@@ -69,7 +84,7 @@ class _Newton:
 
     def solve(self, states: np.ndarray) -> Orbits:
         """From a state of shape (states, 1)."""
-        result, after = _nothing(len(states)), self._wait(states)
+        result, after, ahead = _nothing(len(states)), self._wait(states), AHEAD
         for _ in range(self.options.exact_iterations if self.exact else self.options.newton_iterations):
             trial = self.problem.trial(states, after)
             if not trial.finite[0]:
@@ -87,7 +102,12 @@ class _Newton:
                 result.states[:] = states + moves
                 result.status[:] = Status.CONVERGED
                 return result
-            states, after = self._step(trial, moves * affordable(moves, states, self.problem.largest_steps))
+            nearer = self._nearer(trial, moves)
+            if nearer is None and self.exact:
+                nearer, ahead = self._ahead(trial, jacobian, ahead)
+            elif nearer is None and self.options.exact_iterations:
+                return result
+            states, after = nearer or self._later(trial.states - trial.moved, 4)
             result.beats[:] += 1
         return self._waited(result, after)
 
@@ -117,17 +137,38 @@ class _Newton:
     def _wait(self, states: np.ndarray, beats: int = 1) -> np.ndarray:
         return self.search.wait(states, np.repeat(self.problem.packed, states.shape[1], axis=1), beats)
 
-    def _step(self, trial: Trial, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Shorten the step until the residual falls; settle for plain beats where it does not."""
-        size = np.linalg.norm(trial.residual)
-        for fraction in SHORT_STEPS if self.exact else DAMPING:
-            states = trial.states + fraction * moves
-            after = self._wait(states)
-            nearer = self.problem.trial(states, after)
-            if nearer.finite[0] and np.linalg.norm(nearer.residual) < (1.0 - 0.1 * fraction) * size:
-                return states, after
-        states = self._wait(trial.states - trial.moved, 4)
+    def _later(self, states: np.ndarray, beats: int) -> tuple[np.ndarray, np.ndarray]:
+        """States after some plain beats, and after one more."""
+        states = self._wait(states, beats) if beats else states
         return states, self._wait(states)
+
+    def _nearer(self, trial: Trial, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """States a share of Newton's moves on, and a beat later; None where the residual does not fall."""
+        size = np.linalg.norm(trial.residual)
+        share = float(affordable(moves, trial.states, self.problem.largest_steps)[0])
+        for fraction in SHARES if self.exact else DAMPING:
+            states, after = self._later(trial.states + fraction * share * moves, SETTLING * self.exact)
+            there = self.problem.trial(states, after)
+            if there.finite[0] and np.linalg.norm(there.residual) < (1.0 - 0.1 * fraction * share) * size:
+                return states, after
+        return None
+
+    def _ahead(
+        self, trial: Trial, jacobian: np.ndarray, beats: float
+    ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
+        """Where some plain beats lead, by one implicit step of Euler's method, and how many to step next.
+
+        While blood drifts slowly, a step that ends beyond the opening of a valve raises the residual.
+        """
+        step = -np.linalg.lstsq(np.eye(len(jacobian)) / beats + jacobian, trial.residual, rcond=None)[0]
+        moves = step * self.problem.scale
+        share = affordable(moves, trial.states, self.problem.largest_steps)
+        states, after = self._later(trial.states + share * moves, SETTLING)
+        there = self.problem.trial(states, after)
+        if there.finite[0] and there.change[0] <= OVERSHOT * trial.change[0]:
+            return (states, after), min(2.0 * beats, LONGEST_AHEAD)
+        nearby = (states, after) if there.finite[0] else self._later(trial.states - trial.moved, 4)
+        return nearby, beats / 4.0
 
     def _waited(self, result: Orbits, states: np.ndarray) -> Orbits:
         """No orbit: where plain beats lead, not an iterate of the search."""

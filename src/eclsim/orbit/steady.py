@@ -184,8 +184,14 @@ class SolvedOrbits(Orbits):
             return None
         if self._surely_fine[member]:
             return None
-        values = self.batch.member(member)
-        return grid_warning(assemble(self.batch.circuit), values, int(self.resolution[member]))
+        if member not in self._grid_warnings:
+            values, assembly = self.batch.member(member), assemble(self.batch.circuit)
+            self._grid_warnings[member] = grid_warning(assembly, values, int(self.resolution[member]))
+        return self._grid_warnings[member]
+
+    @cached_property
+    def _grid_warnings(self) -> dict[int, str | None]:
+        return {}
 
     @cached_property
     def _surely_fine(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Robustness: a steady beat anywhere in the bounds of parameter identification, in six configurations.
+"""Robustness: a steady beat anywhere in the bounds of parameter identification, in seven configurations.
 
 The seven fitted parameters are spread over their bounds (a tenth to ten times the start value) by a Sobol
 sequence on a logarithmic scale. Some of these hearts do not eject; they have to be named as such, not settled
@@ -133,9 +133,13 @@ def sobol_points(count: int) -> dict[str, np.ndarray]:
 
 def configuration_model(name: str) -> Model:
     """Circuit and values of a configuration; the fitted parameters are replaced later."""
+    from eclsim.cases.sections import Physiology
     from eclsim.orbit.model import model_of
 
-    return model_of(reduce(with_devices_of, map(reference_case, CONFIGURATIONS[name])))
+    case = reduce(with_devices_of, map(reference_case, CONFIGURATIONS[name]))
+    if beyond := PROTOCOLS["physiology"].get(name):
+        case = case.model_copy(update={Physiology.section: Physiology(**beyond)})
+    return model_of(case)
 
 
 def sweep(name: str, points: dict[str, np.ndarray]) -> Sweep:
