@@ -371,8 +371,9 @@ def indices_text(indices: Indices, state: str = "") -> str:
         ]  # fmt: skip
         rows.append((name, *cells, f"{total:.2f}"))
     head = ("factor", *indices.outputs, "sum")
+    took = f" in {indices.seconds:.0f} s" if indices.seconds else ""  # merged: run elsewhere, at other times
     lines = [
-        f"{title} ({used}{indices.samples} rows, {indices.evaluations} runs in {indices.seconds:.0f} s)",
+        f"{title} ({used}{indices.samples} rows, {indices.evaluations} runs{took})",
         text_table(head, rows, numeric=range(1, len(head))),
     ]
     if indices.ranked:
