@@ -27,7 +27,7 @@ def beat(page) -> dict[str, Any]:
 
 
 def wait_for(page, condition: str) -> None:
-    """Wait until a beat was drawn and the condition on `beat` holds; after a restart there is none at first."""
+    """Wait until a condition on `beat` holds; after a restart there is none at first."""
     there = "const beat = eclsim.bus.last('beat'); return beat !== undefined"
     page.wait_for_function(f"(() => {{ {there} && ({condition}); }})()")
 
