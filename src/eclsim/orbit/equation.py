@@ -27,7 +27,8 @@ class OrbitOptions:
             the state handed back is one step of that size further on, and so much nearer.
         quasi_newton_beats: beats of Broyden's method before Newton's method takes over.
         newton_iterations: iterations of Newton's method, one Jacobian by differences each; 0 leaves out both.
-        exact_iterations: further ones with the exact Jacobian, where those end without a steady beat.
+        exact_iterations: further ones with the exact Jacobian, where those end without a steady beat; members
+            that are computed side by side have these alone, unless they are 0.
     """
 
     tolerance: float = 1e-8

@@ -155,10 +155,11 @@ class _Newton:
 
     def _ahead(
         self, trial: Trial, jacobian: np.ndarray, beats: float
-    ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
+    ) -> tuple[tuple[np.ndarray, np.ndarray] | None, float]:
         """Where some plain beats lead, by one implicit step of Euler's method, and how many to step next.
 
-        While blood drifts slowly, a step that ends beyond the opening of a valve raises the residual.
+        No states where these are not finite. While blood drifts, a step that ends beyond the opening of a
+        valve raises the residual.
         """
         step = -np.linalg.lstsq(np.eye(len(jacobian)) / beats + jacobian, trial.residual, rcond=None)[0]
         moves = step * self.problem.scale
@@ -167,8 +168,7 @@ class _Newton:
         there = self.problem.trial(states, after)
         if there.finite[0] and there.change[0] <= OVERSHOT * trial.change[0]:
             return (states, after), min(2.0 * beats, LONGEST_AHEAD)
-        nearby = (states, after) if there.finite[0] else self._later(trial.states - trial.moved, 4)
-        return nearby, beats / 4.0
+        return (states, after) if there.finite[0] else None, beats / 4.0
 
     def _waited(self, result: Orbits, states: np.ndarray) -> Orbits:
         """No orbit: where plain beats lead, not an iterate of the search."""
