@@ -8,10 +8,11 @@ import pytest
 
 import eclsim
 from eclsim.cases.reading import read_mapping
+from eclsim.circuit.assembly import assemble
 from eclsim.identification.density import GradientEvaluator, NoSteadyBeatError
-from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.model import model_of
-from eclsim.orbit.steady import Batch
+from eclsim.orbit.steady import Batch, SolvedOrbits
 from eclsim.outputs.coupling import settle
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.steady_beat import steady_beat
@@ -114,17 +115,61 @@ def test_derivatives_include_the_answer_to_gases(model, changes, names):
         np.testing.assert_allclose(exact.sel(parameter=name), slopes, rtol=1e-3, atol=1e-3 * scale)
 
 
+RESISTANCE = "regulation.local_resistance"
+
+
+def settled_at(model, answer):
+    """What three members settle at that begin at 1, and how many were computed in each round.
+
+    Args:
+        model: whose circuit it is.
+        answer: map (p, states that searches begin at or None) -> o(p), first states.
+    """
+    values, asked = {**model.values, RESISTANCE: np.full(3, np.nan)}, []
+
+    def measure(part, start):
+        asked.append(part.count)
+        given = start.state[0] if isinstance(start, Anchor) else None
+        output, state = answer(np.broadcast_to(part.values[RESISTANCE], (part.count,)), given)
+        states = np.zeros((assemble(part.circuit).layout.size, part.count))
+        states[0] = state
+        orbits = SolvedOrbits(
+            states, np.zeros(part.count, int), np.ones(part.count, int), states[0], states[0],
+            batch=part, resolution=np.ones(part.count, int), width=1,
+        )  # fmt: skip
+        return SimpleNamespace(output=lambda _: output, orbits=orbits)
+
+    coupled = settle(Batch(model.circuit, values, 3), (RESISTANCE,), cast(Any, measure), OrbitOptions())
+    return np.where(coupled.settled, coupled.orbits.batch.values[RESISTANCE], np.nan), asked
+
+
 def test_broydens_method_finds_a_fixed_point_that_iteration_leaves(model):
     """o(p) = 2 p^-3 has its fixed point at 2^(1/4); repeated insertion diverges."""
-    name = "regulation.local_resistance"
-    values = {**model.values, name: np.full(3, np.nan)}
+    found, _ = settled_at(model, lambda p, _: (np.where(p > 1.9, np.nan, 2.0 * p**-3.0), 0.0))
+    np.testing.assert_allclose(found, 2.0**0.25, rtol=1e-6)
 
-    def measure(batch, _):
-        p = np.asarray(batch.values[name])
-        return SimpleNamespace(output=lambda _: np.where(p > 1.9, np.nan, 2.0 * p**-3.0))
 
-    result = settle(Batch(model.circuit, values, 3), (name,), cast(Any, measure), 1e-8)
-    assert result.settled.all()
+def test_who_has_settled_is_not_computed_again(model):
+    """One member is there at once, one after a round; the third needs more."""
+
+    def answer(p, states):
+        member = np.arange(3.0) if states is None else states
+        return np.choose(member.astype(int), [p, np.full(len(p), 1.1), 2.0 * p**-3.0]), member
+
+    found, asked = settled_at(model, answer)
+    np.testing.assert_allclose(found, [1.0, 1.1, 2.0**0.25], rtol=1e-6)
+    assert asked[:3] == [3, 2, 1]
+
+
+def test_of_two_beats_each_member_keeps_its_own(model):
+    """Two beats exist at every p, with fixed points at 1.3 and 0.8; searches from rest find one or the other."""
+
+    def answer(p, states):
+        branch = np.sin(1e3 * p) > 0.0 if states is None else states > 0.0
+        return np.where(branch, 1.3**1.5, 0.8**1.5) / np.sqrt(p), branch
+
+    found, _ = settled_at(model, answer)
+    np.testing.assert_allclose(found, 1.3, rtol=1e-6)
 
 
 def test_without_a_gas_state_the_member_says_so(model):

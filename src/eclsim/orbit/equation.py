@@ -7,7 +7,7 @@ stressed volume at phase 0, u: the same amount in every compartment).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -92,8 +92,8 @@ class Orbits:
 
     def put(self, members: np.ndarray, orbits: Orbits) -> None:
         """Write down other orbits as those of some members, in place."""
-        for name, values in vars(orbits).items():
-            getattr(self, name)[..., members] = values
+        for field in fields(Orbits):
+            getattr(self, field.name)[..., members] = getattr(orbits, field.name)
 
 
 def allowed_moves(states: Any, largest_steps: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -67,6 +67,11 @@ class Batch:
     @cached_property
     def _packed(self) -> dict[tuple[str, ...], np.ndarray]:
         return {}
+
+    def take(self, members: np.ndarray) -> Batch:
+        """Some of the members."""
+        values = {n: v if np.ndim(v) == 0 else np.asarray(v)[members] for n, v in self.values.items()}
+        return replace(self, values=values, count=len(members))
 
     def member(self, which: int) -> dict[str, float]:
         """Parameters of one member."""
@@ -163,6 +168,12 @@ class SolvedOrbits(Orbits):
     resolution: np.ndarray
     width: int
     adaptive_tolerance: float | None = None
+
+    def take(self, members: np.ndarray) -> SolvedOrbits:
+        """Of some of the members."""
+        parts = {field.name: getattr(self, field.name)[..., members] for field in fields(Orbits)}
+        batch, resolution = self.batch.take(members), self.resolution[members]
+        return replace(self, batch=batch, resolution=resolution, **parts)
 
     def search(self, member: int) -> CompiledSearch:
         """The program that a member was solved with."""
@@ -288,6 +299,29 @@ def inverse_jacobian(orbits: SolvedOrbits, member: int) -> np.ndarray:
     program = orbits.search(member).program
     problem = OrbitProblem(program, orbits.batch.packed(program), orbits.batch.volume()).take([member])
     return inverse_at(problem, orbits.states[:, member], orbits.width)
+
+
+def inverses_near(
+    orbits: SolvedOrbits, start: Mapping[str, float] | None, options: OrbitOptions
+) -> np.ndarray:
+    """Inverse Jacobians with which searches near orbits begin, in scaled states, (states, states, members).
+
+    That which a member's own search began with where it led there, else that at its orbit.
+
+    Args:
+        orbits: all of them finite.
+        start: of their searches, see `solve`.
+        options: of their searches.
+    """
+    batch, n = orbits.batch, len(orbits.states)
+    values = nominal_values(batch.circuit) if start is None else start
+    result = np.empty((n, n, batch.count))
+    for k in range(batch.count):
+        if values is None or orbits.beats[k] > options.quasi_newton_beats:
+            result[..., k] = inverse_jacobian(orbits, k)
+        else:
+            result[..., k] = anchor(batch, int(orbits.resolution[k]), values, orbits.width).inverse
+    return result
 
 
 @lru_cache(maxsize=256)

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 
 from eclsim.circuit.network import Circuit
-from eclsim.orbit.equation import Anchor
-from eclsim.orbit.steady import Batch, SolvedOrbits
+from eclsim.orbit.equation import Anchor, OrbitOptions
+from eclsim.orbit.steady import Batch, SolvedOrbits, inverses_near
 from eclsim.outputs.derivatives import Linearisation
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.parameters.regulation import PARAMETERS
@@ -64,9 +64,6 @@ class Measured(Protocol):
         ...
 
 
-Beat = TypeVar("Beat", bound=Measured)
-
-
 @dataclass(frozen=True)
 class CoupledAnchor(Anchor):
     """Where a search starts for each patient, what is solved for with the gases included.
@@ -83,16 +80,16 @@ class CoupledAnchor(Anchor):
 
 
 @dataclass(frozen=True)
-class Coupled(Generic[Beat]):
-    """Beats of a batch with what was solved for.
+class Coupled:
+    """Orbits of a batch with what was solved for.
 
     Args:
-        beat: with these parameters.
+        orbits: with these parameters.
         settled: which members have them.
         response: inverse Jacobian of what they miss, shape (members, parameters, parameters).
     """
 
-    beat: Beat
+    orbits: SolvedOrbits
     settled: np.ndarray
     response: np.ndarray
 
@@ -100,62 +97,118 @@ class Coupled(Generic[Beat]):
 def settle(
     batch: Batch,
     names: tuple[str, ...],
-    measure: Callable[[Batch, Start], Beat],
-    tolerance: float,
+    measure: Callable[[Batch, Start], Measured],
+    options: OrbitOptions,
     start: Start = None,
-) -> Coupled[Beat]:
+) -> Coupled:
     """Solve for the parameters of all members.
 
     Args:
         batch: with NaN where a parameter is to be solved for.
         names: of the parameters.
-        measure: solves beats from a start and measures the outputs that the parameters equal.
-        tolerance: relative accuracy of the beats.
+        measure: solves beats from a start and measures the outputs that the parameters equal; a member's
+            result depends on no other.
+        options: with which it solves them.
         start: where the searches for beats begin, and of a `CoupledAnchor` that for the parameters.
     """
     size, count = len(names), batch.count
     if isinstance(start, CoupledAnchor) and start.names == names:
-        place, inverse = start.place.copy(), start.response.copy()
+        place, response = start.place.copy(), start.response.copy()
     else:
         place = np.log(np.array([[PARAMETERS[name].value] for name in names]) * np.ones(count))
-        inverse = np.broadcast_to(-np.eye(size), (count, size, size)).copy()
-
-    def missing_at(place: np.ndarray, begin: Start) -> tuple[Beat, np.ndarray]:
-        """Beats, and log o(p) - log p (parameters, members)."""
-        values = {**batch.values, **dict(zip(names, np.exp(place), strict=True))}
-        beat = measure(replace(batch, values=values), begin)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return beat, np.log([beat.output(SOLVED_BY[name]) for name in names]) - place
-
-    beat, missing = missing_at(place, start)
-    enough, step = max(ACCURACY * tolerance, SMALLEST), np.zeros((size, count))
+        response = np.broadcast_to(-np.eye(size), (count, size, size)).copy()
+    search = _Search(batch, names, measure, options, start, place)
+    enough = max(ACCURACY * options.error_tolerance, SMALLEST)
     for _ in range(ITERATIONS):
-        known = np.isfinite(missing).all(axis=0)
-        if not (known & ~_settled(missing, enough)).any():
+        open_ = np.isfinite(search.missing).all(axis=0) & ~_settled(search.missing, enough)
+        members = np.flatnonzero(open_)
+        if not len(members):
             break
-        newton = -np.einsum("mij,jm->im", inverse, np.where(known, missing, 0.0))
-        step = np.where(_settled(missing, enough), 0.0, np.clip(newton, -LARGEST_STEP, LARGEST_STEP))
-        begin = _on_from(start, beat)
-        beat, after = missing_at(place + step, begin)
-        for _ in range(HALVINGS):
-            # A step to where there is no steady beat or gas state is halved.
-            failed = known & ~np.isfinite(after).all(axis=0)
-            if not failed.any():
+        newton = -np.einsum("mij,jm->im", response[members], search.missing[:, members])
+        step, change = search.move(members, np.clip(newton, -LARGEST_STEP, LARGEST_STEP))
+        _learn(response, members, step, change)
+    return Coupled(search.solved(), _settled(search.missing, enough), response)
+
+
+class _Search:
+    """Members on their way to what they are solved for, each from its last beat to the next.
+
+    Args:
+        batch, names, measure, options, start: see `settle`.
+        place: logarithms of the parameters, shape (parameters, members).
+
+    Attributes:
+        missing: log o(p) - log p, shape (parameters, members).
+        orbits: the last ones.
+    """
+
+    def __init__(
+        self,
+        batch: Batch,
+        names: tuple[str, ...],
+        measure: Callable[[Batch, Start], Measured],
+        options: OrbitOptions,
+        start: Start,
+        place: np.ndarray,
+    ):
+        self.batch, self.names, self.measure = batch, names, measure
+        self.options, self.start, self.place = options, start, place
+        beat, self.missing = self._missing_at(self._batch_at(place), start)
+        self.orbits = replace(beat.orbits, resolution=np.array(beat.orbits.resolution))
+        self._open = np.arange(0)
+        self._inverses: np.ndarray | None = None
+
+    def move(self, members: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Move some members by a step, halved where it ends without a steady beat or gas state.
+
+        Returns:
+            The steps made, and how they changed what was missing; both (parameters, members).
+        """
+        step, change = step.copy(), np.full_like(step, np.nan)
+        place, missing, begin = self.place[:, members], self.missing[:, members], self._begin(members)
+        trying = np.arange(len(members))
+        for _ in range(1 + HALVINGS):
+            who = members[trying]
+            batch = self._batch_at(place[:, trying] + step[:, trying], who)
+            beat, after = self._missing_at(batch, begin.take(trying))
+            self._put(who, beat.orbits, place[:, trying] + step[:, trying], after)
+            change[:, trying] = after - missing[:, trying]
+            trying = trying[~np.isfinite(after).all(axis=0)]
+            if not len(trying):
                 break
-            step = np.where(failed, 0.5 * step, step)
-            beat, after = missing_at(place + step, begin)
-        _learn(inverse, np.asarray(known & np.isfinite(after).all(axis=0)), step, after - missing)
-        place, missing = place + step, after
-    return Coupled(beat, _settled(missing, enough), inverse)
+            step[:, trying] *= 0.5
+        return step, change
 
+    def solved(self) -> SolvedOrbits:
+        """The last orbits, of the batch with what was solved for."""
+        return replace(self.orbits, batch=self._batch_at(self.place))
 
-def _on_from(start: Start, beat: Measured) -> Start:
-    """The next searches begin at the last beats, where it is known how they go on."""
-    if not isinstance(start, Anchor):
-        return start
-    states = beat.orbits.states
-    known = np.isfinite(states).all(axis=0)
-    return Anchor(np.where(known, states, start.states(states.shape[1])), start.inverse)
+    def _batch_at(self, place: np.ndarray, members: np.ndarray | None = None) -> Batch:
+        """Some members, or all, with parameters of which logarithms are given."""
+        part = self.batch if members is None else self.batch.take(members)
+        return replace(part, values={**part.values, **dict(zip(self.names, np.exp(place), strict=True))})
+
+    def _missing_at(self, batch: Batch, start: Start) -> tuple[Measured, np.ndarray]:
+        beat, place = self.measure(batch, start), np.log([batch.values[name] for name in self.names])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return beat, np.log([beat.output(SOLVED_BY[name]) for name in self.names]) - place
+
+    def _begin(self, members: np.ndarray) -> Anchor:
+        """Where the next searches of some members begin: at their last beats."""
+        states = self.orbits.states[:, members]
+        if isinstance(self.start, Anchor):
+            given = self.start.take(members).inverse
+            return Anchor(states, given if given.ndim == 3 else np.repeat(given[..., None], len(members), 2))
+        if self._inverses is None:
+            near = self.solved().take(members)
+            self._open, self._inverses = members, inverses_near(near, self.start, self.options)
+        return Anchor(states, self._inverses[..., np.searchsorted(self._open, members)])
+
+    def _put(self, members: np.ndarray, orbits: SolvedOrbits, place: np.ndarray, missing: np.ndarray) -> None:
+        beats = self.orbits.beats[members] + orbits.beats
+        self.orbits.put(members, orbits)
+        self.orbits.beats[members], self.orbits.resolution[members] = beats, orbits.resolution
+        self.place[:, members], self.missing[:, members] = place, missing
 
 
 def _settled(missing: np.ndarray, enough: float) -> np.ndarray:
@@ -164,9 +217,9 @@ def _settled(missing: np.ndarray, enough: float) -> np.ndarray:
 
 
 def _learn(inverse: np.ndarray, members: np.ndarray, step: np.ndarray, change: np.ndarray) -> None:
-    """Broyden's update of some members' inverse Jacobians."""
-    for m in np.flatnonzero(members):
-        h, s, y = inverse[m], step[:, m], change[:, m]
+    """Broyden's update of some members' inverse Jacobians, from changes that are finite."""
+    for k, m in enumerate(members):
+        h, s, y = inverse[m], step[:, k], change[:, k]
         divisor = s @ h @ y
         if abs(divisor) > 1e-12 * float(s @ s) and np.isfinite(divisor):
             inverse[m] = h + np.outer(s - h @ y, s @ h) / divisor

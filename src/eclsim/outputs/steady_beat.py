@@ -263,9 +263,12 @@ def steady_beat(
         resolution: of the phase grid; left out, what each member's time constants need.
         execution: how the batch is computed.
     """
-    threads = (execution or Execution()).thread_count()
+    threads, options = (execution or Execution()).thread_count(), options or OrbitOptions()
     keep = range(batch.count) if keep is None else keep
     first = with_neutral(start) if solved_for(batch.circuit) else start
+
+    # A part of the batch is computed with the same program as the whole.
+    execution = Execution(threads, (execution or Execution()).width_for(batch.count))
 
     def orbits_of(part: Batch, begin: Mapping[str, float] | Anchor | None) -> SolvedOrbits:
         return solve(part, options, start=begin, resolution=resolution, execution=execution)
@@ -273,17 +276,15 @@ def steady_beat(
     names = open_parameters(batch)
     if not names:
         return measured(orbits_of(batch, first), outputs, waveforms, keep, threads)
-    full = outputs is None or waveforms is None or bool(waveforms) or bool(keep)
-    read = tuple(dict.fromkeys((*(SOLVED_BY[name] for name in names), *(() if full else outputs or ()))))
+    read = tuple(SOLVED_BY[name] for name in names)
 
     def measure(part: Batch, begin: Mapping[str, float] | Anchor | None) -> SteadyBeat:
         return measured(orbits_of(part, begin), read, (), (), threads)
 
-    tolerance = (options or OrbitOptions()).error_tolerance
-    coupled = settle(batch, names, measure, tolerance, first)
+    coupled = settle(batch, names, measure, options, first)
     if isinstance(first, CoupledAnchor) and not coupled.settled.all():
-        coupled = settle(batch, names, measure, tolerance, Anchor(first.state, first.inverse))
-    beat = measured(coupled.beat.orbits, outputs, waveforms, keep, threads) if full else coupled.beat
+        coupled = settle(batch, names, measure, options, Anchor(first.state, first.inverse))
+    beat = measured(coupled.orbits, outputs, waveforms, keep, threads)
     failed = beat.converged & ~coupled.settled
     beat.status[failed] = Status.NOT_CONVERGED
     return replace(beat, coupled=names, unsettled=failed, response=coupled.response)._without(failed)
