@@ -162,7 +162,7 @@ def test_who_has_settled_is_not_computed_again(model):
 
 
 def test_of_two_beats_each_member_keeps_its_own(model):
-    """Two beats exist at every p, with fixed points at 1.3 and 0.8; searches from rest find one or the other."""
+    """Two beats exist at every p, with fixed points at 1.3 and 0.8; from rest either is found."""
 
     def answer(p, states):
         branch = np.sin(1e3 * p) > 0.0 if states is None else states > 0.0

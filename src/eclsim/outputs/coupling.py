@@ -189,7 +189,8 @@ class _Search:
         return replace(part, values={**part.values, **dict(zip(self.names, np.exp(place), strict=True))})
 
     def _missing_at(self, batch: Batch, start: Start) -> tuple[Measured, np.ndarray]:
-        beat, place = self.measure(batch, start), np.log([batch.values[name] for name in self.names])
+        place = np.log(np.array([batch.values[name] for name in self.names]))
+        beat = self.measure(batch, start)
         with np.errstate(invalid="ignore", divide="ignore"):
             return beat, np.log([beat.output(SOLVED_BY[name]) for name in self.names]) - place
 
