@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -79,28 +79,33 @@ class CoupledAnchor(Anchor):
     response: np.ndarray
 
 
+Beat = TypeVar("Beat", bound=Measured)
+
+
 @dataclass(frozen=True)
-class Coupled:
+class Coupled(Generic[Beat]):
     """Orbits of a batch with what was solved for.
 
     Args:
         orbits: with these parameters.
         settled: which members have them.
         response: inverse Jacobian of what they miss, shape (members, parameters, parameters).
+        beat: these orbits as they were measured, where all members were in the last round; else None.
     """
 
     orbits: SolvedOrbits
     settled: np.ndarray
     response: np.ndarray
+    beat: Beat | None
 
 
 def settle(
     batch: Batch,
     names: tuple[str, ...],
-    measure: Callable[[Batch, Start], Measured],
+    measure: Callable[[Batch, Start], Beat],
     options: OrbitOptions,
     start: Start = None,
-) -> Coupled:
+) -> Coupled[Beat]:
     """Solve for the parameters of all members.
 
     Args:
@@ -127,10 +132,10 @@ def settle(
         newton = -np.einsum("mij,jm->im", response[members], search.missing[:, members])
         step, change = search.move(members, np.clip(newton, -LARGEST_STEP, LARGEST_STEP))
         _learn(response, members, step, change)
-    return Coupled(search.solved(), _settled(search.missing, enough), response)
+    return Coupled(search.solved(), _settled(search.missing, enough), response, search.beat)
 
 
-class _Search:
+class _Search(Generic[Beat]):
     """Members on their way to what they are solved for, each from its last beat to the next.
 
     Args:
@@ -140,13 +145,14 @@ class _Search:
     Attributes:
         missing: log o(p) - log p, shape (parameters, members).
         orbits: the last ones.
+        beat: of the last round, if all members were in it; else None.
     """
 
     def __init__(
         self,
         batch: Batch,
         names: tuple[str, ...],
-        measure: Callable[[Batch, Start], Measured],
+        measure: Callable[[Batch, Start], Beat],
         options: OrbitOptions,
         start: Start,
         place: np.ndarray,
@@ -154,6 +160,7 @@ class _Search:
         self.batch, self.names, self.measure = batch, names, measure
         self.options, self.start, self.place = options, start, place
         beat, self.missing = self._missing_at(self._batch_at(place), start)
+        self.beat: Beat | None = beat
         self.orbits = replace(beat.orbits, resolution=np.array(beat.orbits.resolution))
         self._open = np.arange(0)
         self._inverses: np.ndarray | None = None
@@ -171,6 +178,7 @@ class _Search:
             who = members[trying]
             batch = self._batch_at(place[:, trying] + step[:, trying], who)
             beat, after = self._missing_at(batch, begin.take(trying))
+            self.beat = beat if len(who) == self.batch.count else None
             self._put(who, beat.orbits, place[:, trying] + step[:, trying], after)
             change[:, trying] = after - missing[:, trying]
             trying = trying[~np.isfinite(after).all(axis=0)]
@@ -188,7 +196,7 @@ class _Search:
         part = self.batch if members is None else self.batch.take(members)
         return replace(part, values={**part.values, **dict(zip(self.names, np.exp(place), strict=True))})
 
-    def _missing_at(self, batch: Batch, start: Start) -> tuple[Measured, np.ndarray]:
+    def _missing_at(self, batch: Batch, start: Start) -> tuple[Beat, np.ndarray]:
         place = np.log(np.array([batch.values[name] for name in self.names]))
         beat = self.measure(batch, start)
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -276,7 +276,8 @@ def steady_beat(
     names = open_parameters(batch)
     if not names:
         return measured(orbits_of(batch, first), outputs, waveforms, keep, threads)
-    read = tuple(SOLVED_BY[name] for name in names)
+    full = outputs is None or waveforms is None or bool(waveforms) or bool(keep)
+    read = tuple(dict.fromkeys((*(SOLVED_BY[name] for name in names), *(() if full else outputs or ()))))
 
     def measure(part: Batch, begin: Mapping[str, float] | Anchor | None) -> SteadyBeat:
         return measured(orbits_of(part, begin), read, (), (), threads)
@@ -284,7 +285,8 @@ def steady_beat(
     coupled = settle(batch, names, measure, options, first)
     if isinstance(first, CoupledAnchor) and not coupled.settled.all():
         coupled = settle(batch, names, measure, options, Anchor(first.state, first.inverse))
-    beat = measured(coupled.orbits, outputs, waveforms, keep, threads)
+    beat = None if full else coupled.beat
+    beat = measured(coupled.orbits, outputs, waveforms, keep, threads) if beat is None else beat
     failed = beat.converged & ~coupled.settled
     beat.status[failed] = Status.NOT_CONVERGED
     return replace(beat, coupled=names, unsettled=failed, response=coupled.response)._without(failed)
