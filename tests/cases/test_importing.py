@@ -179,6 +179,11 @@ def test_all_mistakes_are_said_at_once(tmp_path):
             "limit",
         ),
         ({"resourceType": "Patient", "id": "P01", "gender": "unknown", "birthDate": "1955"}, "female, male"),
+        (observation("8478-0", 10**400, "mm[Hg]"), "no number"),
+        (observation("8478-0", float("inf"), "mm[Hg]"), "no number"),
+        (observation("8478-0", 80, "mm[Hg]", component=3), "component: not a list"),
+        (observation("", 80, "mm[Hg]") | {"code": {"coding": {"code": "8478-0"}}}, "coding: not a list"),
+        (observation("", 80, "mm[Hg]") | {"code": {"coding": 8478}}, "coding: not a list"),
     ],
 )
 def test_what_a_bundle_may_have_wrong(tmp_path, resource, text):

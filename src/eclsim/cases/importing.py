@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
 from eclsim.cases.cohort_rows import read_table
@@ -202,7 +203,7 @@ def read_bundle(
 
 def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
     """That a bundle is one page of several, or holds less than was found."""
-    if any(_mapping(link).get("relation") == "next" for link in bundle.get("link") or []):
+    if any(_mapping(link).get("relation") == "next" for link in _list(bundle.get("link"))):
         message = "one page of several: the patients and values of the pages after it are not here"
         yield Mistake("link", message, "next", "all pages in one bundle")
     found = [e for e in bundle["entry"] if _mapping(_mapping(e).get("search")).get("mode") != "include"]
@@ -249,7 +250,7 @@ def _subject(resource: Mapping[str, Any], names: Mapping[str, str]) -> tuple[str
     kind = reference.split("/")[-2] if "/" in reference else str(subject.get("type") or "Patient")
     if kind != "Patient":
         return "", f"the subject is a {kind}; allowed: a Patient (take out what is of no patient)"
-    contained = {f"#{_mapping(c).get('id')}" for c in resource.get("contained") or []}
+    contained = {f"#{_mapping(c).get('id')}" for c in _list(resource.get("contained"))}
     if reference in contained:
         return "", f"the subject {reference} is inside the Observation; allowed: one Patient entry for all"
     return names.get(reference) or _last(reference), ""
@@ -288,7 +289,10 @@ def _observations(
         return []
     when = resource.get("effectiveDateTime") or resource.get("effectiveInstant")
     when = when or _mapping(resource.get("effectivePeriod")).get("start") or ""
-    parts = [resource, *(c for c in resource.get("component") or [] if isinstance(c, dict))]
+    parts = [resource, *_list(resource.get("component"))]
+    if wrong := _misshapen(resource, parts):
+        result.mistakes.append(Mistake(place, wrong))
+        return []
     values = [(code_of(part), part) for part in parts if "valueQuantity" in part or part is not resource]
     if not values and "dataAbsentReason" not in resource:
         if code_of(resource) in BY_CODE:
@@ -310,7 +314,7 @@ def _value(
     patient: str, when: str, code: str, quantity: Mapping[str, Any], place: str, result: Imported
 ) -> list[Observation]:
     value, key = quantity.get("value"), f"{place} {BY_CODE[code].column}"
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if not _is_number(value):
         result.mistakes.append(Mistake(key, "no number", shown(value) if value is not None else ""))
         return []
     if quantity.get("comparator"):
@@ -324,10 +328,28 @@ def _value(
     return [Observation(patient, when, code, float(value), coded or written, place)]
 
 
+def _misshapen(resource: Mapping[str, Any], parts: Sequence[Any]) -> str:
+    """What is no list, or holds no objects, where FHIR has a list of them; empty where all is well."""
+    if not isinstance(resource.get("component") or [], list) or not all(isinstance(p, dict) for p in parts):
+        return "component: not a list of objects, as FHIR has it"
+    for part in parts:
+        coding = _mapping(part.get("code")).get("coding") or []
+        if not isinstance(coding, list) or not all(isinstance(c, dict) for c in coding):
+            return "code.coding: not a list of objects, as FHIR has it"
+    return ""
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    """Whether a value is a number that a float can be."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < sys.float_info.max
+
+
 def code_of(part: Mapping[str, Any]) -> str:
     """The first code of a resource or component that can be read, else its first code, else its text."""
     concept = _mapping(part.get("code"))
-    codings = [_mapping(c) for c in concept.get("coding") or []]
+    codings = [_mapping(c) for c in _list(concept.get("coding"))]
     known = [
         str(c.get("code"))
         for c in codings
@@ -370,3 +392,7 @@ def _about(
 
 def _mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, dict) else {}
+
+
+def _list(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
