@@ -3,6 +3,7 @@
 import pytest
 
 from eclsim.cases import Case, read_case
+from eclsim.cases.reading import read_mapping
 from eclsim.cases.writing import case_text
 from eclsim.circuit.volumes import start_volume
 from eclsim.course.beats import course_beats
@@ -87,6 +88,13 @@ give = { blod_ml = 5 }
     assert "events[2].at_min = 35: overlaps the change of Rmc from 30 to 40 min" in first
     assert "out of order: the event before is at 35 min" in second
     assert "blood_ml" in third
+
+
+@pytest.mark.parametrize("event", [{"at_min": 10**400}, {"at_min": 5, "give": {"bleed_ml": -(10**400)}}])
+def test_a_number_beyond_all_floats_is_refused(event):
+    patient = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 80}
+    with pytest.raises(CaseError, match="more than 60 digits"):
+        read_mapping({"format": 1, "patient": patient, "events": [event]})
 
 
 def test_a_change_may_follow_another_of_its_key(tmp_path):

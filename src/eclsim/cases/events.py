@@ -14,7 +14,7 @@ from eclsim.cases.settings import in_place_of, put_in, unknown_key
 from eclsim.devices.registry import usual_setting
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
-from eclsim.inputs.numbers import RefusedValueError, read_number
+from eclsim.inputs.numbers import RefusedValueError, is_number, read_number
 from eclsim.inputs.sections import Raw, short
 from eclsim.parameters.fluid import says_start
 from eclsim.slow import INFLOWS
@@ -156,7 +156,7 @@ class _Checks:
             self.remarks.error(place, "volumes by kind belong here", shown(raw), "{ crystalloid_ml = 500 }")
             return values
         for kind, value in raw.items():
-            if kind in OPPOSITE and _is_number(value) and value < 0:
+            if kind in OPPOSITE and is_number(value) and value < 0:
                 allowed, instead = f"0 to {LARGEST_ML:g} mL", f"{OPPOSITE[kind]} = {-value:g}"
                 self.remarks.error(f"{place}.{kind}", "is negative", shown(value), allowed, instead)
             elif kind in INFLOWS:
@@ -189,7 +189,7 @@ class _Checks:
                 self.remarks.error(
                     key, "a course keeps the pump's speed, not its flow; set the speed", shown(value)
                 )
-            elif ramped and not _is_number(value):
+            elif ramped and not is_number(value):
                 self.remarks.error(key, "only numbers change over ramp_min", shown(value))
             elif self._allowed(key, path, value):
                 values[path[1] if path[0] == "parameters" else ".".join(path)] = value
@@ -226,10 +226,6 @@ def _key_and_message(mistake: Mistake) -> tuple[str, str]:
     return mistake.key, mistake.message
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
 def _flat(raw: Raw, before: str = "") -> list[tuple[str, object]]:
     """Keys and values, also where `ecmo.speed_rpm` was written without quotes."""
     result: list[tuple[str, object]] = []
@@ -243,7 +239,7 @@ def _check_order(raw: Sequence[object], remarks: Remarks) -> None:
     last = -math.inf
     for n, event in enumerate(raw, start=1):
         at = event.get("at_min") if isinstance(event, Mapping) else None
-        if not isinstance(at, (int, float)) or isinstance(at, bool):
+        if not is_number(at):
             continue
         if at < last:
             message = f"out of order: the event before is at {last:g} min"

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
 from eclsim.cases.cohort_rows import read_table
@@ -26,7 +25,7 @@ from eclsim.cases.sections import Gas
 from eclsim.files import csv_text
 from eclsim.inputs.files import decoded, json_of, read_bytes
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
-from eclsim.inputs.numbers import is_missing
+from eclsim.inputs.numbers import is_missing, is_number
 from eclsim.spelling import did_you_mean
 from eclsim.units import known_unit
 
@@ -314,7 +313,7 @@ def _value(
     patient: str, when: str, code: str, quantity: Mapping[str, Any], place: str, result: Imported
 ) -> list[Observation]:
     value, key = quantity.get("value"), f"{place} {BY_CODE[code].column}"
-    if not _is_number(value):
+    if not is_number(value):
         result.mistakes.append(Mistake(key, "no number", shown(value) if value is not None else ""))
         return []
     if quantity.get("comparator"):
@@ -337,13 +336,6 @@ def _misshapen(resource: Mapping[str, Any], parts: Sequence[Any]) -> str:
         if not isinstance(coding, list) or not all(isinstance(c, dict) for c in coding):
             return "code.coding: not a list of objects, as FHIR has it"
     return ""
-
-
-def _is_number(value: object) -> TypeGuard[int | float]:
-    """Whether a value is a number that a float can be."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return abs(value) < sys.float_info.max
 
 
 def code_of(part: Mapping[str, Any]) -> str:

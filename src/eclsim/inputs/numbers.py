@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import sys
+from typing import TypeGuard
 
 from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import Mistake, NumberAsWritten
@@ -37,6 +39,13 @@ def is_missing(value: object) -> bool:
     if isinstance(value, float):
         return math.isnan(value)
     return isinstance(value, str) and value.strip().lower() in _MISSING
+
+
+def is_number(value: object) -> TypeGuard[int | float]:
+    """Whether a value is a number that a float can be."""
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max
 
 
 def read_number(value: object, field: Field) -> float:
