@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.cases import names_of, read_all, with_speeds
+from eclsim.cli.cases import names_of, read_all, warn_of_results, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
 from eclsim.cli.options import MERGE, CaseChanges, Distributed, Json, argument, option
@@ -247,7 +247,7 @@ def identifiability(options: IdentifiabilityOptions) -> None:
         _write_json({"id": error.name, "status": error.word, "message": reason}, target, folder)
         warn([f"{reading.file}: {reason}"])
         raise typer.Exit(INCOMPLETE) from None
-    warn(f"{reading.file}: {sentence}" for sentence in result.warnings)
+    warn_of_results(reading, result.warnings)
     shown = _write_json(result.as_object(), target, folder)
     if folder is not None:
         from eclsim.sensitivity.figures import write_identifiability_figures
