@@ -22,6 +22,7 @@ from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.files import finite
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.inputs.numbers import is_number
 from eclsim.parameters.fluid import says_start
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.slow import INFLOWS
@@ -186,7 +187,7 @@ def with_event(case: Case, event: object) -> Case:
         raise CaseError([Mistake("events", text("course_full", most=MOST_EVENTS))])
     added = _read({key: event[key] for key in KEYS if key in event})
     at = added.get("at_min")
-    minute = float(at) if isinstance(at, (int, float)) and not isinstance(at, bool) else 0.0
+    minute = float(at) if is_number(at) else 0.0
     raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])
     return read_mapping(raw).case
 

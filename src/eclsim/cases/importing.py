@@ -288,10 +288,10 @@ def _observations(
         return []
     when = resource.get("effectiveDateTime") or resource.get("effectiveInstant")
     when = when or _mapping(resource.get("effectivePeriod")).get("start") or ""
-    parts = [resource, *_list(resource.get("component"))]
-    if wrong := _misshapen(resource, parts):
+    if wrong := _misshapen(resource):
         result.mistakes.append(Mistake(place, wrong))
         return []
+    parts = [resource, *(resource.get("component") or [])]
     values = [(code_of(part), part) for part in parts if "valueQuantity" in part or part is not resource]
     if not values and "dataAbsentReason" not in resource:
         if code_of(resource) in BY_CODE:
@@ -327,21 +327,23 @@ def _value(
     return [Observation(patient, when, code, float(value), coded or written, place)]
 
 
-def _misshapen(resource: Mapping[str, Any], parts: Sequence[Any]) -> str:
-    """What is no list, or holds no objects, where FHIR has a list of them; empty where all is well."""
-    if not isinstance(resource.get("component") or [], list) or not all(isinstance(p, dict) for p in parts):
+def _misshapen(resource: Mapping[str, Any]) -> str:
+    """What is not a list of objects where FHIR has one; empty where all is well."""
+    components = resource.get("component") or []
+    if not _are_objects(components):
         return "component: not a list of objects, as FHIR has it"
-    for part in parts:
-        coding = _mapping(part.get("code")).get("coding") or []
-        if not isinstance(coding, list) or not all(isinstance(c, dict) for c in coding):
-            return "code.coding: not a list of objects, as FHIR has it"
-    return ""
+    codings = (_mapping(part.get("code")).get("coding") or [] for part in (resource, *components))
+    return "" if all(map(_are_objects, codings)) else "code.coding: not a list of objects, as FHIR has it"
+
+
+def _are_objects(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(one, dict) for one in value)
 
 
 def code_of(part: Mapping[str, Any]) -> str:
     """The first code of a resource or component that can be read, else its first code, else its text."""
     concept = _mapping(part.get("code"))
-    codings = [_mapping(c) for c in _list(concept.get("coding"))]
+    codings = concept.get("coding") or []
     known = [
         str(c.get("code"))
         for c in codings

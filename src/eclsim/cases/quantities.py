@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from eclsim.cases.fluid import Fluid
 from eclsim.cases.sections import Patient, is_instance_name, section_of
 from eclsim.devices.registry import devices, parameters
+from eclsim.inputs.numbers import is_number
 from eclsim.inputs.sections import Section
 from eclsim.parameters import thiel2025
 from eclsim.parameters.parameter import Parameter
@@ -70,7 +71,7 @@ def stated(case: Case, name: str) -> float | None:
     if place is None:
         return None
     value = case.parameters.get(place[1]) if place[0] == PARAMETERS else case.setting(*place)
-    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+    return float(value) if is_number(value) else None
 
 
 def with_values(case: Case, values: Mapping[str, float]) -> Case:

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 
 from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.inputs.numbers import RefusedValueError, is_missing, read_number
+from eclsim.inputs.numbers import RefusedValueError, is_missing, is_number, read_number
 from eclsim.parameters import Parameter
 from eclsim.spelling import did_you_mean
 
@@ -213,7 +213,7 @@ def read_name(value: object, field: Field) -> str:
 
 def read_share(value: object, field: Field) -> object:
     """A fraction; a percentage is refused with what it means."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and 10.0 <= value <= 70.0:
+    if is_number(value) and 10.0 <= value <= 70.0:
         raise RefusedValueError("a percentage; a fraction belongs here", field.allowed, f"{value / 100.0:g}")
     return read_number(value, replace(field, read=None))
 

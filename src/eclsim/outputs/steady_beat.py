@@ -263,12 +263,12 @@ def steady_beat(
         resolution: of the phase grid; left out, what each member's time constants need.
         execution: how the batch is computed.
     """
-    threads, options = (execution or Execution()).thread_count(), options or OrbitOptions()
+    options, execution = options or OrbitOptions(), execution or Execution()
+    # A part of the batch is computed with the same program as the whole.
+    execution = replace(execution, width=execution.width_for(batch.count))
+    threads = execution.thread_count()
     keep = range(batch.count) if keep is None else keep
     first = with_neutral(start) if solved_for(batch.circuit) else start
-
-    # A part of the batch is computed with the same program as the whole.
-    execution = Execution(threads, (execution or Execution()).width_for(batch.count))
 
     def orbits_of(part: Batch, begin: Mapping[str, float] | Anchor | None) -> SolvedOrbits:
         return solve(part, options, start=begin, resolution=resolution, execution=execution)
