@@ -55,6 +55,15 @@ def test_a_digit_that_is_another_is_seen():
     assert not agrees("0.89", 0.8845)
 
 
+def test_the_credibility_page_counts_as_the_validation_page_does():
+    """Each count there is one of the tables of rows; the verdicts of those are of `eclsim validate`."""
+    counts, known = (
+        re.findall(r"\b\d+ of \d+\b", page(f"docs/{name}.md")) for name in ("credibility", "validation")
+    )
+    assert len(counts) > 20
+    assert set(counts) <= set(known)
+
+
 def test_the_demonstration_of_the_readme():
     shown = re.findall(r"^(\w+) +([\d.]+) +([\d.]+)  (?:L/min|mmHg) ", page("README.md"), re.MULTILINE)
     got = {

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
+import eclsim
 from eclsim.files import (
     csv_text,
     file_stem,
@@ -20,6 +22,7 @@ from eclsim.files import (
     unguarded,
     whole_file,
     write_json,
+    write_netcdf,
     write_text,
 )
 
@@ -86,10 +89,10 @@ def test_json_has_null_for_what_is_not_finite_and_rounds_nothing():
         "d": np.array([np.nan, 1e300]),
         3: "text",
     }
-    assert json.loads(json_text(data)) == {
+    assert json.loads(json_text([data])) == [{
         "a": [1.0, None, [None, 0.1 + 0.2]], "b": [[1, 2], [3, 4]], "c": True, "d": [None, 1e300],
         "3": "text",
-    }  # fmt: skip
+    }]  # fmt: skip
     assert finite({"a": 1.23456789, "b": 7}, digits=3) == {"a": 1.23, "b": 7}
 
 
@@ -99,10 +102,30 @@ def test_what_json_has_no_word_for_is_an_error():
 
 
 def test_json_and_text_go_to_standard_output_or_a_file(tmp_path: Path, capsys):
-    write_json({"a": 1}, "-")
-    assert json.loads(capsys.readouterr().out) == {"a": 1}
+    write_json([{"a": 1}], "-")
+    assert json.loads(capsys.readouterr().out) == [{"a": 1}]
     write_text("one\ntwo\n", tmp_path / "a.txt")
     assert (tmp_path / "a.txt").read_bytes() == b"one\ntwo\n"
+
+
+def test_json_and_netcdf_say_which_version_wrote_them(tmp_path: Path):
+    assert json.loads(json_text({"a": 1})) == {"made_by": f"eclsim {eclsim.__version__}", "a": 1}
+    data = xr.Dataset(
+        {"x": ("k", np.array(["one", ""], dtype=object), {"units": "1"})}, attrs={"warnings": []}
+    )
+    said = data.assign_attrs(warnings=["first", "second"])
+    write_netcdf({"": xr.Dataset(attrs={"id": "P"}), "below": data, "below/more": said}, tmp_path / "a.nc")
+    for group, about in (
+        ("", {"id": "P"}),
+        ("below", {"warnings": ""}),
+        ("below/more", {"warnings": "first\nsecond"}),
+    ):
+        with xr.open_dataset(tmp_path / "a.nc", group=group, engine="h5netcdf") as written:
+            assert written.attrs == about | {"made_by": f"eclsim {eclsim.__version__}"}
+            if group:
+                assert written["x"].values.tolist() == ["one", ""]
+                assert written["x"].attrs == {"units": "1"}
+    assert data.attrs == {"warnings": []}
 
 
 def test_a_table_has_numbers_to_eight_digits_and_no_formula_anywhere():

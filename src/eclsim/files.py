@@ -1,4 +1,4 @@
-"""Files that any room writes: whole or not at all, finite JSON, guarded CSV, and names made from ids."""
+"""Files that any room writes: whole or not at all; finite JSON, NetCDF, guarded CSV, names made from ids."""
 
 from __future__ import annotations
 
@@ -13,13 +13,20 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, TypeVar, overload
 
+from eclsim._version import __version__
+
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
+
+MADE_BY = "made_by"
+"""Key of every JSON object and attribute of every NetCDF file that says which version wrote it."""
+VERSION_NAME = f"eclsim {__version__}"
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 _Cell = TypeVar("_Cell")
@@ -102,13 +109,30 @@ def finite(value: object, digits: int | None = None) -> Json:
 
 
 def json_text(data: object) -> str:
-    """Data as JSON text; null for every number that is not finite."""
-    return json.dumps(finite(data), indent=1, allow_nan=False) + "\n"
+    """Data as JSON text, an object with the version that wrote it; null for numbers that are not finite."""
+    marked = {MADE_BY: VERSION_NAME, **data} if isinstance(data, dict) else data
+    return json.dumps(finite(marked), indent=1, allow_nan=False) + "\n"
 
 
 def write_json(data: object, destination: Path | str) -> None:
     """Write data as JSON; "-" is standard output."""
     write_text(json_text(data), destination)
+
+
+# --- NetCDF ---------------------------------------------------------------------------------------
+
+
+def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
+    """Write datasets with the version that wrote them into one file; the group "" is its root.
+
+    Lists of sentences become texts, a line each, since NetCDF holds no empty list.
+    """
+    with whole_file(path, sum(data.nbytes for data in datasets.values())) as partial:
+        for count, (group, data) in enumerate(datasets.items()):
+            texts = {name: "\n".join(value) for name, value in data.attrs.items() if isinstance(value, list)}
+            stored = data.assign_attrs(texts | {MADE_BY: VERSION_NAME})
+            stored = stored.map(lambda one: one.astype(str) if one.dtype == object else one, keep_attrs=True)
+            stored.to_netcdf(partial, mode="a" if count else "w", group=group or None, engine="h5netcdf")
 
 
 # --- CSV ------------------------------------------------------------------------------------------

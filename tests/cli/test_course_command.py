@@ -185,6 +185,7 @@ def test_moments_that_no_patient_can_have_are_marked_in_table_and_json():
             "alarms": "[]", "balance": json.dumps(balance), "beat_by_beat": 0, "seconds": 1.0,
             "settling_s": 0.0, "id": "P", "converged": 1, "status": "finished", "message": "",
             "events": "[]", "warnings": [], "blood_volume_policy": "as_published",
+            "case": "{}", "case_values": "{}",
         },
     )  # fmt: skip
     assert course_object(course)["impossible"] == [False, False, True, False]

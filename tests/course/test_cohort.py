@@ -127,7 +127,7 @@ def test_an_event_after_the_end_is_refused(cases):
 
 def drawn(values, minutes, *, message="", alarms=(), ahead=()):
     about = {
-        "id": "P", "events": "[]", "blood_volume_policy": "as_published", "settling_s": 1.0,
+        "id": "P", "case": "{}", "events": "[]", "blood_volume_policy": "as_published", "settling_s": 1.0,
         "beat_by_beat": 0,
         "approximations": ahead,
         "converged": int(not message), "message": message, "alarms": json.dumps(list(alarms)), "seconds": 1.0,

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import eclsim
 from crrt_failures import forget, with_failures
+from eclsim.cases.reading import read_mapping
 from eclsim.crrt_study.files import MEANS, file_names, study_object, tables, write_netcdf, write_study
 from eclsim.crrt_study.report import show, study_page
 
@@ -73,7 +75,11 @@ def test_the_page_tells_answer_schemes_limits_policies_and_assumptions(report, h
 
 def test_json_has_the_agreed_form(hostile_study, folder):
     result = json.loads((folder / "study.json").read_text())
+    assert result.pop("made_by") == f"eclsim {eclsim.__version__}"
     assert result == json.loads(json.dumps(study_object(hostile_study)))
+    with xr.open_dataset(folder / "study.nc", engine="h5netcdf") as root:
+        assert json.loads(root.attrs["case"]) == result["case"]
+        assert read_mapping(result["case"]).case == hostile_study.case
     policy = result["policies"]["as_published"]
     assert policy["speed_rpm"] == 3425
     assert set(policy["schemes"]) == {"a", "g", "h"}

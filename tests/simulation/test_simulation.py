@@ -1,6 +1,9 @@
+import json
+
 import numpy as np
 import pytest
 
+from eclsim.cases import Case
 from eclsim.cases.reading import read_case
 from eclsim.reporting.beat_values import beat_mean
 from eclsim.simulation.files import case_object
@@ -35,6 +38,52 @@ def test_a_case_has_a_steady_beat_and_a_course_by_either_solver(case, solver):
     last = course["Pao"].where(course["time"] > 24.0 - 0.75, drop=True)
     assert float(last.max()) == pytest.approx(float(beat["SP"]), rel=1e-3)
     assert float(last.min()) == pytest.approx(float(beat["DP"]), rel=2e-3)
+
+
+REGULATED = """format = 1
+[patient]
+id = "P08"
+sex = "female"
+age_years = 63
+height_cm = 165
+weight_kg = 70
+heart_rate_bpm = 95
+[ecmo]
+pump = "Rotaflow"
+drainage_site = "ra"
+drainage_cannula = "venous"
+drainage_fr = 25
+return_site = "ao"
+return_cannula = "arterial"
+return_fr = 17
+speed_rpm = 3000
+oxygenator = "Quadrox-i Adult"
+[gas]
+haemoglobin_g_dl = 10
+[regulation]
+baroreflex = 1
+chemoreflex = 1
+[drugs]
+noradrenaline = 0.1
+"""
+
+
+def test_a_result_holds_the_case_that_repeats_it(tmp_path):
+    """Set points that the file leaves open are those of the file, not of the case after --set."""
+    file = tmp_path / "case.toml"
+    file.write_text(REGULATED)
+    changed = read_case(str(file), ["ecmo.speed_rpm=4200", "Emaxlv=0.5"]).case
+    beat = simulate(changed, volume_policy="patient_held")
+    held = Case.model_validate_json(beat.attrs["case"])
+    assert held.regulation.open_set_points == ()
+    assert "shunt_fraction" not in held.gas.model_fields_set
+    again = simulate(held)
+    assert again.attrs["blood_volume_policy"] == "patient_held"
+    numbers = [n for n, v in beat.data_vars.items() if v.ndim == 0 and v.dtype.kind == "f"]
+    assert {n: float(again[n]) for n in numbers} == {n: float(beat[n]) for n in numbers}
+    without = simulate(changed.model_copy(update={"as_written": None}), volume_policy="patient_held")
+    assert abs(float(without["MAP"]) - float(beat["MAP"])) > 1.0
+    assert case_object(beat)["case"] == json.loads(beat.attrs["case"])
 
 
 def test_the_mean_of_a_waveform_is_one_number_everywhere(case):

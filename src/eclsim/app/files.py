@@ -23,7 +23,7 @@ from eclsim.app.provenance import kind_of, provenance
 from eclsim.app.texts import text, with_minus
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.reading import read_case
-from eclsim.files import file_stems
+from eclsim.files import file_stems, write_json
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
@@ -291,10 +291,7 @@ def _with_set_points(case: Case) -> Case:
         return case
     from eclsim.orbit.model import values_of
 
-    values = values_of(case)
-    points = {key.partition(".")[2]: round(values[key], 3) for key in case.regulation.open_set_points}
-    update = {"regulation": case.regulation.model_copy(update=points), "as_written": None}
-    return case.model_copy(update=update)
+    return case.with_set_points({key: round(value, 3) for key, value in values_of(case).items()})
 
 
 def _table(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
@@ -341,7 +338,7 @@ def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
         how = "--beats" if minutes in BEATS else "--steady-only"
         command = f"# eclsim course {stem}.toml --until {minutes} {how} --out {stem}\n"
         (folder / f"{stem}.toml").write_text(command + case_text(state.case), encoding="utf-8")
-        (folder / f"{stem}_course.json").write_text(json.dumps(course_object(result)), encoding="utf-8")
+        write_json(course_object(result), folder / f"{stem}_course.json")
         write_tables(result, folder)
         write_figure(result, folder)
         return f"{stem}_course.zip", _zipped(sorted(folder.iterdir()))

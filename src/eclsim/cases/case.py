@@ -154,6 +154,18 @@ class Case(PublishedDevices):
             update={"regulation": None, "fluid": None, "as_written": None, "events": ()}
         )
 
+    def with_set_points(self, values: Mapping[str, float]) -> Case:
+        """The same case with the set points that its reflexes leave open, of `values` by key.
+
+        A case that was changed keeps those of the case as it was written, which a file of it cannot tell.
+        """
+        if self.regulation is None:
+            return self
+        points = {key.partition(".")[2]: values[key] for key in self.regulation.open_set_points}
+        return self.model_copy(
+            update={"regulation": self.regulation.model_copy(update=points), "as_written": None}
+        )
+
     def setting(self, section: str, name: str) -> Any:
         """A value as a case file holds it, such as "speed_rpm" of "lvad.left"; None if absent."""
         part = within(self.as_mapping(), section)

@@ -24,7 +24,7 @@ def case_text(case: Case) -> str:
     """A case as the text of a case file, with a comment of meaning and unit on every line."""
     import tomlkit
 
-    mapping = _without_assumed(case)
+    mapping = as_file(case)
     document = tomlkit.document()
     document["format"] = mapping["format"]
     if POLICY_KEY in mapping:
@@ -48,8 +48,8 @@ def case_text(case: Case) -> str:
     return tomlkit.dumps(document)
 
 
-def _without_assumed(case: Case) -> dict[str, Any]:
-    """The case as a mapping, without a shunt that nobody gave: written, it would be read as known."""
+def as_file(case: Case) -> dict[str, Any]:
+    """The case as a file holds it, without a shunt that nobody gave: written, it would be read as known."""
     mapping = case.as_mapping()
     if case.gas is not None and _SHUNT not in case.gas.model_fields_set:
         mapping["gas"] = {key: value for key, value in mapping["gas"].items() if key != _SHUNT}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -78,6 +78,13 @@ def _read(options: PlanOptions | SettingsOptions) -> tuple[Target, CaseReading]:
     return target, reading
 
 
+def _with_case(reading: CaseReading, content: Mapping[str, object]) -> dict[str, object]:
+    """A result for JSON, with the case that it was found for."""
+    from eclsim.orbit.model import CASE, case_record
+
+    return {"id": content["id"], CASE: case_record(reading.case), **content}
+
+
 def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     from eclsim.course.plan import plan_removal
 
@@ -87,7 +94,7 @@ def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
         progress(f"removing {options.remove_ml:g} mL at many rates")
         result = plan_removal(reading.case, options.remove_ml, options.keep, hours=options.hours)
     with writing():
-        if hand_over(result.as_object(), target):
+        if hand_over(_with_case(reading, result.as_object()), target):
             typer.echo(f"{result.id}: {result.message}")
     warn_of_results(reading, result.warnings, f", at {result.rate_ml_h:.0f} mL/h")
     return result.possible
@@ -105,7 +112,7 @@ def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
         "steps": [step._asdict() for step in steps],
     }  # fmt: skip
     with writing():
-        if hand_over(content, target):
+        if hand_over(_with_case(reading, content), target):
             typer.echo(_table(steps, options.vary))
     warn(_warnings(steps, reading.case.doubts))
     return all(step.reached for step in steps)
@@ -198,7 +205,7 @@ def settings(options: SettingsOptions) -> None:
     except GoalError as error:
         fail(*error.mistakes)
     with writing():
-        if hand_over(result.as_object(), target):
+        if hand_over(_with_case(reading, result.as_object()), target):
             typer.echo(_text(result))
     warn_of_results(reading, result.warnings)
     if not result.reached:

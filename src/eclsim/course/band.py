@@ -20,7 +20,7 @@ from eclsim.course.result import IMPOSSIBLE, TIME
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION
 from eclsim.execution import Executor, Progress
-from eclsim.orbit.model import CaseSource, as_case
+from eclsim.orbit.model import CASE, CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import THIN_WALLED
 from eclsim.outputs.registry import UnknownOutputError, output
@@ -120,7 +120,7 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
         long_name="share of the draws that break a limit", units="1",
     )  # fmt: skip
     failed = [course for course in courses if not course.attrs["converged"]]
-    shared = ("id", "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
+    shared = ("id", CASE, "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
     about = {key: first.attrs[key] for key in shared}
     coordinates = {
         TIME: variable(TIME, time, units="min", long_name="time from the start"),
@@ -261,6 +261,7 @@ def band_object(band: xr.Dataset) -> dict[str, Any]:
     about, names = band.attrs, [str(n) for n, v in band.data_vars.items() if "quantile" in v.dims]
     return {
         "id": str(about["id"]),
+        CASE: json.loads(about[CASE]),
         "draws": int(about["draws"]),
         "failed": int(about["failed"]),
         "parameters": list(about["parameters"]),

@@ -16,10 +16,11 @@ from eclsim.files import (
     file_stems,
     finite,
     frame_text,
-    whole_file,
     write_json,
+    write_netcdf,
     write_text,
 )  # fmt: skip
+from eclsim.orbit.model import CASE
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,6 +35,8 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
     states = [name for name in numeric if "definition" not in result[name].attrs]
     return {
         "id": str(about["id"]),
+        CASE: json.loads(about[CASE]),
+        "case_values": json.loads(about["case_values"]),
         "converged": bool(about["converged"]),
         "status": str(about["status"]),
         "message": str(about["message"]),
@@ -125,10 +128,7 @@ def _written(result: xr.Dataset, table: str, folder: Path, stem: str | None = No
     stem = stem or course_stem(str(result.attrs["id"]))
     csv, netcdf = folder / f"{stem}.csv", folder / f"{stem}.nc"
     write_text(table, csv)
-    lists = {name: "\n".join(value) for name, value in result.attrs.items() if isinstance(value, list)}
-    dataset = result.assign_attrs(lists)
-    with whole_file(netcdf, dataset.nbytes) as partial:
-        dataset.to_netcdf(partial, engine="h5netcdf")
+    write_netcdf({"": result}, netcdf)
     return [csv, netcdf]
 
 

@@ -15,6 +15,7 @@ from eclsim.course.gifts import said_of_gifts
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
+from eclsim.orbit.model import CASE, case_record
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
@@ -66,11 +67,13 @@ def attributes_of(
 
     `approximations` says where steady beats stand for what takes time, `cautions` what of the fluid that is
     given and lost a course does not hold as patients do; both are among `warnings`, too. `balance` is empty
-    where nothing began.
+    where nothing began. `case_values` are parameters that are others than the case's, as of a draw.
     """
     cautions = said_of_gifts(timeline) if balance else []  # none of a patient who did not begin
     return {
         "id": timeline.case.patient.id,
+        CASE: json.dumps(case_record(timeline.case, policy)),
+        "case_values": json.dumps(dict(timeline.overrides)),
         "converged": int(not message),
         "status": "stopped" if message else "finished",
         "message": message,

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eclsim import files
 from eclsim.crrt_study.beats import SPLIT, SUMMARISED
 from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.one_housing import beside_schemes
 from eclsim.crrt_study.ranking import choice, first_choice
 from eclsim.crrt_study.report import EXCHANGE_COLUMNS
-from eclsim.files import Json, finite, frame_text, json_text, whole_file, write_text
-from eclsim.orbit.model import AS_PUBLISHED
+from eclsim.files import Json, finite, frame_text, json_text, write_text
+from eclsim.orbit.model import AS_PUBLISHED, CASE, case_record
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,6 +78,7 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
     """The study as a mapping of plain values; a number that is not finite is None."""
     content = {
         "id": study.case.patient.id,
+        CASE: case_record(study.case),
         "converged": study.converged,
         "crrt_flow_ml_min": study.crrt_flow_ml_min,
         "rule": {**study.rule.as_object(), "in_words": [c.sentence for c in study.rule.criteria]},
@@ -286,20 +289,20 @@ MORE = (
 
 
 def write_netcdf(study: CrrtStudy, path: Path) -> None:
-    """Write NetCDF with the groups means, without_crrt, waveforms, limits and uptake.
+    """Write NetCDF: the case at the root, and the groups means, without_crrt, waveforms, limits and uptake.
 
     Of the means, pressures and the quantities of the JSON object are written.
     """
+    import xarray as xr
+
     groups = {
+        "": xr.Dataset(attrs={"id": study.case.patient.id, CASE: json.dumps(case_record(study.case))}),
         "means": study.means[_written(study.means)],
         "without_crrt": study.without_crrt[_written(study.without_crrt)],
         "waveforms": study.waveforms,
         "limits": study.limits,
     } | ({} if study.uptake is None else {"uptake": study.uptake})
-    with whole_file(path) as partial:
-        for k, (name, data) in enumerate(groups.items()):
-            storable = data.map(lambda values: values.astype(str) if values.dtype == object else values)
-            storable.to_netcdf(partial, mode="a" if k else "w", group=name, engine="h5netcdf")
+    files.write_netcdf(groups, path)
 
 
 def _written(data: xr.Dataset) -> list[str]:

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
@@ -26,6 +26,8 @@ ModelSource: TypeAlias = "CaseSource | Model"
 VolumePolicy = Literal["as_published", "patient_held"]
 AS_PUBLISHED = "as_published"
 PATIENT_HELD = "patient_held"
+CASE = "case"
+"""Attribute of a result that holds its case, a text of JSON (`case_record`)."""
 POLICIES = (AS_PUBLISHED, PATIENT_HELD)
 """Who fills the extracorporeal circuits: the patient (as in the published code), or a priming volume of their
 own, so that the patient keeps the stressed volume they started with."""
@@ -115,6 +117,20 @@ def values_of(case: Case) -> dict[str, float]:
         read = circuit_of(case).parameter_names()
         values |= {name: math.nan for name in SOLVED_FOR if name in read and name not in case.parameters}
     return values
+
+
+def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
+    """The case of a result as a mapping, from which `Case.model_validate` makes one that repeats it.
+
+    Args:
+        case: that was computed.
+        policy: blood volume policy that it was computed with; left out, the case's.
+    """
+    from eclsim.cases.writing import as_file
+
+    if case.as_written is not None:
+        case = case.with_set_points(values_of(case))
+    return as_file(case if policy is None else case.with_volume_policy(policy))
 
 
 def as_case(source: CaseSource) -> Case:

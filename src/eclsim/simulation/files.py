@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,8 @@ import numpy as np
 
 from eclsim import files
 from eclsim.cases.fit_mark import with_doubts
-from eclsim.files import finite, frame_text, whole_file, write_text
+from eclsim.files import finite, frame_text, write_text
+from eclsim.orbit.model import CASE
 from eclsim.simulation.target_flow import speed_found
 
 if TYPE_CHECKING:
@@ -39,17 +41,14 @@ def write_netcdf(
     names: Sequence[str] | None,
 ) -> None:
     """Write NetCDF: one case at the root, several as groups case1, case2 ...; courses in "transient"."""
-    present = [one for one in (*results, *courses) if one is not None]
-    with whole_file(path, sum(_selected(one, names).nbytes for one in present)) as partial:
-        for index, result in enumerate(results):
-            group = f"case{index + 1}" if len(results) > 1 else None
-            mode = "w" if index == 0 else "a"
-            _storable(_selected(result, names)).to_netcdf(partial, mode=mode, group=group, engine="h5netcdf")
-            course = courses[index] if courses else None
-            if course is not None:
-                below = f"{group}/transient" if group else "transient"
-                dataset = _storable(_selected(course, names))
-                dataset.to_netcdf(partial, mode="a", group=below, engine="h5netcdf")
+    groups = {}
+    for index, result in enumerate(results):
+        group = f"case{index + 1}" if len(results) > 1 else ""
+        groups[group] = _selected(result, names)
+        course = courses[index] if courses else None
+        if course is not None:
+            groups[f"{group}/transient" if group else "transient"] = _selected(course, names)
+    files.write_netcdf(groups, path)
 
 
 def write_csv(
@@ -95,12 +94,6 @@ def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
     return result[selected]
 
 
-def _storable(result: xr.Dataset) -> xr.Dataset:
-    """The same with lists of sentences as text, a line each: NetCDF holds no empty list."""
-    lists = {name: "\n".join(value) for name, value in result.attrs.items() if isinstance(value, list)}
-    return result.assign_attrs(lists)
-
-
 def _headed(result: xr.Dataset, name: str) -> str:
     unit = result[name].attrs.get("units", "")
     return f"{name} [{unit}]" if unit else name
@@ -139,6 +132,7 @@ def case_object(result: xr.Dataset) -> dict[str, object]:
     further = [name for name in scalars if name not in OUTPUTS]
     return {
         "id": str(result.attrs["id"]),
+        **({CASE: json.loads(result.attrs[CASE])} if CASE in result.attrs else {}),
         "converged": bool(result.attrs["converged"]),
         "beats": int(result.attrs["beats"]),
         "residual": finite(result.attrs["residual"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import xarray as xr
 
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
-from eclsim.orbit.model import Model, ModelSource, UnknownValueError, as_case, model_of
+from eclsim.orbit.model import CASE, Model, ModelSource, UnknownValueError, as_case, case_record, model_of
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT
 from eclsim.outputs import results
 from eclsim.simulation.target_flow import FlowNotReachedError, SolvedSpeeds, solve_speeds, with_speed
@@ -49,9 +50,10 @@ def simulate(
 
     Returns:
         Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged; NaN where
-        it did not. With `ecmo.flow_l_min` also the flow wanted and the pump speed solved for it
-        (`target_flow.speed_found`); if no speed gives the flow, a Dataset without numbers whose status is
-        "flow_not_reached" and whose message says why.
+        it did not. The attribute `case` is the case as JSON text, for `Case.model_validate_json`. With
+        `ecmo.flow_l_min` also the flow wanted and the pump speed solved for it (`target_flow.speed_found`);
+        if no speed gives the flow, a Dataset without numbers whose status is "flow_not_reached" and whose
+        message says why.
     """
     if isinstance(case, Model):
         return _beat(case, volume_policy, options, resolution, solver, check_grid)
@@ -63,6 +65,7 @@ def simulate(
     result = _beat(model_of(solved), volume_policy, options, resolution, solver, check_grid)
     if speed is not None:
         result.attrs |= speed.attributes()
+    result.attrs[CASE] = json.dumps(case_record(case, volume_policy))
     return result
 
 
@@ -221,6 +224,7 @@ def not_reached(case: Case, policy: str, sentence: str) -> xr.Dataset:
         "residual": float("nan"),
         "blood_volume_policy": policy,
         "warnings": list(case.doubts),
+        CASE: json.dumps(case_record(case, policy)),
     }
     return xr.Dataset(attrs=attributes)
 

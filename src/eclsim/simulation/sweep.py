@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from eclsim import files
 from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import usual_setting
-from eclsim.files import frame_text, whole_file, write_text
-from eclsim.orbit.model import circuit_of, values_of
+from eclsim.files import frame_text, write_text
+from eclsim.orbit.model import CASE, case_record, circuit_of, values_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import labelled
 from eclsim.outputs.steady_beat import steady_beat
@@ -121,6 +123,8 @@ def sweep_cases(
     name = first.patient.id
     beats = iter(_beats(circuit, values, speeds, name, policy, first.doubts))
     filled = tuple(next(beats) if result is None else result for result in results)
+    for case, result in zip(cases.values(), filled, strict=True):
+        result.attrs[CASE] = json.dumps(case_record(case, policy))
     return Sweep(name, key, unit, tuple(cases), case_value, filled)
 
 
@@ -227,7 +231,7 @@ def as_table(sweep: Sweep) -> xr.Dataset:
         data["solved_" + key.replace(".", "_")] = ("value", speeds, labels)
     for name in ("converged", "impossible"):
         data[name] = ("value", np.array([int(r.attrs.get(name, 0)) for r in results]))
-    for name in ("status", "message"):
+    for name in ("status", "message", CASE):
         data[name] = ("value", [str(r.attrs.get(name, "")) for r in results])
     data["warnings"] = ("value", ["\n".join(r.attrs.get("warnings", ())) for r in results])
     attributes = {
@@ -262,9 +266,7 @@ def sweep_object(sweep: Sweep) -> dict[str, Any]:
 
 def write_netcdf(sweep: Sweep, path: Path) -> None:
     """Write the outputs over the values; waveforms are not in it."""
-    table = as_table(sweep)
-    with whole_file(path, table.nbytes) as partial:
-        table.to_netcdf(partial, engine="h5netcdf")
+    files.write_netcdf({"": as_table(sweep)}, path)
 
 
 def write_csv(sweep: Sweep, path: Path) -> None:
