@@ -74,6 +74,22 @@ def test_a_ramp_that_failed_is_no_missing_pump(open_page):
         expect(page.get_by_text(text(f"{view}_none"))).to_have_count(0)
 
 
+def test_the_form_asks_for_what_can_be_measured_here(open_page):
+    page = open_page("healthy")
+    show(page, "identify")
+    flow, pressure = (page.locator(f"#form-measurements-{name}") for name in ("PF", "crrt_return_pressure"))
+    expect(page.locator("#form-measurements-CVP")).to_be_visible()
+    expect(flow).to_have_count(0)
+    expect(pressure).to_have_count(0)
+    page.get_by_role("switch", name="Connect ECMO").click()
+    expect(flow).to_be_visible()
+    expect(pressure).to_have_count(0)
+    flow.fill("3.4")
+    page.get_by_role("switch", name="Connect ECMO").click()
+    wait_for(page, "!('PF' in beat.outputs)")
+    expect(flow).to_have_value("3.4")  # what was typed is not hidden
+
+
 def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     page = open_page()
     show(page, "identify")

@@ -246,7 +246,10 @@ def test_what_gases_and_cvp_tell_of_is_free_unasked(shell, capsys):
     each = _settings_of_each(options, series, _settings(options))
     assert each["=A"].fit.parameters == ("gas.shunt_fraction", *BOUNDS)
     assert each["=B"].fit.parameters == ("fluid.extra_volume_ml", *BOUNDS)
-    assert "=A: blood gases or CVP were measured: free are gas.shunt_fraction" in capsys.readouterr().err
+    assert (
+        "=A: blood gases, CVP or pressures of the CRRT were measured: free are gas.shunt_fraction"
+        in capsys.readouterr().err
+    )
     _check_points(series, each)
     chosen = TrackOptions(files=[str(file)], out="out", parameters="Rmc", bounds="Rmc=0.1:2")
     each = _settings_of_each(chosen, series, _settings(chosen))

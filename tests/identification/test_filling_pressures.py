@@ -1,4 +1,4 @@
-"""Central venous pressure and the pressures of the ECMO circuit as measurements."""
+"""Central venous pressure and the pressures of the ECMO and CRRT circuits as measurements."""
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from eclsim.identification.settings import (
     checked_fit,
     held_by_assumption,
     held_volume,
+    told_by_pressures,
 )
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
@@ -56,10 +57,15 @@ def test_relative_differences_of_what_may_be_negative_are_of_at_least_its_usual_
 def test_pressures_of_a_circuit_that_is_not_there_are_named():
     single = read_mapping({k: v for k, v in RAW.items() if k != "ecmo"}).case
     case = single.model_copy(
-        update={"measurements": Measurements(MAP=70.0, CVP=9.0, drainage_pressure=-40.0)}
+        update={
+            "measurements": Measurements(
+                MAP=70.0, CVP=9.0, drainage_pressure=-40.0, crrt_access_pressure=-60.0
+            )
+        }
     )
     checked = check_fit(case, {"Rmc": (0.5, 0.05, 5.0)})
     assert set(checked.targets) == {"MAP", "CVP"}
+    assert any(w.key == "measurements.crrt_access_pressure" and "[crrt]" in str(w) for w in checked.warnings)
     assert any(w.key == "measurements.drainage_pressure" and "[ecmo]" in str(w) for w in checked.warnings)
     assert not any("oxygenator" in note.key or "CVP" in note.key for note in checked.notes)
 
@@ -89,6 +95,30 @@ def test_central_venous_pressure_tells_the_blood_volume():
     fitted = [result.parameters[name].value for name in truth]
     np.testing.assert_allclose(fitted, list(truth.values()), rtol=2e-3)
     assert result.parameters["fluid.extra_volume_ml"].identifiable
+
+
+@pytest.mark.slow
+def test_pressures_of_the_crrt_tell_the_bore_of_its_lines():
+    raw = RAW | {"crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"}}
+    crrt, lines = read_mapping(raw).case, ("crrt_access_pressure", "crrt_return_pressure")
+    truth = {"Dcrrttuin": 0.35, "Dcrrttuout": 0.29, "Rmc": 0.7}
+    model = model_of(crrt).with_values(truth)
+    outputs = steady_beat(Batch.of(model), ("MAP", *lines)).outputs()
+    values = {name: float(outputs[name]) for name in ("MAP", *lines)}
+    case = crrt.model_copy(update={"measurements": Measurements(**values)})
+    settings = FitSettings(tuple(truth), weights="uncertainty", multi_start=MultiStart.quick(100))
+    result = fit(case, settings=settings)
+    fitted = [result.parameters[name].value for name in truth]
+    np.testing.assert_allclose(fitted, list(truth.values()), rtol=2e-3)
+    assert all(result.parameters[name].identifiable for name in ("Dcrrttuin", "Dcrrttuout"))
+    assert told_by_pressures(case) == ("Dcrrttuin", "Dcrrttuout")
+    assert told_by_pressures(result.case) == ()
+    held = fit(case, settings=FitSettings(("Rmc",), multi_start=MultiStart.quick(20)))
+    assert any("free Dcrrttuout as well" in reason.sentence for reason in held.verdict.reasons)
+    without = fit(
+        case.model_copy(update={"measurements": Measurements(MAP=values["MAP"])}), settings=settings
+    )
+    assert not without.parameters["Dcrrttuin"].identifiable
 
 
 @pytest.mark.slow

@@ -351,7 +351,7 @@ def test_a_patient_without_a_steady_beat_is_not_ranked(tmp_path, capsys):
     result = json.loads(message.out)
     assert result["id"] == "va_ecmo_default"
     assert result["status"] in ("singular", "no_ejection")
-    assert result.keys() == {"id", "status", "message"}
+    assert result.keys() == {"made_by", "id", "status", "message"}
     assert "nothing is ranked, because there are no derivatives" in result["message"]
     assert result["message"] in message.err
     assert json.loads((tmp_path / "out" / "identifiability.json").read_text()) == result

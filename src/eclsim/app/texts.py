@@ -424,9 +424,10 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "kind_collapse": "impossible",
         "above": "above",
         # identify
-        "identify_intro": "Type what was measured; leave empty what was not. The seven parameters of the "
-        "paper are fitted to it, and the blood volume where CVP was measured; where blood gases were, shunt, "
-        "oxygen consumption, mixing and oxygenator, and of the others what these tell apart. What is "
+        "identify_intro": "Type what was measured; leave empty what was not. Fields of devices and gases "
+        "are here when these are switched on. The seven parameters of the paper are fitted, and the blood "
+        "volume where CVP was measured, the CRRT lines where their pressures were; where blood gases were, "
+        "shunt, oxygen consumption, mixing, oxygenator, and of the others what these tell apart. What is "
         "simulated now stands beside a field and is not a measurement.",
         "fit": "Fit",
         "cancel": "Cancel",

@@ -135,6 +135,12 @@ class Measurements(Section):
     post_oxygenator_pressure: Annotated[
         float | None, measured("Mean pressure behind the oxygenator (pArt or P3)", "mmHg", -50, 600, 190)
     ] = None
+    crrt_access_pressure: Annotated[
+        float | None, measured("Mean pressure in the access line of the CRRT", "mmHg", -400, 500, -100)
+    ] = None
+    crrt_return_pressure: Annotated[
+        float | None, measured("Mean pressure in the return line of the CRRT", "mmHg", -150, 600, 150)
+    ] = None
     SaO2: Annotated[float | None, _saturation("of the right radial artery", 95)] = None
     PaO2: Annotated[float | None, measured("PO2 of the right radial artery", "mmHg", 15, 700, 90)] = None
     PaCO2: Annotated[float | None, measured("PCO2 of the right radial artery", "mmHg", 8, 200, 40)] = None

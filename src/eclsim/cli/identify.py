@@ -225,14 +225,15 @@ def _write_fit(
 
 
 def _with_measured_gases(case: Case, settings: FitSettings) -> FitSettings:
-    """The settings with what is worth fitting to measured gases and CVP as free parameters, which is said."""
-    from eclsim.identification.settings import free_parameters, ready, told_of_volume
+    """The settings with what is worth fitting to what was measured besides, which is said."""
+    from eclsim.identification.settings import free_parameters, ready, told_by_pressures
 
-    usual = (*settings.parameters, *told_of_volume(case))
+    usual = (*settings.parameters, *told_by_pressures(case))
     case = ready(case, replace(settings, parameters=usual))
     names = free_parameters(case, usual, settings.volume_policy)
     if names != settings.parameters:
-        note([f"blood gases or CVP were measured: free are {', '.join(names)} (--parameters names others)"])
+        more = "blood gases, CVP or pressures of the CRRT were measured"
+        note([f"{more}: free are {', '.join(names)} (--parameters names others)"])
     return replace(settings, parameters=names)
 
 

@@ -203,7 +203,8 @@ def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) 
     result = {}
     for patient, own in names.items():
         if own != usual:
-            note([f"{patient}: blood gases or CVP were measured: free are {', '.join(own)} (--parameters)"])
+            more = "blood gases, CVP or pressures of the CRRT were measured"
+            note([f"{patient}: {more}: free are {', '.join(own)} (--parameters)"])
         bounds = {n: limits for n, limits in settings.fit.bounds.items() if n in own or n not in free}
         result[patient] = replace(settings, fit=replace(settings.fit, parameters=own, bounds=bounds))
     return result

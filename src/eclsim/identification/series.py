@@ -25,7 +25,7 @@ from eclsim.identification.settings import (
     open_at_rest,
     ready,
     told_by_gases,
-    told_of_volume,
+    told_by_pressures,
     untold_output,
 )
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
@@ -149,13 +149,13 @@ def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Seri
 
 
 def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
-    """What is worth following: what any measurement tells of gas exchange and blood volume, and the usual.
+    """What is worth following: the usual, and what any measurement tells of gases, blood volume, CRRT lines.
 
     A fit has to leave out what it cannot tell apart; here it is free too, and its interval says so.
     """
     cases = [case for _, case in points]
     told = [key for case in cases for key in told_by_gases(case)]
-    return tuple(dict.fromkeys((*told, *(key for case in cases for key in told_of_volume(case)), *usual)))
+    return tuple(dict.fromkeys((*told, *(key for case in cases for key in told_by_pressures(case)), *usual)))
 
 
 def cleared(before: TrackedPoint, now: TrackedPoint) -> str:

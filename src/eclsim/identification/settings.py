@@ -46,8 +46,12 @@ TELLS_OF = {
     VO2: ("the oxygen that the tissues consume", ("SvO2", "SpreO2")),
     "gas.alveolar_ventilation_l_min": ("how much the lungs are ventilated", ("PaCO2",)),
     CLOTTED: ("how much of the oxygenator is clotted", ("SpostO2", "PpostO2", "PexhaustCO2")),
+    "Dcrrttuin": ("the bore of the CRRT's access line with its catheter", ("crrt_access_pressure",)),
+    "Dcrrttuout": ("the bore of the CRRT's return line with its catheter", ("crrt_return_pressure",)),
 }
 """By parameter what it is, and the measurements that tell of it."""
+LINES = ("Dcrrttuin", "Dcrrttuout")
+"""Diameters of the lines of a CRRT."""
 GASES_TELL_OF = {
     SHUNT: TELLS_OF[SHUNT][1], VO2: TELLS_OF[VO2][1], "ecmo.drainage_mixing": ("SpreO2",),
     CLOTTED: TELLS_OF[CLOTTED][1],
@@ -212,10 +216,12 @@ def told_by_gases(case: Case) -> tuple[str, ...]:
     return tuple(key for key, gases in GASES_TELL_OF.items() if key in unknown and {*gases} & measured)
 
 
-def told_of_volume(case: Case) -> tuple[str, ...]:
-    """The blood volume, where CVP was measured and the case does not give it."""
-    told = {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured_outputs(case)}
-    return (EXTRA_VOLUME,) if told and _holds_volume(case, ()) else ()
+def told_by_pressures(case: Case) -> tuple[str, ...]:
+    """Blood volume and bore of CRRT lines, where a pressure tells of them and the case does not give them."""
+    measured, read = {*measured_outputs(case)}, parameters_read(circuit_of(case))
+    lines = [name for name in LINES if name in read and stated(case, name) is None]
+    unknown = [*([EXTRA_VOLUME] if _holds_volume(case, ()) else []), *lines]
+    return tuple(name for name in unknown if {*TELLS_OF[name][1]} & measured)
 
 
 def assumed_of_gases(case: Case) -> set[str]:

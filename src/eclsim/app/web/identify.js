@@ -15,7 +15,7 @@ export default {
     <form @submit.prevent="fit" novalidate autocomplete="off">
       <p class="intro"><b>{{ fill(texts.fit_form_of, { name }) }}.</b> {{ texts.identify_intro }}</p>
       <div class="fields">
-        <div v-for="f in fields" :key="f.key" :class="{ bad: mistakes[f.key], doubt: warnings[f.key] }">
+        <div v-for="f in asked" :key="f.key" :class="{ bad: mistakes[f.key], doubt: warnings[f.key] }">
           <label :for="id(f)"><b v-if="f.symbol && !f.symbol.includes('_')">{{ f.symbol }}</b> {{
             f.label }}</label>
           <span>
@@ -123,6 +123,7 @@ export default {
       },
       beat(beat) {
         this.outputs = beat.converged && beat.possible ? beat.outputs : {};
+        if (beat.converged) this.measurable = Object.keys(beat.outputs);
       },
       pinned(beat) {
         this.pinned = beat;
@@ -168,9 +169,16 @@ export default {
     name: "",
     circuit: "",
     outputs: {},
+    measurable: [],
     connected: true,
   }),
   computed: {
+    // What can be measured of the devices and gases that are switched on, and whatever was typed.
+    asked() {
+      const { measurable, typed, mistakes } = this;
+      const isThere = ({ symbol }) => !symbol || !measurable.length || measurable.includes(symbol);
+      return this.fields.filter((f) => isThere(f) || mistakes[f.key] || String(typed[f.key] ?? "").trim());
+    },
     otherMistakes() {
       const own = new Set(this.fields.map((f) => f.key));
       return Object.fromEntries(Object.entries(this.mistakes).filter(([key]) => !own.has(key)));
