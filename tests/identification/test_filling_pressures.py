@@ -98,10 +98,11 @@ def test_central_venous_pressure_tells_the_blood_volume():
 
 
 @pytest.mark.slow
-def test_pressures_of_the_crrt_tell_the_bore_of_its_lines():
+def test_pressures_of_the_crrt_tell_the_bore_of_its_lines_and_how_clotted_the_filter_is():
     raw = RAW | {"crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"}}
-    crrt, lines = read_mapping(raw).case, ("crrt_access_pressure", "crrt_return_pressure")
-    truth = {"Dcrrttuin": 0.35, "Dcrrttuout": 0.29, "Rmc": 0.7}
+    crrt = read_mapping(raw).case
+    lines = ("crrt_access_pressure", "crrt_return_pressure", "crrt_filter_pressure_drop")
+    truth = {"Dcrrttuin": 0.35, "Dcrrttuout": 0.29, "Rcrrtfil": 30.0, "Rmc": 0.7}
     model = model_of(crrt).with_values(truth)
     outputs = steady_beat(Batch.of(model), ("MAP", *lines)).outputs()
     values = {name: float(outputs[name]) for name in ("MAP", *lines)}
@@ -110,8 +111,8 @@ def test_pressures_of_the_crrt_tell_the_bore_of_its_lines():
     result = fit(case, settings=settings)
     fitted = [result.parameters[name].value for name in truth]
     np.testing.assert_allclose(fitted, list(truth.values()), rtol=2e-3)
-    assert all(result.parameters[name].identifiable for name in ("Dcrrttuin", "Dcrrttuout"))
-    assert told_by_pressures(case) == ("Dcrrttuin", "Dcrrttuout")
+    assert all(result.parameters[name].identifiable for name in ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil"))
+    assert told_by_pressures(case) == ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
     assert told_by_pressures(result.case) == ()
     held = fit(case, settings=FitSettings(("Rmc",), multi_start=MultiStart.quick(20)))
     assert any("free Dcrrttuout as well" in reason.sentence for reason in held.verdict.reasons)

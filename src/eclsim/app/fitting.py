@@ -206,7 +206,7 @@ def to_fit(
         policy: blood volume policy.
         free: parameters, where they are known already.
     """
-    from eclsim.identification.settings import LINES, FitSettings, free_parameters, told_by_pressures
+    from eclsim.identification.settings import OF_CRRT, FitSettings, free_parameters, told_by_pressures
 
     settings = FitSettings(volume_policy=policy)
     usual = settings.parameters
@@ -214,7 +214,7 @@ def to_fit(
         raw = {**raw, "fluid": raw.get("fluid", {})}
         usual = (*usual, EXTRA_VOLUME)
     case = _with_assumed_shunt(read_mapping(raw).case)
-    usual = (*usual, *(name for name in told_by_pressures(case) if name in LINES))
+    usual = (*usual, *(name for name in told_by_pressures(case) if name in OF_CRRT))
     return case, replace(settings, parameters=tuple(free) or free_parameters(case, usual, policy))
 
 

@@ -426,9 +426,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         # identify
         "identify_intro": "Type what was measured; leave empty what was not. Fields of devices and gases "
         "are here when these are switched on. The seven parameters of the paper are fitted, and the blood "
-        "volume where CVP was measured, the CRRT lines where their pressures were; where blood gases were, "
-        "shunt, oxygen consumption, mixing, oxygenator, and of the others what these tell apart. What is "
-        "simulated now stands beside a field and is not a measurement.",
+        "volume where CVP was measured, lines and filter of the CRRT where their pressures were; with blood "
+        "gases, shunt, oxygen consumption, mixing, oxygenator, and of the others what these tell apart. What "
+        "is simulated now stands beside a field and is not a measurement.",
         "fit": "Fit",
         "cancel": "Cancel",
         "fit_preparing": "Preparing the fit (takes longer once for each circuit) …",

@@ -141,6 +141,9 @@ class Measurements(Section):
     crrt_return_pressure: Annotated[
         float | None, measured("Mean pressure in the return line of the CRRT", "mmHg", -150, 600, 150)
     ] = None
+    crrt_filter_pressure_drop: Annotated[
+        float | None, measured("Fall of pressure along the filter of the CRRT", "mmHg", 0, 500, 60)
+    ] = None
     SaO2: Annotated[float | None, _saturation("of the right radial artery", 95)] = None
     PaO2: Annotated[float | None, measured("PO2 of the right radial artery", "mmHg", 15, 700, 90)] = None
     PaCO2: Annotated[float | None, measured("PCO2 of the right radial artery", "mmHg", 8, 200, 40)] = None

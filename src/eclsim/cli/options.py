@@ -177,7 +177,8 @@ class FreeParameters:
     parameters: str | None = option(
         None,
         "Free parameters. Default: the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn; with measured blood "
-        "gases those that they determine; with CVP also the blood volume (fluid.extra_volume_ml).",
+        "gases those that they determine; with CVP also the blood volume (fluid.extra_volume_ml), with "
+        "pressures of a CRRT its lines and filter (Dcrrttuin,Dcrrttuout,Rcrrtfil).",
         "--parameters",
         "--free",
         metavar="NAMES",

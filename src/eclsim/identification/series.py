@@ -149,7 +149,7 @@ def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Seri
 
 
 def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
-    """What is worth following: the usual, and what any measurement tells of gases, blood volume, CRRT lines.
+    """What is worth following: the usual, and what any measurement tells of gases, blood volume, CRRT.
 
     A fit has to leave out what it cannot tell apart; here it is free too, and its interval says so.
     """

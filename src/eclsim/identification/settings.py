@@ -48,10 +48,11 @@ TELLS_OF = {
     CLOTTED: ("how much of the oxygenator is clotted", ("SpostO2", "PpostO2", "PexhaustCO2")),
     "Dcrrttuin": ("the bore of the CRRT's access line with its catheter", ("crrt_access_pressure",)),
     "Dcrrttuout": ("the bore of the CRRT's return line with its catheter", ("crrt_return_pressure",)),
+    "Rcrrtfil": ("how far the filter of the CRRT is clotted", ("crrt_filter_pressure_drop",)),
 }
 """By parameter what it is, and the measurements that tell of it."""
-LINES = ("Dcrrttuin", "Dcrrttuout")
-"""Diameters of the lines of a CRRT."""
+OF_CRRT = ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
+"""Diameters of the lines of a CRRT, and the resistance of its filter."""
 GASES_TELL_OF = {
     SHUNT: TELLS_OF[SHUNT][1], VO2: TELLS_OF[VO2][1], "ecmo.drainage_mixing": ("SpreO2",),
     CLOTTED: TELLS_OF[CLOTTED][1],
@@ -217,9 +218,9 @@ def told_by_gases(case: Case) -> tuple[str, ...]:
 
 
 def told_by_pressures(case: Case) -> tuple[str, ...]:
-    """Blood volume and bore of CRRT lines, where a pressure tells of them and the case does not give them."""
+    """Blood volume, CRRT lines and filter, where a pressure tells of them and the case does not give them."""
     measured, read = {*measured_outputs(case)}, parameters_read(circuit_of(case))
-    lines = [name for name in LINES if name in read and stated(case, name) is None]
+    lines = [name for name in OF_CRRT if name in read and stated(case, name) is None]
     unknown = [*([EXTRA_VOLUME] if _holds_volume(case, ()) else []), *lines]
     return tuple(name for name in unknown if {*TELLS_OF[name][1]} & measured)
 

@@ -386,6 +386,7 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
         "post_oxygenator_pressure": Uncertainty(10.0),
         "crrt_access_pressure": Uncertainty(10.0),
         "crrt_return_pressure": Uncertainty(10.0),
+        "crrt_filter_pressure_drop": Uncertainty(5.0),
         "SaO2": Uncertainty(1.5),
         "PaO2": Uncertainty(3.0, 0.05),
         "PaCO2": Uncertainty(2.0, 0.04),
