@@ -107,19 +107,13 @@ def test_pressures_of_the_crrt_tell_the_bore_of_its_lines_and_how_clotted_the_fi
     outputs = steady_beat(Batch.of(model), ("MAP", *lines)).outputs()
     values = {name: float(outputs[name]) for name in ("MAP", *lines)}
     case = crrt.model_copy(update={"measurements": Measurements(**values)})
-    settings = FitSettings(tuple(truth), weights="uncertainty", multi_start=MultiStart.quick(100))
+    settings = FitSettings(tuple(truth), weights="uncertainty", multi_start=MultiStart.quick(30))
     result = fit(case, settings=settings)
     fitted = [result.parameters[name].value for name in truth]
     np.testing.assert_allclose(fitted, list(truth.values()), rtol=2e-3)
     assert all(result.parameters[name].identifiable for name in ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil"))
     assert told_by_pressures(case) == ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
     assert told_by_pressures(result.case) == ()
-    held = fit(case, settings=FitSettings(("Rmc",), multi_start=MultiStart.quick(20)))
-    assert any("free Dcrrttuout as well" in reason.sentence for reason in held.verdict.reasons)
-    without = fit(
-        case.model_copy(update={"measurements": Measurements(MAP=values["MAP"])}), settings=settings
-    )
-    assert not without.parameters["Dcrrttuin"].identifiable
 
 
 @pytest.mark.slow
