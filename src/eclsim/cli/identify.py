@@ -183,7 +183,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
 
     (reading,) = read_all([o.file], o.settings, o.volume_policy)
     settings = fit_settings(o, policy=reading.case.volume_policy, weights=o.weights, seed=o.seed)
-    settings = settings if o.parameters is not None else _with_measured_gases(reading.case, settings)
+    settings = settings if o.parameters is not None else _with_what_they_tell(reading.case, settings)
     predictions = _predictions(o, settings.names)
     checked = checked_fit(reading.case, settings)
     unmeasured = unmeasured_uncertainties([reading.case], settings)
@@ -224,7 +224,7 @@ def _write_fit(
     return content, write_fit_page(folder, content, fit.case, folder / "figures")
 
 
-def _with_measured_gases(case: Case, settings: FitSettings) -> FitSettings:
+def _with_what_they_tell(case: Case, settings: FitSettings) -> FitSettings:
     """The settings with what is worth fitting to what was measured besides, which is said."""
     from eclsim.identification.settings import free_parameters, ready, told_by_pressures
 
