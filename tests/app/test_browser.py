@@ -18,7 +18,7 @@ from page_in_browser import (
     wait_for,
 )
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("second browser")]  # one server, one browser
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 
 def test_a_knob_moves_everything(open_page, shots):

@@ -22,7 +22,7 @@ from page_in_browser import (
     wait_for,
 )
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("second browser")]  # one server, one browser
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from page_in_browser import PHONE, beat, expect, picture, show, turn, wait_for
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("second browser")]  # one server, one browser
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 
 def test_gases_are_switched_on_shown_and_turned(open_page, shots):

@@ -10,7 +10,7 @@ from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from page_in_browser import LAPTOP, beat, eventually, expect, picture, show
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("second browser")]  # one server, one browser
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 TOP_OF_EVERY_BEAT = """() => {
   const canvas = document.querySelector('.ecl-monitor canvas');

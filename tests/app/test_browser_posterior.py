@@ -10,7 +10,7 @@ from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from page_in_browser import beat, expect, knob, picture, show, turn, wait_for
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("second browser")]  # one server, one browser
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 CURRENT = "eclsim.bus.last('{topic}')?.count && eclsim.bus.last('{topic}').of === eclsim.bus.last('beat').of"
 
 

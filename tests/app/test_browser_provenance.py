@@ -16,7 +16,7 @@ from eclsim.identification.verdict import FitVerdict, Goodness, agreement, headl
 from page_in_browser import PHONE, beat, choose, eventually, expect, open_file, picture, show, turn, wait_for
 from small_cohort import cohort
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("second browser")]  # one server, one browser
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 PAPER = PRESETS["paper"].case()
 
 
