@@ -141,6 +141,7 @@ def test_a_folder_of_cases_is_a_cohort(shell):
     folder.mkdir()
     assert "holds no case file" in shell.run("crrt-study", folder).stderr
     shell.case("cases/one.toml", more=shell.ecmo)
+    assert f"{folder} holds some" in shell.run("crrt-study", shell.folder).stderr
     options = ("--schemes", "g,h", "--speeds", "3000", "--volume-policy", "as_published")
     result = shell.run("crrt-study", folder, *options, "--out", shell.folder / "out")
     assert result.exit_code == 0, result.stderr

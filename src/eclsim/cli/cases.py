@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim.cli.console import BAD_INPUT, fail, note, refuse, say, warn
@@ -27,6 +28,15 @@ def read_all(
         note(reading.notes)
     warn(_id_collisions(readings))
     return readings
+
+
+def case_files_in(folder: str) -> list[str]:
+    """The case files of a folder; without any say where there are some and leave with exit status 2."""
+    if files := sorted(str(path) for path in Path(folder).glob("*.toml")):
+        return files
+    fitted = Path(folder) / "cases"  # as `eclsim identify --out` leaves them
+    hint = f"; {fitted} holds some" if any(fitted.glob("*.toml")) else ""
+    fail(f"{folder}: holds no case file (*.toml){hint}")
 
 
 def read_each(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import TABLES, read_all, read_table, warn_of_results, with_speeds
+from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_results, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
 from eclsim.cli.options import CaseChanges, Distributed, argument, option
@@ -164,7 +164,7 @@ def _named(names: Sequence[str]) -> str:
 def _case_files(file: str) -> Sequence[Path]:
     if not Path(file).is_dir():
         return [Path(file)]
-    return sorted(Path(file).glob("*.toml")) or fail(f"{file}: holds no case file (*.toml)")
+    return [Path(name) for name in case_files_in(file)]
 
 
 def _destinations(o: CourseOptions) -> Destinations:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.cases import TABLES, read_all, read_table, warn_of_results, with_speeds
+from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_results, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, say, warn
 from eclsim.cli.destination import Destinations, Target, resumable, writing
 from eclsim.cli.options import Distributed, argument, option
@@ -258,10 +258,7 @@ def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
 def _from_folder(o: CrrtStudyOptions) -> FittedCases:
     from eclsim.identification.cohort import as_they_are
 
-    files = sorted(str(path) for path in Path(o.file).glob("*.toml"))
-    if not files:
-        fail(f"{o.file}: holds no case file (*.toml)")
-    readings = with_speeds(read_all(files, []), _first_policy(o))
+    readings = with_speeds(read_all(case_files_in(o.file), []), _first_policy(o))
     return as_they_are(readings, "case files")
 
 
