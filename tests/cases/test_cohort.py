@@ -49,6 +49,18 @@ def test_without_a_device_the_patient_has_none(write):
     assert point.case.ecmo is None
 
 
+def test_a_row_that_says_how_the_crrt_is_connected_has_one(write):
+    head = f"{HEAD},crrt_flow_ml_min,crrt_access_site,crrt_return_site,crrt_return_pressure"
+    cohort = read_cohort(
+        write(head, row() + ",150,post_oxy,pre_oxy,310", row(2) + ",,,,", row(3) + ",150,post_oxi,,")
+    )
+    with_crrt, without = cohort.points
+    assert (with_crrt.case.crrt.flow_ml_min, with_crrt.case.crrt.access_site) == (150, "post_oxy")
+    assert with_crrt.case.measurements.crrt_return_pressure == 310
+    assert without.case.crrt is None
+    assert {(m.key, m.line) for m in cohort.refused} == {("crrt_access_site", 4), ("crrt_return_site", 4)}
+
+
 @pytest.mark.parametrize(
     ("column", "value", "text"),
     [

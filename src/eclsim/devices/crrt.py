@@ -20,6 +20,7 @@ from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, GROUP, OUTPUTS, SETT
 from eclsim.devices.description import (
     Assumption,
     Box,
+    Columns,
     Control,
     Curve,
     Finding,
@@ -330,6 +331,9 @@ class CrrtDevice(Device[Crrt]):
         }
     )
     usual = MappingProxyType({"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"})
+    columns = Columns(
+        optional=MappingProxyType({f"crrt_{k}": k for k in ("flow_ml_min", "access_site", "return_site")})
+    )
     assumptions = assumed_membrane(FILTER_PARAMETERS)
     outputs = (
         mean_flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),
