@@ -1,9 +1,11 @@
 """Shards of a command and their merge, as the command line has them."""
 
 import json
+from pathlib import Path
 
 import pytest
 
+from eclsim.cases.fit_mark import with_mark
 from eclsim.files import json_text
 from eclsim.paper.cohort import SYNTHETIC
 from eclsim.paper.report import as_object
@@ -27,6 +29,15 @@ def test_merge_finishes_the_command_of_the_shards(shell):
     two.pop("seconds")
     assert one == two
     assert not (out / "command.json").exists()
+
+
+def test_a_doubtful_fit_is_said_once_of_indices(shell):
+    """The second line called it one of the values varied around."""
+    file = Path(shell.case())
+    file.write_text(with_mark(file.read_text(), "doubtful", "why"))
+    done = shell.run("sensitivity", file, "--samples", "2", "--parameters", "Rmc", "--json", "-")
+    assert json.loads(done.stdout)["warnings"][0].startswith("its parameters are a DOUBTFUL fit")
+    assert done.stderr.count("DOUBTFUL fit") == 1
 
 
 def test_merge_names_what_is_missing(shell):

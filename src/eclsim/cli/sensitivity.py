@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,16 +78,16 @@ def sensitivity(options: SensitivityOptions) -> None:
     if options.case_file == MERGE:
         warn([f"eclsim sensitivity merge will be removed: use eclsim merge {options.out}"])
     with _mistakes(options), resumable(options.out):
-        results = _merged(options) if merges else _analysed(options, distribution)
+        results, said = (_merged(options), ()) if merges else _analysed(options, distribution)
     pairs = bool(options.second_order)
     states = {state: indices.as_object(pairs) for state, indices in results.items()}
     if "" in results:
-        _show(options, states[""], results, target)
+        _show(options, states[""], results, target, said)
     else:
         from eclsim.sensitivity.analysis import union_over
 
         union = union_over([indices.union() for indices in results.values()])
-        _show(options, {"states": states, "union": union}, results, target)
+        _show(options, {"states": states, "union": union}, results, target, said)
     if any(indices.failed for indices in results.values()):
         raise typer.Exit(INCOMPLETE)
 
@@ -121,8 +121,10 @@ def _mistakes(o: SensitivityOptions) -> Iterator[None]:
         fail(error)
 
 
-def _analysed(o: SensitivityOptions, distribution: Distribution) -> Mapping[str, Indices]:
-    """Indices of the analysis, or of one around each state."""
+def _analysed(
+    o: SensitivityOptions, distribution: Distribution
+) -> tuple[Mapping[str, Indices], Collection[str]]:
+    """Indices of the analysis, or of one around each state; and what was said where the case was read."""
     from eclsim.sensitivity.analysis import PRELOAD
     from eclsim.sensitivity.analysis import sensitivity as analyse
 
@@ -141,7 +143,7 @@ def _analysed(o: SensitivityOptions, distribution: Distribution) -> Mapping[str,
             if folder is not None:
                 _write_files(o, folder, result)
             results[state] = result.indices
-    return results
+    return results, reading.case.doubts
 
 
 def _merged(o: SensitivityOptions) -> Mapping[str, Indices]:
@@ -182,11 +184,17 @@ def _write_files(o: SensitivityOptions, folder: Path, result: SensitivityResult)
         write_sensitivity_figures(result, folder / "figures")
 
 
-def _show(o: SensitivityOptions, content: object, results: Mapping[str, Indices], target: Target) -> None:
+def _show(
+    o: SensitivityOptions,
+    content: object,
+    results: Mapping[str, Indices],
+    target: Target,
+    said: Collection[str],
+) -> None:
     from eclsim.sensitivity.results import doubts, indices_text, pairs_text
 
     for state, indices in results.items():
-        warn(doubts(indices, state))
+        warn(doubts(indices, state, said))
     if not hand_over(content, target):
         return
     for state, indices in results.items():

@@ -7,7 +7,7 @@ design of N rows holds N/n designs of n rows: repeats that cost no run. (The pap
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -403,10 +403,10 @@ def pairs_text(indices: Indices) -> str:
     return f"Second order indices beyond their 95 % half width\n{table}{more}"
 
 
-def doubts(indices: Indices, state: str = "") -> list[str]:
-    """What there is to say of the beat that was varied, and how many runs failed, and how."""
+def doubts(indices: Indices, state: str = "", said: Collection[str] = ()) -> list[str]:
+    """What there is to say of the beat that was varied and was not `said`, how many runs failed, and how."""
     before = f"{state}: " if state else ""
-    around = (f"at the values varied around: {sentence}" for sentence in indices.warnings)
+    around = (f"at the values varied around: {line}" for line in indices.warnings if line not in said)
     return [f"{before}{sentence}" for sentence in (*around, *indices.doubts)]
 
 
