@@ -86,6 +86,21 @@ def test_a_result_holds_the_case_that_repeats_it(tmp_path):
     assert case_object(beat)["case"] == json.loads(beat.attrs["case"])
 
 
+@pytest.mark.parametrize(("flow", "status"), [("3.2", "converged"), ("9.5", "flow_not_reached")])
+def test_a_result_of_a_flow_holds_the_case_with_its_speed(tmp_path, flow, status):
+    """With settings over reflexes and a flow, the flow was that of a case whose speed was not known."""
+    file = tmp_path / "case.toml"
+    file.write_text(REGULATED.replace("speed_rpm = 3000", "flow_l_min = 3.0"))
+    changed = read_case(str(file), [f"ecmo.flow_l_min={flow}", "Emaxlv=0.5"]).case
+    beat = simulate(changed)
+    assert beat.attrs["status"] == status
+    held = Case.model_validate_json(beat.attrs["case"])
+    assert bool(held.targets()) == (status != "converged")
+    if status == "converged":
+        assert held.ecmo.speed_rpm == beat.attrs["solved_ecmo_speed_rpm"]
+        assert float(simulate(held)["MAP"]) == float(beat["MAP"])
+
+
 def test_the_mean_of_a_waveform_is_one_number_everywhere(case):
     beat = simulate(case)
     written = case_object(beat)

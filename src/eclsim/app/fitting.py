@@ -199,14 +199,14 @@ def _fit(
 def to_fit(
     raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str] = ()
 ) -> tuple[Case, FitSettings]:
-    """The case, and what is free: what is worth fitting, with CVP the blood volume, too.
+    """The case, and what is free: what is worth fitting; with CVP the blood volume too.
 
     Args:
         raw: as a case file holds it, with measurements.
         policy: blood volume policy.
         free: parameters, where they are known already.
     """
-    from eclsim.identification.settings import OF_CRRT, FitSettings, free_parameters, told_by_pressures
+    from eclsim.identification.settings import FitSettings, free_parameters, told_of_crrt
 
     settings = FitSettings(volume_policy=policy)
     usual = settings.parameters
@@ -214,7 +214,7 @@ def to_fit(
         raw = {**raw, "fluid": raw.get("fluid", {})}
         usual = (*usual, EXTRA_VOLUME)
     case = _with_assumed_shunt(read_mapping(raw).case)
-    usual = (*usual, *(name for name in told_by_pressures(case) if name in OF_CRRT))
+    usual = (*usual, *told_of_crrt(case))
     return case, replace(settings, parameters=tuple(free) or free_parameters(case, usual, policy))
 
 

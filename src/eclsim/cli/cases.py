@@ -30,13 +30,15 @@ def read_all(
     return readings
 
 
-def case_files_in(folder: str) -> list[str]:
-    """The case files of a folder; without any say where there are some and leave with exit status 2."""
-    if files := sorted(str(path) for path in Path(folder).glob("*.toml")):
+def case_files_in(place: str) -> list[str]:
+    """A file itself, or the case files of a folder; without any leave with exit status 2."""
+    if not Path(place).is_dir():
+        return [place]
+    if files := sorted(str(path) for path in Path(place).glob("*.toml")):
         return files
-    fitted = Path(folder) / "cases"  # as `eclsim identify --out` leaves them
+    fitted = Path(place) / "cases"  # as `eclsim identify --out` leaves them
     hint = f"; {fitted} holds some" if any(fitted.glob("*.toml")) else ""
-    fail(f"{folder}: holds no case file (*.toml){hint}")
+    fail(f"{place}: holds no case file (*.toml){hint}")
 
 
 def read_each(

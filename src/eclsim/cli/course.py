@@ -113,7 +113,7 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
             refuse([mistake.at("--set", None) for mistake in error.mistakes])
         solved = [CaseReading(case, (), (), o.files[0]) for case in cases]
     else:
-        files = [str(path) for file in o.files for path in _case_files(file)]
+        files = [name for file in o.files for name in case_files_in(file)]
         readings = read_all(files, o.settings, o.volume_policy)
         solved, refused = readings if o.many else with_speeds(readings, o.volume_policy), False
     if o.events is None:
@@ -159,12 +159,6 @@ def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool)
 def _named(names: Sequence[str]) -> str:
     more = len(names) - MOST_NAMED
     return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _case_files(file: str) -> Sequence[Path]:
-    if not Path(file).is_dir():
-        return [Path(file)]
-    return [Path(name) for name in case_files_in(file)]
 
 
 def _destinations(o: CourseOptions) -> Destinations:

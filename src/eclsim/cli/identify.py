@@ -13,7 +13,16 @@ import typer
 from eclsim.cli.cases import TABLES, names_of, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, say, warn
 from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, Target, hand_over, resumable
-from eclsim.cli.options import CaseChanges, Distributed, Force, FreeParameters, VolumePolicy, argument, option
+from eclsim.cli.options import (
+    MEASURED_BESIDES,
+    CaseChanges,
+    Distributed,
+    Force,
+    FreeParameters,
+    VolumePolicy,
+    argument,
+    option,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -232,8 +241,7 @@ def _with_what_they_tell(case: Case, settings: FitSettings) -> FitSettings:
     case = ready(case, replace(settings, parameters=usual))
     names = free_parameters(case, usual, settings.volume_policy)
     if names != settings.parameters:
-        more = "blood gases, CVP or pressures of the CRRT were measured"
-        note([f"{more}: free are {', '.join(names)} (--parameters names others)"])
+        note([f"{MEASURED_BESIDES}: free are {', '.join(names)} (--parameters names others)"])
     return replace(settings, parameters=names)
 
 

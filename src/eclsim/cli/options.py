@@ -170,6 +170,10 @@ class CaseChanges:
     )
 
 
+MEASURED_BESIDES = "blood gases, CVP or pressures of the CRRT were measured"
+"""Why others than the paper's seven parameters are free where nobody named any."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FreeParameters:
     """What is fitted, in which bounds, to measurements how certain."""

@@ -14,7 +14,15 @@ from eclsim.cli.cases import TABLES, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
 from eclsim.cli.destination import Destinations, hand_over
 from eclsim.cli.identify import Prior, fit_settings, place_of
-from eclsim.cli.options import FreeParameters, Json, ResultsFolder, VolumePolicy, argument, option
+from eclsim.cli.options import (
+    MEASURED_BESIDES,
+    FreeParameters,
+    Json,
+    ResultsFolder,
+    VolumePolicy,
+    argument,
+    option,
+)
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -203,8 +211,7 @@ def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) 
     result = {}
     for patient, own in names.items():
         if own != usual:
-            more = "blood gases, CVP or pressures of the CRRT were measured"
-            note([f"{patient}: {more}: free are {', '.join(own)} (--parameters)"])
+            note([f"{patient}: {MEASURED_BESIDES}: free are {', '.join(own)} (--parameters)"])
         bounds = {n: limits for n, limits in settings.fit.bounds.items() if n in own or n not in free}
         result[patient] = replace(settings, fit=replace(settings.fit, parameters=own, bounds=bounds))
     return result

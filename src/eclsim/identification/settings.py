@@ -217,12 +217,18 @@ def told_by_gases(case: Case) -> tuple[str, ...]:
     return tuple(key for key, gases in GASES_TELL_OF.items() if key in unknown and {*gases} & measured)
 
 
-def told_by_pressures(case: Case) -> tuple[str, ...]:
-    """Blood volume, CRRT lines and filter, where a pressure tells of them and the case does not give them."""
+def told_of_crrt(case: Case) -> tuple[str, ...]:
+    """Lines and filter of a CRRT, where its pressures were measured and the case does not give them."""
     measured, read = {*measured_outputs(case)}, parameters_read(circuit_of(case))
-    lines = [name for name in OF_CRRT if name in read and stated(case, name) is None]
-    unknown = [*([EXTRA_VOLUME] if _holds_volume(case, ()) else []), *lines]
+    unknown = [name for name in OF_CRRT if name in read and stated(case, name) is None]
     return tuple(name for name in unknown if {*TELLS_OF[name][1]} & measured)
+
+
+def told_by_pressures(case: Case) -> tuple[str, ...]:
+    """The blood volume, where CVP was measured and the case does not give it, and what is told of a CRRT."""
+    told = {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured_outputs(case)}
+    volume = (EXTRA_VOLUME,) if told and _holds_volume(case, ()) else ()
+    return (*volume, *told_of_crrt(case))
 
 
 def assumed_of_gases(case: Case) -> set[str]:

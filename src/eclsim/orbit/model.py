@@ -123,14 +123,16 @@ def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
     """The case of a result as a mapping, from which `Case.model_validate` makes one that repeats it.
 
     Args:
-        case: that was computed.
+        case: that was computed. Of one whose pump flow is not solved for there are no numbers to repeat, and
+            set points that it leaves open stay open.
         policy: blood volume policy that it was computed with; left out, the case's.
     """
+    from eclsim.cases.sections import POLICY_KEY
     from eclsim.cases.writing import as_file
 
-    if case.as_written is not None:
+    if case.as_written is not None and not case.targets() and not case.at_rest().targets():
         case = case.with_set_points(values_of(case))
-    return as_file(case if policy is None else case.with_volume_policy(policy))
+    return as_file(case) | ({} if policy is None else {POLICY_KEY: policy})
 
 
 def as_case(source: CaseSource) -> Case:

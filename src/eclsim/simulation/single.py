@@ -50,10 +50,10 @@ def simulate(
 
     Returns:
         Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged; NaN where
-        it did not. The attribute `case` is the case as JSON text, for `Case.model_validate_json`. With
-        `ecmo.flow_l_min` also the flow wanted and the pump speed solved for it (`target_flow.speed_found`);
-        if no speed gives the flow, a Dataset without numbers whose status is "flow_not_reached" and whose
-        message says why.
+        it did not. The attribute `case` is the case as JSON text, for `Case.model_validate_json`, with the
+        speed that was computed. With `ecmo.flow_l_min` also the flow wanted and the pump speed solved for it
+        (`target_flow.speed_found`); if no speed gives the flow, a Dataset without numbers whose status is
+        "flow_not_reached" and whose message says why.
     """
     if isinstance(case, Model):
         return _beat(case, volume_policy, options, resolution, solver, check_grid)
@@ -65,7 +65,7 @@ def simulate(
     result = _beat(model_of(solved), volume_policy, options, resolution, solver, check_grid)
     if speed is not None:
         result.attrs |= speed.attributes()
-    result.attrs[CASE] = json.dumps(case_record(case, volume_policy))
+    result.attrs[CASE] = json.dumps(case_record(solved, volume_policy))
     return result
 
 

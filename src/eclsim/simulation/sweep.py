@@ -22,7 +22,7 @@ from eclsim.outputs.results import labelled
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.simulation.files import case_object
 from eclsim.simulation.single import not_reached
-from eclsim.simulation.target_flow import FlowNotReachedError, SpeedFound, speed_found, with_speed
+from eclsim.simulation.target_flow import FlowNotReachedError, speed_found, with_speed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,7 +108,7 @@ def sweep_cases(
     policy = policy or next(iter(cases.values())).volume_policy
     results: list[xr.Dataset | None] = []
     values: list[Mapping[str, float]] = []
-    speeds: list[SpeedFound | None] = []
+    about: list[dict[str, str | float]] = []
     for case in cases.values():
         try:
             solved, speed = with_speed(case, policy)
@@ -117,21 +117,20 @@ def sweep_cases(
             continue
         results.append(None)
         values.append(values_of(solved))
-        speeds.append(speed)
+        solved_for = {} if speed is None else speed.attributes()
+        about.append({CASE: json.dumps(case_record(solved, policy)), **solved_for})
     _check_effect(key, circuit, values, len(cases))
     first = next(iter(cases.values()))
     name = first.patient.id
-    beats = iter(_beats(circuit, values, speeds, name, policy, first.doubts))
+    beats = iter(_beats(circuit, values, about, name, policy, first.doubts))
     filled = tuple(next(beats) if result is None else result for result in results)
-    for case, result in zip(cases.values(), filled, strict=True):
-        result.attrs[CASE] = json.dumps(case_record(case, policy))
     return Sweep(name, key, unit, tuple(cases), case_value, filled)
 
 
 def _beats(
     circuit: Circuit,
     values: Sequence[Mapping[str, float]],
-    result: Sequence[SpeedFound | None],
+    about: Sequence[Mapping[str, str | float]],
     name: str,
     policy: str,
     doubts: Sequence[str],
@@ -141,13 +140,7 @@ def _beats(
     shared = [key for key in values[0] if all(key in of_case for of_case in values)]
     columns = {key: np.array([of_case[key] for of_case in values]) for key in shared}
     solved = steady_beat(Batch(circuit, columns, len(values), policy), waveforms=None, keep=None)
-    beats = []
-    for member, speed in enumerate(result):
-        beat = labelled(solved, member, name, doubts)
-        if speed is not None:
-            beat.attrs |= speed.attributes()
-        beats.append(beat)
-    return beats
+    return [labelled(solved, k, name, doubts).assign_attrs(of_case) for k, of_case in enumerate(about)]
 
 
 def _one_circuit(key: str, cases: Mapping[Value, Case]) -> Circuit:
