@@ -201,6 +201,17 @@ def test_no_command_writes_over_what_it_reads(shell, tmp_path, command):
     assert "an input of this command; it would be overwritten" in done.stderr
 
 
+def test_a_parameter_that_some_rows_have_not_is_refused_with_their_lines(shell, tmp_path):
+    on_ecmo = "P02,1,male,42,187,73,83,110,75,88,,,4.0,2.2,Rotaflow,2725,Quadrox-i Adult,25,15"
+    rows = (row(1), on_ecmo, *(row(k) for k in range(2, 8)))
+    arguments = ("identify", str(cohort(tmp_path, *rows)), "--out", str(tmp_path / "fits"))
+    done = shell.run(*arguments, "--parameters", "Rmc,Recmooxy,Rmcc")
+    assert done.exit_code == 2
+    assert "so it cannot be fitted (lines 2, 4, 5, 6, 7 and 2 more)" in done.stderr
+    assert done.stderr.count("Rmcc: unknown parameter") == 1
+    assert "Rmcc: unknown parameter (line" not in done.stderr
+
+
 def test_an_uncertainty_that_no_row_measures_is_refused(shell, quick, tmp_path):
     arguments = ("identify", str(cohort(tmp_path, row(1))), "--out", str(tmp_path / "fits"))
     done = shell.run(*arguments, "--uncertainty", "PCWP=3,CO=5%")

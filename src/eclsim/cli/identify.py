@@ -36,6 +36,8 @@ Prior = Literal["log-uniform", "log-normal"]
 CHAINS = (4, 600, 1500)
 """Chains, draws thrown away and draws kept where the options are left out."""
 SUMMARY = "identification.json"
+ROWS_NAMED = 5
+"""Lines of a table that a mistake names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -362,15 +364,27 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     return content, changed or bool(reading.refused)
 
 
+def _in_rows(mistake: Mistake, lines: Sequence[int], points: int) -> Mistake:
+    """A mistake in an option with the lines of the table that it concerns, where these are not all."""
+    if mistake.line is not None or len(lines) == points:
+        return mistake
+    rest = f" and {len(lines) - ROWS_NAMED} more" if len(lines) > ROWS_NAMED else ""
+    named = ", ".join(str(line) for line in lines[:ROWS_NAMED])
+    return replace(mistake, message=f"{mistake.message} (line{'s' if len(lines) > 1 else ''} {named}{rest})")
+
+
 def _check_points(reading: CohortReading, settings: FitSettings, file: str) -> None:
     """Bounds and free parameters are the same for all points, so a mistake in them stops the run."""
     from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     doubts: dict[str, None] = {}
+    mistakes: dict[Mistake, list[int]] = {}
     for point in reading.points:
         checked = checked_fit(point.case, settings)
-        refuse([place_of(mistake, settings, file, point.line) for mistake in checked.mistakes])
+        for mistake in checked.mistakes:
+            mistakes.setdefault(place_of(mistake, settings, file, point.line), []).append(point.line)
         doubts |= dict.fromkeys(str(w.at(file, point.line)) for w in checked.warnings)
+    refuse([_in_rows(m, lines, len(reading.points)) for m, lines in mistakes.items()])
     unmeasured = unmeasured_uncertainties([point.case for point in reading.points], settings)
     refuse([place_of(mistake, settings, file) for mistake in unmeasured])
     warn(doubts)
