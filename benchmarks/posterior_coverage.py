@@ -6,26 +6,35 @@ Intervals of the parameters, of the outputs without noise, and of the outputs at
 weighted draws of the posterior (`--method importance`), by chains (`nuts`, minutes a patient), beside either
 by the Gaussian approximation. Every patient is a line of the output file; a run that was stopped, or that ran
 out of its seconds, goes on where it ended.
+
+`--from-prior` draws patients from the prior itself, whoever has a steady beat, with the errors that the
+posterior assumes, so that exact intervals hold the truth in nine of ten but for chance (simulation-based
+calibration, Talts et al. 2018, arXiv:1804.06788). Each patient comes twice, the second time with all errors
+reversed: their mean is zero, and less is left to chance.
 """
 
 import argparse
 import time
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from resumable import run
-from simulated_patients import NAMES, simulated_patient
+from simulated_patients import NAMES, made_up_case, made_up_ecmo, simulated_patient
 
 from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, diagnose, sample
 from eclsim.identification.posterior import predict
 from eclsim.identification.quantities import OF_THE_BEAT, measurement_errors
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.thiel2025 import BOUNDS
 
 PREDICTED = 400
+CANDIDATES = 16
+"""Points of the prior, the first of which with a steady beat is a patient."""
 SHORT = Sampling(chains=4, warmup=300, draws=250)
 
 
@@ -41,12 +50,46 @@ def starts(posterior: PosteriorDensity, seed: int) -> np.ndarray:
     return posterior.prior.x_of(z[np.argsort(levels)[:4]])
 
 
-def one_patient(seed: int, method: str) -> dict:
-    started = time.perf_counter()
+class Measured(NamedTuple):
+    """A made-up patient: what is known of it, and the truth."""
+
+    model: Model
+    measured: dict[str, float]
+    errors: dict[str, float]
+    truth: dict[str, float]
+    outputs: dict[str, float]
+
+
+def likely(seed: int) -> Measured:
+    """A patient whom somebody would measure."""
     point = simulated_patient(seed)
-    prior, model = prior_of(), model_of(point.case)
     measured = {n: getattr(point.case.measurements, n) for n in OF_THE_BEAT}
-    posterior = PosteriorDensity(model, measured, measurement_errors(measured), prior)
+    truth = {n: point.truth[n] for n in NAMES}
+    errors = measurement_errors(measured)
+    return Measured(model_of(point.case), measured, errors, truth, dict(point.outputs))
+
+
+def from_prior(seed: int) -> Measured:
+    """A patient as the prior has it; an odd seed is the patient before with the errors reversed."""
+    random, prior = np.random.default_rng([77, seed // 2]), prior_of()
+    model = model_of(made_up_case(random, seed // 2, 0, made_up_ecmo(random)))
+    everywhere = PosteriorDensity(
+        model, dict.fromkeys(OF_THE_BEAT, 0.0), dict.fromkeys(OF_THE_BEAT, 1.0), prior
+    )
+    z = random.standard_normal((CANDIDATES, len(NAMES)))
+    outputs = everywhere.simulate(z)
+    first = int(np.flatnonzero(np.isfinite(outputs).all(axis=1))[0])
+    exact = dict(zip(OF_THE_BEAT, outputs[first].tolist(), strict=True))
+    errors, sign = measurement_errors(exact), 1.0 - 2.0 * (seed % 2)
+    measured = {n: v + sign * errors[n] * random.standard_normal() for n, v in exact.items()}
+    truth = dict(zip(NAMES, np.exp(prior.x_of(z[first])).tolist(), strict=True))
+    return Measured(model, measured, errors, truth, exact)
+
+
+def one_patient(seed: int, method: str, patient: Callable[[int], Measured] = likely) -> dict:
+    started, prior = time.perf_counter(), prior_of()
+    model, measured, errors, truth, outputs = patient(seed)
+    posterior = PosteriorDensity(model, measured, errors, prior)
     gaussian = approximate(posterior, starts(posterior, seed))
     weighted = importance_sample(posterior, gaussian, seed=seed)
     doubts = weighted.doubts
@@ -57,18 +100,16 @@ def one_patient(seed: int, method: str) -> dict:
         z = chains.z.reshape(-1, len(NAMES))
         z = z[:: max(1, len(z) // PREDICTED)]
     faster = model.with_values({"ecmo.speed_rpm": 1.15 * model.values["ecmo.speed_rpm"]})
-    truth = {n: point.truth[n] for n in NAMES}
     at_speed = steady_beat(Batch(faster.circuit, {**faster.values, **truth}, 1), OF_THE_BEAT).values[:, 0]
     record = {"seed": seed, "doubts": list(doubts), "shape": weighted.shape, "effective": weighted.effective}
     for kind, draws in (("posterior", z), ("gaussian", gaussian.draws(PREDICTED, seed))):
         parameters = dict(zip(NAMES, np.exp(prior.x_of(draws)).T, strict=True))
         here, there_now = (predict(m, parameters, OF_THE_BEAT) for m in (model, faster))
         limits = np.quantile(np.stack(list(parameters.values()), axis=1), (0.05, 0.95), axis=0)
-        values = np.array([point.truth[n] for n in NAMES])
-        outputs = np.array([point.outputs[n] for n in OF_THE_BEAT])
+        values, exact = np.array([truth[n] for n in NAMES]), np.array([outputs[n] for n in OF_THE_BEAT])
         record[kind] = {
             "parameters": _inside(limits[0], values, limits[1]),
-            "outputs": _inside(here.intervals[:, 0], outputs, here.intervals[:, 2]),
+            "outputs": _inside(here.intervals[:, 0], exact, here.intervals[:, 2]),
             "predictions": _inside(there_now.intervals[:, 0], at_speed, there_now.intervals[:, 2]),
         }
     return record | {"seconds": time.perf_counter() - started}
@@ -95,10 +136,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--patients", type=int, default=100)
     parser.add_argument("--method", choices=("importance", "nuts"), default="importance")
+    parser.add_argument("--from-prior", action="store_true")
     run(
         parser,
         lambda chosen: range(1000, 1000 + chosen.patients),
-        lambda seed, chosen: one_patient(seed, chosen.method),
+        lambda seed, chosen: one_patient(seed, chosen.method, from_prior if chosen.from_prior else likely),
         summary,
     )
 

@@ -61,11 +61,11 @@ def simulated_series(seed: int, points: int, drifting: int = 3) -> list[Simulate
         change = np.zeros(len(NAMES))
         which = random.choice(len(NAMES), drifting, replace=False)
         change[which] = LARGEST_DRIFT * random.uniform(-1.0, 1.0, drifting)
-        devices = _devices(random)
+        devices = made_up_ecmo(random)
         start = table[:, 1] + (table[:, 2] - table[:, 1]) * _share(z)
         x = start + np.linspace(0.0, 1.0, points)[:, None] * change
         x = np.clip(x, table[:, 1], table[:, 2])
-        cases = [_case(random, seed, k, devices) for k in range(points)]
+        cases = [made_up_case(random, seed, k, devices) for k in range(points)]
         outputs = _outputs(cases, x)
         if outputs is not None and all(_likely(o) for o in outputs):
             return [_measured(random, c, row, o) for c, row, o in zip(cases, x, outputs, strict=True)]
@@ -78,7 +78,8 @@ def _share(z: np.ndarray) -> np.ndarray:
     return ndtr(z)
 
 
-def _devices(random: np.random.Generator) -> Ecmo:
+def made_up_ecmo(random: np.random.Generator) -> Ecmo:
+    """A V-A ECMO at a speed and with cannulae as they are used."""
     return Ecmo(
         pump="Rotaflow", speed_rpm=float(round(random.uniform(2200, 3600))), oxygenator="Quadrox-i Adult",
         drainage_site="ra", drainage_cannula="venous", drainage_fr=float(random.choice([21, 23, 25])),
@@ -86,7 +87,8 @@ def _devices(random: np.random.Generator) -> Ecmo:
     )  # fmt: skip
 
 
-def _case(random: np.random.Generator, seed: int, number: int, ecmo: Ecmo) -> Case:
+def made_up_case(random: np.random.Generator, seed: int, number: int, ecmo: Ecmo) -> Case:
+    """An adult on this ECMO, as at a number of a series."""
     first = np.random.default_rng([2025, seed])
     sex = "female" if first.random() < 0.5 else "male"
     age, height, weight = first.uniform(30, 75), first.uniform(155, 188), first.uniform(55, 95)
