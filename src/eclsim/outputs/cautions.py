@@ -23,6 +23,8 @@ BLOOD_PH = (6.8, 7.7)
 FAR_MMHG, STUDIED_MMHG = 10.0, 25.0
 """PaCO2 above the set point from which the published answer to it has the wrong sign, and from which the one
 measured in patients, up to 19 mmHg, is extrapolated."""
+STANDING_L_MIN = 1e-3
+"""Mean flow below which blood stands still: its gases are then those of no blood that anybody could draw."""
 _INSTEAD = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
@@ -49,7 +51,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         if (given := values.get(keys.dose(drug), 0.0)) > 0.0
     }
     found = _emptied(outputs, felt) + _not_septic(outputs, felt) + _beyond(felt) + _together(felt)
-    return found + _hypercapnia(outputs, values) + _extrapolated_blood(outputs)
+    return found + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
 def _about(quantity: str, value: float, text: str, *concerns: str) -> Finding:
@@ -175,3 +177,15 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
         "gases were fitted: saturations and carbon dioxide are extrapolated"
     )
     return [_about("pHa", ph, text, "SaO2", "PaCO2")]
+
+
+def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
+    """Mixed venous blood that does not flow."""
+    saturation, flow = outputs.get("SvO2"), outputs.get("pulmonary_flow")
+    if saturation is None or flow is None or not abs(flow) < STANDING_L_MIN:
+        return []
+    text = (
+        "no blood flows through the lungs: that in the pulmonary artery stands still, and its gases are not "
+        "those of mixed venous blood; read the saturation of the drained or venous blood instead"
+    )
+    return [_about("SvO2", saturation, text, "SvO2", "PvO2")]
