@@ -273,6 +273,7 @@ POSITION_WORDS = MappingProxyType(
 ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
 """Not what a case file holds, but what a picker shows for a roller pump and for sites of no usual mode."""
+_OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
 _MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
 
 USUAL = MappingProxyType(
@@ -769,13 +770,11 @@ class EcmoDevice(Device[Ecmo]):
         others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
         result.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
         own = (section.drainage_site, section.return_site)
-        drained = (site for site in PATIENT_SITES if site not in own[1:] or site == own[0])
-        returned = (site for site in PATIENT_SITES if site not in own[:1] or site == own[1])
         mixing = Knob("drainage_mixing", "Mixing before drainage", "", 0.0, 1.0, 0.01, needs="gas")
         return [
             *result,
-            picker("drainage_site", "Drained from", drained, PATIENT_SITES),
-            picker("return_site", "Returned to", returned, PATIENT_SITES),
+            picker("drainage_site", "Drained from", PATIENT_SITES, _exchanged(*own)),
+            picker("return_site", "Returned to", PATIENT_SITES, _exchanged(*own[::-1])),
             *second_controls(section, own, CANNULAE),
             *((mixing,) if own[0] == own[1] else ()),
             Knob("sweep_l_min", "Sweep gas", "L/min", 0.0, 12.0, 0.1, needs="gas"),
@@ -817,8 +816,11 @@ class EcmoDevice(Device[Ecmo]):
         if key in SECOND_SITES and isinstance(value, str):
             return with_second(raw, key, value)
         changed = {**raw, key: value}
-        if key in ("drainage_site", "return_site"):
+        if key in _OTHER_SITE:
             changed.pop("mode", None)
+            other = _OTHER_SITE[key]
+            if value == raw.get(other) != raw.get(key):  # both cannulae change places
+                changed[other] = raw.get(key)
         return changed
 
     def sizes(self, section: Ecmo, key: str) -> tuple[float, ...]:
@@ -860,6 +862,11 @@ class EcmoDevice(Device[Ecmo]):
             *_left_ventricle_unlike(names, outputs, circuit),
             *counted(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
+
+
+def _exchanged(own: str, other: str) -> dict[str, str]:
+    """Sites in words; at that of the other cannula both change places."""
+    return {**PATIENT_SITES, other: f"{PATIENT_SITES[other]} (swap)"} if other != own else {**PATIENT_SITES}
 
 
 def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:

@@ -148,7 +148,8 @@ export default {
   methods: {
     id: (knob) => `knob-${knob.key.replace(/\W/g, "-")}`,
     switchLabel(group) {
-      return fill(this.texts[this.devices[group.key] ? "disconnect" : "connect"], { device: group.label });
+      const [on, off] = group.section ? ["switch_on", "switch_off"] : ["connect", "disconnect"];
+      return fill(this.texts[this.devices[group.key] ? off : on], { device: group.label });
     },
     enter(knob, text) {
       this.typed = { key: knob.key, text, entered: true };
