@@ -563,7 +563,7 @@ def nine_at_own_speed(case: Case, policy: str) -> dict[str, object] | None:
         cell: dict[str, object] = {
             "letter": scheme.letter, "name": scheme.name,
             "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
-            "converged": bool(result.determined[k]),
+            "converged": bool(result.determined[k]), "steady": bool(result.converged[k]),
             "MAP": {"mean": (pressure := float(result.output("MAP")[k])), "level": level("MAP", pressure)},
             "possible": not impossible(result.findings(k)),
         }  # fmt: skip
