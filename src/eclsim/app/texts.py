@@ -546,6 +546,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "the patient that is open, up to {size}. It is checked on the machine that runs this page and kept "
         "there only while the page is open.",
         "open_drop": "Choose a file, or drop it here",
+        "open_reading": "Reading {name} …",
         "open_rows": "Data point",
         "open_use": "Use",
         "open_source": "{file}, data point {row}",
