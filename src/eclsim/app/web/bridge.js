@@ -256,7 +256,10 @@ export default {
     // Nothing changes behind a dialog, not by the browser's own undo either.
     key(event) {
       const isCovered = !!document.querySelector(".q-dialog__inner");
-      const typing = TYPED.test(event.target?.type ?? "") || event.target?.tagName === "TEXTAREA";
+      const field = event.target;
+      // In the field of a knob only what is not yet entered is undone by the browser.
+      const isEntered = !!field?.matches?.(".ecl-knob input:not([data-typed])");
+      const typing = !isEntered && (TYPED.test(field?.type ?? "") || field?.tagName === "TEXTAREA");
       for (const [key, modifier, action] of SHORTCUTS) {
         const held = modifier === "ctrl" ? event.ctrlKey || event.metaKey : event.altKey;
         if (!held || event.key.toLowerCase() !== key || (typing && modifier === "ctrl")) continue;

@@ -21,7 +21,7 @@ const Knob = {
     <label :for="id" :title="knob.hint">{{ knob.label }}</label>
     <span class="typed">
       <input :id="id" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
-        :value="typed ?? text" :aria-invalid="!!error"
+        :value="typed ?? text" :aria-invalid="!!error" :data-typed="typed"
         :aria-describedby="id + '-unit' + (error ? ' ' + id + '-error' : '')"
         :disabled="!connected" @input="$emit('type', knob.key, $event.target.value)"
         @change="$emit('enter', knob, $event.target.value)" @keydown="arrow"
