@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import connectable, controls
+from eclsim.app.knobs import VOLUME, connectable, controls
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS
@@ -241,6 +241,7 @@ def described(control: Control) -> dict[str, Any]:
     hint = f"{name}: {parameters()[name].description}" if section == "parameters" else ""
     own = next((one for one in PATIENT_SECTIONS if one.section == section), None)
     hint = own.fields()[name].description if own else hint
+    hint = text("volume_hint") if control.key == VOLUME else hint
     common = {"key": control.key, "group": control.group, "label": control.label, "hint": hint}
     if isinstance(control, Knob):
         return common | {

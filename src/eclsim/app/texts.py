@@ -108,6 +108,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "parameters.Rpmc": "Pulm. resistance",
         "parameters.Csart": "Arterial compliance",
         "volume_ml": "Blood given",
+        "volume_hint": "Blood in the veins beyond that of the published patient (0 mL); each preset has its "
+        "own",
         "physiology.regional": "Upper and lower body apart",
         "physiology.upper_share": "Upper body's share of flow",
         "physiology.bronchial_fraction": "Bronchial return",
