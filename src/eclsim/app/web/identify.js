@@ -94,7 +94,7 @@ export default {
           <th scope="col">{{ texts.fit_identifiable }}</th>
         </tr></thead>
         <tbody><tr v-for="(p, name) in result.parameters" :key="name" :class="{ vague: !p.identifiable }">
-          <th scope="row" :title="p.text"><b>{{ name }}</b> <small>{{ p.unit }}</small></th>
+          <th scope="row"><b>{{ name }}</b> <small>{{ p.unit }}<br />{{ p.text }}</small></th>
           <td class="n"><b>{{ compact(p.value) }}</b></td>
           <td class="n">{{ interval(p) }}<template v-if="posterior"><br />
             <small>{{ texts.posterior_interval }}</small> {{ interval(after(name)) }}</template></td>
