@@ -25,6 +25,7 @@ from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.results import simulate
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "veno_venous_blood_gases.toml"
 CASES = {key: preset.case() for key, preset in PRESETS.items()}
@@ -256,6 +257,17 @@ def test_a_second_cannula_is_put_in_and_taken_out():
     clamped = turn(there, "ecmo.second_return_clamp", 0.5)
     assert clamped.ecmo.second_return_clamp == 0.5
     assert turn(clamped, "ecmo.second_return_site", "").ecmo == case.ecmo
+
+
+def test_blood_that_runs_backwards_can_be_stopped_as_the_alarm_says():
+    """The alarm said "clamp it", and no clamp was there."""
+    stopped = turn(CASES["paper"], "ecmo.speed_rpm", 0)
+    beat = simulate(stopped)
+    assert float(beat["PF"]) < -0.1
+    assert any("clamp it" in warning for warning in beat.attrs["warnings"])
+    assert value_of(stopped, "ecmo.return_clamp") == 0.0
+    clamped = simulate(turn(stopped, "ecmo.return_clamp", 1))
+    assert float(clamped["PF"]) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_sites_are_shown_where_drainage_and_return_share_a_compartment():

@@ -274,6 +274,8 @@ ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
 """Not what a case file holds, but what a picker shows for a roller pump and for sites of no usual mode."""
 _OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
+_IF_OMITTED = MappingProxyType({"drainage_mixing": 1.0, "return_clamp": 0.0})
+"""Where the knobs of keys stand that a case leaves out."""
 _MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
 
 USUAL = MappingProxyType(
@@ -764,8 +766,7 @@ class EcmoDevice(Device[Ecmo]):
         for line, kind in (("drainage", section.drainage_cannula), ("return", section.return_cannula)):
             sizes = CANNULAE[kind].sizes_fr
             result.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
-        if section.return_clamp is not None:
-            result.append(Knob("return_clamp", "Clamp on the return line", "", 0.0, 1.0, 0.01))
+        result.append(Knob("return_clamp", "Clamp on the return line", "", 0.0, 1.0, 0.01))
         result.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
         others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
         result.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
@@ -789,8 +790,8 @@ class EcmoDevice(Device[Ecmo]):
             return section.pump.roller_l_min
         if key in SECOND_SITES:
             return getattr(section, key) or NO_SITE
-        if key == "drainage_mixing" and section.drainage_mixing is None:
-            return 1.0
+        if key in _IF_OMITTED and getattr(section, key) is None:
+            return _IF_OMITTED[key]
         if key != "mode":
             return getattr(section, key)
         if section.drainage_site in VENOUS_SITES and section.return_site in ARTERIAL_SITES:
