@@ -16,6 +16,7 @@ import numpy as np
 from eclsim.course.beats import BeatMarch, KeptBeat, Moving, ShownBeats, Steady
 from eclsim.course.timeline import MINUTE
 from eclsim.outputs.registry import output
+from eclsim.parameters.gas import LUNG_VOLUME
 
 if TYPE_CHECKING:
     from eclsim.course.laws import Laws
@@ -39,6 +40,7 @@ TO_THE_END_S = 600.0
 """The same where no steady beat is ahead, as for a patient without any oxygen; there a course ends."""
 BLOOD_S = 60.0
 """In which blood is renewed; where the circulation settles sooner, its gases do not."""
+VENTILATION = "gas.alveolar_ventilation_l_min"
 LONGEST_RAMP = 10.0
 """Settling times within which a ramp may be too fast."""
 RECONNECTED = "an event connects the circuit in another way"
@@ -121,9 +123,22 @@ class Span:
         return {"from_min": self.begin / MINUTE, "until_min": self.end / MINUTE, "reason": self.reason}
 
 
-def shares_of(settling_s: float, length_s: float) -> tuple[float, float]:
+def shares_of(settling_s: float, lungs_s: float, length_s: float) -> tuple[float, float]:
     """Of a change along so many seconds, what circulation and gases are behind by."""
-    return min(1.0, settling_s / length_s), min(1.0, max(settling_s, BLOOD_S) / length_s)
+    return min(1.0, settling_s / length_s), min(1.0, max(settling_s, BLOOD_S, lungs_s) / length_s)
+
+
+def lungs_s(before: Mapping[str, float], after: Mapping[str, float]) -> float:
+    """In which ventilation renews the gas of the lungs [s], without end where a change ends it.
+
+    Args:
+        before: parameters before the change.
+        after: behind it.
+    """
+    if VENTILATION not in after or not (before[VENTILATION] or after[VENTILATION]):
+        return 0.0
+    litres_min = after[VENTILATION]
+    return MINUTE * 1e-3 * after[LUNG_VOLUME] / litres_min if litres_min else np.inf
 
 
 def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
