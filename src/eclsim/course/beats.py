@@ -332,6 +332,12 @@ class BeatMarch:
             return shift
         return max(shift, self.in_time.apart(at.gases, goal.gases))
 
+    def alveolar_mmhg(self, at: Moving) -> np.ndarray:
+        """PO2 of the gas that each lung holds; none where gases are not followed."""
+        return (
+            np.zeros(0) if self.in_time is None or at.gases is None else self.in_time.alveolar_mmhg(at.gases)
+        )
+
     def behind_mmhg(self, at: Moving, goal: Moving) -> float:
         """Arterial PCO2 of a moment above that of the steady one; 0 where gases are not followed."""
         if at.gases is None or goal.gases is None:

@@ -30,6 +30,7 @@ from eclsim.course.handover import (
     farthest,
     follow_until_settled,
     lag_of,
+    lungs_s,
     reason_of,
     shares_of,
 )  # fmt: skip
@@ -238,7 +239,7 @@ class Engine:
             if not self._may_leave_ramp(m):
                 continue
             predictor, ahead = self.predictors[m], self._ahead(m, self._circuit(m))
-            shares = shares_of(predictor.settling_s, float(of_step))
+            shares = shares_of(predictor.settling_s, self._lungs_s(m, float(of_step)), float(of_step))
             before = {name: self.noted[m].read[name] for name in ahead.gases}
             if farthest(before, ahead.gases, shares[1])[0] > 1.0:
                 predictor.back_to(self.noted[m])
@@ -328,12 +329,18 @@ class Engine:
         reconnected = any(self._circuit(member) is not circuit for circuit in self.circuits[member])
         refusal, beat, ahead = RECONNECTED if reconnected else "", predictor.beat, None
         length = timeline.ramp_end(segment) - time
-        if 0.0 < length <= LONGEST_RAMP * predictor.settling_s:
+        lungs = self._lungs_s(member, length)
+        if 0.0 < length <= max(LONGEST_RAMP * predictor.settling_s, min(lungs, LONGEST_SPAN_S)):
             who = np.array([member])
             solved = self._rates(who, np.array([time + length]), self.states[:, who])[1]
             ahead = self._ahead(member, self._circuit(member)) if solved[0] else None
-            shares = shares_of(predictor.settling_s, length)
+            shares = shares_of(predictor.settling_s, lungs, length)
         return Event(beat, before.gases, before.volumes, ahead, *shares, refusal)
+
+    def _lungs_s(self, member: int, length: float) -> float:
+        """In which the gas of a member's lungs is renewed once so many seconds have passed [s]."""
+        timeline, segment, time = self.timelines[member], int(self.segment[member]), float(self.time[member])
+        return lungs_s(timeline.settings(segment, time), timeline.settings(segment, time + length))
 
     def _ahead(self, member: int, circuit: Circuit) -> Ahead:
         """What a member's last beat, which was of that circuit, has of blood and gases."""

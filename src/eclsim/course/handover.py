@@ -16,6 +16,7 @@ import numpy as np
 from eclsim.course.beats import BeatMarch, KeptBeat, Moving, ShownBeats, Steady
 from eclsim.course.timeline import MINUTE
 from eclsim.outputs.registry import output
+from eclsim.parameters.gas import LUNG_VOLUME
 
 if TYPE_CHECKING:
     from eclsim.course.laws import Laws
@@ -30,12 +31,16 @@ STILL = 0.8
 """Of what was left a time constant ago: with more left, nothing is coming to rest any more."""
 GASES_S = 120.0
 """The same time where gases are followed, which settle within minutes."""
+ALVEOLAR_MMHG = 2.0
+"""Change of the alveoli's PO2 in that time by which lungs still fill or empty. Blood that lives on the oxygen
+in lungs without ventilation comes no closer to the steady beat for minutes, and then all at once."""
 LONGEST_SPAN_S = 1800.0
 """Longest span that is followed beat by beat; behind it steady beats go on."""
 TO_THE_END_S = 600.0
 """The same where no steady beat is ahead, as for a patient without any oxygen; there a course ends."""
 BLOOD_S = 60.0
 """In which blood is renewed; where the circulation settles sooner, its gases do not."""
+VENTILATION = "gas.alveolar_ventilation_l_min"
 LONGEST_RAMP = 10.0
 """Settling times within which a ramp may be too fast."""
 RECONNECTED = "an event connects the circuit in another way"
@@ -118,9 +123,22 @@ class Span:
         return {"from_min": self.begin / MINUTE, "until_min": self.end / MINUTE, "reason": self.reason}
 
 
-def shares_of(settling_s: float, length_s: float) -> tuple[float, float]:
+def shares_of(settling_s: float, lungs_s: float, length_s: float) -> tuple[float, float]:
     """Of a change along so many seconds, what circulation and gases are behind by."""
-    return min(1.0, settling_s / length_s), min(1.0, max(settling_s, BLOOD_S) / length_s)
+    return min(1.0, settling_s / length_s), min(1.0, max(settling_s, BLOOD_S, lungs_s) / length_s)
+
+
+def lungs_s(before: Mapping[str, float], after: Mapping[str, float]) -> float:
+    """In which ventilation renews the gas of the lungs [s], without end where a change ends it.
+
+    Args:
+        before: parameters before the change.
+        after: behind it.
+    """
+    if VENTILATION not in after or not (before[VENTILATION] or after[VENTILATION]):
+        return 0.0
+    litres_min = after[VENTILATION]
+    return MINUTE * 1e-3 * after[LUNG_VOLUME] / litres_min if litres_min else np.inf
 
 
 def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
@@ -193,7 +211,7 @@ def follow_until_settled(
     pause = patience = settling_s / 3.0
     if start.gases is not None:
         pause, patience = max(pause, GASES_S / 4.0), max(patience, GASES_S)
-    looks: list[tuple[float, float]] = []
+    looks: list[tuple[float, float, np.ndarray]] = []
     while True:
         events = march.timeline.breaks
         at, before_this = march.follow(at, min(until, end), shown, every_beat=False), at.time
@@ -209,8 +227,21 @@ def follow_until_settled(
                 continue
         goal = steady(at)
         now = np.inf if goal is None or goal.lag > LAG else march.apart(at, goal.moment)
-        before = [left for time, left in looks if time <= at.time - 0.9 * patience]
-        if now <= 1.0 or (np.isfinite(now) and before and now > STILL * before[-1]):
+        lungs = march.alveolar_mmhg(at)
+        before = [look for look in looks if look[0] <= at.time - 0.9 * patience]
+        if now <= 1.0 or (np.isfinite(now) and before and _at_rest(before[-1], now, lungs)):
             break
-        looks.append((at.time, now))
+        looks.append((at.time, now, lungs))
     return Span(start.time, at.time, reason, march, shown.beats), at
+
+
+def _at_rest(before: tuple[float, float, np.ndarray], left: float, lungs: np.ndarray) -> bool:
+    """Whether beats come no closer to the steady one, and the gas in the lungs stays.
+
+    Args:
+        before: a time constant ago: when, how far from the steady beat, and PO2 of the lungs [mmHg].
+        left: how far from it now.
+        lungs: PO2 now [mmHg].
+    """
+    _, farther, held = before
+    return left > STILL * farther and bool((np.abs(lungs - held) <= ALVEOLAR_MMHG).all())

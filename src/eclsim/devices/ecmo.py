@@ -81,7 +81,7 @@ from eclsim.parameters.parameter import Bounds, Parameter
 from eclsim.parameters.regulation import REGULATION
 from eclsim.parameters.thiel2025 import circuit_parameters
 from eclsim.patient.anthropometry import body_surface
-from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
+from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -1033,7 +1033,10 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
     output, pump_flow = case.measurements.get("CO"), case.measurements.get("PF")
     if output is None or pump_flow is None:
         return
-    if values.get("return_site") not in ARTERIAL_SITES:
+    added = _comes_on_top(values, case)
+    if added is None:
+        return
+    if not added:
         if output < pump_flow:
             message = (
                 f"below the pump flow {pump_flow:g} L/min: where ECMO returns before the lungs, CO is all "
@@ -1048,6 +1051,15 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
     else:
         message += f"with the pump flow the organs get {output + pump_flow:.3g} L/min"
         remarks.note("measurements.CO", message, shown(output))
+
+
+def _comes_on_top(values: Raw, case: CaseValues) -> bool | None:
+    """Whether organs get the pump's flow on top of CO, or within it; None where a part of it is either."""
+    drained, given = ({values.get(f"{n}{line}_site") for n in ("", "second_")} - {None} for line in LINES)
+    if case.of("vent") or drained & {*ARTERIAL_SITES, *LEFT_HEART}:
+        return None
+    behind = {site in (*ARTERIAL_SITES, *LEFT_HEART, "part") for site in given}
+    return behind.pop() if len(behind) == 1 else None
 
 
 def _looks_total(case: CaseValues, output: float, pump_flow: float) -> str:

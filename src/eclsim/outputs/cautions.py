@@ -54,6 +54,12 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
     return found + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
+def organ_flow(outputs: Mapping[str, float]) -> float | None:
+    """Flow through all organs but the lungs [L/min], of one body or of both its regions; None if unknown."""
+    places = ("systemic_flow",) if "systemic_flow" in outputs else ("upper_body_flow", "lower_body_flow")
+    return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
+
+
 def _about(quantity: str, value: float, text: str, *concerns: str) -> Finding:
     return Finding(CAUTION, quantity, value, float("nan"), text, concerns=concerns)
 
@@ -75,7 +81,7 @@ def _emptied(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Fi
 def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Finding]:
     """Vasopressin in a patient whose vessels have not lost their tone."""
     names = ("MAP", "right_atrial_pressure")
-    flow = outputs.get("systemic_flow", outputs.get("CO", 0.0))
+    flow = organ_flow(outputs) or outputs.get("CO", 0.0)
     if "vasopressin" not in felt or not set(names) <= outputs.keys() or not flow > 0.0:
         return []
     pressure = outputs["MAP"] - outputs["right_atrial_pressure"]
