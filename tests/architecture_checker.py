@@ -28,7 +28,7 @@ ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "beat": {*PHYSICS, "execution"},
     "__main__": {"cli"},
 }
-ANY_LAYER_MAY_IMPORT = {"_version", "files", "front_door", "runtime", "spelling"}
+ANY_LAYER_MAY_IMPORT = {"_version", "arguments", "files", "front_door", "runtime", "spelling"}
 
 # Imported before the first line of `eclsim --help` or of an input error is printed.
 LIGHT = (

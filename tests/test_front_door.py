@@ -5,7 +5,9 @@ import pytest
 
 import eclsim
 from eclsim.cases.reading import read_mapping
+from eclsim.cases.writing import write_case
 from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.steady import ADAPTIVE
 
 CASE = read_mapping(
     {
@@ -81,3 +83,182 @@ def test_derivatives_of_nothing_are_refused():
     """It was "cannot reshape array of size 0"."""
     with pytest.raises(ValueError, match="derivatives of nothing"):
         eclsim.derivatives(CASE, [], [])
+
+
+MODEL = eclsim.model_of(CASE)
+
+
+@pytest.mark.parametrize(
+    ("ask", "kind", "sentence"),
+    [
+        (lambda: eclsim.simulate(MODEL, solver="rk4"), ValueError, 'solver = "rk4"; allowed: semi-implicit'),
+        (
+            lambda: eclsim.simulate(MODEL, resolution=10**7),
+            ValueError,
+            "resolution = 10000000; allowed: 1 to 32",
+        ),
+        (lambda: eclsim.simulate(MODEL, resolution=0), ValueError, "resolution = 0; allowed: 1 to 32"),
+        (lambda: eclsim.simulate(MODEL, resolution=1.5), TypeError, "resolution = 1.5: no whole number"),
+        (lambda: eclsim.simulate(MODEL, options={"tolerance": 1}), TypeError, "a dict is no OrbitOptions"),
+        (lambda: eclsim.simulate(MODEL, check_grid="no"), TypeError, 'check_grid = "no"; allowed: True or'),
+        (
+            lambda: eclsim.simulate(MODEL, resolution=2, solver=ADAPTIVE),
+            ValueError,
+            "the adaptive solver takes no options and no resolution",
+        ),
+        (lambda: eclsim.OrbitOptions(tolerance=-1), ValueError, "tolerance = -1; allowed: above 0"),
+        (lambda: eclsim.Execution(width=2.0), TypeError, "width = 2: no whole number; allowed: 1 or more"),
+        (
+            lambda: eclsim.simulate_many(MODEL, {"Rmc": [0.8]}, execution=2),
+            TypeError,
+            "an int is no Execution",
+        ),
+        (
+            lambda: eclsim.simulate(MODEL.circuit),
+            TypeError,
+            r"a Circuit is no case.*eclsim\.Model\.published",
+        ),
+        (lambda: MODEL.with_values(Rmc="0.8"), TypeError, 'Rmc = "0.8": no number'),
+        (lambda: MODEL.with_values(Rmc=[0.8, 0.9]), TypeError, "Rmc = a list: no number"),
+        (lambda: MODEL.with_values(["Rmc"]), TypeError, "a list names no parameter"),
+        (lambda: eclsim.Model(CASE, {}), TypeError, "circuit = a Case; allowed: a Circuit"),
+        (lambda: MODEL.circuit + None, TypeError, "unsupported operand"),
+        (lambda: eclsim.read_case(3), TypeError, "3 is no path; allowed: the path of a case file"),
+        (lambda: eclsim.read_case("x.toml", {"Rmc": 1}), TypeError, "a dict is no list of settings"),
+        (lambda: eclsim.draw_circuit(CASE), TypeError, "circuit = a Case; allowed: a Circuit, such as"),
+        (
+            lambda: eclsim.plot_waveforms(None),
+            TypeError,
+            "None cannot be drawn; allowed: the beat of one case",
+        ),
+        (lambda: eclsim.Shard(3, 2), eclsim.ExecutionError, "shard 3/2: allowed: a number from 1 to 2"),
+        (lambda: eclsim.Distribution(workers="2"), TypeError, 'workers = "2": no whole number'),
+        (lambda: eclsim.SobolSettings(samples=4.0), TypeError, "samples = 4: no whole number"),
+        (lambda: eclsim.SobolSettings(second_order="no"), TypeError, 'second_order = "no"; allowed: True'),
+        (
+            lambda: eclsim.sensitivity(CASE, settings=eclsim.SobolSettings(samples=4, outputs=[])),
+            eclsim.InputError,
+            "no output given",
+        ),
+        (
+            lambda: eclsim.sensitivity(CASE, settings=eclsim.SobolSettings(samples=4), folder=__file__),
+            eclsim.ExecutionError,
+            "no folder can be made",
+        ),
+        (
+            lambda: eclsim.FitSettings(weights="absolute"),
+            ValueError,
+            'weights = "absolute"; allowed: relative',
+        ),
+        (
+            lambda: eclsim.FitSettings(bounds={"Rmc": 0.5}),
+            TypeError,
+            'bounds of "Rmc" = 0.5; allowed: lower and',
+        ),
+        (lambda: eclsim.FitSettings(uncertainties={"MAP": 2}), eclsim.InputError, r"eclsim\.Uncertainty\(3"),
+        (
+            lambda: eclsim.FitSettings(multi_start=10),
+            TypeError,
+            r"multi_start = 10; allowed: eclsim\.MultiStart",
+        ),
+        (lambda: eclsim.MultiStart(round_size=0), ValueError, "round_size = 0; allowed: 1 or more"),
+        (
+            lambda: eclsim.Sampling(target_accept=2),
+            ValueError,
+            "target_accept = 2; allowed: above 0 up to 0.99",
+        ),
+        (lambda: eclsim.PosteriorSettings(sampling={}), TypeError, "sampling = a dict; allowed"),
+        (lambda: eclsim.TrackSettings(drifts=()), ValueError, "drifts: none given; allowed: numbers above 0"),
+        (
+            lambda: eclsim.track([("a", CASE)], left_out=[1, 2]),
+            ValueError,
+            "left_out: 2 numbers for 1 points; allowed: one for each",
+        ),
+        (lambda: eclsim.CourseOptions(predictor="x"), ValueError, 'predictor = "x"; allowed: secant'),
+        (lambda: eclsim.course(CASE, minutes="2"), TypeError, 'minutes = "2": no number'),
+        (
+            lambda: eclsim.course(CASE, minutes=2, every_min=1e-9),
+            eclsim.CaseError,
+            "moments; allowed: up to 20000",
+        ),
+        (
+            lambda: eclsim.course(CASE, minutes=2, every_min=0),
+            ValueError,
+            "every_min = 0; allowed: above 0 min",
+        ),
+        (lambda: eclsim.course_cohort(CASE, minutes=1), TypeError, "a Case is no list of cases"),
+        (
+            lambda: eclsim.course_band(CASE, {"Rmc": 0.8}, minutes=1),
+            TypeError,
+            "samples of Rmc: 0.8; allowed: lists",
+        ),
+        (lambda: eclsim.reach(CASE, 3), eclsim.GoalError, "3 is no goal; allowed: goals such as MAP > 65"),
+        (lambda: eclsim.reach(CASE, "MAP > 65", vary=[]), eclsim.GoalError, "nothing to turn; allowed"),
+        (
+            lambda: eclsim.reach(CASE, "MAP > 65", vary=[eclsim.Setting("Rmc", 2, 1)]),
+            eclsim.GoalError,
+            "Rmc: from 2 to 1; the first must be smaller",
+        ),
+        (lambda: eclsim.reach(CASE, [eclsim.Goal("MAP")]), eclsim.GoalError, "MAP: a goal without a bound"),
+        (lambda: eclsim.crrt_study(CASE, schemes=3), eclsim.SchemeError, "3 is no scheme; allowed: letters"),
+    ],
+)
+def test_what_cannot_be_meant_ends_in_one_sentence(ask, kind, sentence):
+    """They were deep tracebacks, ended the process, ran for ever, or were passed over."""
+    with pytest.raises(kind, match=sentence):
+        ask()
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        ["0.8"],
+        "0.8",
+        np.array(["2020-01-01"], dtype="datetime64[D]"),
+        [True, False],
+        [[0.8], [0.9, 1.0]],
+        (one for one in (0.8, 0.9)),
+    ],
+)
+def test_a_change_that_is_no_number_is_refused(given):
+    """A date was counted in days since 1970, and truth as 1."""
+    with pytest.raises(ValueError, match=r"Rmc: .* is no number, nor a list of them"):
+        eclsim.simulate_many(MODEL, {"Rmc": given}, outputs=["MAP"])
+
+
+def test_what_is_masked_is_missing():
+    """The number under the mask was simulated."""
+    masked = np.ma.masked_array([0.8, 0.9], [False, True])
+    many = eclsim.simulate_many(MODEL, {"Rmc": masked}, outputs=["MAP"])
+    assert many["status"].values.tolist() == ["converged", "invalid_input"]
+
+
+def test_numbers_of_any_library_are_numbers():
+    frame = eclsim.simulate_many(MODEL, {"Rmc": np.float32(0.5)}, outputs=["MAP"])
+    plain = eclsim.simulate(MODEL.with_values(Rmc=np.array([0.5])))
+    assert float(frame["MAP"][0]) == float(plain["MAP"])
+    width = eclsim.Execution(width=np.int64(2), threads=np.int32(1))
+    assert (type(width.width), type(width.threads)) == (int, int)
+
+
+def test_a_course_refuses_a_parameter_that_it_does_not_read():
+    """The variants were all the case itself."""
+    with pytest.raises(eclsim.CaseError, match="Rmcc: the course of this case has no such parameter"):
+        eclsim.course_many(CASE, {"Rmcc": [0.5, 1.0]}, minutes=1)
+
+
+def test_one_text_is_one_setting(tmp_path):
+    write_case(CASE, tmp_path / "a.toml")
+    assert eclsim.read_case(tmp_path / "a.toml", "Rmc=0.8").case.parameters == {"Rmc": 0.8}
+
+
+def test_a_model_is_made_of_whatever_is_a_case(tmp_path):
+    write_case(CASE, tmp_path / "a.toml")
+    reading = eclsim.read_case(tmp_path / "a.toml")
+    assert eclsim.model_of(reading).values == eclsim.model_of(tmp_path / "a.toml").values == MODEL.values
+
+
+def test_a_misspelt_function_lists_its_neighbours():
+    with pytest.raises(AttributeError) as error:
+        _ = eclsim.simulat
+    assert (error.value.name, error.value.obj) == ("simulat", eclsim)  # what tracebacks make suggestions of

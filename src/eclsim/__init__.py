@@ -17,7 +17,8 @@ __all__ = sorted(("__version__", *_EXPORTS))  # pyright: ignore[reportUnsupporte
 def __getattr__(name: str) -> object:
     """Import a public name on first use (PEP 562)."""
     if name not in _EXPORTS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message, name=name, obj=sys.modules[__name__])
     value = getattr(import_module(_EXPORTS[name]), name)
     # A package of the same name is bound to the name here as soon as it is imported; it can be called.
     return globals().setdefault(name, sys.modules.get(f"{__name__}.{name}", value))

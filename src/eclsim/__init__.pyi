@@ -64,6 +64,7 @@ from eclsim.sensitivity.design import DesignError as DesignError
 from eclsim.sensitivity.identifiability import Identifiability as Identifiability
 from eclsim.sensitivity.identifiability import identifiability as identifiability
 from eclsim.sensitivity.inputs import InputError as InputError
+from eclsim.sensitivity.inputs import Uncertainty as Uncertainty
 from eclsim.sensitivity.results import SensitivityResult as SensitivityResult
 from eclsim.simulation.figures import plot_pressure_volume as plot_pressure_volume
 from eclsim.simulation.figures import plot_waveforms as plot_waveforms

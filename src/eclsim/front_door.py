@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
-from inspect import Signature, getdoc, signature
 from types import FunctionType, ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from inspect import Signature
 
 
 def public_names() -> dict[str, str]:
@@ -32,11 +35,15 @@ class CallablePackage(ModuleType):
     @property
     def __signature__(self) -> Signature:
         """That of the function, for `inspect.signature`, notebooks and editors."""
+        from inspect import signature
+
         return signature(self._function())
 
     @property
     def __doc__(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride] - read when help is asked for
         """What the function does, how it is called, and its arguments: what `help` shows of a package."""
+        from inspect import getdoc, signature
+
         function = self._function()
         first, _, rest = (getdoc(function) or "").partition("\n")
         return f"{first}\n\neclsim.{function.__name__}{signature(function)}\n{rest}"

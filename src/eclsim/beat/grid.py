@@ -24,6 +24,8 @@ SEGMENTS = ((0.45, 24), (0.6, 6), (0.9, 3), (1.0, 7))
 LARGEST_ANGLE = 0.7
 """Largest step times angular frequency: outputs are within 0.1 % of the converged ones (docs, Numerics)."""
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
+FINEST = 32
+"""Finest resolution that may be asked for: a beat of 12,800 steps."""
 STEPS_OF_A_DRIVE = 40.0
 """Steps that a movement from outside takes at least, such as that of a balloon in diastasis."""
 

@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from eclsim.arguments import written
 from eclsim.cases.case import Case
 from eclsim.cases.checking import check_case
 from eclsim.cases.fit_mark import read_mark
 from eclsim.cases.sections import POLICY_KEY
-from eclsim.cases.settings import PLACE, merge_settings, parse_settings
+from eclsim.cases.settings import PLACE, merge_settings, parse_settings, texts_of
 from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.numbers import number_meant
@@ -62,8 +63,10 @@ def read_case(
     Raises:
         CaseError: With everything that is wrong with file and settings, each with file and line.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"{written(path)} is no path; allowed: the path of a case file")
     file = os.fsdecode(path)
-    settings = list(settings)
+    settings = texts_of(settings)
     text = _text_of(file)
     raw = _parse(text, file)
     merged, notes = merge_settings(raw, settings, file)

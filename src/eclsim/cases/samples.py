@@ -3,11 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Sized
 
+from eclsim.arguments import written
 from eclsim.cases.quantities import quantity
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.spelling import did_you_mean
+
+
+def as_samples(samples: Mapping[str, Sequence[float]]) -> Mapping[str, Sequence[float]]:
+    """Samples by parameter, each a list of numbers.
+
+    Raises:
+        TypeError: They are something else.
+    """
+    allowed = 'lists of numbers by parameter, such as {"Rmc": [0.8, 0.9]}'
+    if not isinstance(samples, Mapping):
+        raise TypeError(f"samples: {written(samples)} names no parameter; allowed: {allowed}")
+    for name, values in samples.items():
+        if isinstance(values, str) or not (isinstance(values, Iterable) and isinstance(values, Sized)):
+            raise TypeError(f"samples of {name}: {written(values)}; allowed: {allowed}")
+        if wrong := [one for one in values if isinstance(one, str) or not hasattr(one, "__float__")]:
+            raise TypeError(f"samples of {name}: {written(wrong[0])} is no number; allowed: {allowed}")
+    return samples
 
 
 def check_samples(samples: Mapping[str, Sequence[float]], known: Collection[str]) -> None:

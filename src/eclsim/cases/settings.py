@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
+from eclsim.arguments import written
 from eclsim.cases.quantities import place_of
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
 from eclsim.devices.registry import parameters, usual_setting
@@ -18,6 +19,22 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 PLACE = "--set"
+
+
+def texts_of(settings: Iterable[str]) -> list[str]:
+    """Settings as a list; one text is one setting.
+
+    Raises:
+        TypeError: They are no texts.
+    """
+    allowed = 'texts such as ["ecmo.speed_rpm=3000", "Rmc=0.8"]'
+    if isinstance(settings, Mapping) or not isinstance(settings, Iterable):
+        raise TypeError(f"settings: {written(settings)} is no list of settings; allowed: {allowed}")
+    listed = [settings] if isinstance(settings, str) else list(settings)
+    for one in listed:
+        if not isinstance(one, str):
+            raise TypeError(f"settings: {written(one)} is no setting; allowed: {allowed}")
+    return listed
 
 
 def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:

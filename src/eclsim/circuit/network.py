@@ -302,6 +302,8 @@ class Circuit:
 
     def __add__(self, other: Circuit) -> Circuit:
         """Both circuits as one; devices name the compartments they attach to."""
+        if not isinstance(other, Circuit):
+            return NotImplemented
         return Circuit(
             self.compartments + other.compartments,
             self.connections + other.connections,

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from eclsim.cases.samples import check_samples
+from eclsim.arguments import WholeNumber, number_of
+from eclsim.cases.samples import as_samples, check_samples
 from eclsim.course.alarms import NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
-from eclsim.course.course import refuse_unknown, usual_every
+from eclsim.course.course import refuse_unknown, shown_every
 from eclsim.course.result import IMPOSSIBLE, TIME
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION
-from eclsim.execution import Executor, Progress
+from eclsim.execution import Executor, Progress, as_executor, as_folder
 from eclsim.orbit.model import CASE, CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import THIN_WALLED
@@ -70,11 +71,13 @@ def course_band(
         ExecutionError: the folder holds other courses, or workers cannot be reached.
         ShardDone: this was a shard.
     """
-    began = clock.perf_counter()
+    began, minutes = clock.perf_counter(), number_of("minutes", minutes)
+    draws, executor, folder = WholeNumber(1)("draws", draws), as_executor(executor), as_folder(folder)
+    samples = as_samples(samples)
     solved = with_speed(as_case(case), volume_policy)[0]
     refuse_unknown(Timeline(solved, minutes * MINUTE), samples)
     check_samples(samples, samples)
-    compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over=False)
+    compute = CourseGroup(minutes, shown_every(every_min, minutes), volume_policy, hand_over=False)
     chosen = _thinned(samples, draws)
     courses = courses_of_draws(solved, chosen, compute, folder, executor, progress)
     band = band_of(courses, tuple(chosen))

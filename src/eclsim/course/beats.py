@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from eclsim.arguments import FiniteNumber, number_of
 from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.beat.recording import all_signals
@@ -35,7 +36,7 @@ from eclsim.course.result import (
 from eclsim.course.timeline import MINUTE, START, Timeline
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
-from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.inputs.mistakes import CaseError, Mistake, as_names
 from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
@@ -89,6 +90,13 @@ def course_beats(
     Raises:
         CaseError: the file is no case, an event lies after the end or connects the circuit in another way.
     """
+    minutes = number_of("minutes", minutes)
+    if minutes > LONGEST_MIN:
+        allowed = f"up to {LONGEST_MIN:g} min; eclsim.course follows hours"
+        raise CaseError([Mistake("minutes", "too long to be followed beat by beat", f"{minutes:g}", allowed)])
+    if every_min is not None:
+        FiniteNumber(above=0.0, unit="min")("every_min", every_min)
+    outputs = None if outputs is None else as_names(outputs, "outputs")
     return marched(case, minutes, volume_policy, every_min=every_min, outputs=outputs).result
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,24 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from eclsim.arguments import number_of, written
 from eclsim.cases.case import Case
 from eclsim.cases.writing import case_text
-from eclsim.course.course import course_many, usual_every
+from eclsim.course.course import course_many, shown_every
 from eclsim.course.engine import CourseOptions
 from eclsim.course.result import attributes_of
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.registry import own_files
-from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
+from eclsim.execution import (
+    Distribution,
+    Executor,
+    Progress,
+    Tasks,
+    announce,
+    as_executor,
+    as_folder,
+    json_format,
+)
 from eclsim.execution.tasks import in_process
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
@@ -128,10 +138,14 @@ def course_cohort(
         ExecutionError: the folder holds other courses, or workers cannot be reached.
         ShardDone: this was a shard.
     """
+    minutes = number_of("minutes", minutes)
+    executor, folder = as_executor(executor), as_folder(folder)
+    if isinstance(cases, (str, Case)) or not isinstance(cases, Iterable):
+        raise TypeError(f"cases: {written(cases)} is no list of cases; allowed: paths, or cases, in a list")
     patients = tuple(as_case(source) for source in cases)
     for case in patients:
         Timeline(case, minutes * MINUTE)
-    compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over)
+    compute = CourseGroup(minutes, shown_every(every_min, minutes), volume_policy, hand_over)
     poor = tuple(case.refusal for case in patients)
     groups = [
         Members(patients[k : k + GROUP], {}, poor[k : k + GROUP] if any(poor[k : k + GROUP]) else ())

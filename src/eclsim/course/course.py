@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
+from eclsim.arguments import FiniteNumber, number_of
 from eclsim.course.alarms import alarms, clock_time, findings_of_shown
 from eclsim.course.engine import MANY, SHORTEST_S, CourseOptions, Engine, History
 from eclsim.course.handover import BLOOD_S, GASES_MOVE, LAG, farthest
@@ -26,10 +28,10 @@ from eclsim.course.result import (
 )
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
 from eclsim.course.watch import Watch
-from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.inputs.mistakes import CaseError, Mistake, as_names, as_settings
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
-from eclsim.outputs.results import variable
+from eclsim.outputs.results import as_columns, variable
 from eclsim.simulation.target_flow import with_speed
 from eclsim.spelling import did_you_mean
 
@@ -119,9 +121,11 @@ def course_many(
         CaseError: as `course`, or the case has no such parameter to change.
         FlowNotReachedError: as `course`.
     """
-    began = clock.perf_counter()
+    began, minutes = clock.perf_counter(), number_of("minutes", minutes)
+    options = None if options is None else as_settings(options, CourseOptions, "options")
+    outputs = None if outputs is None else as_names(outputs, "outputs")
     listed = list(cases) if isinstance(cases, Sequence) and not isinstance(cases, str) else [cases]
-    columns = {key: np.asarray(values, dtype=float) for key, values in (changes or {}).items()}
+    columns = {key: np.atleast_1d(values) for key, values in as_columns(changes or {}).items()}
     sizes = {len(column) for column in columns.values()}
     if len(sizes) > 1 or (sizes and len(listed) > 1):
         raise ValueError("changes need one case and arrays of one length")
@@ -131,9 +135,9 @@ def course_many(
         Timeline(solved[k % len(solved)], minutes * MINUTE, {key: c[k] for key, c in columns.items()})
         for k in range(count)
     ]
-    if columns:
-        refuse_unknown(timelines[0], columns)
-    every = [every_min or usual_every(minutes)] * count
+    if columns and timelines:
+        refuse_unknown(replace(timelines[0], overrides={}), columns)
+    every = [shown_every(every_min, minutes)] * count
     options = options or CourseOptions(hand_over=count < MANY)
     results = follow(timelines, every, outputs, volume_policy, options, execution, with_alarms)
     seconds = clock.perf_counter() - began
@@ -229,6 +233,21 @@ def followed(case: CaseSource, minutes: float, policy: str | None = None) -> Fol
     result = _labelled(moments, 0, engine, True)
     result.attrs["seconds"] = clock.perf_counter() - began
     return Followed(result, engine, moments)
+
+
+def shown_every(every_min: float | None, minutes: float) -> float:
+    """Minutes between moments: those asked for, or the usual ones.
+
+    Raises:
+        CaseError: More moments than can be shown.
+    """
+    if every_min is None:
+        return usual_every(minutes)
+    every = FiniteNumber(above=0.0, unit="min")("every_min", every_min)
+    if minutes / every > MOST_MOMENTS:
+        message = f"{minutes / every:.0f} moments"
+        raise CaseError([Mistake("every_min", message, f"{every:g}", f"up to {MOST_MOMENTS} moments")])
+    return every
 
 
 def usual_every(minutes: float) -> float:

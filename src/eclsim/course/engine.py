@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from eclsim.arguments import FiniteNumber, Kind, OneOf, check_fields, flag
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.beats import BeatMarch, Moving, shift_ml
@@ -79,6 +80,16 @@ class CourseOptions:
     orbits: OrbitOptions = field(default_factory=lambda: OrbitOptions(1e-7, 1e-6))
     predictor: str = "secant"
     hand_over: bool = True
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self,
+            tolerance=FiniteNumber(above=0.0),
+            step_s=FiniteNumber(above=0.0, unit="s"),
+            orbits=Kind(OrbitOptions, "eclsim.OrbitOptions(...)"),
+            predictor=OneOf(("secant", "derivative", "last")),
+            hand_over=flag,
+        )
 
 
 @dataclass

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from eclsim.arguments import number_of
 from eclsim.cases.events import LARGEST_ML
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
@@ -128,6 +129,7 @@ def plan_removal(
         CaseError: the file is no case.
     """
     solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
+    remove_ml, hours = number_of("remove_ml", remove_ml), number_of("hours", hours)
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
     if remove_ml > LARGEST_ML:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from eclsim.arguments import number_of, written
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.device import device_key
 from eclsim.devices.ecmo import ECMO, POSITION_WORDS, PUMPS
@@ -126,8 +127,12 @@ def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLIS
     Raises:
         SchemeError: Naming every word that cannot be read.
     """
-    names = selection.split(",") if isinstance(selection, str) else list(selection)
-    names = [name.strip() for name in names if name.strip()]
+    if isinstance(selection, Mapping) or not isinstance(selection, Iterable):
+        raise SchemeError(f"{written(selection)} is no scheme; allowed: {_allowed()}")
+    given = selection.split(",") if isinstance(selection, str) else list(selection)
+    if wrong := [one for one in given if not isinstance(one, str)]:
+        raise SchemeError(f"{written(wrong[0])} is no scheme; allowed: {_allowed()}")
+    names = [name.strip() for name in given if name.strip()]
     if not names:
         raise SchemeError(f"no schemes; allowed: {_allowed()}")
     nine = nine_schemes(scheme_h)
@@ -282,8 +287,9 @@ def crrt_flow(case: Case, requested: float | None) -> float:
     """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
     if requested is None:
         requested = USUAL_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
+    requested = number_of("crrt_flow_ml_min", requested)
     check_flow(requested)
-    return float(requested)
+    return requested
 
 
 # --- pump speeds -----------------------------------------------------------------------------------

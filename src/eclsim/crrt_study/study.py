@@ -157,7 +157,7 @@ def crrt_study(
         SchemeError: If a scheme cannot be read.
         SpeedError: If a speed cannot be read, or is not above 0.
     """
-    from eclsim.cases.samples import check_samples
+    from eclsim.cases.samples import as_samples, check_samples
     from eclsim.crrt_study import beats as crrt_datasets
     from eclsim.crrt_study.beats import split_differences, study_circuits, summarise
     from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
@@ -180,7 +180,7 @@ def crrt_study(
     circuits = study_circuits(without_renox(case), chosen, flow)
     check_quantities(judged_by, crrt_datasets.quantities(circuits))
     if samples is not None:
-        check_samples(samples, (*parameters_read(circuits.circuit), "total_blood_volume_ml"))
+        check_samples(as_samples(samples), (*parameters_read(circuits.circuit), "total_blood_volume_ml"))
     at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own_speed)[0])
     runs, without_crrt = [], []
     for k, policy in enumerate(policies):

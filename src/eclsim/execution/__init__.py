@@ -1,7 +1,7 @@
 """Running what has many parts: in threads, on Dask or as shards; resumable, with the same bits everywhere."""
 
-from eclsim.execution.distribution import Distribution, Executor, Shard, ShardDone
-from eclsim.execution.folder import ExecutionError, Format, TaskFolder, json_format
+from eclsim.execution.distribution import Distribution, Executor, Shard, ShardDone, as_executor
+from eclsim.execution.folder import ExecutionError, Format, TaskFolder, as_folder, json_format
 from eclsim.execution.tasks import Progress, TaskProgress, Tasks, announce, threads, using_threads
 
 __all__ = [
@@ -16,6 +16,8 @@ __all__ = [
     "TaskProgress",
     "Tasks",
     "announce",
+    "as_executor",
+    "as_folder",
     "json_format",
     "threads",
     "using_threads",

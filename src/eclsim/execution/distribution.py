@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+from eclsim.arguments import Kind, WholeNumber, check_fields, written
 from eclsim.execution.folder import ExecutionError, Format, TaskFolder
 from eclsim.execution.tasks import Progress, Results, Store, Tasks, in_process, run_tasks, using_threads
 
@@ -36,6 +37,11 @@ class Shard:
 
     number: int
     count: int
+
+    def __post_init__(self) -> None:
+        check_fields(self, number=WholeNumber(1), count=WholeNumber(1))
+        if self.number > self.count:
+            raise ExecutionError(f"shard {self}: allowed: a number from 1 to {self.count}")
 
     @classmethod
     def parse(cls, text: str) -> Shard:
@@ -74,6 +80,9 @@ class Distribution:
     force: bool = False
 
     def __post_init__(self) -> None:
+        if self.workers is not None and (isinstance(self.workers, bool) or not isinstance(self.workers, int)):
+            raise TypeError(f"workers = {written(self.workers)}: no whole number; allowed: 1 or more")
+        check_fields(self, shard=Kind(Shard, "eclsim.Shard(1, 16), the first of 16"))
         if self.force and self.resume:
             raise ExecutionError("--resume keeps what is there and --force throws it away: give one of them")
         if self.force and self.shard is not None:
@@ -194,6 +203,17 @@ class Executor:
         store.open(resume=chosen.continues, force=chosen.force)
         for number in store.finished().intersection(numbers):
             store.load(number)
+
+
+def as_executor(given: Executor | None) -> Executor | None:
+    """What runs tasks, or None for this process.
+
+    Raises:
+        TypeError: Something else.
+    """
+    if given is not None:
+        Kind(Executor, "what `with eclsim.Distribution(...).running() as executor` gives")("executor", given)
+    return given
 
 
 def _nowhere(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from eclsim._version import __version__
+from eclsim.arguments import Kind
 from eclsim.files import whole_file
 
 Result = TypeVar("Result")
@@ -62,6 +64,18 @@ def json_format(kind: type[Result]) -> Format[Result]:
     return Format(".json", write, read)
 
 
+def as_folder(given: str | os.PathLike[str] | None) -> Path | None:
+    """A folder of results, or None for none.
+
+    Raises:
+        TypeError: No path.
+    """
+    if given is None:
+        return None
+    Kind((str, os.PathLike), "the path of a folder")("folder", given)
+    return Path(given)
+
+
 class TaskFolder(Generic[Result]):
     """Finished results of one piece of work.
 
@@ -106,7 +120,10 @@ class TaskFolder(Generic[Result]):
         Raises:
             ExecutionError: results are there already, or are of other inputs, or damaged.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ExecutionError(f"{self.folder}: no folder can be made: {error.strerror or error}") from None
         if force:
             self.clear()
         present = read_inputs(self.file)

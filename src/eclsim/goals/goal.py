@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from eclsim.arguments import number_of, written
 from eclsim.cases.sections import Measurements, section_of
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
@@ -59,6 +60,10 @@ class Goal:
     because: str = ""
     gives_way: bool = False
 
+    def __post_init__(self) -> None:
+        for what in ("low", "high"):
+            object.__setattr__(self, what, number_of(f"goal {self.output}: {what}", getattr(self, what)))
+
     def __str__(self) -> str:
         if math.isinf(self.high):
             return f"{self.output} > {self.low:g}"
@@ -102,6 +107,10 @@ class Setting:
     high: float
     unit: str = ""
 
+    def __post_init__(self) -> None:
+        for what in ("low", "high"):
+            object.__setattr__(self, what, number_of(f"setting {self.name}: {what}", getattr(self, what)))
+
 
 def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal, ...]:
     """Goals as users write them.
@@ -114,7 +123,8 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
         GoalError: with every mistake.
     """
     goals, wrong = [], []
-    for part in text.split(",") if isinstance(text, str) else text:
+    parts = text.split(",") if isinstance(text, str) else _listed(text, Goal, "goal", ALLOWED)
+    for part in parts:
         try:
             goal = _read(part.strip()) if isinstance(part, str) else part
         except GoalError as error:
@@ -122,6 +132,8 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
             continue
         if goal.output not in outputs:
             wrong.append(f"{goal.output}: this case has no such output{unavailable(goal.output, outputs)}")
+        elif goal.low == -math.inf and goal.high == math.inf:
+            wrong.append(f"{goal.output}: a goal without a bound; allowed: low, high, or both")
         elif not goal.low <= goal.high:
             wrong.append(f"{goal.output}: from {goal.low:g} to {goal.high:g}; the first must not be larger")
         else:
@@ -297,7 +309,7 @@ def read_settings(
             raise GoalError(["nothing to turn: no device with a speed; name parameters and bounds to vary"])
         return settings
     if not isinstance(text, str):
-        return tuple(text)
+        return _checked_settings(text, known)
     settings, wrong = [], []
     for part in text.split(","):
         name, _, bounds = (piece.strip() for piece in part.partition("="))
@@ -319,6 +331,38 @@ def read_settings(
             continue
         settings.append(setting)
     wrong += [f"{name}: given twice" for name in _repeated([setting.name for setting in settings])]
+    if wrong:
+        raise GoalError(wrong)
+    return tuple(settings)
+
+
+def _listed(given: object, kind: type, what: str, allowed: str) -> list[Any]:
+    """Goals or settings that are given as a list, each a text or an object of its kind.
+
+    Raises:
+        GoalError: It is something else.
+    """
+    parts = [given] if isinstance(given, Mapping) or not isinstance(given, Iterable) else list(given)
+    if wrong := [part for part in parts if not isinstance(part, (str, kind))]:
+        raise GoalError([f"{written(part)} is no {what}; allowed: {allowed}" for part in wrong])
+    return parts
+
+
+def _checked_settings(given: Sequence[Setting], known: Sequence[str]) -> tuple[Setting, ...]:
+    """Settings that are given as objects."""
+    allowed = "ecmo.speed_rpm=2000..4000, or eclsim.Setting(name, low, high)"
+    settings, wrong = _listed(given, Setting, "setting", allowed), []
+    for setting in settings:
+        if isinstance(setting, str):
+            wrong.append(f"'{setting}' in a list; allowed: one text with commas, or eclsim.Setting objects")
+        elif setting.name not in known:
+            hint = spelling_hint(setting.name, known)
+            wrong.append(f"{setting.name}: this case has no such parameter{hint}")
+        elif not -math.inf < setting.low < setting.high < math.inf:
+            bounds = f"from {setting.low:g} to {setting.high:g}"
+            wrong.append(f"{setting.name}: {bounds}; the first must be smaller, and both finite")
+    if not settings:
+        wrong.append(f"nothing to turn; allowed: {allowed}")
     if wrong:
         raise GoalError(wrong)
     return tuple(settings)

@@ -18,13 +18,15 @@ probable it has found the measurements so far (Magill 1965, IEEE Trans. Autom. C
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 from scipy.stats import chi2
 
+from eclsim.arguments import FiniteNumber
 from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.importance import Transport
 
@@ -45,6 +47,15 @@ UNUSUAL_SERIES = 0.01
 """A measurement whose outputs together are less probable than this does not fit the patient so far."""
 UNUSUAL_OUTPUT = 0.001
 """An output that by itself is less probable than this does not fit the others."""
+
+
+def as_drifts(name: str, drifts: Any) -> tuple[float, ...]:
+    """Standard deviations of drifts, one or more above 0."""
+    listed = (drifts,) if isinstance(drifts, str) or not isinstance(drifts, Iterable) else tuple(drifts)
+    numbers = tuple(FiniteNumber(above=0.0)(name, drift) for drift in listed)
+    if not numbers:
+        raise ValueError(f"{name}: none given; allowed: numbers above 0, such as {DRIFTS}")
+    return numbers
 
 
 @dataclass(frozen=True)

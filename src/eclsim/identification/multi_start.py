@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from eclsim.arguments import FiniteNumber, WholeNumber, check_fields
 from eclsim.identification.least_squares import (
     EXACT,
     MOST_ITERATIONS,
@@ -108,6 +109,17 @@ class MultiStart:
     rediscoveries: int = 10
     seed: int = 0
     polishing: int = MOST_ITERATIONS
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self,
+            points_per_parameter=WholeNumber(1),
+            refined_share=FiniteNumber(above=0.0, most=1.0),
+            round_size=WholeNumber(1),
+            rediscoveries=WholeNumber(1),
+            seed=WholeNumber(),
+            polishing=WholeNumber(),
+        )
 
     @classmethod
     def quick(cls, explored: int) -> MultiStart:

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import rankdata
 
+from eclsim.arguments import FiniteNumber, WholeNumber, check_fields
 from eclsim.identification.density import GradientEvaluator, PosteriorDensity
 from eclsim.identification.importance import Jumps, Mixture
 from eclsim.orbit.execution import in_threads
@@ -69,6 +70,18 @@ class Sampling:
     target_accept: float = 0.7
     deepest: int = 3
     deepest_warmup: int = 2
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self,
+            chains=WholeNumber(1),
+            warmup=WholeNumber(),
+            draws=WholeNumber(1),
+            seed=WholeNumber(),
+            target_accept=FiniteNumber(above=0.0, most=0.99),
+            deepest=WholeNumber(1),
+            deepest_warmup=WholeNumber(1),
+        )
 
 
 @dataclass(frozen=True)

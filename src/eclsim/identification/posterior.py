@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from eclsim._version import __version__
+from eclsim.arguments import Kind, article, check_fields, written
 from eclsim.cases.quantities import stated, with_values
 from eclsim.devices.description import GASES as VO2
 from eclsim.files import finite
@@ -29,17 +30,17 @@ from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, 
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
 from eclsim.identification.verdict import SIDES, Aspect, Level, possible_limits
-from eclsim.inputs.mistakes import as_settings
+from eclsim.inputs.mistakes import CaseError, Mistake, as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.alarms import NO_PATIENT
 from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
 from eclsim.parameters.adult_ranges import adult_ranges
+from eclsim.sensitivity.inputs import Uncertainty, as_uncertainties
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.sensitivity.inputs import Uncertainty
 
 Method = Literal["gaussian", "importance", "nuts"]
 KINDS: dict[Method, str] = {
@@ -91,6 +92,9 @@ class PosteriorSettings:
         if self.method not in KINDS:
             raise ValueError(f"method = {self.method!r}: allowed: {', '.join(KINDS)}")
         check_prior(self.prior)
+        check_fields(self, sampling=Kind(Sampling, "eclsim.Sampling(...)"))
+        if self.uncertainties is not None:
+            as_uncertainties(self.uncertainties)
 
 
 @dataclass(frozen=True)
@@ -356,7 +360,10 @@ def posterior(
     """
     settings = as_settings(settings, PosteriorSettings)
     if not isinstance(fit, FitResult):
-        raise TypeError(f"fit: a {type(fit).__name__} is no fit; allowed: what eclsim.fit(case) returns")
+        kind = article(type(fit).__name__)
+        raise TypeError(f"fit: {kind} is no fit; allowed: what eclsim.fit(case) returns")
+    _check_uncertainties(settings, fit)
+    models = _models_of(fit, predictions)
     started = time.perf_counter()
     density = density_of(fit, settings)
     gaussian = approximate(density, fit.optimum.distinct_ends)
@@ -380,7 +387,6 @@ def posterior(
     doubts = (*doubts, *held_by_assumption(fit.case, fit.measured, fit.parameters), *held)
     samples = density.prior.values_of(z)
     progress("predictions")
-    models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
     draws = samples.reshape(-1, samples.shape[-1])
     exact = _with_warnings(models, density, draws, _predict_all(models, density, draws))
     doubts = (*doubts, *exact[0].beyond_patients, *exact[0].starving)
@@ -424,6 +430,24 @@ def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
     return PosteriorDensity(
         model_of(fit.case), dict(fit.measured), errors, Prior.within(fit.box, settings.prior), policy
     )
+
+
+def _check_uncertainties(settings: PosteriorSettings, fit: FitResult) -> None:
+    """Refuse uncertainties that change nothing."""
+    message = "not measured, so its uncertainty changes nothing"
+    wrong = [n for n in settings.uncertainties or {} if n not in fit.measured]
+    if wrong:
+        raise CaseError([Mistake("uncertainty", message, n, ", ".join(fit.measured)) for n in wrong])
+
+
+def _models_of(fit: FitResult, predictions: Sequence[tuple[str, CaseSource]]) -> list[tuple[str, Model]]:
+    """The fitted patient, and at other settings; label and model of each."""
+    listed = isinstance(predictions, Sequence) and not isinstance(predictions, str)
+    for one in predictions if listed else [predictions]:
+        if not (isinstance(one, (tuple, list)) and len(one) == 2 and isinstance(one[0], str)):
+            allowed = 'a list of labels with cases, such as [("4000 rpm", case)]'
+            raise TypeError(f"predictions: {written(one)} is no label with a case; allowed: {allowed}")
+    return [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
 
 
 def _fitted_model(fit: FitResult, source: CaseSource) -> Model:

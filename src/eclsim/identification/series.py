@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from eclsim.arguments import WholeNumber
 from eclsim.cases.quantities import with_values
 from eclsim.identification.settings import (
     CLOTTED,
@@ -138,6 +139,18 @@ def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str,
     if not points:
         raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
     return points
+
+
+def passed_over(left_out: Sequence[int], points: int) -> list[int]:
+    """How many measurements before each point are not among the points.
+
+    Raises:
+        ValueError: Not one number for each point.
+    """
+    lost = [WholeNumber()("left_out", one) for one in left_out] or [0] * points
+    if len(lost) != points:
+        raise ValueError(f"left_out: {len(lost)} numbers for {points} points; allowed: one for each")
+    return lost
 
 
 def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Series:

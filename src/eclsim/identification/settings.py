@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+from eclsim.arguments import Kind, OneOf, check_fields, number_of, written
 from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.sections import MEASURED_GASES
@@ -30,7 +31,7 @@ from eclsim.parameters.regulation import (
 )
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
-from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty
+from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, as_uncertainties
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
@@ -64,6 +65,9 @@ MEASURED_AT_REST = {
 """Set points of reflexes, and the measurements that they are in a patient who is measured at rest."""
 
 
+BOUNDS_WRITTEN = 'lower and upper bound by parameter, such as {"Rmc": (0.1, 2.0)}'
+
+
 @dataclass(frozen=True)
 class FitSettings:
     """How data points are fitted.
@@ -90,6 +94,15 @@ class FitSettings:
     def __post_init__(self) -> None:
         for what in ("parameters", "shared"):
             object.__setattr__(self, what, as_names(getattr(self, what), what))
+        check_fields(
+            self,
+            weights=OneOf(("relative", "uncertainty")),
+            multi_start=Kind(MultiStart, "eclsim.MultiStart(...)"),
+        )
+        as_uncertainties(self.uncertainties)
+        Kind(Mapping, BOUNDS_WRITTEN)("bounds", self.bounds)
+        for name, bounds in self.bounds.items():
+            _check_pair(name, bounds)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -108,6 +121,15 @@ class FitSettings:
             "blood_volume_policy": self.volume_policy,
             "shared": list(self.shared),
         }
+
+
+def _check_pair(name: object, bounds: Any) -> None:
+    """Refuse bounds that are not two numbers by the name of a parameter."""
+    pair = [*bounds] if isinstance(bounds, (tuple, list)) or hasattr(bounds, "__array__") else []
+    if len(pair) != 2 or not isinstance(name, str):
+        raise TypeError(f"bounds of {written(name)} = {written(bounds)}; allowed: {BOUNDS_WRITTEN}")
+    for number in pair:
+        number_of(f"a bound of {name}", number)
 
 
 @dataclass(slots=True)

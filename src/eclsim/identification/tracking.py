@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import qmc
 
+from eclsim.arguments import Kind, WholeNumber, check_fields, number_of
 from eclsim.cases.cohort_rows import plain_id, when
 from eclsim.identification.density import (
     Gaussian,
@@ -28,6 +29,7 @@ from eclsim.identification.filtering import (
     GaussianMixture,
     InnovationTest,
     Regression,
+    as_drifts,
     regress,
     updated,
 )
@@ -35,7 +37,7 @@ from eclsim.identification.importance import Transport, WeightedDraws, importanc
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.series import Series, cleared, copied, named_cases, series_of
+from eclsim.identification.series import Series, cleared, copied, named_cases, passed_over, series_of
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
@@ -78,6 +80,11 @@ class TrackSettings:
     drifts: tuple[float, ...] = DRIFTS
     seed: int = 0
     interval_hours: float = HOURS_PER_DAY
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self, fit=Kind(FitSettings), drifts=as_drifts, seed=WholeNumber(), interval_hours=number_of
+        )
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON."""
@@ -544,9 +551,10 @@ def track(
         CaseError: No points, or as `Tracker.update`.
     """
     settings, points = as_settings(settings, TrackSettings), named_cases(points)
+    lost = passed_over(left_out, len(points))
     cases = [(name, as_case(source)) for name, source in points]
     known = elapsed_hours([name for name, _ in points])
-    assumed = [settings.interval_hours * (1 + lost) for lost in left_out or [0] * len(points)]
+    assumed = [settings.interval_hours * (1 + one) for one in lost]
     hours = known or [None, *assumed[1:]]
     done: list[TrackedPoint] = []
 

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from eclsim.arguments import article
+
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
@@ -149,8 +151,13 @@ def as_names(given: Sequence[str], what: str) -> tuple[str, ...]:
 Settings = TypeVar("Settings")
 
 
-def as_settings(given: Settings | None, kind: type[Settings]) -> Settings:
+def as_settings(given: Settings | None, kind: type[Settings], what: str = "settings") -> Settings:
     """The settings given, or the usual ones.
+
+    Args:
+        given: settings; None for the usual ones.
+        kind: class of them.
+        what: the argument is called.
 
     Raises:
         TypeError: Of another kind, such as a dict.
@@ -160,6 +167,7 @@ def as_settings(given: Settings | None, kind: type[Settings]) -> Settings:
     if isinstance(given, kind):
         return given
     raise TypeError(
-        f"settings: a {type(given).__name__} is no {kind.__name__}; allowed: eclsim.{kind.__name__}(...), "
-        "whose arguments are the settings"
+        f"{what}: {article(type(given).__name__)} is no {kind.__name__}; allowed: "
+        f"eclsim.{kind.__name__}(...), "
+        f"whose arguments are the {what if what == 'options' else 'settings'}"
     )

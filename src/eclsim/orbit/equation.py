@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from eclsim.arguments import FiniteNumber, WholeNumber, check_fields
 from eclsim.beat.heartbeat import BeatProgram
 from eclsim.circuit.layout import StateLayout
 
@@ -36,6 +37,16 @@ class OrbitOptions:
     quasi_newton_beats: int = 25
     newton_iterations: int = 12
     exact_iterations: int = 40
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self,
+            tolerance=FiniteNumber(above=0.0),
+            error_tolerance=FiniteNumber(above=0.0),
+            quasi_newton_beats=WholeNumber(),
+            newton_iterations=WholeNumber(),
+            exact_iterations=WholeNumber(),
+        )
 
 
 @dataclass(frozen=True)

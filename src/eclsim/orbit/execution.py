@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeVar
 
+from eclsim.arguments import WholeNumber, check_fields
 from eclsim.execution import threads
 
 Job = TypeVar("Job")
@@ -33,10 +34,7 @@ class Execution:
     width: int | None = None
 
     def __post_init__(self) -> None:
-        for name in ("threads", "width"):
-            number = getattr(self, name)
-            if number is not None and number < 1:
-                raise ValueError(f"{name} = {number}; allowed: 1 or more")
+        check_fields(self, threads=WholeNumber(1), width=WholeNumber(1))
 
     def width_for(self, members: int) -> int:
         """Members side by side in a batch of a given size."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+from eclsim.arguments import Kind, article, number_of, written
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
 from eclsim.circuit.network import Circuit
@@ -63,11 +64,17 @@ class Model:
     doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        missing = [n for n in (HEART_RATE, *self.circuit.parameter_names()) if n not in self.values]
+        Kind(Circuit)("circuit", self.circuit)
+        Kind(Mapping, "numbers by parameter")("values", self.values)
+        names = (HEART_RATE, *self.circuit.parameter_names())
+        missing = [n for n in names if n not in self.values]
         if missing:
             raise UnknownValueError(
                 f"no value for {', '.join(missing)}: the circuit of '{self.name}' reads them"
             )
+        if others := [n for n in names if type(self.values[n]) is not float]:
+            numbers = {n: number_of(n, self.values[n]) for n in others}
+            object.__setattr__(self, "values", {**self.values, **numbers})
 
     @classmethod
     def published(cls, circuit: Circuit, name: str = "model", policy: str = AS_PUBLISHED) -> Model:
@@ -76,25 +83,37 @@ class Model:
         Raises:
             UnknownValueError: it reads a parameter of its own, which has no published value.
         """
+        Kind(Circuit)("circuit", circuit)
         return cls(circuit, nominal_values(circuit) or {}, name, policy)
 
     def with_values(self, changes: Mapping[str, float] | None = None, **named: float) -> Model:
         """The same circuit with some parameters changed; a misspelt name lists its neighbours."""
+        if changes is not None and not isinstance(changes, Mapping):
+            allowed = 'numbers by parameter, such as {"Rmc": 0.8}, or Rmc=0.8'
+            raise TypeError(f"{article(type(changes).__name__)} names no parameter; allowed: {allowed}")
         changed = {**(changes or {}), **named}
+        self.refuse_unknown(changed)
+        numbers = {name: number_of(name, value) for name, value in changed.items()}
+        return replace(self, values={**self.values, **numbers})
+
+    def refuse_unknown(self, parameters: Iterable[str]) -> None:
+        """Refuse names of parameters that the circuit does not have; a misspelt name lists its neighbours."""
         names = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
-        for name in changed:
+        for name in parameters:
+            if not isinstance(name, str):
+                raise TypeError(f"{written(name)} is no name of a parameter; allowed: a name such as Rmc")
             if name not in names:
                 hint = spelling_hint(name, names)
                 raise UnknownValueError(f"the circuit of '{self.name}' has no parameter '{name}'{hint}")
-        return replace(self, values={**self.values, **changed})
 
 
-def model_of(case: Case) -> Model:
+def model_of(case: CaseSource) -> Model:
     """The model of a case: its circuit with its parameter values and its blood volume policy.
 
     Args:
-        case: checked, such as `read_case(file).case`.
+        case: path of a case file, what `read_case` returned, or a case.
     """
+    case = as_case(case)
     return Model(circuit_of(case), values_of(case), case.patient.id, case.volume_policy, case.doubts)
 
 
@@ -135,8 +154,12 @@ def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
     return as_file(case) | ({} if policy is None else {POLICY_KEY: policy})
 
 
-def as_case(source: CaseSource) -> Case:
+def as_case(source: CaseSource, *, or_model: bool = False) -> Case:
     """The case of a file, of what `read_case` returned, or the case itself.
+
+    Args:
+        source: of the case.
+        or_model: whether the function that was called takes a model, too, as its message says.
 
     Raises:
         CaseError: the file is no case; with everything that is wrong.
@@ -151,10 +174,12 @@ def as_case(source: CaseSource) -> Case:
         return source.case
     if isinstance(source, (str, os.PathLike)):
         return read_case(source).case
-    kind = type(source).__name__
-    raise TypeError(f"a {kind} is no case; allowed: the path of a case file, a CaseReading or a Case")
+    kind = "None" if source is None else article(type(source).__name__)
+    allowed = "the path of a case file, a CaseReading or a Case" + (", or a Model" if or_model else "")
+    hint = "; eclsim.Model.published(circuit) makes a model of a circuit" if or_model else ""
+    raise TypeError(f"{kind} is no case; allowed: {allowed}{hint if isinstance(source, Circuit) else ''}")
 
 
 def as_model(source: ModelSource) -> Model:
     """The model of a case, or the model itself; raises as `as_case` does."""
-    return source if isinstance(source, Model) else model_of(as_case(source))
+    return source if isinstance(source, Model) else model_of(as_case(source, or_model=True))

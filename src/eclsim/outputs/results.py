@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
+from eclsim.arguments import written
 from eclsim.beat.grid import RESOLUTIONS, PhaseGrid
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.beat.recording import all_signals
@@ -114,9 +115,10 @@ def simulate_many(
 ) -> xr.Dataset:
     """Steady beats of variants of a model, as `eclsim.simulate_many` gives them; of a case with its speed."""
     model, outputs = as_model(case), None if outputs is None else as_names(outputs, "outputs")
-    model.with_values(dict.fromkeys(changes, 0.0))
+    changes = as_columns(changes)
+    model.refuse_unknown(changes)
     count = member_count(changes)
-    values = {**model.values, **{k: np.asarray(v, dtype=float) for k, v in changes.items()}}
+    values = {**model.values, **changes}
     batch = Batch(model.circuit, values, count, volume_policy or model.policy)
     start = model.values if nominal_values(model.circuit) is None else None
     watched = watched_waveforms(model.circuit)
@@ -163,25 +165,47 @@ def beat_warnings(
     return (*model.doubts, *found)
 
 
-def member_count(changes: Mapping[str, npt.ArrayLike]) -> int:
-    """How many variants arrays of changes, or numbers that hold for all, make.
+def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:
+    """Changes by parameter as arrays: a number that holds for all variants, or one for each.
+
+    What is masked in an array is missing, and so NaN.
 
     Raises:
-        ValueError: what is no number, arrays of different lengths, or of more than one dimension.
+        ValueError: what is no number, or an array of more than one dimension.
         TypeError: no changes by parameter.
     """
     if not isinstance(changes, Mapping):
-        allowed = 'numbers by parameter, such as {"Rmc": [0.8, 1.0]}'
-        raise TypeError(f"changes: {shown(changes)} names no parameter; allowed: {allowed}")
-    for name, given in changes.items():
-        if np.ndim(given) > 1:
-            shape = " x ".join(map(str, np.shape(given)))
-            raise ValueError(f"{name}: an array of {shape}; allowed: a number, or one for each variant")
-        try:
-            np.asarray(given, dtype=float)
-        except (TypeError, ValueError):
-            raise ValueError(f"{name}: {shown(given)} is no number, nor a list of them") from None
-    lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
+        table = "; of a DataFrame: frame.to_dict('list')" if isinstance(changes, pd.DataFrame) else ""
+        allowed = f'numbers by parameter, such as {{"Rmc": [0.8, 1.0]}}{table}'
+        raise TypeError(f"changes: {written(changes)} names no parameter; allowed: {allowed}")
+    return {name: _column(name, given) for name, given in changes.items()}
+
+
+def _column(name: str, given: npt.ArrayLike) -> np.ndarray:
+    """One of `as_columns`."""
+    what = shown(given) if isinstance(given, (list, str)) else written(given)
+    try:
+        array = np.ma.asanyarray(given) if isinstance(given, np.ma.MaskedArray) else np.asarray(given)
+        if array.dtype.kind not in "fiu" and array.size:
+            mixed = array.dtype.kind == "O" and not any(isinstance(one, str) for one in array.flat)
+            array = array.astype(float) if mixed else None
+    except (TypeError, ValueError):
+        array = None
+    if array is None:
+        raise ValueError(f"{name}: {what} is no number, nor a list of them")
+    if array.ndim > 1:
+        shape = " x ".join(map(str, array.shape))
+        raise ValueError(f"{name}: an array of {shape}; allowed: a number, or one for each variant")
+    return np.ma.filled(array.astype(float), np.nan)
+
+
+def member_count(columns: Mapping[str, np.ndarray]) -> int:
+    """How many variants columns of changes, or numbers that hold for all, make.
+
+    Raises:
+        ValueError: columns of different lengths.
+    """
+    lengths = {column.size for column in columns.values() if column.ndim > 0}
     if len(lengths) > 1:
         raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")
     return lengths.pop() if lengths else 1
@@ -203,7 +227,7 @@ def derivatives(
     model = as_model(case)
     if not (outputs and parameters):
         raise ValueError("derivatives of nothing; allowed: one output and one parameter, or more")
-    model.with_values(dict.fromkeys(parameters, 0.0))
+    model.refuse_unknown(parameters)
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()

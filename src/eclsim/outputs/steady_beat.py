@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from eclsim.arguments import WholeNumber, article
+from eclsim.beat.grid import FINEST
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import RATE, all_signals
 from eclsim.circuit.assembly import assemble
@@ -21,6 +23,7 @@ from eclsim.components.base import Values
 from eclsim.devices.description import GASES
 from eclsim.devices.registry import assist_connections, namings, registered
 from eclsim.gas.network import STATUS, GasStatus
+from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
@@ -263,7 +266,12 @@ def steady_beat(
         resolution: of the phase grid; left out, what each member's time constants need.
         execution: how the batch is computed.
     """
-    options, execution = options or OrbitOptions(), execution or Execution()
+    if not isinstance(batch, Batch):
+        allowed = "eclsim.Batch.of(model), or eclsim.Batch(...) of several"
+        raise TypeError(f"{article(type(batch).__name__)} is no batch of patients; allowed: {allowed}")
+    options = as_settings(options, OrbitOptions, "options")
+    execution = as_settings(execution, Execution, "execution")
+    resolution = None if resolution is None else WholeNumber(1, FINEST)("resolution", resolution)
     # A part of the batch is computed with the same program as the whole.
     execution = replace(execution, width=execution.width_for(batch.count))
     threads = execution.thread_count()

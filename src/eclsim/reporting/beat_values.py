@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.arguments import written
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, naming_of, namings
 from eclsim.reporting.numbers import number
@@ -52,6 +53,19 @@ def in_unit(value: float, unit: str) -> float:
 def scalar(result: "xr.Dataset", name: str) -> float | None:
     """A scalar output, or None where the result does not have it."""
     return float(result[name].values) if name in result and result[name].ndim == 0 else None
+
+
+def check_beat(result: object) -> None:
+    """Refuse what is not the beat of one case, with its waveforms.
+
+    Raises:
+        TypeError: It is something else, such as the results of many.
+    """
+    import xarray as xr
+
+    if not isinstance(result, xr.Dataset) or "phase" not in result.dims:
+        what = "a Dataset without waveforms" if isinstance(result, xr.Dataset) else written(result)
+        raise TypeError(f"{what} cannot be drawn; allowed: the beat of one case, from eclsim.simulate")
 
 
 def case_name(result: "xr.Dataset") -> str:

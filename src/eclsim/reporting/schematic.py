@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.arguments import Kind
+from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import device_of, naming_of
-from eclsim.reporting.beat_values import beat_mean, case_name, in_unit, summary_lines
+from eclsim.reporting.beat_values import beat_mean, case_name, check_beat, in_unit, summary_lines
 from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic_layout import (
     BODY,
@@ -46,8 +48,6 @@ from eclsim.reporting.style import GREY, MM_PER_INCH, figure_style, plain_text
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.circuit import Circuit
-
 _PILL = 7.6
 """Width [mm] of the field that holds a saturation."""
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
@@ -77,6 +77,9 @@ def draw_circuit(
     Returns:
         The figure that was drawn into.
     """
+    Kind(Circuit, "a Circuit, such as eclsim.model_of(case).circuit")("circuit", circuit)
+    if result is not None:
+        check_beat(result)
     circuit = circuit.with_chosen_sites(values or {})
     plan = plan_of(circuit)
     page = arrange(plan)

@@ -18,7 +18,8 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from eclsim.execution import Distribution, Executor, Progress, Tasks
+from eclsim.arguments import Kind, WholeNumber, check_fields, flag, number_of
+from eclsim.execution import Distribution, Executor, Progress, Tasks, as_folder
 from eclsim.execution.tasks import run_tasks
 from eclsim.inputs.mistakes import as_names, as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
@@ -74,6 +75,15 @@ class SobolSettings:
         for what in ("parameters", "include", "groups", "outputs"):
             if (names := getattr(self, what)) is not None:
                 object.__setattr__(self, what, as_names(names, what))
+        check_fields(
+            self,
+            samples=WholeNumber(None),
+            perturbation_percent=number_of,
+            seed=WholeNumber(None),
+            second_order=flag,
+            values=Kind(Mapping, 'numbers by parameter, such as {"Rmc": 0.8}'),
+            until=number_of,
+        )
 
 
 def sensitivity(
@@ -105,9 +115,11 @@ def sensitivity(
     from eclsim.outputs.results import beat_warnings
 
     settings = as_settings(settings, SobolSettings)
+    folder = as_folder(folder)
     with ExitStack() as stack:
         if not isinstance(distribution, Executor):
-            distribution = stack.enter_context((distribution or Distribution()).running(PRELOAD))
+            chosen = as_settings(distribution, Distribution, "distribution")
+            distribution = stack.enter_context(chosen.running(PRELOAD))
         case = with_speed(as_case(case), settings.volume_policy)[0]
         plan, model = plan_analysis(case, settings), model_of(case)
         around = replace(model, values={**model.values, **(settings.values or {})})
@@ -129,7 +141,7 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     available = output_names(chosen.circuit)
     usual = [o for o in OUTPUTS if o in available]
     outputs = tuple(dict.fromkeys(usual if s.outputs is None else s.outputs))
-    if wrong := missing_outputs(outputs, available):
+    if wrong := missing_outputs(outputs, available) or ["no output given"] * (not outputs):
         raise InputError(wrong)
     design = Design(chosen.inputs, s.samples, s.seed, chosen.groups, s.second_order)
     check_memory(design, len(outputs))

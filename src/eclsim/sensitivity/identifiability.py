@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.arguments import number_of
 from eclsim.cases.quantities import quantity
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
@@ -433,6 +434,7 @@ def identifiability(
     """
     from eclsim.outputs.results import beat_warnings, derivatives
 
+    limit, threshold = number_of("limit", limit), number_of("threshold", threshold)
     if not (1.0 <= limit < np.inf and 0.0 <= threshold < np.inf):
         raise InputError(
             [f"limit = {limit:g}, threshold = {threshold:g}: allowed: from 1, from 0, both finite"]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.arguments import number_of, written
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
 from eclsim.outputs.registry import unavailable
@@ -358,7 +359,7 @@ class Uncertainty:
     relative: float = 0.0
 
     def __post_init__(self) -> None:
-        both = (self.absolute, self.relative)
+        both = (number_of("absolute", self.absolute), number_of("relative", self.relative))
         if not (all(0.0 <= number < math.inf for number in both) and max(both) > 0.0):
             text = f"uncertainty absolute = {self.absolute:g}, relative = {self.relative:g}"
             raise InputError([f"{text}: allowed: finite, none below 0, one of them above 0"])
@@ -368,6 +369,7 @@ class Uncertainty:
         return max(self.absolute, self.relative * abs(value))
 
 
+UNCERTAINTY = "eclsim.Uncertainty(3.0) in its unit, or eclsim.Uncertainty(relative=0.05)"
 _READ = 0.03
 """Of a flow that is given to 0.1 L/min: the standard deviation of what rounding leaves open [L/min]."""
 DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
@@ -405,19 +407,28 @@ LEAST_FLOW = 0.1
 """A flow measured as 0 has the uncertainty of this one [L/min]."""
 
 
+def as_uncertainties(stated: Mapping[str, Uncertainty]) -> Mapping[str, Uncertainty]:
+    """Uncertainties by measurement, checked.
+
+    Raises:
+        InputError: They are something else, or plain numbers, which do not say whether they are absolute.
+    """
+    if not isinstance(stated, Mapping):
+        raise InputError([f"uncertainties = {written(stated)}; allowed: by measurement, {UNCERTAINTY}"])
+    wrong = [n for n, given in stated.items() if not (isinstance(n, str) and isinstance(given, Uncertainty))]
+    if wrong:
+        raise InputError([f"uncertainty of {n}: {written(stated[n])}; allowed: {UNCERTAINTY}" for n in wrong])
+    return stated
+
+
 def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Uncertainty]) -> dict[str, float]:
     """Standard uncertainty of each measured value, in its unit.
 
     Args:
         values: measured [mmHg, L/min].
         known: uncertainty of each, at least.
-
-    Raises:
-        InputError: One is a plain number, which does not say whether it is absolute.
     """
-    if wrong := [name for name in values if not isinstance(known[name], Uncertainty)]:
-        allowed = "Uncertainty(3.0) in its unit, or Uncertainty(relative=0.05)"
-        raise InputError([f"uncertainty of {name}: {known[name]}; allowed: {allowed}" for name in wrong])
+    as_uncertainties({name: known[name] for name in values})
     return {n: known[n].at(v) or known[n].at(LEAST_FLOW) for n, v in values.items()}
 
 
@@ -450,6 +461,7 @@ def read_uncertainties(text: str) -> dict[str, Uncertainty]:
 
 def uncertainties_of(outputs: Sequence[str], stated: Mapping[str, Uncertainty]) -> dict[str, Uncertainty]:
     """The uncertainty of each output: the one given, else the default."""
+    as_uncertainties(stated)
     wrong = [f"uncertainty of {name}: not among the measurements" for name in stated if name not in outputs]
     known = {**DEFAULTS, **stated}
     wrong += [

@@ -23,6 +23,7 @@ from eclsim.reporting.beat_values import (
     beat_mean,
     beat_period,
     case_name,
+    check_beat,
     in_unit,
     instances_at,
     naming_at,
@@ -145,6 +146,7 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
     Raises:
         ValueError: the part is unknown, or the result holds no waveform of it.
     """
+    check_beat(result)
     present = available_parts(result)
     if part not in present:
         unknown = "" if part in PARTS or device_of(part) else " is not a part of the circuit"
@@ -380,6 +382,8 @@ def plot_pressure_volume(
     cases = [results] if isinstance(results, xr.Dataset) else list(results)
     if not cases:
         raise ValueError("no result to draw: give at least one")
+    for case in cases:
+        check_beat(case)
     names = (
         [plain_text(label, 40) for label in labels] if labels is not None else [case_name(c) for c in cases]
     )

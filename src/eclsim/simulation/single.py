@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from eclsim.arguments import OneOf, flag
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import CASE, Model, ModelSource, UnknownValueError, as_case, case_record, model_of
@@ -55,9 +56,13 @@ def simulate(
         (`target_flow.speed_found`); if no speed gives the flow, a Dataset without numbers whose status is
         "flow_not_reached" and whose message says why.
     """
+    OneOf((SEMI_IMPLICIT, ADAPTIVE))("solver", solver)
+    check_grid = flag("check_grid", check_grid)
+    if solver == ADAPTIVE and (options is not None or resolution is not None):
+        raise ValueError("the adaptive solver takes no options and no resolution: leave them out")
     if isinstance(case, Model):
         return _beat(case, volume_policy, options, resolution, solver, check_grid)
-    case = as_case(case)
+    case = as_case(case, or_model=True)
     try:
         solved, speed = with_speed(case, volume_policy)
     except FlowNotReachedError as error:
@@ -100,8 +105,8 @@ def simulate_many(
         ValueError: arrays of different lengths.
         UnknownValueError: a parameter that the circuit does not have, or a speed that follows from a flow.
     """
-    source, how = case if isinstance(case, Model) else as_case(case), (volume_policy, options, execution)
-    solved = None
+    source = case if isinstance(case, Model) else as_case(case, or_model=True)
+    how, solved, changes = (volume_policy, options, execution), None, results.as_columns(changes)
     if not isinstance(source, Model):
         solved = solve_speeds(source, changes, volume_policy, options=options, execution=execution)
     if solved is None:
@@ -147,7 +152,8 @@ def derivatives(
         UnknownValueError: no parameter of the circuit, or the speed where the flow is held.
         UnknownOutputError: no output.
     """
-    source = case if isinstance(case, Model) else as_case(case)
+    throw = flag("throw", throw)
+    source = case if isinstance(case, Model) else as_case(case, or_model=True)
     outputs, parameters = as_names(outputs, "outputs"), as_names(parameters, "parameters")
     solved = None if isinstance(source, Model) else solve_speeds(source, {}, volume_policy)
     if solved is None:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eclsim.orbit.model import UnknownValueError, model_of
-from eclsim.outputs.results import member_count, simulate_many
+from eclsim.outputs.results import as_columns, member_count, simulate_many
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -162,6 +162,7 @@ def solve_speeds(
         UnknownValueError: A speed is changed that follows from the flow.
         ValueError: Arrays of different lengths.
     """
+    changes = as_columns(changes)
     count = member_count(changes)
     targets = {instance.key: (instance, target) for instance, target in case.targets()}
     for instance in case.instances():
