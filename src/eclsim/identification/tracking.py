@@ -82,9 +82,8 @@ class TrackSettings:
     interval_hours: float = HOURS_PER_DAY
 
     def __post_init__(self) -> None:
-        check_fields(
-            self, fit=Kind(FitSettings), drifts=as_drifts, seed=WholeNumber(), interval_hours=number_of
-        )
+        check_fields(self, fit=Kind(FitSettings), drifts=as_drifts, seed=WholeNumber())
+        check_fields(self, interval_hours=number_of)
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON."""
@@ -551,10 +550,9 @@ def track(
         CaseError: No points, or as `Tracker.update`.
     """
     settings, points = as_settings(settings, TrackSettings), named_cases(points)
-    lost = passed_over(left_out, len(points))
     cases = [(name, as_case(source)) for name, source in points]
     known = elapsed_hours([name for name, _ in points])
-    assumed = [settings.interval_hours * (1 + one) for one in lost]
+    assumed = [settings.interval_hours * (1 + lost) for lost in passed_over(left_out, len(points))]
     hours = known or [None, *assumed[1:]]
     done: list[TrackedPoint] = []
 
