@@ -262,3 +262,27 @@ def test_a_misspelt_function_lists_its_neighbours():
     with pytest.raises(AttributeError) as error:
         _ = eclsim.simulat
     assert (error.value.name, error.value.obj) == ("simulat", eclsim)  # what tracebacks make suggestions of
+
+
+def test_results_say_in_a_line_what_they_are():
+    """Notebooks showed every array and the whole circuit: 5,000 to 27,000 characters."""
+    batch = eclsim.Batch.of(MODEL)
+    assert repr(MODEL).startswith("<Model P: 10 compartments")
+    assert repr(batch).startswith("<Batch of 1:")
+    assert repr(eclsim.steady_beat(batch, ["MAP"])).startswith("<SteadyBeat of 1, 1 converged: MAP")
+    search = eclsim.MultiStart(points_per_parameter=4, refined_share=1.0)
+    fit = eclsim.fit(CASE, settings=eclsim.FitSettings(("Rmc",), multi_start=search))
+    assert repr(fit).startswith(
+        f"<FitResult P: Rmc = {fit.parameters['Rmc'].value:.3g}; {fit.verdict.headline}"
+    )
+    few = eclsim.SobolSettings(samples=4, parameters=["Rmc"], outputs=["MAP"])
+    assert repr(eclsim.sensitivity(CASE, settings=few)) == "<SensitivityResult of 4 rows: MAP by Rmc>"
+    found = eclsim.identifiability(CASE, parameters=["Rmc"])
+    assert repr(found) == "<Identifiability P: of 1 parameters, to fit: Rmc>"
+    reached = eclsim.reach(CASE, "MAP > 60", vary="Rmc=0.2..2")
+    assert repr(reached) == f"<Reached P: {reached.message}>"
+
+
+def test_a_setting_without_its_unit_is_in_that_of_its_parameter():
+    turned = [eclsim.Setting("Rmc", 0.2, 2.0)]
+    assert eclsim.reach(CASE, "MAP > 60", vary=turned).settings[0].unit == "mmHg s/mL"

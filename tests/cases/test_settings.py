@@ -65,6 +65,21 @@ def test_all_bad_settings_are_told_at_once(case):
     assert len(caught.value.mistakes) == 2
 
 
+def test_a_key_of_a_device_that_is_connected_twice_says_of_which(case):
+    """It ended in a line for each key that a third one would need."""
+    pump = {"pump": "HeartMate 3", "speed_rpm": 5400}
+    sites = {"left": ("lv", "ao"), "right": ("rv", "pas")}
+    two = {name: pump | {"inlet_site": a, "outlet_site": b} for name, (a, b) in sites.items()}
+    both = read_mapping({**MAPPING, "lvad": two}).case
+    with pytest.raises(CaseError) as error:
+        apply_settings(both, ["lvad.speed_rpm=5000"])
+    assert str(error.value) == (
+        "--set: lvad.speed_rpm = 5000: the case has [lvad.left] and [lvad.right]; "
+        "did you mean lvad.left.speed_rpm or lvad.right.speed_rpm?"
+    )
+    assert apply_settings(both, ["lvad.left.speed_rpm=5000"]).setting("lvad.left", "speed_rpm") == 5000
+
+
 def test_the_command_line_wins_over_the_file_and_says_so(tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(

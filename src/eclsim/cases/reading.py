@@ -49,6 +49,10 @@ class CaseReading:
     notes: tuple[Mistake, ...]
     file: str
 
+    def __repr__(self) -> str:
+        remarks = f"{len(self.warnings)} warnings, {len(self.notes)} notes"
+        return f"<CaseReading of {self.file}: case {self.case.patient.id}, {remarks}>"
+
 
 def read_case(
     path: str | os.PathLike[str], settings: Iterable[str] = (), volume_policy: str | None = None

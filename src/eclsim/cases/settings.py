@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eclsim.arguments import written
 from eclsim.cases.quantities import place_of
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
-from eclsim.devices.registry import parameters, usual_setting
+from eclsim.devices.registry import device_of, parameters, usual_setting
 from eclsim.inputs.files import too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.spelling import did_you_mean
@@ -83,6 +83,7 @@ def put_in(
 ) -> tuple[dict[str, Any], list[Mistake]]:
     """A case as mappings with values by section and key put in, and a note for each that gives way."""
     merged, notes = deepcopy(dict(raw)), list[Mistake]()
+    _refuse_without_instance(merged, values)
     for (section, key), value in values.items():
         target = merged.setdefault(section, {}) if section == "parameters" else within(merged, section)
         if not isinstance(target, dict):
@@ -96,6 +97,24 @@ def put_in(
             notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
         target[key] = value
     return merged, notes
+
+
+def _refuse_without_instance(raw: Mapping[str, Any], values: Mapping[tuple[str, str], Any]) -> None:
+    """Refuse a key of a device that the case has several of, which does not say of which."""
+    mistakes = []
+    for (section, key), value in values.items():
+        there = raw.get(section) if device_of(section) else None
+        named = list(there) if isinstance(there, dict) and all(map(_is_table, there.values())) else []
+        if named:
+            message = f"the case has {' and '.join(f'[{section}.{name}]' for name in named)}"
+            meant = " or ".join(f"{section}.{name}.{key}" for name in named)
+            mistakes.append(Mistake(f"{section}.{key}", message, shown(value), suggestion=meant, file=PLACE))
+    if mistakes:
+        raise CaseError(mistakes)
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, dict)
 
 
 def apply_settings(case: Case, settings: Iterable[str]) -> Case:

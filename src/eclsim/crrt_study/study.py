@@ -83,6 +83,10 @@ class CrrtStudy:
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        orders = (f"{policy}: {' '.join(r.letter for r in rank)}" for policy, rank in self.ranking.items())
+        return f"<CrrtStudy {self.case.patient.id}: schemes from the first {', '.join(orders)}>"
+
     @property
     def policies(self) -> tuple[str, ...]:
         """Blood volume policies that were studied."""

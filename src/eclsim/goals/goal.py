@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.arguments import number_of, written
+from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import Measurements, section_of
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
@@ -365,7 +366,7 @@ def _checked_settings(given: Sequence[Setting], known: Sequence[str]) -> tuple[S
         wrong.append(f"nothing to turn; allowed: {allowed}")
     if wrong:
         raise GoalError(wrong)
-    return tuple(settings)
+    return tuple(replace(s, unit=s.unit or getattr(quantity(s.name), "unit", "")) for s in settings)
 
 
 def _bounded(case: Case, name: str) -> Setting | None:

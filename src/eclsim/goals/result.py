@@ -105,6 +105,9 @@ class Reached:
     without_beat: int = 0
     doubts: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Reached {self.id}: {self.message}>"
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What there is to say of where its numbers come from, and of the beat."""

@@ -136,6 +136,10 @@ class FitResult:
     warnings: tuple[str, ...] = ()
     seconds: float = 0.0
 
+    def __repr__(self) -> str:
+        fitted = ", ".join(f"{n} = {p.value:.3g}" for n, p in self.parameters.items())
+        return f"<FitResult {self.name}: {fitted}; {self.verdict.headline}>"
+
     @property
     def status(self) -> FitStatus:
         """How it ended."""

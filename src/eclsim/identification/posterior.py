@@ -231,6 +231,10 @@ class PosteriorResult:
     seconds: float
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        draws = f"{len(self.flat)} draws of {', '.join(self.names)}"
+        return f"<PosteriorResult {self.name}: {draws}; {'; '.join(self.doubts) or 'to be trusted'}>"
+
     @property
     def trusted(self) -> bool:
         """Whether the draws are to be trusted."""

@@ -189,7 +189,7 @@ class TrackResult:
     """
 
     patient: str
-    points: tuple[TrackedPoint, ...]
+    points: tuple[TrackedPoint, ...] = field(repr=False)
     assumed_interval_hours: float | None
     notes: tuple[str, ...] = ()
 

@@ -76,6 +76,10 @@ class Model:
             numbers = {n: number_of(n, self.values[n]) for n in others}
             object.__setattr__(self, "values", {**self.values, **numbers})
 
+    def __repr__(self) -> str:
+        parts = f"{len(self.circuit.compartments)} compartments, {len(self.circuit.connections)} connections"
+        return f"<Model {self.name}: {parts}, blood volume {self.policy}>"
+
     @classmethod
     def published(cls, circuit: Circuit, name: str = "model", policy: str = AS_PUBLISHED) -> Model:
         """A circuit with the paper's parameters and usual devices, at 90 beats a minute.

@@ -49,6 +49,9 @@ class Batch:
     def __post_init__(self) -> None:
         object.__setattr__(self, "circuit", self.circuit.canonical)
 
+    def __repr__(self) -> str:
+        return f"<Batch of {self.count}: {len(self.circuit.compartments)} compartments, {self.policy}>"
+
     @classmethod
     def of(cls, model: Model, policy: str | None = None) -> Batch:
         """A model as a batch of one; policy: blood volume policy, left out, the model's."""

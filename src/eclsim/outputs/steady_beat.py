@@ -90,6 +90,10 @@ class SteadyBeat:
     unsettled: np.ndarray | None = None
     response: np.ndarray | None = None
 
+    def __repr__(self) -> str:
+        count = len(self.status)
+        return f"<SteadyBeat of {count}, {int(self.converged.sum())} converged: {', '.join(self.names)}>"
+
     @property
     def batch(self) -> Batch:
         """The members."""

@@ -330,6 +330,12 @@ class Identifiability:
     proposal: Proposal
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        proposed = ", ".join(self.proposal.chosen) or "none"
+        return (
+            f"<Identifiability {self.name}: of {len(self.scaled.parameters)} parameters, to fit: {proposed}>"
+        )
+
     @property
     def far_off(self) -> dict[str, float]:
         """Measurements that the model misses by more than two uncertainties, and by how many of them.

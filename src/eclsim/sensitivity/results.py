@@ -221,6 +221,10 @@ class SensitivityResult:
     indices: Indices
     runs: Runs
 
+    def __repr__(self) -> str:
+        of, to = ", ".join(self.indices.outputs), ", ".join(self.indices.factors)
+        return f"<SensitivityResult of {self.design.samples} rows: {of} by {to}>"
+
     @property
     def values(self) -> np.ndarray:
         """Outputs of all rows without a failed run, shape (rows, runs per row, outputs)."""
