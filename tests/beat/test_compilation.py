@@ -87,8 +87,11 @@ def test_a_damaged_file_is_compiled_again(folder, damage):
     np.testing.assert_array_equal(StoredProgram(jax.jit(never), KEY)(X), 2.0 * X)
 
 
-def test_a_folder_that_cannot_be_written_is_no_mistake(tmp_path, monkeypatch):
-    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path / "missing")
+@pytest.mark.parametrize("place", ["missing", "file/within"])
+def test_a_folder_that_cannot_be_written_is_no_mistake(place, tmp_path, monkeypatch):
+    """`ECLSIM_CACHE_DIR` that names a file ended a simulation: Not a directory."""
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path / place)
     np.testing.assert_array_equal(StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)(X), 2.0 * X)
 
 

@@ -23,6 +23,7 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Hashable, Iterable
+from contextlib import suppress
 from enum import Enum
 from functools import lru_cache
 from importlib.metadata import version
@@ -248,5 +249,6 @@ def _save(file: Path, program: Compiled) -> Compiled:
         part.write_bytes(pickle.dumps(serialize(program)))
         os.replace(part, file)
     except (OSError, ValueError, NotImplementedError):
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
     return program
