@@ -90,10 +90,8 @@ def course_beats(
     Raises:
         CaseError: the file is no case, an event lies after the end or connects the circuit in another way.
     """
-    minutes = number_of("minutes", minutes)
-    if minutes > LONGEST_MIN:
-        allowed = f"up to {LONGEST_MIN:g} min; eclsim.course follows hours"
-        raise CaseError([Mistake("minutes", "too long to be followed beat by beat", f"{minutes:g}", allowed)])
+    if (minutes := number_of("minutes", minutes)) > LONGEST_MIN:
+        raise CaseError([Mistake("minutes", "too long", f"{minutes:g}", f"up to {LONGEST_MIN:g} min")])
     if every_min is not None:
         FiniteNumber(above=0.0, unit="min")("every_min", every_min)
     outputs = None if outputs is None else as_names(outputs, "outputs")
