@@ -15,7 +15,7 @@ import numpy as np
 from resumable import run
 
 from eclsim.cases.reading import read_mapping
-from eclsim.identification.density import PosteriorDensity, Prior, approximate
+from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import measurement_errors
@@ -57,7 +57,7 @@ def one_patient(seed: int) -> dict:
     posterior = PosteriorDensity(model, noisy, errors, prior)
     points = random.uniform(-1.8, 1.8, (EXPLORED, len(NAMES)))
     levels = posterior.potential(points, posterior.simulate(points))
-    gaussian = approximate(posterior, prior.x_of(points[np.argsort(levels)[:CLIMBS]]))
+    gaussian = gaussian_approximation(posterior, prior.x_of(points[np.argsort(levels)[:CLIMBS]]))
     weighted = importance_sample(posterior, gaussian, seed=seed)
     draws = {
         "posterior": weighted.z[weighted.resample(10 * DRAWN, seed)],

@@ -22,11 +22,11 @@ import numpy as np
 from resumable import run
 from simulated_patients import NAMES, made_up_case, made_up_ecmo, simulated_patient
 
-from eclsim.identification.density import PosteriorDensity, Prior, approximate
+from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, diagnose, sample
 from eclsim.identification.posterior import predict
-from eclsim.identification.quantities import OF_THE_BEAT, measurement_errors
+from eclsim.identification.quantities import BEAT_OUTPUTS, measurement_errors
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
@@ -63,7 +63,7 @@ class Measured(NamedTuple):
 def likely(seed: int) -> Measured:
     """A patient whom somebody would measure."""
     point = simulated_patient(seed)
-    measured = {n: getattr(point.case.measurements, n) for n in OF_THE_BEAT}
+    measured = {n: getattr(point.case.measurements, n) for n in BEAT_OUTPUTS}
     truth = {n: point.truth[n] for n in NAMES}
     errors = measurement_errors(measured)
     return Measured(model_of(point.case), measured, errors, truth, dict(point.outputs))
@@ -74,12 +74,12 @@ def from_prior(seed: int) -> Measured:
     random, prior = np.random.default_rng([77, seed // 2]), prior_of()
     model = model_of(made_up_case(random, seed // 2, 0, made_up_ecmo(random)))
     everywhere = PosteriorDensity(
-        model, dict.fromkeys(OF_THE_BEAT, 0.0), dict.fromkeys(OF_THE_BEAT, 1.0), prior
+        model, dict.fromkeys(BEAT_OUTPUTS, 0.0), dict.fromkeys(BEAT_OUTPUTS, 1.0), prior
     )
     z = random.standard_normal((CANDIDATES, len(NAMES)))
     outputs = everywhere.simulate(z)
     first = int(np.flatnonzero(np.isfinite(outputs).all(axis=1))[0])
-    exact = dict(zip(OF_THE_BEAT, outputs[first].tolist(), strict=True))
+    exact = dict(zip(BEAT_OUTPUTS, outputs[first].tolist(), strict=True))
     errors, sign = measurement_errors(exact), 1.0 - 2.0 * (seed % 2)
     measured = {n: v + sign * errors[n] * random.standard_normal() for n, v in exact.items()}
     truth = dict(zip(NAMES, np.exp(prior.x_of(z[first])).tolist(), strict=True))
@@ -90,7 +90,7 @@ def one_patient(seed: int, method: str, patient: Callable[[int], Measured] = lik
     started, prior = time.perf_counter(), prior_of()
     model, measured, errors, truth, outputs = patient(seed)
     posterior = PosteriorDensity(model, measured, errors, prior)
-    gaussian = approximate(posterior, starts(posterior, seed))
+    gaussian = gaussian_approximation(posterior, starts(posterior, seed))
     weighted = importance_sample(posterior, gaussian, seed=seed)
     doubts = weighted.doubts
     z = weighted.z[weighted.resample(PREDICTED, seed)]
@@ -100,13 +100,13 @@ def one_patient(seed: int, method: str, patient: Callable[[int], Measured] = lik
         z = chains.z.reshape(-1, len(NAMES))
         z = z[:: max(1, len(z) // PREDICTED)]
     faster = model.with_values({"ecmo.speed_rpm": 1.15 * model.values["ecmo.speed_rpm"]})
-    at_speed = steady_beat(Batch(faster.circuit, {**faster.values, **truth}, 1), OF_THE_BEAT).values[:, 0]
+    at_speed = steady_beat(Batch(faster.circuit, {**faster.values, **truth}, 1), BEAT_OUTPUTS).values[:, 0]
     record = {"seed": seed, "doubts": list(doubts), "shape": weighted.shape, "effective": weighted.effective}
     for kind, draws in (("posterior", z), ("gaussian", gaussian.draws(PREDICTED, seed))):
         parameters = dict(zip(NAMES, np.exp(prior.x_of(draws)).T, strict=True))
-        here, there_now = (predict(m, parameters, OF_THE_BEAT) for m in (model, faster))
+        here, there_now = (predict(m, parameters, BEAT_OUTPUTS) for m in (model, faster))
         limits = np.quantile(np.stack(list(parameters.values()), axis=1), (0.05, 0.95), axis=0)
-        values, exact = np.array([truth[n] for n in NAMES]), np.array([outputs[n] for n in OF_THE_BEAT])
+        values, exact = np.array([truth[n] for n in NAMES]), np.array([outputs[n] for n in BEAT_OUTPUTS])
         record[kind] = {
             "parameters": _inside(limits[0], values, limits[1]),
             "outputs": _inside(here.intervals[:, 0], exact, here.intervals[:, 2]),
@@ -122,7 +122,7 @@ def _inside(lower, value, upper) -> list[bool]:
 def summary(lines: list[dict]) -> dict:
     found = {"patients": len(lines), "doubted": sum(bool(o["doubts"]) for o in lines)}
     for kind in ("posterior", "gaussian"):
-        for what, names in (("parameters", NAMES), ("outputs", OF_THE_BEAT), ("predictions", OF_THE_BEAT)):
+        for what, names in (("parameters", NAMES), ("outputs", BEAT_OUTPUTS), ("predictions", BEAT_OUTPUTS)):
             inside = np.array([o[kind][what] for o in lines], dtype=float)
             found[f"{kind} {what}"] = {
                 "all": round(float(inside.mean()), 4),

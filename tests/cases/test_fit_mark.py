@@ -7,7 +7,7 @@ from eclsim.cases.fit_mark import LEVELS, FitMark, read_mark, with_mark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case
 from eclsim.cases.writing import case_text
-from eclsim.identification.settings import FitSettings, ready
+from eclsim.identification.settings import FitSettings, case_to_fit
 from eclsim.sensitivity.analysis import SobolSettings
 from eclsim.sensitivity.results import write_results
 
@@ -96,4 +96,4 @@ def test_every_result_of_it_says_so(tmp_path, source):
 def test_a_case_that_is_fitted_anew_has_no_verdict_yet(tmp_path):
     path = tmp_path / "P01.toml"
     path.write_text(marked("poor"), encoding="utf-8")
-    assert ready(read_case(path).case, FitSettings()).doubts == ()
+    assert case_to_fit(read_case(path).case, FitSettings()).doubts == ()

@@ -7,7 +7,7 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.crrt_study.schemes import StudyError, policy_of_cases
-from eclsim.identification.cohort import as_they_are
+from eclsim.identification.cohort import cases_as_given
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, density_of
@@ -90,7 +90,7 @@ def test_a_study_takes_what_the_cases_say_and_does_not_mix(shell, held):
     case = read_case(held).case
     published = case.with_volume_policy("as_published")
     assert policy_of_cases([case, case]) == "patient_held"
-    assert policy_of_cases(list(as_they_are([], "tests").cases.values())) == "both"
+    assert policy_of_cases(list(cases_as_given([], "tests").cases.values())) == "both"
     with pytest.raises(StudyError, match="different blood volume policies"):
         policy_of_cases([case, published])
 

@@ -11,7 +11,7 @@ from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, answer, crrt_coh
 from eclsim.crrt_study.cohort_report import _doubts, cohort_json
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
-from eclsim.identification.cohort import as_they_are, with_fitted
+from eclsim.identification.cohort import cases_as_given, with_fitted_parameters
 from eclsim.paper.crrt import paper_case
 
 
@@ -31,7 +31,7 @@ def cohort() -> CohortStudy:
     cases = [case("slow"), case("fast", speed_rpm=4600.0), case("faster", speed_rpm=4900.0)]
     single = case("roller").model_copy(update={"ecmo": None})
     return crrt_cohort(
-        as_they_are([*cases, single], "tests"),
+        cases_as_given([*cases, single], "tests"),
         StudyOptions(schemes="a,d,h", speeds="2000:5000:1000", volume_policy="as_published"),
     )
 
@@ -41,7 +41,7 @@ def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohor
     assert [point.name for point in cohort.points] == ["slow", "fast", "faster"]
     assert "[ecmo]" in cohort.lost["roller"]
     with pytest.raises(StudyError, match="no data point can be studied"):
-        crrt_cohort(as_they_are([case("x").model_copy(update={"ecmo": None})], "tests"))
+        crrt_cohort(cases_as_given([case("x").model_copy(update={"ecmo": None})], "tests"))
 
 
 def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
@@ -49,7 +49,7 @@ def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     files = [tmp_path / f"{name}.toml" for name in ("doubtful", "poor")]
     for file in files:
         file.write_text(with_mark(case_text(case(file.stem)), file.stem, "as it says"))
-    fitted = as_they_are([read_case(file) for file in files], "case files")
+    fitted = cases_as_given([read_case(file) for file in files], "case files")
     assert list(fitted.cases) == ["doubtful"]
     assert "POOR fit" in fitted.not_fitted["poor"]
     study = crrt_cohort(fitted, StudyOptions(schemes="d", speeds="3425", volume_policy="as_published"))
@@ -143,7 +143,7 @@ def test_fitted_parameters_win_over_those_of_the_case():
     result = {
         "parameters": {"Rmc": {"value": 0.4}, "Emaxlv": {"value": 2.0}}, "verdict": {"level": "doubtful"},
     }  # fmt: skip
-    changed = with_fitted(paper_case(), result)
+    changed = with_fitted_parameters(paper_case(), result)
     assert "a DOUBTFUL fit" in changed.doubts[0]
     assert changed.parameters["Rmc"] == 0.4
     assert changed.parameters["Csart"] == paper_case().parameters["Csart"]

@@ -7,9 +7,9 @@ from eclsim.identification.least_squares import EXACT, Termination, polish, refi
 from eclsim.identification.objective import RISE_90, Box
 from eclsim.identification.profiles import (
     held_fits,
-    held_values,
     interval_90,
     profiles,
+    values_to_hold,
     without_beat_beyond,
 )
 from eclsim.identification.quantities import Scale
@@ -87,7 +87,7 @@ def test_a_follower_of_an_undetermined_parameter_is_seen():
 def test_nothing_undetermined_needs_no_fit():
     (result,) = held_fits(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
     assert len(result.held) == 0
-    held, values = held_values(np.zeros(2), BOX, [1])
+    held, values = values_to_hold(np.zeros(2), BOX, [1])
     assert set(held) == {1}
     assert np.all(np.abs(values) > 0.5)
 

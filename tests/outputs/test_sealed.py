@@ -12,7 +12,7 @@ from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.devices.ecmo import ecmo
-from eclsim.identification.density import members_of
+from eclsim.identification.density import beats_of_members
 from eclsim.orbit.model import model_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, solve, start_state
@@ -133,7 +133,7 @@ def test_analyses_of_many_take_no_number_from_it():
     runs = evaluator(changes, 2)
     assert [Status(k).word for k in runs.status] == ["converged", "one_of_many"]
     assert list(np.isfinite(runs.values[:, 0])) == [True, False]
-    draws = members_of(patient, {**patient.values, **changes}, 2, ("MAP",)).values.T
+    draws = beats_of_members(patient, {**patient.values, **changes}, 2, ("MAP",)).values.T
     assert list(np.isfinite(draws[:, 0])) == [True, False]
     with pytest.raises(NoDerivativesError, match="singular"):
         beat.linearise(("MAP",), ("Rmc",), 1)

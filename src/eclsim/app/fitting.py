@@ -206,7 +206,11 @@ def to_fit(
         policy: blood volume policy.
         free: parameters, where they are known already.
     """
-    from eclsim.identification.settings import FitSettings, free_parameters, told_of_crrt
+    from eclsim.identification.settings import (
+        FitSettings,
+        crrt_parameters_informed_by_pressures,
+        free_parameters,
+    )
 
     settings = FitSettings(volume_policy=policy)
     usual = settings.parameters
@@ -214,7 +218,7 @@ def to_fit(
         raw = {**raw, "fluid": raw.get("fluid", {})}
         usual = (*usual, EXTRA_VOLUME)
     case = _with_assumed_shunt(read_mapping(raw).case)
-    usual = (*usual, *told_of_crrt(case))
+    usual = (*usual, *crrt_parameters_informed_by_pressures(case))
     return case, replace(settings, parameters=tuple(free) or free_parameters(case, usual, policy))
 
 

@@ -15,7 +15,7 @@ from eclsim.app.texts import text
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, resolve_parameters
-from eclsim.identification.density import PosteriorDensity, Prior, approximate
+from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import Scale, measurement_errors
@@ -199,7 +199,7 @@ def plain_posterior(
     """
     report(text("posterior_preparing"))
     posterior, start = _density(raw, policy, report, free)
-    weighted = importance_sample(posterior, approximate(posterior, start[None]), seed=SEED)
+    weighted = importance_sample(posterior, gaussian_approximation(posterior, start[None]), seed=SEED)
     names = posterior.prior.names
     shown = posterior.prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
     chosen = np.random.default_rng(SEED).permutation(weighted.resample(MEMBERS, SEED))

@@ -19,7 +19,7 @@ from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import beat_program
 from eclsim.circuit.assembly import assemble
 from eclsim.files import finite
-from eclsim.identification.density import SETTLED
+from eclsim.identification.density import DENSITY_OPTIONS
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import impossible, stays_closed
@@ -220,7 +220,7 @@ def solve(
         batch = Batch(circuit, chunk, part.stop - first, policy)
         beat = steady_beat(
             batch, tuple(dict.fromkeys((*names, *judged))), waveforms=recorded,
-            keep=None if signals else (), options=SETTLED, start=start, resolution=resolution,
+            keep=None if signals else (), options=DENSITY_OPTIONS, start=start, resolution=resolution,
             execution=Execution(threads=1, width=SIDE_BY_SIDE),
         )  # fmt: skip
         steady = np.flatnonzero(beat.determined & ~beat.without_gases)

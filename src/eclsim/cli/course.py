@@ -99,14 +99,14 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
     from eclsim.cases import CaseError
     from eclsim.cases.reading import CaseReading
     from eclsim.cases.settings import apply_settings
-    from eclsim.identification.cohort import named
+    from eclsim.identification.cohort import with_name
 
     tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
     if tables and len(o.files) > 1:
         fail(f"{tables[0]}: a table stands alone; allowed: one table, one folder, or case files")
     if tables:
         reading = read_table(o.files[0])
-        cases, refused = [named(p.case, p.name) for p in reading.points], bool(reading.refused)
+        cases, refused = [with_name(p.case, p.name) for p in reading.points], bool(reading.refused)
         try:
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
         except CaseError as error:

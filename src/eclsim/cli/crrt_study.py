@@ -256,10 +256,10 @@ def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
 
 
 def _from_folder(o: CrrtStudyOptions) -> FittedCases:
-    from eclsim.identification.cohort import as_they_are
+    from eclsim.identification.cohort import cases_as_given
 
     readings = with_speeds(read_all(case_files_in(o.file), []), _first_policy(o))
-    return as_they_are(readings, "case files")
+    return cases_as_given(readings, "case files")
 
 
 def _fitted(

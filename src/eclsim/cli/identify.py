@@ -237,10 +237,10 @@ def _write_fit(
 
 def _with_what_they_tell(case: Case, settings: FitSettings) -> FitSettings:
     """The settings with what is worth fitting to what was measured besides, which is said."""
-    from eclsim.identification.settings import free_parameters, ready, told_by_pressures
+    from eclsim.identification.settings import case_to_fit, free_parameters, parameters_informed_by_pressures
 
-    usual = (*settings.parameters, *told_by_pressures(case))
-    case = ready(case, replace(settings, parameters=usual))
+    usual = (*settings.parameters, *parameters_informed_by_pressures(case))
+    case = case_to_fit(case, replace(settings, parameters=usual))
     names = free_parameters(case, usual, settings.volume_policy)
     if names != settings.parameters:
         note([f"{MEASURED_BESIDES}: free are {', '.join(names)} (--parameters names others)"])

@@ -102,11 +102,11 @@ def axis_label(name: str) -> str:
 
 PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 FLOWS = ("CO", "PF")
-OF_THE_BEAT = PRESSURES + FLOWS
+BEAT_OUTPUTS = PRESSURES + FLOWS
 """What can be fitted of the beat itself."""
 GASES = MEASURED_GASES
 """What can be fitted of gas exchange, where a case has it."""
-OUTPUTS = OF_THE_BEAT + MEASURED_BESIDES + GASES
+OUTPUTS = BEAT_OUTPUTS + MEASURED_BESIDES + GASES
 """What can be fitted."""
 
 

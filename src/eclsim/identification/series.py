@@ -17,16 +17,16 @@ from eclsim.identification.settings import (
     MEASURED_AT_REST,
     CheckedFit,
     FitSettings,
+    avoidable_assumptions,
+    case_to_fit,
     checked_fit,
-    held_by_assumption,
-    held_consumption,
-    held_oxygenator,
-    held_volume,
-    open_at_rest,
-    ready,
-    told_by_gases,
-    told_by_pressures,
-    untold_output,
+    measured_open_set_points,
+    parameters_informed_by_gases,
+    parameters_informed_by_pressures,
+    remarks_on_fixed_consumption,
+    remarks_on_fixed_volume,
+    remarks_on_undetermined_output,
+    remarks_on_unmeasured_oxygenator,
 )
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import circuit_of
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 Points = Sequence[tuple[str, "Case"]]
 """Measurements in order: their names and cases."""
-FEWEST_COPIED = 3
+FEWEST_EQUAL_VALUES = 3
 """Fewer measurements may be the same to the last digit by chance."""
 
 
@@ -64,12 +64,12 @@ class Series:
     notes: list[str] = field(default_factory=list)
 
     def learn(self, name: str, case: Case) -> None:
-        """Take from a case what the series has not been told yet; `name`: of the measurement."""
-        for key, value in open_at_rest(case).items():
+        """Take from a case what the series does not know yet; `name`: of the measurement."""
+        for key, value in measured_open_set_points(case).items():
             if key not in self.set_points:
                 self.set_points[key] = value
-                told = f"the {MEASURED_AT_REST[key]} of {name} ({shown(value)})"
-                message = f"left open, so {told}: reflexes do nothing there, and answer to changes"
+                source = f"the {MEASURED_AT_REST[key]} of {name} ({shown(value)})"
+                message = f"left open, so {source}: reflexes do nothing there, and answer to changes"
                 self.notes.append(str(Mistake(key, message)))
         here = self._read_by(case)
         self.read |= here
@@ -92,7 +92,7 @@ class Series:
         checked = checked_fit(case, row)
         if absent:
             checked.mistakes = [mistake for mistake in checked.mistakes if mistake.key != "parameters"]
-        return ready(case, row), checked
+        return case_to_fit(case, row), checked
 
     def free(self) -> dict[str, tuple[float, float, float]]:
         """Start value, lower and upper bound of each free parameter."""
@@ -104,9 +104,9 @@ class Series:
         still_open = [str(w) for w in checked.warnings if w.key in left_open]
         free = self.settings.names
         held = (
-            *held_by_assumption(case, checked.targets, free),
-            *held_consumption(case, checked.targets, free),
-            *untold_output(case, checked.targets, self.measured, free),
+            *avoidable_assumptions(case, checked.targets, free),
+            *remarks_on_fixed_consumption(case, checked.targets, free),
+            *remarks_on_undetermined_output(case, checked.targets, self.measured, free),
         )
         return (*held, *still_open)
 
@@ -115,12 +115,12 @@ class Series:
         free = self.settings.names
         return [
             *self.notes,
-            *held_volume(case, self.measured, free),
-            *held_oxygenator(case, self.measured, free),
+            *remarks_on_fixed_volume(case, self.measured, free),
+            *remarks_on_unmeasured_oxygenator(case, self.measured, free),
         ]
 
     def _read_by(self, case: Case) -> set[str]:
-        return {*parameters_read(circuit_of(ready(case, self.settings)))}
+        return {*parameters_read(circuit_of(case_to_fit(case, self.settings)))}
 
 
 def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str, CaseSource]]:
@@ -154,11 +154,15 @@ def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
     A fit has to leave out what it cannot tell apart; here it is free too, and its interval says so.
     """
     cases = [case for _, case in points]
-    told = [key for case in cases for key in told_by_gases(case)]
-    return tuple(dict.fromkeys((*told, *(key for case in cases for key in told_by_pressures(case)), *usual)))
+    informed = [key for case in cases for key in parameters_informed_by_gases(case)]
+    return tuple(
+        dict.fromkeys(
+            (*informed, *(key for case in cases for key in parameters_informed_by_pressures(case)), *usual)
+        )
+    )
 
 
-def cleared(before: TrackedPoint, now: TrackedPoint) -> str:
+def falling_clotting(before: TrackedPoint, now: TrackedPoint) -> str:
     """A sentence where the clotted share of an oxygenator has fallen by more than it is uncertain by."""
     old, new = before.parameters.get(CLOTTED), now.parameters.get(CLOTTED)
     if old is None or new is None or not (new.median < old.lower and new.upper < old.median):
@@ -170,10 +174,10 @@ def cleared(before: TrackedPoint, now: TrackedPoint) -> str:
     )
 
 
-def copied(before: TrackedPoint, now: TrackedPoint) -> str:
+def copied_measurements(before: TrackedPoint, now: TrackedPoint) -> str:
     """A sentence where all that was measured is the same to the last digit."""
     old, new = ({n: i.measured for n, i in point.innovations.items()} for point in (before, now))
-    if len(new) < FEWEST_COPIED or old != new:
+    if len(new) < FEWEST_EQUAL_VALUES or old != new:
         return ""
     return (
         f"all {len(new)} measurements are those of {before.name}: copied forward they count twice, and the "

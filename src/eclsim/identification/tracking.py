@@ -19,8 +19,8 @@ from eclsim.identification.density import (
     PosteriorDensity,
     Prior,
     PriorKind,
-    approximate,
-    members_of,
+    beats_of_members,
+    gaussian_approximation,
 )
 from eclsim.identification.filtering import (
     DRIFTS,
@@ -35,7 +35,13 @@ from eclsim.identification.importance import Transport, WeightedDraws, importanc
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.series import Series, cleared, copied, named_cases, series_of
+from eclsim.identification.series import (
+    Series,
+    copied_measurements,
+    falling_clotting,
+    named_cases,
+    series_of,
+)
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
@@ -53,11 +59,11 @@ SHARES = (0.05, 0.5, 0.95)
 HOURS_PER_DAY, SECONDS_PER_HOUR = 24.0, 3600.0
 _TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 EXPLORED = 512
-CLIMBS = 4
+MAXIMISATIONS = 4
 DRAWS = 512
-MANY, MANY_DRAWS = 7, 2048
+MANY_PARAMETERS, MANY_DRAWS = 7, 2048
 """With more parameters than these so many draws are needed for the ends of the first intervals."""
-DRAWN = 4000
+INTERVAL_DRAWS = 4000
 
 
 @dataclass(frozen=True)
@@ -245,7 +251,7 @@ class _Estimate:
     state: GaussianMixture
 
     def parameters(self, seed: int) -> dict[str, Interval]:
-        draws, _ = self.transport.z_of(self.state.draws(DRAWN, seed))
+        draws, _ = self.transport.z_of(self.state.draws(INTERVAL_DRAWS, seed))
         rows = self.prior.values_of(np.quantile(draws, SHARES, axis=0)).T.tolist()
         return {n: Interval(*row) for n, row in zip(self.prior.names, rows, strict=True)}
 
@@ -271,7 +277,7 @@ class Tracker:
         self._prior: Prior | None = None
         self._starts: dict[Circuit, dict[str, float]] = {}
         self._left_out: dict[str, float] = {}
-        self._said: set[str] = set()
+        self._reported_doubts: set[str] = set()
         self._before: TrackedPoint | None = None
 
     def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
@@ -348,12 +354,12 @@ class Tracker:
         return self._prior, model, dict(checked.targets), doubts
 
     def _doubted(self, point: TrackedPoint, doubts: tuple[str, ...]) -> TrackedPoint:
-        """The point with what is held although it is not known; the message has what was not said before."""
-        new = [doubt for doubt in doubts if doubt not in self._said]
+        """The point with its doubts; the message has those that no earlier point had."""
+        new = [doubt for doubt in doubts if doubt not in self._reported_doubts]
         if self._before is not None:
-            new = [copied(self._before, point), cleared(self._before, point), *new]
+            new = [copied_measurements(self._before, point), falling_clotting(self._before, point), *new]
         self._before = point
-        self._said.update(new)
+        self._reported_doubts.update(new)
         verdict = point.verdict
         if verdict is not None:
             reasons = [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", doubt) for doubt in doubts]
@@ -370,10 +376,10 @@ class Tracker:
         self.progress("exploring")
         levels = density.potential(points, density.simulate(points))
         self.progress("climbing to the highest points")
-        best = points[np.argsort(levels, kind="stable")[:CLIMBS]]
-        gaussian = approximate(density, prior.x_of(best))
+        best = points[np.argsort(levels, kind="stable")[:MAXIMISATIONS]]
+        gaussian = gaussian_approximation(density, prior.x_of(best))
         self.progress("weighted draws")
-        count = MANY_DRAWS if len(prior.names) > MANY else DRAWS
+        count = MANY_DRAWS if len(prior.names) > MANY_PARAMETERS else DRAWS
         weighted = importance_sample(density, gaussian, count, settings.seed)
         weights, power = weighted.tempered()
         transport = weighted.transport if power == 1.0 else Transport.fit(weighted.z, weights)
@@ -463,7 +469,7 @@ class Tracker:
 
         def beats(u: np.ndarray) -> SteadyBeat:
             values = density.values(density.prior.x_of(estimate.transport.z_of(u)[0]))
-            return members_of(model, values, len(u), names, density.policy, start)
+            return beats_of_members(model, values, len(u), names, density.policy, start)
 
         def simulate(u: np.ndarray) -> np.ndarray:
             return beats(u).values.T

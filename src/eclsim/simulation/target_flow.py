@@ -268,7 +268,7 @@ class _Search:
         if not len(solved):
             self.reason = f"no steady beat was found at any speed: {message}"
         elif ends is None:
-            self.reason = _out_of_reach(target, speeds, flows, solved)
+            self.reason = _values_out_of_bounds(target, speeds, flows, solved)
         else:
             self.ends = (self.low, self.high) = tuple(float(speeds[k]) for k in ends)
             self.below, self.above = (float(flows[k] - target) for k in ends)
@@ -305,7 +305,7 @@ class _Search:
             self.reason = f"the flow jumps over it between {self.low:.6g} and {self.high:.6g} rpm"
 
 
-def _out_of_reach(target: float, speeds: np.ndarray, result: np.ndarray, solved: np.ndarray) -> str:
+def _values_out_of_bounds(target: float, speeds: np.ndarray, result: np.ndarray, solved: np.ndarray) -> str:
     most, least = solved[np.argmax(result[solved])], solved[np.argmin(result[solved])]
     if target > result[most]:
         text = f"the highest flow reached is {result[most]:.2f} L/min, at {speeds[most]:.0f} rpm"
