@@ -36,8 +36,8 @@ class SlowState(NamedTuple):
     is_amount: bool = False
 
 
-class Shown(NamedTuple):
-    """A number that slow states mean to a reader, such as a concentration.
+class DerivedQuantity(NamedTuple):
+    """A quantity that follows from slow states, such as a concentration.
 
     Attributes:
         name: such as "urea".
@@ -102,8 +102,8 @@ class SlowLaw(ABC):
         """The law where gases of the blood are followed beat by beat."""
         return self
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:
-        """What is shown of the states beside themselves.
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:
+        """Quantities that follow from the states and are shown beside them.
 
         Args:
             states: of all laws, by name.

@@ -73,7 +73,7 @@ def test_what_is_shown_at_the_start_is_what_the_case_says_in_its_units():
     said = {"urea": ("mmol/L", 31.0), "creatinine": ("umol/L", 410.0), "potassium": ("mmol/L", 5.1)}
     units = {"umol/L": "umol_l", "mmol/L": "mmol_l"}
     values = settings(**{f"{name}_{units[unit]}": value for name, (unit, value) in said.items()})
-    shown = {one.name: one for one in LAW.shown(LAW.start(values, {}), values)}
+    shown = {one.name: one for one in LAW.derived_quantities(LAW.start(values, {}), values)}
     assert {name: (shown[name].unit, shown[name].values.item()) for name in said} == {
         name: (unit, pytest.approx(value)) for name, (unit, value) in said.items()
     }

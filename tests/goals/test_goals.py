@@ -14,7 +14,7 @@ from eclsim.cases.reading import read_case, read_mapping
 from eclsim.cases.writing import case_text
 from eclsim.cli import main
 from eclsim.course.plan import plan_weaning
-from eclsim.course.timeline import changed
+from eclsim.course.timeline import case_with_settings
 from eclsim.goals import search
 from eclsim.goals.goal import (
     Goal,
@@ -192,7 +192,7 @@ def test_bounds_beyond_which_no_patient_can_be_hold_unasked():
 @pytest.mark.slow
 def test_a_pump_is_not_turned_up_beyond_what_veins_and_chambers_can_be():
     """A speed that reaches the goal exists, but with a ventricle emptier than empty."""
-    bled = changed(CASE, {"fluid.extra_volume_ml": -180.0}, CASE)
+    bled = case_with_settings(CASE, {"fluid.extra_volume_ml": -180.0}, CASE)
     beyond = simulate(model_of(bled).with_values({"ecmo.speed_rpm": 4500.0}))
     assert beyond.attrs["impossible"]
     assert float(beyond["PF"]) > 5.3

@@ -31,7 +31,7 @@ from eclsim.reporting.schematic_layout import dead_ends
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
-    from eclsim.course.beats import PassingBeat
+    from eclsim.course.beats import TransientBeat
 
 
 def page_circuit(case: Case, at_rest: bool = True) -> tuple[Circuit, dict[str, float]]:
@@ -178,7 +178,7 @@ def beat_of(
     )  # fmt: skip
 
 
-def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
+def transient_beat(state: PageState, moment: TransientBeat) -> Beat:
     """A beat of a course beat by beat; the gases of compartments are not listed."""
     series = dict(zip(moment.signals, moment.waves.T, strict=True))
     waves = _evenly(series, moment.phases, moment.circuit, moment.values)

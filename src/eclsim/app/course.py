@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from eclsim.app.beat import Beat
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
-    from eclsim.course.beats import Marched
-    from eclsim.course.course import Followed
+    from eclsim.course.beats import BeatByBeatCourse
+    from eclsim.course.course import SteadyBeatCourse
 
 
 BEATS = (2, 10, 30)
@@ -51,12 +51,12 @@ class PageCourse:
     """A computed course of a state."""
 
     state: PageState
-    followed: Followed | Marched
+    computed: SteadyBeatCourse | BeatByBeatCourse
 
     @property
     def times(self) -> list[float]:
         """Minutes of its moments, as the browser knows them."""
-        return [float(f"{minute:.7g}") for minute in np.asarray(self.followed.result["time_min"])]
+        return [float(f"{minute:.7g}") for minute in np.asarray(self.computed.result["time_min"])]
 
     @property
     def end(self) -> float:
@@ -65,12 +65,12 @@ class PageCourse:
 
     def beat(self, minute: float) -> Beat:
         """The beat at a minute, not behind the end: the steady one, or beat by beat the one that passes."""
-        from eclsim.app.beat import beat_of, passing_beat
-        from eclsim.course.beats import PassingBeat
+        from eclsim.app.beat import beat_of, transient_beat
+        from eclsim.course.beats import TransientBeat
 
-        moment = self.followed.at(minute)
-        if isinstance(moment, PassingBeat):
-            return passing_beat(self.state, moment)
+        moment = self.computed.at(minute)
+        if isinstance(moment, TransientBeat):
+            return transient_beat(self.state, moment)
         return beat_of(self.state, *moment)
 
 
@@ -86,11 +86,11 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
     Raises:
         CaseError: an event lies after its end, or connects the circuit in another way beat by beat.
     """
-    from eclsim.course.beats import marched
-    from eclsim.course.course import followed
+    from eclsim.course.beats import beat_by_beat_course
+    from eclsim.course.course import steady_beat_course
 
-    follow = marched if minutes in BEATS else followed
-    return PageCourse(state, follow(state.computed, minutes, state.policy))
+    compute = beat_by_beat_course if minutes in BEATS else steady_beat_course
+    return PageCourse(state, compute(state.computed, minutes, state.policy))
 
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
 
     Lanes that are seen unasked have gaps where no patient can have the beat.
     """
-    result = course.followed.result
+    result = course.computed.result
     alarms = json.loads(result.attrs["alarms"])
     impossible = impossible_moments(result)
     broken = [one | {"sentence": with_minus(one["sentence"])} for one in alarms if one["kind"] != CAUTION]
@@ -238,12 +238,12 @@ def with_turn(case: Case, key: str, value: object, minute: float) -> Case:
 
 def case_at(case: Case, minute: float) -> Case:
     """The case as events have left it at a minute; without them."""
-    from eclsim.course.timeline import changed
+    from eclsim.course.timeline import case_with_settings
 
     start = now = case.model_copy(update={"events": ()})
     for event in case.events:
         if event.set and event.at_min <= minute + 1e-6:
-            now = changed(now, event.set, start)
+            now = case_with_settings(now, event.set, start)
     return now
 
 

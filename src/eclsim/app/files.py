@@ -330,7 +330,7 @@ def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
 
     try:
         minutes = minutes or usual_length(state.case)
-        result = compute_course(state, minutes).followed.result
+        result = compute_course(state, minutes).computed.result
     except CaseError as error:
         raise ExportError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="eclsim-") as place:

@@ -299,7 +299,7 @@ def _band(o: CourseOptions) -> bool:
 def _cohort(o: CourseOptions) -> bool:
     """Follow several patients; whether all reached their end and no row was refused."""
     from eclsim.course import files
-    from eclsim.course.band import approximated
+    from eclsim.course.band import approximations_of_draws
     from eclsim.course.cohort import PRELOAD, course_cohort
     from eclsim.inputs.mistakes import CaseError
 
@@ -328,7 +328,7 @@ def _cohort(o: CourseOptions) -> bool:
         if hand_over(content, target):
             typer.echo(_cohort_text(content))
     lost = [f"{one['id']}: {one['message']}" for one in content["courses"] if not one["converged"]]
-    warn([*lost, *approximated(results, "patients")])
+    warn([*lost, *approximations_of_draws(results, "patients")])
     return not (lost or refused)
 
 

@@ -29,7 +29,7 @@ from eclsim.parameters.fluid import (
 )
 from eclsim.parameters.physiology import UPPER_SHARE
 from eclsim.parameters.regulation import BEDS, EXTRA_VOLUME, local_factor, local_resistance
-from eclsim.slow import Named, Shown, SlowLaw, SlowState
+from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
 PACKED = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
@@ -154,12 +154,14 @@ class FluidLaw(SlowLaw):
         """What drives fluid across the wall, as changes since the start."""
         return forces(*self._since_start(states, settings, beat))
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
         protein = 100.0 * states[PROTEIN] / states[PLASMA]
         return (
-            Shown("haematocrit", "1", "haematocrit of the blood", in_effect[HAEMATOCRIT]),
-            Shown("plasma_protein", "g/dL", "protein of the plasma", protein),
-            Shown("oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)),
+            DerivedQuantity("haematocrit", "1", "haematocrit of the blood", in_effect[HAEMATOCRIT]),
+            DerivedQuantity("plasma_protein", "g/dL", "protein of the plasma", protein),
+            DerivedQuantity(
+                "oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)
+            ),
         )
 
     def _near(self, protein: np.ndarray) -> Named:

@@ -29,7 +29,7 @@ from eclsim.components.dialysis import (
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, blood_at_start
 from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, SOLUTES, STORES_HOLD
-from eclsim.slow import Named, Shown, SlowLaw, SlowState
+from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
 OUTSIDE_CELLS = 1.0 / 3.0
 """Share of the body's water outside of cells where fluid is not followed; textbook value."""
@@ -224,11 +224,13 @@ class SolutesLaw(SlowLaw):
         volumes = dict.fromkeys((*BETWEEN_POOLS, "potassium"), outside) | {"bicarbonate": _space(settings)}
         return {solute: 1e3 * states[_state(solute)] / volume for solute, volume in volumes.items()}
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
         found = self.concentrations(states, in_effect)
         micro = 1e3 * found.pop("creatinine")
-        whole = tuple(Shown(name, "mmol/L", f"{name} of the plasma", value) for name, value in found.items())
-        return (*whole, Shown("creatinine", "umol/L", "creatinine of the plasma", micro))
+        whole = tuple(
+            DerivedQuantity(name, "mmol/L", f"{name} of the plasma", value) for name, value in found.items()
+        )
+        return (*whole, DerivedQuantity("creatinine", "umol/L", "creatinine of the plasma", micro))
 
 
 @dataclass(frozen=True)
@@ -306,9 +308,11 @@ class CarbonDioxideLaw(SlowLaw):
             found |= {_pressure(name): stored / own, _of_slow(name): slow, _of_blood(name): blood}
         return found
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
         return tuple(
-            Shown(_read("tissue_PCO2", name), "mmHg", "PCO2 of the tissues", states[_pressure(name)])
+            DerivedQuantity(
+                _read("tissue_PCO2", name), "mmHg", "PCO2 of the tissues", states[_pressure(name)]
+            )
             for name, _ in self.tissues
         )
 
