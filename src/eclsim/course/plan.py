@@ -18,8 +18,8 @@ from eclsim.course.timeline import MINUTE, Timeline, case_with_settings
 from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
-from eclsim.goals.goal import Goal, GoalError, possible, read_goals
-from eclsim.goals.result import ALARMING, beyond_alarms, broken
+from eclsim.goals.goal import Goal, GoalError, implicit_goals, read_goals
+from eclsim.goals.result import ALARM_KINDS, broken_alarms_text, broken_goals
 from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
@@ -172,7 +172,7 @@ def _implied_goals(
     """Goals that hold unstated, where the steady beat at the slowest rate keeps them."""
     beat = simulate(case, policy)
     present = {name: float(beat[name]) for name in outputs if name in beat}
-    goals = list(possible(outputs, asked, present, model_of(case).values))
+    goals = list(implicit_goals(outputs, asked, present, model_of(case).values))
     taken = {goal.output for goal in asked}
     for name in outputs:
         known = named_output(name)
@@ -189,9 +189,11 @@ def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -
     minutes = 60.0 * removal.hours
     timeline = Timeline(case_with_settings(case, {key: removal.rate_ml_h}, case), minutes * MINUTE)
     (result,) = follow([timeline], [minutes / MOMENTS_PER_COURSE], None, policy, with_alarms=True)
-    broken = json.loads(result.attrs["alarms"])
-    sentences, message = [one["sentence"] for one in broken], removal.message
-    message += beyond_alarms((one["quantity"] for one in broken if one["kind"] in ALARMING), "on the way")
+    alarms = json.loads(result.attrs["alarms"])
+    sentences, message = [one["sentence"] for one in alarms], removal.message
+    message += broken_alarms_text(
+        (one["quantity"] for one in alarms if one["kind"] in ALARM_KINDS), "on the way"
+    )
     per_kg = removal.rate_ml_h / height_weight(case.patient)[1]
     if per_kg > HARMFUL_ML_KG_H:
         sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED}")
@@ -405,7 +407,7 @@ def _weaning_step(
         result = simulate(case, policy)
         numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
         converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
-        message = "; ".join(one.sentence for one in broken(numbers, goals))
+        message = "; ".join(one.sentence for one in broken_goals(numbers, goals))
         message = message if converged else str(result.attrs["message"])
         return WeaningStep(
             speed, None, converged and not message, _weaning_outputs(numbers, case), message, warnings
