@@ -18,7 +18,7 @@ from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.alarms import findings
 from eclsim.outputs.results import simulate, simulate_many
-from eclsim.outputs.sealed import SHUT_L_MIN, sealed
+from eclsim.outputs.sealed import CLOSED_VALVE_L_MIN, sealed
 from eclsim.outputs.steady_beat import measured, steady_beat
 from eclsim.patient.circulation import circulation
 from eclsim.reporting.beat_values import case_name
@@ -173,6 +173,6 @@ def test_only_what_the_closed_valves_part_is_named():
 def test_one_closed_valve_shuts_nothing_in():
     for name in SHUT:
         assert sealed(dict.fromkeys(SHUT, 5.0) | {name: 0.0}, BARE) is None
-    assert sealed(dict.fromkeys(SHUT, 2.0 * SHUT_L_MIN), BARE) is None
+    assert sealed(dict.fromkeys(SHUT, 2.0 * CLOSED_VALVE_L_MIN), BARE) is None
     assert sealed({}, BARE) is None
     assert [f.quantity for f in findings(SHUT, {}, BARE)] == ["aortic_valve_flow", "Vrv"]

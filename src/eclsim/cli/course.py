@@ -346,7 +346,7 @@ def _text(result: xr.Dataset) -> str:
     import json
 
     from eclsim.course.result import impossible_moments, spans_in_words
-    from eclsim.outputs.alarms import NO_PATIENT
+    from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
     from eclsim.reporting.numbers import number, text_table
 
     if not result.sizes["time_min"]:
@@ -373,7 +373,7 @@ def _text(result: xr.Dataset) -> str:
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
     if any(impossible):
-        words = f"* a beat {NO_PATIENT}: its numbers are not to be read\n\n{words}"
+        words = f"* a beat {IMPOSSIBLE_BEAT}: its numbers are not to be read\n\n{words}"
     if spans:
         words += f"\n{spans}, where an event left the circulation no time to settle"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))

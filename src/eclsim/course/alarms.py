@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.course.timeline import BEFORE_S, MINUTE
 from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding
 from eclsim.outputs.alarms import breach
-from eclsim.outputs.limits import OF_COURSES, group_of
+from eclsim.outputs.limits import COURSE_LIMITS, group_of
 from eclsim.outputs.registry import UnknownOutputError, output
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def findings_of_derived_quantities(shown: Sequence[DerivedQuantity], moments: in
     """
     result: list[list[Finding]] = [[] for _ in range(moments)]
     for quantity in shown:
-        limits = [limit for limit in OF_COURSES if limit.quantity == quantity.name]
+        limits = [limit for limit in COURSE_LIMITS if limit.quantity == quantity.name]
         limits.sort(key=lambda limit: GRAVEST_FIRST.index(limit.kind))
         for k, value in enumerate(quantity.values):
             limit = next((limit for limit in limits if limit.broken_by(float(value))), None)

@@ -46,7 +46,7 @@ from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names, watched_waveforms
-from eclsim.outputs.steady_beat import judging_outputs, steady_beat
+from eclsim.outputs.steady_beat import status_outputs, steady_beat
 from eclsim.parameters.regulation import UNSTRESSED, local_resistance
 from eclsim.simulation.target_flow import with_speed
 from eclsim.slow import INFLOWS
@@ -286,7 +286,7 @@ class BeatMarch:
         self.names = tuple(output_names(self.circuit) if outputs is None else outputs)
         self.reads, exchanging = self.laws.reads, GASES in self.circuit.content_names()
         flows = tuple("Q" + c.name for c in self.circuit.connections) if exchanging else ()
-        self.judged = tuple(dict.fromkeys((*self.names, *judging_outputs(self.circuit))))
+        self.judged = tuple(dict.fromkeys((*self.names, *status_outputs(self.circuit))))
         self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.judged, *self.reads))), flows)
         self.watched = watched_waveforms(self.circuit)
         self.stopped = ""

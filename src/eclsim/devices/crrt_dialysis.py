@@ -65,7 +65,7 @@ def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
         blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
         return filtered(m, blood, SETTINGS, "crrtfil" if by_gases else None)
 
-    return m.kept((GROUP, "performance", str(by_gases)), compute)
+    return m.cached((GROUP, "performance", str(by_gases)), compute)
 
 
 def _share(m: BeatMeasures, what: str) -> Numbers:
@@ -81,7 +81,7 @@ def _share(m: BeatMeasures, what: str) -> Numbers:
         water = [done.urea_water if name == "urea" else done.plasma_water for name in _CARRIED]
         return m.effective("crrtfil", [getattr(done, name) for name in _CARRIED], water)
 
-    return m.kept((GROUP, "effective"), compute)[_CARRIED.index(what)]
+    return m.cached((GROUP, "effective"), compute)[_CARRIED.index(what)]
 
 
 def _effective(m: BeatMeasures, solute: str) -> Numbers:

@@ -57,7 +57,7 @@ class BeatMeasures(Protocol):
         self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
     ) -> Sequence[Numbers]: ...
     def native(self, artery: str) -> Numbers: ...  # noqa: D102
-    def kept(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured: ...  # noqa: D102
+    def cached(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured: ...  # noqa: D102
     @property
     def circuit(self) -> Circuit: ...  # noqa: D102
 

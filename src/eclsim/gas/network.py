@@ -21,11 +21,11 @@ from eclsim.circuit.network import Choice, Circuit, Compartment, Exchange, sites
 from eclsim.components.base import Values, names_in, value_of
 from eclsim.components.exchangers import ENTERING, GasExchanger, NativeLung, Tissue
 from eclsim.components.vessels import ElasticVessel, Resistance
-from eclsim.gas.steady import GasState, Known, Samples, solve
-from eclsim.gas.transport import Drainage, Flows, Held, Mixtures, balanced, mixtures
+from eclsim.gas.steady import GasState, Samples, SearchResult, solve
+from eclsim.gas.transport import Drainage, Flows, HeldBlood, Mixtures, balanced, mixtures
 
 PATIENT = "patient"
-SAMPLED = ("sart", "upper", "lower", "pas")
+SAMPLE_SITES = ("sart", "upper", "lower", "pas")
 """Compartments whose blood is analysed, where a circuit has them."""
 GASES = ("PO2", "PCO2", "pH", "SO2", "oxygen", "carbon_dioxide")
 """What is known of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
@@ -100,7 +100,7 @@ def gas_exchanges(circuit: Circuit) -> tuple[Exchange, ...]:
 
 
 def flows_of(
-    circuit: Circuit, forward: Array, backward: Array, values: Values, held: Held | None = None
+    circuit: Circuit, forward: Array, backward: Array, values: Values, held: HeldBlood | None = None
 ) -> Flows:
     """Balanced mean flows of a circuit.
 
@@ -159,14 +159,15 @@ class FlowFunction:
         parameters: that come next.
         compute: the function, from an array (numbers,) to an array of what it gives.
         key: what tells it from all others.
-        again: the same from the numbers and what `compute` has given, without its search; for derivatives.
+        without_search: the same from the numbers and what `compute` has given, without its search; for
+            derivatives.
     """
 
     connections: tuple[str, ...]
     parameters: tuple[str, ...]
     compute: Callable[[Array], Array]
     key: tuple[Hashable, ...]
-    again: Callable[[Array, Array], Array] | None = None
+    without_search: Callable[[Array, Array], Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -236,7 +237,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         blood = last + 4 * len(circuit.compartments)
         before, after, *contents = numbers[last:blood].reshape(4, -1) if in_time else [jnp.zeros(0)] * 4
         values |= dict(zip(in_lungs, numbers[blood:], strict=True))
-        held = Held(before, after, jnp.stack(contents, axis=1)) if in_time else None
+        held = HeldBlood(before, after, jnp.stack(contents, axis=1)) if in_time else None
         flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values, held)
         at = [names.index(e.at) for e in exchanges]
         drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
@@ -261,14 +262,14 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *found])
 
     key = ("gas", circuit, law, in_time)
-    again = None if in_time else compute
-    return GasFunction(names, parameters, compute, key, again, (*quantities, STATUS, *unknowns))
+    without_search = None if in_time else compute
+    return GasFunction(names, parameters, compute, key, without_search, (*quantities, STATUS, *unknowns))
 
 
-def _known(unknowns: Array, points: int) -> Known:
+def _known(unknowns: Array, points: int) -> SearchResult:
     """What a search has found, from what `gas_of` gives of it."""
     pressure, ph, error = unknowns[: 2 * points].reshape(2, points), unknowns[2 * points : -1], unknowns[-1]
-    return Known(pressure, ph, jnp.zeros((), dtype=int), error)
+    return SearchResult(pressure, ph, jnp.zeros((), dtype=int), error)
 
 
 def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
@@ -285,7 +286,7 @@ def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
 
 def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     """Where blood is analysed, and the compartment or connection."""
-    compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLED]
+    compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLE_SITES]
     behind = [("behind", e.at) for e in gas_exchanges(circuit) if _analysed(e) or _stores(e)]
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
     groups = {c.name: c.group for c in circuit.compartments}

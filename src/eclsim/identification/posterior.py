@@ -35,7 +35,7 @@ from eclsim.identification.settings import (
 from eclsim.identification.verdict import SIDES, Aspect, Level, possible_limits
 from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
-from eclsim.outputs.alarms import NO_PATIENT
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
 from eclsim.parameters.adult_ranges import adult_ranges
@@ -152,7 +152,7 @@ class Prediction:
         """Why the intervals are not to be trusted, whatever the draws; empty where they are."""
         lost = (
             ("have no steady heartbeat", self.draws_without_beat, "intervals"),
-            (f"are beats {NO_PATIENT}", self.draws_impossible * bool(self.settings), "intervals"),
+            (f"are beats {IMPOSSIBLE_BEAT}", self.draws_impossible * bool(self.settings), "intervals"),
             ("have no steady gas state", self.draws_without_gases, "intervals of gases"),
         )
         return tuple(
@@ -170,7 +170,7 @@ class Prediction:
             return ()
         draws = f"{self.draws_impossible} of {len(self.values)} draws"
         return (
-            f"{draws} are beats {NO_PATIENT}, at most {LARGEST_LOST_SHARE:.0%}: parameters fit, and the "
+            f"{draws} are beats {IMPOSSIBLE_BEAT}, at most {LARGEST_LOST_SHARE:.0%}: parameters fit, and the "
             "patient does not exist; measure a filling pressure, or narrow the bounds",
         )
 

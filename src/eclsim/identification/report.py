@@ -12,7 +12,7 @@ from eclsim.files import write_text
 from eclsim.identification.quantities import axis_label, unit_of, unit_of_parameter
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
-from eclsim.outputs.alarms import NO_PATIENT
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.html import Table, render
 from eclsim.reporting.numbers import MISSING, interval, number, text_table
 
@@ -203,7 +203,7 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
     if without := prediction["draws_without_steady_beat"]:
         yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
     if without := prediction.get("draws_impossible"):
-        yield f"{without} of {prediction['draws']} draws are beats {NO_PATIENT} and are not counted"
+        yield f"{without} of {prediction['draws']} draws are beats {IMPOSSIBLE_BEAT} and are not counted"
     if without := prediction.get("draws_without_steady_gases"):
         yield f"{without} of {prediction['draws']} draws have no steady gas state there: gases of the others"
     yield from (f"At the medians of the draws: {sentence}" for sentence in prediction.get("warnings", ()))

@@ -46,7 +46,7 @@ from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
-from eclsim.outputs.signals import of_gases, output_names, parameters_read
+from eclsim.outputs.signals import gas_dependent_outputs, output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat
 
 if TYPE_CHECKING:
@@ -474,7 +474,7 @@ class Tracker:
         def simulate(u: np.ndarray) -> np.ndarray:
             return beats(u).values.T
 
-        if gases := of_gases(model.circuit, names):
+        if gases := gas_dependent_outputs(model.circuit, names):
             at_means = beats(estimate.state.means)
             if (without := at_means.without_gases).any():
                 if needed := [n for n in gases if n in measured]:

@@ -77,7 +77,7 @@ class Batch:
         """Parameters of one member."""
         return {name: self.value_of(name, which) for name in (HEART_RATE, *self.circuit.parameter_names())}
 
-    def all_of(self, which: int) -> Mapping[str, float]:
+    def all_values_of(self, which: int) -> Mapping[str, float]:
         """All values of one member, also those that its beat does not read."""
         return _Member(self, which)
 
@@ -193,7 +193,7 @@ class SolvedOrbits(Orbits):
         """A sentence where the grid is too coarse for what oscillates in a member; None where it is fine."""
         if self.status[member] == Status.INVALID_INPUT or self.adaptive_tolerance is not None:
             return None
-        if self._surely_fine[member]:
+        if self._grid_is_fine[member]:
             return None
         if member not in self._grid_warnings:
             values, assembly = self.batch.member(member), assemble(self.batch.circuit)
@@ -205,7 +205,7 @@ class SolvedOrbits(Orbits):
         return {}
 
     @cached_property
-    def _surely_fine(self) -> np.ndarray:
+    def _grid_is_fine(self) -> np.ndarray:
         """Members whose grid is as fine as they need; what needs the finest may need one finer still."""
         needed = self.batch.resolutions()
         return (needed <= self.resolution) & (needed < RESOLUTIONS[-1])
@@ -235,7 +235,7 @@ def solve(
     options, execution = options or OrbitOptions(), execution or Execution()
     width = execution.width_for(batch.count)
     levels = batch.resolutions() if resolution is None else np.full(batch.count, resolution)
-    result = _not_begun(batch)
+    result = _empty_orbits(batch)
     solvable = result.status != Status.INVALID_INPUT
     for level in np.unique(levels[solvable]):
         members = np.flatnonzero(solvable & (levels == level))
@@ -253,7 +253,7 @@ def solve(
     return SolvedOrbits(**vars(result), batch=batch, resolution=levels, width=width)
 
 
-def _not_begun(batch: Batch) -> Orbits:
+def _empty_orbits(batch: Batch) -> Orbits:
     """Orbits to be filled in; members with values that are not allowed are marked."""
     n, count = assemble(batch.circuit).layout.size, batch.count
     packed = batch.packed(beat_program(batch.circuit))

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["CAUTION", "Finding", "collapsed", "findings", "gravest_first", "impossible"]
 
-NO_PATIENT = "that no patient can have (a chamber without blood, a vein sucked shut)"
-"""What is said of beats that are `collapsed`."""
+IMPOSSIBLE_BEAT = "that no patient can have (a chamber without blood, a vein sucked shut)"
+"""Describes beats that are `collapsed`."""
 KINDS = (*GRAVEST_FIRST, CAUTION)
 THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
@@ -31,9 +31,9 @@ THIN_WALLED = {
 }  # fmt: skip
 _PULMONARY_ARTERY = ("pas", "part")
 _SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
-_PARTED_L_MIN = 0.1
+_SMALLEST_FLOW_DIFFERENCE_L_MIN = 0.1
 _LEFT = "the left ventricle itself ejects {} (LVO)"
-OPEN_ML_S = 30.0
+VALVE_OPEN_ML_S = 30.0
 """Peak flow from which a valve counts as opening although its net flow is that of a closed one."""
 
 
@@ -61,7 +61,7 @@ def findings(
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
     if circuit is not None:
-        result += _shut_in(outputs, circuit)
+        result += _sealed_parts(outputs, circuit)
         for names in _devices_of(circuit):
             result += names.device.findings(names, outputs, circuit, values)
         result += assumptions(outputs, circuit, values)
@@ -73,9 +73,9 @@ def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda finding: KINDS.index(finding.kind))
 
 
-def sentences(found: Iterable[Finding]) -> list[str]:
-    """What findings say, as `warnings` of results have it."""
-    return [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in found]
+def sentences(findings: Iterable[Finding]) -> list[str]:
+    """Sentences of findings, as in the `warnings` of results."""
+    return [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in findings]
 
 
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
@@ -203,7 +203,7 @@ def _drained(circuit: Circuit) -> dict[str, str]:
 
 def stays_closed(aortic: float, peak: float = 0.0) -> bool:
     """Whether an aortic valve never opens in a beat: by its mean flow [L/min] and its largest [mL/s]."""
-    return abs(aortic) < CLOSED_L_MIN and peak < OPEN_ML_S
+    return abs(aortic) < CLOSED_L_MIN and peak < VALVE_OPEN_ML_S
 
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
@@ -213,7 +213,11 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
         return []
     carried, peak = sum(pumps.values()), outputs.get("peak_aortic_valve_flow", 0.0)
     text = f"aortic valve flow {round(aortic, 3) + 0.0:.3f} L/min: "
-    opens = f"the valve opens (peak flow {peak:.0f} mL/s)" if peak >= OPEN_ML_S else "the valve stays closed"
+    opens = (
+        f"the valve opens (peak flow {peak:.0f} mL/s)"
+        if peak >= VALVE_OPEN_ML_S
+        else "the valve stays closed"
+    )
     if aortic <= -CLOSED_L_MIN:
         text += f"{opens} and leaks {-aortic:.2f} L/min more than it lets through"
         if carried >= CLOSED_L_MIN:
@@ -222,7 +226,7 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
                 f": of the {carried:.2f} L/min of the {' and the '.join(pumps)} the organs get {organs:.2f}"
             )
         return [Finding("alarm", "aortic_valve_flow", aortic, -CLOSED_L_MIN, text, concerns=("LVO",))]
-    if peak >= OPEN_ML_S:
+    if peak >= VALVE_OPEN_ML_S:
         text += f"{opens}, and as much as it lets through leaks back"
     elif carried >= CLOSED_L_MIN:
         text += (
@@ -246,13 +250,15 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         "the lungs get {}": outputs.get("pulmonary_flow", lungs),
     }
     apart = {
-        text: flow for text, flow in others.items() if abs(lungs - flow) > _PARTED_L_MIN + 0.05 * abs(lungs)
+        text: flow
+        for text, flow in others.items()
+        if abs(lungs - flow) > _SMALLEST_FLOW_DIFFERENCE_L_MIN + 0.05 * abs(lungs)
     }
     if not apart:
         return []
     place = "lungs"
     if "the lungs get {}" in apart:
-        place = f"pulmonary artery before the {_returned_there(circuit)}return"
+        place = f"pulmonary artery before the {_device_returning_to_pulmonary_artery(circuit)}return"
     messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
     if "systemic_flow" in outputs:
         messages.append(f"the organs get {outputs['systemic_flow']:.2f} L/min")
@@ -260,14 +266,14 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     return [Finding(CAUTION, "CO", lungs, next(iter(apart.values())), text, concerns=("CO", "LVO"))]
 
 
-def _returned_there(circuit: Circuit | None) -> str:
+def _device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
     """What the device is called that returns blood to the pulmonary artery."""
     paths = () if circuit is None else circuit.connections
     result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
     return next((f"{names.label} " for names in result if names), "")
 
 
-def _shut_in(outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+def _sealed_parts(outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """Numbers of a beat that repeats with other volumes just as well."""
     result = sealed(outputs, circuit)
     if result is None:

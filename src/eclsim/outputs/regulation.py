@@ -90,7 +90,7 @@ def _lung(m: BeatMeasures) -> Numbers:
 
 LOCAL_OUTPUTS = {bed: keys.local_factor(keys.local_resistance(bed)) for bed in keys.BEDS}
 """Output of each bed that says what its gases do to its resistance."""
-BY_GASES = (
+GAS_RESPONSE_OUTPUTS = (
     *(
         Output(
             LOCAL_OUTPUTS[bed], f"resistance of the {label}, by oxygen and carbon dioxide", "1",
@@ -138,6 +138,6 @@ REGULATED = (
         ("Pao",), _use,
         parameters=(GAIN, SET_POINT),
     ),
-    *BY_GASES,
+    *GAS_RESPONSE_OUTPUTS,
 )  # fmt: skip
 """They exist in circuits with reflexes, drugs or extra volume, and where something answers to gases."""

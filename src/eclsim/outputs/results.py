@@ -24,7 +24,7 @@ from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
 from eclsim.outputs.alarms import findings, impossible, sentences
 from eclsim.outputs.recirculation import recirculation
-from eclsim.outputs.registry import contract, output
+from eclsim.outputs.registry import leading_outputs, output
 from eclsim.outputs.signals import signal_labels, unstressed_volume, watched_waveforms
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
@@ -157,8 +157,8 @@ def beat_warnings(
     beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
     if not beat.converged[0]:
         return (*model.doubts, beat.message())
-    found = sentences(f for f in beat.findings() if shown is None or f.is_about(shown))
-    return (*model.doubts, *found)
+    warnings = sentences(f for f in beat.findings() if shown is None or f.is_about(shown))
+    return (*model.doubts, *warnings)
 
 
 def member_count(changes: Mapping[str, npt.ArrayLike]) -> int:
@@ -249,7 +249,7 @@ def with_grid_check(model: Model, result: xr.Dataset) -> xr.Dataset:
     fine = simulate(model, result.attrs["blood_volume_policy"], resolution=finer)
     errors = {
         o.name: 100.0 * abs(float(result[o.name]) / float(fine[o.name]) - 1.0)
-        for o in contract()
+        for o in leading_outputs()
         if o.name in result and float(fine[o.name]) != 0.0
     }
     worst = max(errors, key=lambda name: errors[name])

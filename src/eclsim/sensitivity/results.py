@@ -17,7 +17,7 @@ import numpy as np
 
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.files import csv_text, write_json, write_text
-from eclsim.outputs.alarms import NO_PATIENT
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
 from eclsim.sensitivity.failures import FailedRegion, failed_region
@@ -419,7 +419,7 @@ def _doubts(indices: Indices) -> Iterator[str]:
     if indices.impossible:
         share = 100.0 * indices.impossible / (indices.rows_used * indices.evaluations / indices.samples)
         yield (
-            f"{indices.impossible} of the runs that count ({share:.2g} %) are beats {NO_PATIENT}: "
+            f"{indices.impossible} of the runs that count ({share:.2g} %) are beats {IMPOSSIBLE_BEAT}: "
             "what the indices say rests on them too; narrow "
             "--perturbation, or lower the speed"
         )

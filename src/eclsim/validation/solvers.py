@@ -22,7 +22,7 @@ from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import Model
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.independent import simulate_adaptive
-from eclsim.outputs.registry import contract, output
+from eclsim.outputs.registry import leading_outputs, output
 from eclsim.outputs.results import derivatives, simulate
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, at_most, within
@@ -68,7 +68,7 @@ def adaptive_check(effort: Effort) -> Check:
 def _both(name: str) -> list[Row]:
     result, other = reference_result(name), simulate_adaptive(reference_model(name))
     rows = []
-    for entry in contract():
+    for entry in leading_outputs():
         if entry.name in result:
             expected, got = float(other[entry.name]), float(result[entry.name])
             tolerance = max(RELATIVE * abs(expected), ABSOLUTE[entry.unit])
