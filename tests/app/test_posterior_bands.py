@@ -12,7 +12,7 @@ from eclsim.app import studies, updates
 from eclsim.app.beat import compute_beat, page_circuit
 from eclsim.app.files import parse_posterior
 from eclsim.app.knobs import connect, turn
-from eclsim.app.posterior import MEMBERS, PosteriorDraws, read_posterior
+from eclsim.app.posterior import BAND_MEMBERS, PosteriorDraws, read_posterior
 from eclsim.app.state import PageState, key_of, link_of, state_of
 from eclsim.app.texts import text
 from eclsim.app.updates import PosteriorBands
@@ -200,7 +200,7 @@ def test_bands_of_a_beat_are_quantiles_of_its_members():
     middle = own.waves["Pao"][::2]
     assert ((low < middle) & (middle < high)).all()
     assert result["lost"] == 0
-    assert len(result["loops"]["lv"]) == studies.LOOPS
+    assert len(result["loops"]["lv"]) == studies.MOST_LOOPS
     assert studies.beat_bands(STATE, MADE_UP, lambda: False) is None
 
 
@@ -216,7 +216,7 @@ def test_draws_that_no_patient_can_be_are_left_out_of_the_bands_and_counted():
     ]
     converged = [beat for beat in beats if beat.converged and beat.status is Status.CONVERGED]
     possible = [beat for beat in converged if beat.possible]
-    assert studies.FEWEST < len(possible) < len(converged)
+    assert studies.FEWEST_DRAWS < len(possible) < len(converged)
     result = studies.beat_bands(state, wide, lambda: True)
     assert result is not None
     assert result["lost"] == len(beats) - len(converged)
@@ -266,7 +266,7 @@ def test_a_posterior_of_the_command_line_is_read(tmp_path):
 
 def test_of_many_draws_some_are_taken(tmp_path):
     many = np.tile(SPREAD, 50)
-    assert len(read_posterior("p.nc", written(tmp_path, values=many)).draws) == MEMBERS
+    assert len(read_posterior("p.nc", written(tmp_path, values=many)).draws) == BAND_MEMBERS
 
 
 @pytest.mark.parametrize("attributes", [{"trusted": 0, "doubts": "R-hat 1.2"}, {"trusted": 0}, {}])

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from eclsim.app import studies
-from eclsim.app.kept import Kept
 from eclsim.app.knobs import turn
+from eclsim.app.shown_beat import ShownBeat
 from eclsim.app.state import PageState, key_of
 from eclsim.app.texts import text
 from eclsim.app.updates import ViewStudy
@@ -51,7 +51,7 @@ def told(*steps) -> list:
 
 
 def test_the_pinned_state_is_computed_once_after_the_one_that_is_shown():
-    pin = lambda s: setattr(s, "pinned", Kept(STATE, None))  # noqa: E731
+    pin = lambda s: setattr(s, "pinned", ShownBeat(STATE, None))  # noqa: E731
     turned = lambda s: setattr(s, "state", OTHER)  # noqa: E731
     assert told(lambda _: None, turned, pin, pin) == [
         ("ramp", key_of(STATE)), ("ramp", key_of(OTHER)), ("ramp_pinned", key_of(STATE)),

@@ -38,7 +38,7 @@ def page_circuit(case: Case, at_rest: bool = True) -> tuple[Circuit, dict[str, f
     """Circuit and values of a case.
 
     Args:
-        case: `PageState.computed`.
+        case: `PageState.computed_case`.
         at_rest: whether the resting pressures that open set points refer to are computed; else they are NaN.
 
     Where all movable lines of a device are at positions of one other device, they are chosen by a value; else
@@ -79,7 +79,7 @@ class Beat:
         message: in words.
         gas_status: how the search for its steady gas state ended; None where gases are not computed.
         gases: of the blood everywhere, where there is a steady gas state.
-        passing: whether it is one beat of many that follow each other, settled or not.
+        transient: whether it is one of many beats that follow each other, settled or not.
         effort: beats that the search computed; many where it began far away.
     """
 
@@ -94,7 +94,7 @@ class Beat:
     message: str
     gas_status: GasStatus | None = None
     gases: PlaceGases | None = None
-    passing: bool = False
+    transient: bool = False
     effort: int = 0
 
     @property
@@ -141,9 +141,9 @@ def compute_beat(
     Args:
         state: case and blood volume policy.
         start: where the search begins, if it is a beat of the same circuit.
-        begins: is told which program computes it, before that may have to be compiled.
+        begins: called with the program that computes it, before this may have to be compiled.
     """
-    circuit, values = page_circuit(state.computed)
+    circuit, values = page_circuit(state.computed_case)
     return beat_of(state, circuit, values, start, begins)
 
 
@@ -186,7 +186,7 @@ def transient_beat(state: PageState, moment: TransientBeat) -> Beat:
     gas = GasStatus.STEADY if state.case.gas is not None else None
     return Beat(
         moment.circuit, moment.values, moment.period, waves, means, moment.outputs, tuple(moment.findings),
-        Status.CONVERGED, text("timeline_passing"), gas, passing=True,
+        Status.CONVERGED, text("timeline_passing"), gas, transient=True,
     )  # fmt: skip
 
 
@@ -215,7 +215,7 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "places": beat.place_levels(),
         "possible": beat.possible,
         "converged": beat.converged,
-        "passing": beat.passing,
+        "transient": beat.transient,
         "status": beat.status.word,
         "message": with_minus(beat.message),
         "gas": _plain_gases(beat),
@@ -228,11 +228,11 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         return None
     result: dict[str, Any] = {"message": with_minus(beat.gas_status.message), "places": {}, "exchanged": {}}
     if beat.gases is None:
-        steady = beat.converged and not beat.passing
+        steady = beat.converged and not beat.transient
         return (
             result
             if steady
-            else result | {"message": text("gases_passing") if beat.passing else beat.message}
+            else result | {"message": text("gases_passing") if beat.transient else beat.message}
         )
     without = dead_ends(beat.circuit)  # a balloon holds no blood of the patient
     for place, blood in beat.gases.places.items():

@@ -90,7 +90,7 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
     from eclsim.course.course import steady_beat_course
 
     compute = beat_by_beat_course if minutes in BEATS else steady_beat_course
-    return PageCourse(state, compute(state.computed, minutes, state.policy))
+    return PageCourse(state, compute(state.computed_case, minutes, state.policy))
 
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
@@ -185,14 +185,14 @@ def with_event(case: Case, event: object) -> Case:
     events = list(raw.get("events", []))
     if not isinstance(event, dict) or len(events) >= MOST_EVENTS:
         raise CaseError([Mistake("events", text("course_full", most=MOST_EVENTS))])
-    added = _read({key: event[key] for key in KEYS if key in event})
+    added = _with_numbers({key: event[key] for key in KEYS if key in event})
     at = added.get("at_min")
     minute = float(at) if is_number(at) else 0.0
     raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])
     return read_mapping(raw).case
 
 
-def _read(event: Mapping[str, Any]) -> dict[str, Any]:
+def _with_numbers(event: Mapping[str, Any]) -> dict[str, Any]:
     """An event with numbers where somebody typed them; 0 minutes are left out: at once, a bolus.
 
     Raises:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.fitting import to_fit
+from eclsim.app.fitting import prepared_for_fit
 from eclsim.app.texts import text
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from eclsim.cases.case import Case
 
-MEMBERS = 128
+BAND_MEMBERS = 128
 """Draws that bands are made of."""
 MOST_VALUES = 2_000_000
 LONGEST_DOUBT = 300
@@ -150,7 +150,7 @@ def _read(name: str, data: xr.Dataset) -> PosteriorDraws:
     doubts = str(data.attrs.get("doubts", ""))[:LONGEST_DOUBT]
     if not int(data.attrs.get("trusted", 0)) and not doubts:
         doubts = text("posterior_unchecked")
-    chosen = np.random.default_rng(0).permutation(len(draws))[:MEMBERS]
+    chosen = np.random.default_rng(0).permutation(len(draws))[:BAND_MEMBERS]
     result = PosteriorDraws(
         names, draws[chosen], {}, str(data.attrs.get("sampler", ""))[:40], (doubts,) if doubts else ()
     )
@@ -169,7 +169,7 @@ SEED = 0
 
 
 @dataclass(frozen=True)
-class _Reporting(PosteriorDensity):
+class _ReportingDensity(PosteriorDensity):
     """A density that says how many beats it has computed, and so can be stopped by what it tells."""
 
     report: Callable[[str], None] = print
@@ -202,7 +202,7 @@ def plain_posterior(
     weighted = importance_sample(posterior, gaussian_approximation(posterior, start[None]), seed=SEED)
     names = posterior.prior.names
     shown = posterior.prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
-    chosen = np.random.default_rng(SEED).permutation(weighted.resample(MEMBERS, SEED))
+    chosen = np.random.default_rng(SEED).permutation(weighted.resample(BAND_MEMBERS, SEED))
     members = posterior.prior.values_of(weighted.z[chosen])
     quantiles = np.quantile(shown, (0.05, 0.5, 0.95), axis=0).T.tolist()
     return {
@@ -218,11 +218,11 @@ def plain_posterior(
 
 def _density(
     raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None], free: Sequence[str]
-) -> tuple[_Reporting, np.ndarray]:
+) -> tuple[_ReportingDensity, np.ndarray]:
     """The density of a fitted case's parameters, and the coordinates of their fitted values."""
-    case, settings = to_fit(raw, policy, free)
+    case, settings = prepared_for_fit(raw, policy, free)
     checked = checked_fit(case, settings)
     prior = Prior.within(Box.of(checked.free))
     model = model_of(case).with_values(dict(checked.fixed))
     errors = measurement_errors(checked.targets)
-    return _Reporting(model, dict(checked.targets), errors, prior, policy, report), prior.start
+    return _ReportingDensity(model, dict(checked.targets), errors, prior, policy, report), prior.start

@@ -67,7 +67,7 @@ class PageState:
         return self.opened or self
 
     @property
-    def computed(self) -> Case:
+    def computed_case(self) -> Case:
         """The case; set points of reflexes that it leaves open are those of the patient as opened."""
         left_open = self.case.regulation is not None and self.case.regulation.open_set_points
         if self.opened is None or not left_open:
@@ -224,7 +224,7 @@ def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
 
 
 def refused_link(reason: str) -> CaseError:
-    """What is said of a link that cannot be used."""
+    """Message about a link that cannot be used."""
     return CaseError([Mistake("", f"the link is {reason}", allowed="a link copied from this page")])
 
 
