@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from eclsim.cli.destination import LOCK, locked, resumable
+from eclsim.cli.destination import LOCK, explaining_resume, locked
 
 COMMANDS = {
     "sensitivity": ("sensitivity", "{case}", "--out", "{out}"),
@@ -77,6 +77,6 @@ def test_an_interrupted_command_says_how_to_go_on(number):
 
 
 def test_a_command_that_ends_by_itself_says_nothing_of_going_on(capsys):
-    with pytest.raises(SystemExit), resumable("out"):
+    with pytest.raises(SystemExit), explaining_resume("out"):
         raise SystemExit(1)
     assert capsys.readouterr().err == ""

@@ -49,7 +49,7 @@ def read_each(
 
     Args:
         sources: files, settings and blood volume policies, as `read_case` takes them.
-        renamed: what a mistake is said as.
+        renamed: names to use in mistakes.
     """
     from eclsim.cases import CaseError, read_case
 
@@ -111,8 +111,8 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
     return solved
 
 
-def warn_of_results(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:
-    """Say what there is to say of results, but what was said where their case was read."""
+def warn_of_new_findings(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:
+    """Show warnings of results, but for doubts that were shown when their case was read."""
     warn(f"{reading.file}{at}: {line}" for line in lines if line not in reading.case.doubts)
 
 

@@ -29,7 +29,7 @@ Value = TypeVar("Value")
 VolumePolicy = Literal["as_published", "patient_held"]
 _SHOWN = "shown on the command line as"
 MERGE, COMMAND = "merge", "command.json"
-WHERE = ("out", "folder", "json", "workers", "dask", "shard", "resume", "force")
+EXECUTION_OPTIONS = ("out", "folder", "json", "workers", "dask", "shard", "resume", "force")
 """Options that change no result: each shard has its own."""
 
 
@@ -170,7 +170,7 @@ class CaseChanges:
     )
 
 
-MEASURED_BESIDES = "blood gases, CVP or pressures of the CRRT were measured"
+REASON_FOR_FURTHER_FREE = "blood gases, CVP or pressures of the CRRT were measured"
 """Why others than the paper's seven parameters are free where nobody named any."""
 
 
@@ -267,5 +267,5 @@ class Distributed(Resumable, ResultsFolder):
         if self.merges:
             file.unlink(missing_ok=True)
             return
-        own_options = {name: value for name, value in asdict(self).items() if name not in WHERE}
+        own_options = {name: value for name, value in asdict(self).items() if name not in EXECUTION_OPTIONS}
         write_json({"command": command, "options": own_options}, file)

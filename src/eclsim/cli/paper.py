@@ -11,7 +11,13 @@ import typer
 
 from eclsim.cli.cases import names_of, read_table
 from eclsim.cli.console import Progress, fail, say
-from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
+from eclsim.cli.destination import (
+    Destinations,
+    Target,
+    explaining_resume,
+    reporting_write_errors,
+    write_json_output,
+)
 from eclsim.cli.options import Distributed, argument, option
 from eclsim.paper.reproduction import INDEX, PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
 from eclsim.spelling import spelling_hint
@@ -73,11 +79,11 @@ def reproduce(options: ReproduceOptions) -> None:
     settings = ReproductionSettings(options.samples, options.explore, cohort)
     if options.cohort is not None:
         read_table(options.cohort)
-    with resumable(folder), writing(folder), Progress() as progress:
+    with explaining_resume(folder), reporting_write_errors(folder), Progress() as progress:
         folder.mkdir(exist_ok=True)
         result = recompute(folder / RUNS, settings, parts, progress, distribution)
         write_reproduction(result, folder, progress)
-    if hand_over(as_object(result), target):
+    if write_json_output(as_object(result), target):
         _show(result)
     say(f"all figures and tables: {folder / INDEX}")
 
@@ -169,7 +175,7 @@ def demo(options: DemoOptions) -> None:
         f"\nsteady beat found after {result.attrs['beats']} beats, residual {result.attrs['residual']:.1e}"
     )
     case = folder / f"{PAPER_PATIENT}.toml"
-    with writing(folder):
+    with reporting_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         case.write_bytes((DATA / "cases" / case.name).read_bytes())
         files.write_json([result], folder / "results.json")
