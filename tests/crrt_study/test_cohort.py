@@ -7,7 +7,7 @@ import pytest
 from eclsim.cases import read_case
 from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.writing import case_text
-from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, answer, crrt_cohort, summaries
+from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, conclusion, crrt_cohort, summaries
 from eclsim.crrt_study.cohort_report import _doubts, cohort_json
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
@@ -73,11 +73,11 @@ def test_every_point_is_ranked_at_its_own_speed(cohort):
 
 def test_the_answer_says_who_wins_where_and_why_not_everywhere(cohort):
     assert cohort.winners("as_published") == {"h": 2, "d": 1, "a": 0}
-    message = answer(cohort, "as_published")
+    message = conclusion(cohort, "as_published")
     assert message.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
     assert "Elsewhere h stands behind for other reasons in 1" in message
     single = replace(cohort, points=cohort.points[:1])
-    assert answer(single, "as_published") == "Yes: scheme d is first in all 1 data points."
+    assert conclusion(single, "as_published") == "Yes: scheme d is first in all 1 data points."
 
 
 def test_a_broken_alarm_is_named_as_the_reason(cohort):
@@ -87,7 +87,7 @@ def test_a_broken_alarm_is_named_as_the_reason(cohort):
     one, two = (ranked("d", 1, True), ranked("h", 2, True)), (ranked("h", 1, True), ranked("d", 2, False))
     points = [replace(cohort.points[0], ranking={"as_published": r}) for r in (one, one, two)]
     schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
-    message = answer(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
+    message = conclusion(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
     assert message.endswith("h in 1. Elsewhere d breaks an alarm in 1, and is placed 2 at worst.")
 
 
@@ -98,7 +98,7 @@ def test_schemes_that_share_the_first_place_are_said_to(cohort):
     shared, ahead = (ranked("d", 1), ranked("h", 1)), (ranked("h", 1), ranked("d", 2))
     points = tuple(replace(cohort.points[0], ranking={"as_published": r}) for r in (ahead, ahead, shared))
     schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
-    message = answer(replace(cohort, points=points, schemes=schemes), "as_published")
+    message = conclusion(replace(cohort, points=points, schemes=schemes), "as_published")
     assert message.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
     assert "In 1 of 3 several share the first place" in message
     assert message.endswith("Elsewhere h shares the first place.")
@@ -127,15 +127,17 @@ def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
     gone = replace(cohort, points=(*cohort.points[:-1], point))
     assert gone.winners("as_published") == {"d": 1, "h": 1, "a": 0}
     assert gone.undecided("as_published") == ("faster",)
-    message = answer(gone, "as_published")
+    message = conclusion(gone, "as_published")
     assert "In 1 of 3 it is not known which scheme is first." in message
     one = {one.letter: one for one in summaries(gone, "as_published")}["d"]
     assert (one.ranked, one.known, one.flow_known) == (2, 2, 2)
     assert one.smallest_flow > 0.0
     single = replace(gone, points=(gone.points[0], point))
-    assert answer(single, "as_published").startswith("Not known: scheme d is first in 1 of 2 data points.")
+    assert conclusion(single, "as_published").startswith(
+        "Not known: scheme d is first in 1 of 2 data points."
+    )
     nothing = replace(gone, points=(point,))
-    assert answer(nothing, "as_published").startswith("Not known: in none")
+    assert conclusion(nothing, "as_published").startswith("Not known: in none")
     assert {one.letter: one for one in summaries(nothing, "as_published")}["d"].worst_rank is None
 
 

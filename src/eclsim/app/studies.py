@@ -77,9 +77,9 @@ def _judging(circuit: Circuit) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def schemes(state: PageState) -> dict[str, Any] | None:
     """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
-    from eclsim.crrt_study.beats import nine_at_own_speed
+    from eclsim.crrt_study.beats import line_pressures_of_nine_schemes
 
-    result = nine_at_own_speed(state.case, state.policy)
+    result = line_pressures_of_nine_schemes(state.case, state.policy)
     return None if result is None else {"of": key_of(state), **result}
 
 

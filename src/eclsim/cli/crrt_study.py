@@ -159,11 +159,11 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     study = _compute(o, reading.case, samples)
     warn_of_new_findings(reading, study.warnings)
     from eclsim.crrt_study import files, report
-    from eclsim.crrt_study.beats import not_known
+    from eclsim.crrt_study.beats import missing_beats_text
 
     if _write(o, target, lambda folder: files.write_study(study, folder), lambda: files.study_json(study)):
         report.show(study)
-    return () if study.converged else not_known(study)
+    return () if study.converged else missing_beats_text(study)
 
 
 def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:

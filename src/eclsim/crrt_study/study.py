@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.rule import USUAL, Rule, check_quantities, read_rule
+from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, check_quantities, read_rule
 from eclsim.crrt_study.schemes import (
     AS_PUBLISHED,
     BOTH,
@@ -23,10 +23,10 @@ from eclsim.crrt_study.schemes import (
     case_speed,
     check_speeds,
     crrt_flow,
+    default_speeds,
     parse_speeds,
     policies_of,
     select_schemes,
-    usual_speeds,
 )
 from eclsim.orbit.model import CaseSource, as_case
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from eclsim.cases.case import Case
-    from eclsim.crrt_study.beats import Unsettled
+    from eclsim.crrt_study.beats import MissingBeats
     from eclsim.crrt_study.ranking import Ranked
     from eclsim.files import Json
 
@@ -78,7 +78,7 @@ class CrrtStudy:
     uptake: xr.Dataset | None
     ranking: dict[str, tuple[Ranked, ...]]
     uncertainty: xr.Dataset | None = None
-    rule: Rule = USUAL
+    rule: Rule = DEFAULT_RULE
     renox: xr.Dataset | None = None
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -105,7 +105,7 @@ class CrrtStudy:
         return not self.unsettled and not self.samples_without_a_beat
 
     @property
-    def unsettled(self) -> tuple[Unsettled, ...]:
+    def unsettled(self) -> tuple[MissingBeats, ...]:
         """Beats that were not found, by policy, scheme and reason."""
         from eclsim.crrt_study.beats import unsettled
 
@@ -145,7 +145,7 @@ def crrt_study(
         samples: values by parameter, one per sample of the patient's posterior; the limits are then held
             against each, at the case's speed and the first policy.
         rule: a centre's own rule of ranking or its file, see `eclsim.crrt_study.rule`; left out, the usual.
-        progress: is told what is being computed.
+        progress: called with what is being computed.
 
     Raises:
         CaseError: If the file cannot be read, or samples have names that the study does not read, different
@@ -173,7 +173,7 @@ def crrt_study(
     case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
     own_speed = case_speed(case)
-    asked = usual_speeds(case) if speeds is None else _speeds(speeds)
+    asked = default_speeds(case) if speeds is None else _speeds(speeds)
     rpm = np.unique([*asked, own_speed]).astype(float)
     check_speeds(case, rpm.tolist())
     flow = crrt_flow(case, crrt_flow_ml_min)
