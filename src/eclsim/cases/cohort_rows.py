@@ -27,7 +27,7 @@ MAXIMUM_BYTES = 50_000_000
 MAXIMUM_ROWS = 100_000
 MAXIMUM_COLUMNS = 200
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
-_STATED = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNORECASE)
+_DELIMITER_LINE = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNORECASE)
 """How Excel has the delimiter in a line before the header."""
 
 
@@ -78,7 +78,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 def _delimited(text: str) -> tuple[str, str]:
     """A table without the line of a spreadsheet that says its delimiter, and the delimiter."""
     first = next(line for line in text.split("\n") if line.strip())
-    if stated := _STATED.fullmatch(first.strip(" ")):
+    if stated := _DELIMITER_LINE.fullmatch(first.strip(" ")):
         return text.replace(first, "", 1), stated["delimiter"].replace("\\t", "\t")
     return text, max(_DELIMITERS, key=first.count)
 
@@ -124,7 +124,7 @@ def _read_rows(text: str, delimiter: str, table: Table) -> None:
 
 _PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 _GASES = ("PaO2", "PaCO2", "PpostO2", "PexhaustCO2")
-_ENOUGH_ROWS = 4
+_FEWEST_ROWS = 4
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
 
 
@@ -165,8 +165,8 @@ def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRem
     """Lines that other rows make unusable, and everything there is to say."""
     remarks = RowRemarks()
     lines = _repeats(rows, remarks) | _in_kilopascal(rows, remarks)
-    _alike(rows, remarks)
-    _one_patient(rows, remarks)
+    _warn_of_similar_ids(rows, remarks)
+    _warn_of_changed_patients(rows, remarks)
     return lines, remarks
 
 
@@ -231,8 +231,8 @@ def _repeats(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[
     return set(repeated)
 
 
-def _alike(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
-    """Ids that a reader would take for the same."""
+def _warn_of_similar_ids(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
+    """Warn of ids that a reader would take for the same."""
     first: dict[str, tuple[str, int]] = {}
     text = set()
     for line, row in rows.items():
@@ -244,8 +244,8 @@ def _alike(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
             remarks.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
 
 
-def _one_patient(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
-    """What does not change between the measurements of one adult, and yet does in the rows of an id."""
+def _warn_of_changed_patients(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
+    """Warn of rows of one id that differ in what an adult does not change, such as height."""
     first: dict[tuple[str, str], tuple[str, int]] = {}
     for line, row in rows.items():
         name = unicodedata.normalize("NFC", row["patient_id"])
@@ -262,10 +262,12 @@ def _one_patient(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> 
 
 def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
     """Rows whose pressures are all smaller than those of the others by the factor from mmHg to kPa."""
-    return _smaller_together(rows, _PRESSURES, remarks) | _smaller_together(rows, _GASES, remarks)
+    return _refuse_rows_in_kilopascal(rows, _PRESSURES, remarks) | _refuse_rows_in_kilopascal(
+        rows, _GASES, remarks
+    )
 
 
-def _smaller_together(
+def _refuse_rows_in_kilopascal(
     rows: Mapping[int, Mapping[str, str]], names: Sequence[str], remarks: RowRemarks
 ) -> set[int]:
     usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in names}
@@ -284,7 +286,7 @@ def _smaller_together(
 
 def _median(values: Iterable[float | None]) -> float | None:
     known = [v for v in values if v is not None and v > 0]
-    return statistics.median(known) if len(known) >= _ENOUGH_ROWS else None
+    return statistics.median(known) if len(known) >= _FEWEST_ROWS else None
 
 
 def _number(text: str) -> float | None:

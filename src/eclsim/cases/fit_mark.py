@@ -27,7 +27,7 @@ _MARK = re.compile(rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \(of what has 
 DOUBTS = "doubts"
 """Column of a table that says why none of its numbers is to be trusted; there where that is so."""
 POSTERIOR = "posterior: "
-"""Begins what results say of the posterior whose draws they are computed from."""
+"""Begins a result's warnings of the posterior whose draws it is computed from."""
 NOT_STUDIED = "nothing is studied of such a fit"
 _HEAD = 40
 """Lines in which a mark is looked for."""
@@ -58,14 +58,14 @@ class FitMark:
 
 
 def untrusted(sentences: Iterable[object]) -> list[str]:
-    """Those of a result's warnings that hold for every number of it: of its fit, or of its posterior."""
+    """Warnings of a result that make all its numbers doubtful: those of its fit or its posterior."""
     return [text for text in map(str, sentences) if text.startswith((*_WORDS.values(), POSTERIOR))]
 
 
 def with_doubts(table: pd.DataFrame, sentences: Iterable[object]) -> pd.DataFrame:
     """A table with the column `DOUBTS`, where a result's warnings say that none of its numbers is trusted."""
-    said = "; ".join(untrusted(sentences))
-    return table.assign(**{DOUBTS: said}) if said else table
+    doubts = "; ".join(untrusted(sentences))
+    return table.assign(**{DOUBTS: doubts}) if doubts else table
 
 
 def with_mark(text: str, level: str, headline: str) -> str:
@@ -76,8 +76,8 @@ def with_mark(text: str, level: str, headline: str) -> str:
         level: of the verdict.
         headline: the verdict in one sentence.
     """
-    said = " ".join(headline.split())
-    return f"# eclsim identify: {level} fit (of what has the mark {_digest(text)})\n# {said}\n{text}"
+    headline = " ".join(headline.split())
+    return f"# eclsim identify: {level} fit (of what has the mark {_digest(text)})\n# {headline}\n{text}"
 
 
 def read_mark(text: str) -> FitMark | None:
@@ -85,8 +85,8 @@ def read_mark(text: str) -> FitMark | None:
     for line in text.splitlines()[:_HEAD]:
         if not line.startswith("#"):
             return None
-        if found := _MARK.fullmatch(line.strip()):
-            return FitMark(found[1], found[2] != _digest(text))
+        if match := _MARK.fullmatch(line.strip()):
+            return FitMark(match[1], match[2] != _digest(text))
     return None
 
 

@@ -28,7 +28,7 @@ _VESSELS = ("ao", "sart", "svn", "pas", "part", "pvn")
 _CHAMBERS = ("ra", "rv", "la", "lv")
 _LARGEST_SHARE = 0.5
 _LEAST_VENOUS_ML = 20.0
-_UNLIKE_SATURATION = 15.0
+_LARGEST_SATURATION_DIFFERENCE = 15.0
 """Difference [%] between a saturation and the one of its PO2 that pH and temperature hardly explain."""
 
 
@@ -74,7 +74,7 @@ def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
             continue
         percent, mmhg = measured[saturation], measured[pressure]
         converted, doubt = mmhg * MMHG_PER_KPA, abs(_saturation(mmhg) - percent)
-        if doubt < _UNLIKE_SATURATION:
+        if doubt < _LARGEST_SATURATION_DIFFERENCE:
             continue
         usual = f"{_saturation(mmhg):.0f} %"
         message = f"{saturation} = {percent:g} % does not go with it, which is one of about {usual}"
@@ -90,7 +90,7 @@ def _saturation(po2: float) -> float:
     return 100.0 / (1.0 + 23400.0 / (po2**3 + 150.0 * po2))
 
 
-_MISSING = {
+_PARTS_MISSING = {
     "regional": "regions", "collapsible_veins": "veins that collapse", "pericardium": "pericardium",
 }  # fmt: skip
 
@@ -106,9 +106,8 @@ def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: R
     for name in parameters:
         needed = physiology.NEEDS.get(name, "")
         if needed and not section.get(needed, False):
-            message = (
-                f"without effect: the patient has no {_MISSING[needed]}; add [{SECTION}] {needed} = true"
-            )
+            missing = _PARTS_MISSING[needed]
+            message = f"without effect: the patient has no {missing}; add [{SECTION}] {needed} = true"
             remarks.warning(f"parameters.{name}", message, shown(parameters[name]))
     for key, values in case.devices.items():
         for name, site in values.items():

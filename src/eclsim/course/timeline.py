@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.cases.quantities import place_of
+from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import Fluid, Solutes
 from eclsim.cases.settings import put_in
 from eclsim.circuit.volumes import start_volume
@@ -105,7 +105,7 @@ class Timeline:
         case = self.case.model_copy(update={"events": ()})
         added = {"fluid": case.fluid or Fluid(), "solutes": case.solutes or (Solutes() if case.gas else None)}
         case = case.model_copy(update=added)
-        paths = (place_of(key) for event in self.case.events for key in event.set)
+        paths = (section_and_key(key) for event in self.case.events for key in event.set)
         started = [p for p in paths if p and (p[1].endswith(("_ml_h", "_clamp")) or p[0] == DRUGS)]
         off = {p: 0.0 for p in started if case.setting(*p) is None and p[1] not in SENSITIVITIES}
         return _with_values(case, off) if off else case
@@ -251,7 +251,7 @@ def _is_unchanged(before: float | None, after: float) -> bool:
 
 def _parameters(settings: Mapping[str, object]) -> set[str]:
     """Keys of the parameters that settings of a case are."""
-    paths = [path for key in settings if (path := place_of(key)) is not None]
+    paths = [path for key in settings if (path := section_and_key(key)) is not None]
     return {name for section, name in paths} | {f"{section}.{name}" for section, name in paths}
 
 
@@ -264,7 +264,7 @@ def _interpolated(change: Change, time: float) -> dict[str, float]:
 
 def case_with_settings(case: Case, settings: Mapping[str, object], start: Case) -> Case:
     """The case with settings put in; open set points of reflexes go on being those of the start."""
-    paths = {path: value for key, value in settings.items() if (path := place_of(key)) is not None}
+    paths = {path: value for key, value in settings.items() if (path := section_and_key(key)) is not None}
     return _with_values(case, paths).model_copy(update={"as_written": start.as_written or start})
 
 

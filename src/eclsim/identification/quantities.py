@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eclsim.cases.quantities import quantity
-from eclsim.cases.sections import MEASURED_BESIDES, MEASURED_GASES, Measurements
+from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
 from eclsim.reporting.numbers import number
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
@@ -106,7 +106,7 @@ BEAT_OUTPUTS = PRESSURES + FLOWS
 """What can be fitted of the beat itself."""
 GASES = MEASURED_GASES
 """What can be fitted of gas exchange, where a case has it."""
-OUTPUTS = BEAT_OUTPUTS + MEASURED_BESIDES + GASES
+OUTPUTS = BEAT_OUTPUTS + FURTHER_MEASUREMENTS + GASES
 """What can be fitted."""
 
 
@@ -124,7 +124,7 @@ def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence
 
 def relative_scale(output: str, value: float) -> float:
     """What makes a difference relative: the value, of what may be negative at least its usual size."""
-    usual = abs(Measurements.fields()[output].typical) if output in MEASURED_BESIDES else 0.0
+    usual = abs(Measurements.fields()[output].typical) if output in FURTHER_MEASUREMENTS else 0.0
     return max(abs(value), usual)
 
 
