@@ -11,7 +11,7 @@ from pydantic import Field as Default
 
 from eclsim.cases.quantities import section_and_key
 from eclsim.cases.settings import keys_replaced_by, put_in, unknown_key
-from eclsim.devices.registry import usual_setting
+from eclsim.devices.registry import example_setting
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, is_number, read_number
@@ -171,7 +171,7 @@ class _EventChecker:
     def _settings(self, place: str, raw: object, ramped: bool) -> dict[str, Any]:
         values: dict[str, Any] = {}
         if not isinstance(raw, Mapping) or not raw:
-            allowed = f'{{ "{usual_setting()}" = 3600 }}'
+            allowed = f'{{ "{example_setting()}" = 3600 }}'
             self.remarks.error(place, "values by key belong here", shown(raw), allowed)
             return values
         # The temperature last: what consumption goes with it is known then.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
-from eclsim.devices.registry import parameters, usual_setting
+from eclsim.devices.registry import example_setting, parameters
 from eclsim.inputs.files import too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.spelling import did_you_mean
@@ -37,7 +37,7 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
         name, equals, text = setting.partition("=")
         path = section_and_key(name.strip())
         if not equals or not name.strip():
-            allowed = f"KEY=VALUE, such as {usual_setting()}=3000 or Rmc=0.8"
+            allowed = f"KEY=VALUE, such as {example_setting()}=3000 or Rmc=0.8"
             mistakes.append(Mistake("", "no setting", shown(setting), allowed, file=SETTING_SOURCE))
         elif path is None:
             mistakes.append(unknown_key(name.strip(), text))

@@ -262,7 +262,7 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
     """The case at the settings of every --predict; all mistakes are reported before anything is computed."""
     from eclsim.cases import CaseError, read_case
     from eclsim.cases.settings import parse_settings
-    from eclsim.devices.registry import usual_setting
+    from eclsim.devices.registry import example_setting
 
     if o.posterior and o.posterior_method == "nuts" and find_spec("numpyro") is None:
         fail("--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
@@ -271,7 +271,7 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
     for written in o.predict:
         changes = names_of(written)
         if not changes:
-            wrong.append(f"--predict: empty; allowed: KEY=VALUE,... such as {usual_setting()}=4000")
+            wrong.append(f"--predict: empty; allowed: KEY=VALUE,... such as {example_setting()}=4000")
             continue
         try:
             case = read_case(o.file, [*o.settings, *changes]).case

@@ -79,9 +79,13 @@ class Command(TyperCommand):
 
     def get_help(self, ctx: Context) -> str:
         """The help, with keys of devices for {setting}, {target} and {lines}."""
-        from eclsim.devices.registry import line_keys, usual_setting, usual_target
+        from eclsim.devices.registry import example_setting, example_target, line_keys
 
-        keys = {"{setting}": usual_setting(), "{target}": usual_target(), "{lines}": ", ".join(line_keys())}
+        keys = {
+            "{setting}": example_setting(),
+            "{target}": example_target(),
+            "{lines}": ", ".join(line_keys()),
+        }
         for shown in self.params:
             if isinstance(shown, TyperOption) and shown.help:
                 for placeholder, key in keys.items():

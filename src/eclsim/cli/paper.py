@@ -162,7 +162,7 @@ def demo(options: DemoOptions) -> None:
     places.check()
     if folder is None:
         return
-    from eclsim.devices.registry import usual_setting
+    from eclsim.devices.registry import example_setting
     from eclsim.outputs.results import simulate
     from eclsim.simulation import files
     from eclsim.simulation.figures import write_case_figures
@@ -186,7 +186,7 @@ def demo(options: DemoOptions) -> None:
         f"written to {folder}: {case.name}, results.json, results.nc and {len(figures)} figures, such as"
     )
     typer.echo("\n".join(f"  {path}" for path in figures if path.suffix == f".{formats[-1]}"))
-    typer.echo(f"\nnext: eclsim simulate {case} --set {usual_setting()}=4000")
+    typer.echo(f"\nnext: eclsim simulate {case} --set {example_setting()}=4000")
 
 
 def _demo_table(rows: Sequence[Row]) -> str:

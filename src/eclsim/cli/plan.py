@@ -119,11 +119,11 @@ def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
 
 
 def _speeds(text: str) -> list[float]:
-    from eclsim.devices.registry import usual_setting
+    from eclsim.devices.registry import example_setting
     from eclsim.simulation.sweep import SweepError, parse_sweep
 
     try:
-        return [float(value) for value in parse_sweep(f"{usual_setting()}={text}")[1]]
+        return [float(value) for value in parse_sweep(f"{example_setting()}={text}")[1]]
     except (SweepError, ValueError):
         fail(
             f"--wean {text}: allowed: FIRST:LAST:STEP, such as 3500:1500:-500, or speeds with commas between"

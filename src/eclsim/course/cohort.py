@@ -18,7 +18,7 @@ from eclsim.course.course import course_many, default_interval_min
 from eclsim.course.engine import CourseOptions
 from eclsim.course.result import attributes_of
 from eclsim.course.timeline import MINUTE, Timeline
-from eclsim.devices.registry import own_files
+from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
 from eclsim.execution.tasks import in_process
 from eclsim.orbit.model import CaseSource, as_case
@@ -185,7 +185,7 @@ def _complete(
     progress: Progress | None,
 ) -> list[xr.Dataset]:
     tasks = Tasks(
-        "courses", unit, compute, groups, {**inputs, "course": vars(compute), **own_files()},
+        "courses", unit, compute, groups, {**inputs, "course": vars(compute), **digests_of_own_files()},
         side_by_side=len(groups) > 1,
     )  # fmt: skip
     executor = executor or Executor(Distribution(), in_process)

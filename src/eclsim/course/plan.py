@@ -15,7 +15,7 @@ from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
 from eclsim.course.timeline import MINUTE, Timeline, case_with_settings
-from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
+from eclsim.devices.dialysed_blood import FEWER_SURVIVED_TEXT, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
 from eclsim.goals.goal import Goal, GoalError, implicit_goals, read_goals
@@ -196,7 +196,7 @@ def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -
     )
     per_kg = removal.rate_ml_h / height_weight(case.patient)[1]
     if per_kg > HARMFUL_ML_KG_H:
-        sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED}")
+        sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}")
     return replace(removal, message=message, warnings=(*sentences, *result.attrs["cautions"]))
 
 

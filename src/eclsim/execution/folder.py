@@ -18,7 +18,7 @@ from eclsim._version import __version__
 from eclsim.files import whole_file
 
 Result = TypeVar("Result")
-_BESIDE = ("hash", "samples", "warnings")
+_NOT_COMPARED = ("hash", "samples", "warnings")
 _NAMED = 5
 
 
@@ -119,7 +119,7 @@ class TaskFolder(Generic[Result]):
 
     def _check(self, present: Mapping[str, object], resume: bool) -> None:
         place = self.file.parent
-        before = {key: value for key, value in present.items() if key not in _BESIDE}
+        before = {key: value for key, value in present.items() if key not in _NOT_COMPARED}
         if before != self.inputs:
             changed = _differences(before, self.inputs)
             shown = "; ".join(changed[:_NAMED]) + (

@@ -11,7 +11,7 @@ import numpy as np
 
 from eclsim.cases.fit_mark import NOT_STUDIED, FitMark, with_mark
 from eclsim.cases.writing import case_text
-from eclsim.devices.registry import own_files
+from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
 from eclsim.identification.fit import FitResult, failed_fit, fit_cases
@@ -82,7 +82,7 @@ def fit_tasks(
     points: Sequence[CohortPoint], settings: FitSettings, digest: str
 ) -> Tasks[Group, list[StoredFit]]:
     """The groups of a cohort."""
-    inputs = {"cohort_file": digest, "points": len(points), **settings.as_object(), **own_files()}
+    inputs = {"cohort_file": digest, "points": len(points), **settings.as_object(), **digests_of_own_files()}
     return Tasks(
         "fits", "groups of data points", FitGroup(settings), _groups(points, bool(settings.shared)), inputs
     )
@@ -231,7 +231,7 @@ def cases_as_given(cases: Sequence[CaseSource], where: str) -> FittedCases:
     by_name = {case.patient.id: case for case in map(as_case, cases)}
     poor = {name: case.refusal for name, case in by_name.items() if case.refusal}
     inputs: dict[str, object] = {"cases": {name: case_text(case) for name, case in by_name.items()}}
-    inputs |= own_files() | ({"poor fits": poor} if poor else {})
+    inputs |= digests_of_own_files() | ({"poor fits": poor} if poor else {})
     groups = tuple((name,) for name in by_name)
     kept = {name: case for name, case in by_name.items() if name not in poor}
     return FittedCases(kept, {}, poor, f"read from {where}", groups, inputs)

@@ -12,7 +12,7 @@ from eclsim.cases.resolve import height_weight
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.components.base import names_in
 from eclsim.devices.description import GASES as VO2
-from eclsim.devices.registry import parameters, usual_setting
+from eclsim.devices.registry import example_setting, parameters
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale
@@ -446,7 +446,7 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
     start, lower, upper = limits
     written, parameter = f"{start:g}, {lower:g} to {upper:g}", quantity(key)
     if parameter is None:
-        allowed = f"names that eclsim parameters lists, or keys of sections such as {usual_setting()}"
+        allowed = f"names that eclsim parameters lists, or keys of sections such as {example_setting()}"
         hint = did_you_mean(key, parameters())
         checked.add_mistake(key, "unknown parameter", allowed=allowed, hint=hint)
     elif not all(math.isfinite(number) for number in limits):

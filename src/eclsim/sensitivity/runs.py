@@ -21,7 +21,7 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.circuit.network import Circuit
-from eclsim.devices.registry import own_files
+from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
 from eclsim.execution.folder import read_inputs
 from eclsim.files import whole_file
@@ -133,7 +133,7 @@ class SteadyBeatEvaluator:
             "outputs": list(self.outputs),
             "blood_volume_policy": self.policy,
             "resolution": self.resolution,
-            **own_files(),
+            **digests_of_own_files(),
         }
 
 

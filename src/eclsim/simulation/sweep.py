@@ -14,7 +14,7 @@ import xarray as xr
 
 from eclsim import files
 from eclsim.cases.fit_mark import untrusted
-from eclsim.devices.registry import usual_setting
+from eclsim.devices.registry import example_setting
 from eclsim.files import frame_text, write_text
 from eclsim.orbit.model import CASE, case_record, circuit_of, values_of
 from eclsim.orbit.steady import Batch
@@ -196,7 +196,7 @@ def stops_short(text: str) -> list[str]:
 
 
 def _allowed() -> str:
-    return f"allowed: KEY=first:last:step or KEY=value,value, such as {usual_setting()}=2000:4500:250"
+    return f"allowed: KEY=first:last:step or KEY=value,value, such as {example_setting()}=2000:4500:250"
 
 
 def _no_sweep(text: str) -> str:
