@@ -148,7 +148,11 @@ def coming_back() -> None:
     litres = boluses.Given(refill.DONOR, boluses.HEALTHY, both, 60.0, 0.0)
     steep, most = starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG
     print("\n500 mL refilled as it ends, after 1 h; saline 4 h later; 2 L; albumin; Ringer's [%]")
-    for words, sections in (("", ()), ("soft veins, heldt2010", boluses.SOFT), ("and LpS 4", boluses.WIDE)):
+    for words, sections in (
+        ("", ()),
+        ("soft veins, heldt2010", boluses.COMPLIANT),
+        ("and LpS 4", boluses.WIDE),
+    ):
         for stiff in (1.0, 2.0, 3.0):
             starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG = steep / stiff, stiff * most
             boluses.followed.cache_clear()

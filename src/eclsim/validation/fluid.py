@@ -57,9 +57,9 @@ SESSION_H = 4.0
 """Of a dialysis; the abstracts do not say it."""
 COLUMN_MMHG, LEGS = 58.5, 0.32
 """Legs stand 0.75 m below the heart and are that share of the body."""
-CM = 0.738
+MMHG_PER_CM = 0.738
 """Pressure of a cm of blood [mmHg]; this and what follows on standing is that of CVSim 1.0."""
-CAROTID_MMHG = CM * 25.0
+CAROTID_MMHG = MMHG_PER_CM * 25.0
 """The carotid sinus is 25 cm above the heart; the reflex reads so much less."""
 CHEST_MMHG = -3.5
 """Change of the pressure in the chest: veins, arteries and capillaries outside of it have so much less."""
@@ -83,19 +83,19 @@ class Veins(NamedTuple):
         return 2.0 * self.most / np.pi * np.arctan(0.5 * np.pi * self.compliance * pressure / self.most)
 
 
-TO_HEART = CM * (6.0 / 2.0 + 14.5 / 3.0)
+TO_HEART = MMHG_PER_CM * (6.0 / 2.0 + 14.5 / 3.0)
 VEINS = (
     Veins(20.0, 1000.0, COLUMN_MMHG),  # legs
-    Veins(60.0, 1500.0, TO_HEART + CM * 5.0 / 2.0),  # splanchnic organs
+    Veins(60.0, 1500.0, TO_HEART + MMHG_PER_CM * 5.0 / 2.0),  # splanchnic organs
     Veins(5.0 + 1.3, 650.0, TO_HEART),  # kidneys, abdominal veins
-    Veins(7.0, 1e6, -CM * (20.0 / 2.0 + 14.5 / 2.0)),  # head and arms, above the heart
+    Veins(7.0, 1e6, -MMHG_PER_CM * (20.0 / 2.0 + 14.5 / 2.0)),  # head and arms, above the heart
 )
 """In CVSim legs have a column of 31.9 mmHg; here that of their capillaries."""
 SOFT = {"Csvn": 7.0 + 1.3 + 5.0 + 60.0 + 20.0 + 1.3 + 0.5, "Cpvn": 9.0, "Cpart": 3.4}
 """Compliances of CVSim 1.0 [mL/mmHg], those of its systemic veins together."""
 BEFORE = {"MAP": 89.5, "right_atrial_pressure": 5.8, "CO": 5.5, "PCWP": 8.0}
 """Men before a loss: pressures and a heart rate of 59 of the first six; flow and wedge pressure of health."""
-UF = "uf"
+ULTRAFILTRATION_KEY = "uf"
 
 
 class Patient:
@@ -144,15 +144,21 @@ class Patient:
 
         Args:
             hours: length.
-            rates_ml_s: what is given, bled ("bleed_ml") or filtered (`UF`).
+            rates_ml_s: what is given, bled ("bleed_ml") or filtered (`ULTRAFILTRATION_KEY`).
             stands: whether at a time [s]; then veins of the legs hold blood and capillaries a column of it.
             then: a time [s] and the rates from there on.
         """
-        law = replace(fluid_law(self.model.circuit, self.model.values), ultrafiltration=(UF,))
+        law = replace(
+            fluid_law(self.model.circuit, self.model.values), ultrafiltration=(ULTRAFILTRATION_KEY,)
+        )
         first, second = (
             (
-                _arrays({**self.model.values, UF: 3600.0 * rates.get(UF, 0.0)}),
-                _arrays(dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates.items() if k != UF}),
+                _arrays(
+                    {**self.model.values, ULTRAFILTRATION_KEY: 3600.0 * rates.get(ULTRAFILTRATION_KEY, 0.0)}
+                ),
+                _arrays(
+                    dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates.items() if k != ULTRAFILTRATION_KEY}
+                ),
             )
             for rates in (rates_ml_s, then[1])
         )
@@ -252,7 +258,7 @@ def dialysed(coefficient: float, near_share: float = 1.0) -> Patient:
 
 def fall_of_blood(patient: Patient, removed_ml: float) -> float:
     """Of the blood volume at the end of a session [%]."""
-    _, states = patient.course(SESSION_H, {UF: removed_ml / (3600.0 * SESSION_H)})
+    _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     return float(100.0 * (1.0 - blood[-1] / blood[0]))
 
@@ -264,7 +270,7 @@ def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
     """
     settings = _arrays(patient.model.values)
     law = replace(fluid_law(patient.model.circuit, patient.model.values), layered=False)
-    _, states = patient.course(SESSION_H, {UF: removed_ml / (3600.0 * SESSION_H)})
+    _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     last = {name: values[-1:] for name, values in states.items()}
     changed = law.forces(last, settings, patient.at(blood[-1:] - blood[0]))
@@ -510,7 +516,7 @@ SHORT_MMHG, SPREAD_MMHG = -114.0, 52.0
 SPEED = f"{ECMO.key}.speed_rpm"
 LOST_ML = -740.0
 """Where the search for the blood that is missing begins."""
-UNLIKE = (
+UNLIKE_THE_MODEL = (
     "suction: the abstract names neither cannulae nor pump; eclsim has 25 and 19 Fr, a Rotaflow, and a "
     "patient in place of a mock circulation"
 )
@@ -556,7 +562,12 @@ def suction_check() -> Check:
     ]  # fmt: skip
     bar = "1 standard deviation, sign; compared, not required"
     return Check(
-        "suction", "Suction, a patient short of blood", bar, tuple(rows), required=False, remarks=(UNLIKE,)
+        "suction",
+        "Suction, a patient short of blood",
+        bar,
+        tuple(rows),
+        required=False,
+        remarks=(UNLIKE_THE_MODEL,),
     )
 
 
