@@ -299,7 +299,7 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
 # --- identifiability of a case ----------------------------------------------------------------------
 
 
-FAR_OFF = 2.0
+LARGEST_DEVIATION = 2.0
 """Standard uncertainties."""
 
 
@@ -336,7 +336,7 @@ class Identifiability:
         The analysis is local: it then speaks of another patient than the one that was measured.
         """
         off = {n: (self.simulated[n] - value) / self.uncertainties[n] for n, value in self.measured.items()}
-        return {n: d for n, d in off.items() if abs(d) > FAR_OFF}
+        return {n: d for n, d in off.items() if abs(d) > LARGEST_DEVIATION}
 
     @property
     def doubts(self) -> list[str]:

@@ -31,11 +31,11 @@ SHARE = 0.9
 """Of the total orders of an output, which the selected factors make up."""
 FEWEST_ROWS = 64
 """Nothing is ranked or selected from fewer rows, nor from fewer than half of the design's."""
-SIZE = 1.0
+SMALLEST_SIZE = 1.0
 """Least size of an output, in its unit, that its rounding is held against."""
-SMALLEST = 16
+FIRST_CONVERGENCE_ROWS = 16
 MOST_PAIRS = 20
-FAINTEST = 0.005
+SMALLEST_PAIR_INDEX = 0.005
 """Pairs below it are rounding of the first orders and not shown."""
 
 
@@ -243,7 +243,7 @@ class SensitivityResult:
         return convergence(self)
 
 
-def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
+def indices_of_runs(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
     """Indices of the runs of a whole design.
 
     A row with a failed run is left out whole: the estimators compare the runs of a row with each other.
@@ -258,8 +258,8 @@ def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sensitivit
             f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from "
             f"(failed runs by status: {reasons}){where}; eclsim simulate says what it means of one patient"
         )
-    estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SIZE)
-    moves = varies(values[good], SIZE)
+    estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SMALLEST_SIZE)
+    moves = varies(values[good], SMALLEST_SIZE)
     constant = tuple(name for name, moving in zip(outputs, moves, strict=True) if not moving)
     failed = tuple(
         _failed_run(design, int(run), int(runs.status[run])) for run in np.flatnonzero(runs.status)
@@ -290,7 +290,7 @@ def point_name(design: Design, position: int) -> str:
     return f"{('AB', 'BA')[kind]} {design.factors[factor]}"
 
 
-def convergence(result: SensitivityResult, smallest: int = SMALLEST) -> xr.Dataset:
+def convergence(result: SensitivityResult, smallest: int = FIRST_CONVERGENCE_ROWS) -> xr.Dataset:
     """Indices at `smallest`, twice that ... up to all rows, by index, rows, output and factor.
 
     `mean` and `spread` (standard deviation) are those over the repeats of a size, and `mean_conf` is the mean
@@ -311,7 +311,7 @@ def convergence(result: SensitivityResult, smallest: int = SMALLEST) -> xr.Datas
     for s, size in enumerate(sizes):
         pieces = [slice(k, k + size) for k in range(0, design.samples, size)]
         repeats = [
-            sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SIZE)
+            sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SMALLEST_SIZE)
             for p in pieces
             if good[p].sum() > 1
         ]
@@ -388,7 +388,11 @@ def pairs_text(indices: Indices) -> str:
     s2, width = indices.estimates.S2, indices.estimates.S2_conf
     if s2 is None or width is None or not indices.ranked:
         return ""
-    pairs = [(k, i, j) for k, i, j in zip(*(s2 > width).nonzero(), strict=True) if s2[k, i, j] > FAINTEST]
+    pairs = [
+        (k, i, j)
+        for k, i, j in zip(*(s2 > width).nonzero(), strict=True)
+        if s2[k, i, j] > SMALLEST_PAIR_INDEX
+    ]
     if not pairs:
         return "second order: no pair of factors is beyond its 95 % half width"
     pairs.sort(key=lambda at: -s2[at])
@@ -403,10 +407,10 @@ def pairs_text(indices: Indices) -> str:
     return f"Second order indices beyond their 95 % half width\n{table}{more}"
 
 
-def doubts(indices: Indices, state: str = "", said: Collection[str] = ()) -> list[str]:
-    """What there is to say of the beat that was varied and was not `said`, how many runs failed, and how."""
+def doubts(indices: Indices, state: str = "", reported: Collection[str] = ()) -> list[str]:
+    """Warnings of the beat varied around that are not `reported`, how many runs failed, and how."""
     before = f"{state}: " if state else ""
-    around = (f"at the values varied around: {line}" for line in indices.warnings if line not in said)
+    around = (f"at the values varied around: {line}" for line in indices.warnings if line not in reported)
     return [f"{before}{sentence}" for sentence in (*around, *indices.doubts)]
 
 

@@ -208,7 +208,7 @@ class SampleFolder:
         )
 
     @classmethod
-    def found_in(cls, folder: Path) -> SampleFolder:
+    def of_folder(cls, folder: Path) -> SampleFolder:
         """For the analysis that a folder holds."""
         recorded: Description | None = read_inputs(folder / DESIGN)
         if recorded is None:
