@@ -206,10 +206,10 @@ def _write(
 def _warn_of_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
     """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
     from eclsim.simulation.single import NOT_REACHED
-    from eclsim.simulation.target_flow import speed_found
+    from eclsim.simulation.target_flow import solved_speed_of
 
     for reading, result in zip(readings, results, strict=True):
-        if solved := speed_found(result):
+        if solved := solved_speed_of(result):
             note([f"{reading.file}: {solved}"])
         lines = list(result.attrs.get("warnings", ()))
         if not result.attrs["converged"]:
@@ -301,7 +301,7 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
     """The cases of a sweep; with anything wrong say all of it and leave with exit status 2."""
     from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
-    from eclsim.simulation.sweep import SweepError, parse_sweep, stops_short
+    from eclsim.simulation.sweep import SweepError, parse_sweep, remarks_on_last_values
 
     try:
         key, texts = parse_sweep(text)
@@ -314,7 +314,7 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
         fail(f"--sweep {key}: changes nothing that the simulation reads; sweep a setting or a parameter")
     if (section, name) in _set_keys(settings):
         fail(f"--sweep {key}: --set gives it a value too; leave one of the two out")
-    note(stops_short(text))
+    note(remarks_on_last_values(text))
     readings = _swept(file, settings, key, texts, policy)
     cases = {_value(reading.case, section, name): reading.case for reading in readings}
     if all(isinstance(value, float) for value in cases):

@@ -224,11 +224,11 @@ def _legend_start(labels: list[str]) -> float:
     It would else run beyond the axes to the edge of the page.
     """
     columns = (labels[: math.ceil(len(labels) / 2)], labels[math.ceil(len(labels) / 2) :])
-    long = sum(max(map(len, column), default=0) for column in columns) > _LETTERS_ABOVE_THE_AXES
+    long = sum(max(map(len, column), default=0) for column in columns) > _CHARACTERS_ABOVE_AXES
     return -0.19 if long else 0.0
 
 
-_LETTERS_ABOVE_THE_AXES = 34
+_CHARACTERS_ABOVE_AXES = 34
 """Letters of two columns of a legend that fit above the axes."""
 
 
@@ -252,7 +252,7 @@ def _legend_rows(result: xr.Dataset, panel: Panel) -> int:
 # --- mean flows and pressures as dot charts ---------------------------------------------------------
 
 _PATIENT = ("o", OKABE_ITO["black"])
-_ROOM_FOR_NUMBERS = 0.24
+_SPACE_FOR_NUMBERS = 0.24
 """Share of the axis that is kept free beside the largest value for its number."""
 
 
@@ -358,7 +358,7 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
     ax.set_xlabel(axis_label)
     ax.margins(x=0.06)
     left, right = ax.get_xlim()
-    ax.set_xlim(left, right + _ROOM_FOR_NUMBERS * (right - left))
+    ax.set_xlim(left, right + _SPACE_FOR_NUMBERS * (right - left))
 
 
 # --- pressure-volume loops --------------------------------------------------------------------------
