@@ -182,7 +182,7 @@ def test_the_terminal_table_keeps_a_row_for_each_scheme_at_120_columns(cohort, c
     from eclsim.crrt_study import cohort_report as report
     from eclsim.reporting import numbers
 
-    monkeypatch.setattr(numbers, "WIDTH_OF_PIPES", 120)
+    monkeypatch.setattr(numbers, "WIDTH_WITHOUT_TERMINAL", 120)
     report.show(cohort)
     lines = capsys.readouterr().out.splitlines()
     first = lines.index("") if lines[0] == "" else 0

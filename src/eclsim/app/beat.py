@@ -25,7 +25,7 @@ from eclsim.outputs.limits import levels, place_levels
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.reporting.saturation import colour_of, letters_on
+from eclsim.reporting.saturation import colour_of, text_colour_on
 from eclsim.reporting.schematic_layout import dead_ends
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         percent = 100.0 * float(blood.saturation)
         numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)
         values = {name: float(number) for name, number in zip(GAS_COLUMNS, numbers, strict=True)}
-        colours = {"colour": colour_of(percent), "letters": letters_on(percent)}
+        colours = {"colour": colour_of(percent), "letters": text_colour_on(percent)}
         result["places"][place] = {"values": finite(values, digits=5), **colours}
     result["exchanged"] = finite({at: list(pair) for at, pair in beat.gases.exchanged.items()}, digits=6)
     return result

@@ -17,7 +17,7 @@ from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
 from eclsim.patient.anthropometry import SIZE
-from eclsim.reporting.saturation import STOPS, letters_on
+from eclsim.reporting.saturation import COLOUR_STOPS, text_colour_on
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -150,7 +150,7 @@ def display(case: Case) -> dict[str, Any]:
         "compared": compared_of(case),
         "samples": [vars(s) | {"outputs": dict(s.outputs)} for _, v in shown for s in v.samples],
         "exchangers": _exchangers(circuit_of(case)),
-        "saturations": [[percent, colour, letters_on(percent)] for percent, colour in STOPS],
+        "saturations": [[percent, colour, text_colour_on(percent)] for percent, colour in COLOUR_STOPS],
     }
 
 

@@ -23,8 +23,8 @@ from eclsim.outputs.registry import UnknownOutputError
 from eclsim.outputs.registry import output as registered_output
 from eclsim.reporting.style import (
     CURVES,
-    FEW_NAMES,
     GREY,
+    MOST_HORIZONTAL_NAMES,
     OKABE_ITO,
     draw_matrix,
     figure_style,
@@ -141,7 +141,7 @@ def by_sum(result: Indices) -> list[int]:
 def is_grouped_by_kind(names: Sequence[str]) -> bool:
     """Whether neighbouring parameters share their kind, so that the paper's layout groups them."""
     kinds = [key for key, _ in groupby(names, key=_kind)]
-    return len(names) > FEW_NAMES and len(kinds) == len(set(kinds)) > 1
+    return len(names) > MOST_HORIZONTAL_NAMES and len(kinds) == len(set(kinds)) > 1
 
 
 def _kind(name: str) -> str:

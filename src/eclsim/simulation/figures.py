@@ -26,7 +26,7 @@ from eclsim.reporting.beat_values import (
     in_unit,
     instances_at,
     naming_at,
-    place_words,
+    place_label_of,
     scalar,
     summary_lines,
     two_beats,
@@ -195,7 +195,7 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     for index, name in enumerate(names):
         time, values = two_beats(result, name)
         mean = beat_mean(result, name)
-        label = place_words(name)
+        label = place_label_of(name)
         if panel.change:
             values = values - mean
             label = f"{label} (mean {number(mean, 0)} mL)"
@@ -208,7 +208,7 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * legend_rows)
     ax.legend(
         loc="lower left",
-        bbox_to_anchor=(_legend_start([place_words(name) for name in names]), 1.0),
+        bbox_to_anchor=(_legend_start([place_label_of(name) for name in names]), 1.0),
         ncols=_legend_columns(panel),
         borderaxespad=0.1,
         handletextpad=0.5,
@@ -296,7 +296,9 @@ def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) ->
         mark = (names.device.look.marker, names.device.look.colour)
         rows += [(names.label, mark, n) for n in map(names.place, labels) if n in waveforms]
     return [
-        _Row(plain_text(place_words(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit))
+        _Row(
+            plain_text(place_label_of(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit)
+        )
         for group, mark, n in rows
     ]
 

@@ -25,7 +25,7 @@ _OUTPUTS_OF_ROWS = (
     "SP", "DP", "MAP", "right_atrial_pressure", "MPAP", "PCWP", "systemic_flow", "CO", "PF",
     "ejection_fraction_lv",
 )  # fmt: skip
-_WIDTH_OF_PIPES = 120
+_WIDTH_WITHOUT_TERMINAL = 120
 _GROUPS = (
     ("Arteries", ("SP", "DP", "MAP", "pulse_pressure")),
     ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO", "bronchial_flow")),
@@ -89,7 +89,7 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
     """
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else _WIDTH_OF_PIPES
+    width = None if sys.stdout.isatty() else _WIDTH_WITHOUT_TERMINAL
     console = Console(width=width, highlight=False)
     console.print(
         _side_by_side(results, changes) if len(results) <= _MOST_COLUMNS else _table_of_rows(results)
