@@ -80,7 +80,7 @@ def test_what_is_shown_at_the_start_is_what_the_case_says_in_its_units():
 
 
 def test_one_pool_decays_as_its_exponential(monkeypatch):
-    monkeypatch.setitem(module.BETWEEN_POOLS, "urea", 0.0)
+    monkeypatch.setitem(module.POOL_TRANSFER_ML_MIN, "urea", 0.0)
     values = settings(urea_generation_mmol_h=12.0)
     volume, cleared, made = 35000.0 / 3.0, 30.0 * 60.0, 12.0
     end = 1e3 * made / cleared

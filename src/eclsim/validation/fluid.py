@@ -247,10 +247,10 @@ def _person(age: float, rate: float, reflex: str | None = None, **sections: obje
 
 
 @lru_cache(maxsize=4)
-def dialysed(coefficient: float, near_share: float = 1.0) -> Patient:
+def dialysed(coefficient: float, pericapillary_share: float = 1.0) -> Patient:
     """A patient of the dialysis unit, 1.6 L overloaded."""
     blood = {"haematocrit": 0.33, "plasma_protein_g_dl": 6.8, "filtration_ml_min_mmHg": coefficient,
-             "pericapillary_share": near_share}  # fmt: skip
+             "pericapillary_share": pericapillary_share}  # fmt: skip
     plain = _person(60.0, 75.0, fluid=blood).values["fluid.interstitial_volume_ml"]
     overloaded = blood | {"interstitial_volume_ml": plain + 1600.0}
     return Patient(_person(60.0, 75.0, "heldt2004", fluid=overloaded))
@@ -269,7 +269,7 @@ def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
     The interstitium's oncotic pressure is that of its mean, as in the source.
     """
     settings = _arrays(patient.model.values)
-    law = replace(fluid_law(patient.model.circuit, patient.model.values), layered=False)
+    law = replace(fluid_law(patient.model.circuit, patient.model.values), has_pericapillary_layer=False)
     _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     last = {name: values[-1:] for name, values in states.items()}
