@@ -39,12 +39,12 @@ def _read(measures: BeatMeasures, reading: Reading) -> Numbers:
 
 
 def _use(measures: BeatMeasures) -> Numbers:
-    from eclsim.regulation.effects import reflex_of, use_law
+    from eclsim.regulation.effects import reflex_of, reflex_use_law
 
     control = reflex_of(measures.circuit)
     assert control is not None  # the output exists where there is one
     return measures.apply(
-        use_law(control), [measures.mean("Pao"), *map(measures.parameter, (SET_POINT, GAIN))]
+        reflex_use_law(control), [measures.mean("Pao"), *map(measures.parameter, (SET_POINT, GAIN))]
     )[0]
 
 
