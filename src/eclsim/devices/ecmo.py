@@ -891,11 +891,13 @@ def _without_exhaust_gas(
     sweep = values.get(names.parameter("ecmo.sweep_l_min"), 0.0)
     if gained is None or removed is None:
         return []
-    from eclsim.components.exchangers import FLOWMETER_TO_STPD, USED_UP
+    from eclsim.components.exchangers import FLOWMETER_TO_STPD, USED_UP_SHARE
 
     brought = 1000.0 * FLOWMETER_TO_STPD * sweep
     left = brought - gained + removed
-    if not (gained > 0.5 * brought > SMALLEST_EXHAUST and left < max(USED_UP * brought, SMALLEST_EXHAUST)):
+    if not (
+        gained > 0.5 * brought > SMALLEST_EXHAUST and left < max(USED_UP_SHARE * brought, SMALLEST_EXHAUST)
+    ):
         return []
     text = (
         f"the blood of the {names.label} takes up nearly all of its sweep gas ({gained:.0f} of "

@@ -19,7 +19,7 @@ from jax import Array
 
 from eclsim.circuit.network import Choice, Circuit, Compartment, Exchange, sites_of
 from eclsim.components.base import Values, names_in, value_of
-from eclsim.components.exchangers import ENTERING, GasExchanger, NativeLung, Tissue
+from eclsim.components.exchangers import INLET_WEIGHTS, GasExchanger, NativeLung, Tissue
 from eclsim.components.vessels import ElasticVessel, Resistance
 from eclsim.gas.steady import GasState, Samples, SearchResult, solve
 from eclsim.gas.transport import Drainage, Flows, HeldBlood, Mixtures, balanced, mixtures
@@ -315,7 +315,7 @@ def _stores(exchange: Exchange) -> bool:
 def _entered(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
     """Exchanges whose first point is the blood that enters: their number, and that of the point."""
     first = np.cumsum([0, *(law.points for law in laws)]).tolist()
-    return [(k, first[k]) for k, law in enumerate(laws) if law.collocation[1] is ENTERING]
+    return [(k, first[k]) for k, law in enumerate(laws) if law.collocation[1] is INLET_WEIGHTS]
 
 
 def lungs_of(circuit: Circuit) -> tuple[Exchange, ...]:
