@@ -297,11 +297,11 @@ def sweep_order(circuit: Circuit) -> tuple[int, ...]:
     order: list[int] = []
     for group in sorted(groups, key=lambda g: (-len(groups[g]), g)):
         inside = {name for name, of in own.items() if of == group}
-        order += [place[name] for name in _with_the_flow(groups[group], inside)]
+        order += [place[name] for name in _in_flow_order(groups[group], inside)]
     return tuple(order)
 
 
-def _with_the_flow(connections: dict[str, Connection], inside: set[str]) -> list[str]:
+def _in_flow_order(connections: dict[str, Connection], inside: set[str]) -> list[str]:
     """Names of the connections of a group, each behind one that ends where it begins if there is one."""
     ends = {name: set(sites_of(c.target)) & inside for name, c in connections.items()}
     begins = {name: set(sites_of(c.source)) & inside for name, c in connections.items()}

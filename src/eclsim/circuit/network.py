@@ -319,7 +319,10 @@ class Circuit:
         ]
         lines = ["compartments", *stores, "connections", *paths]
         if self.controllers:
-            lines += ["controllers", *(f"  {c.name:<12} {c.group:<8} {_wiring(c)}" for c in self.controllers)]
+            lines += [
+                "controllers",
+                *(f"  {c.name:<12} {c.group:<8} {_reads_and_acts_on(c)}" for c in self.controllers),
+            ]
         if self.exchanges:
             lines += [
                 "exchanges",
@@ -464,6 +467,6 @@ def site_text(site: Site) -> str:
     return f"{{{' | '.join(site.sites)} by {site.parameter}}}" if isinstance(site, Choice) else site
 
 
-def _wiring(control: Control) -> str:
+def _reads_and_acts_on(control: Control) -> str:
     """What a controller reads and acts on, for print."""
     return f"{', '.join(map(str, control.reads))} -> {', '.join(control.acts_on)}  {control.component}"
