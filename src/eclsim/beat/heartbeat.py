@@ -63,7 +63,7 @@ class Linearised(NamedTuple):
     around: list[Number]
 
 
-class Tables(NamedTuple):
+class StepTables(NamedTuple):
     """What differs from step to step; along the first axes blocks and steps.
 
     Attributes:
@@ -136,19 +136,19 @@ class BeatProgram:
         given, constants, period = self._in_effect(state, packed)
         recorder, readings = Recorder(self.assembly, signals), Readings(self.assembly)
 
-        def block(carry: Carry, inputs: tuple[Number, Tables]) -> tuple[Carry, jax.Array | None]:
+        def block(carry: Carry, inputs: tuple[Number, StepTables]) -> tuple[Carry, jax.Array | None]:
             length, tables = inputs
             steps = self._step_constants(GAMMA * period * length, constants)
 
-            def step(carry: Carry, now: Tables) -> tuple[Carry, jax.Array | None]:
+            def step(carry: Carry, now: StepTables) -> tuple[Carry, jax.Array | None]:
                 volumes, flows, means = self._step(carry, now.activations, steps, constants)
                 moment = Moment(volumes, flows, now.activations[1], constants, period, means)
                 picked = recorder.pick(moment)
-                gathered = readings.gathered(carry.readings, moment, now.readings)
+                updated = readings.updated(carry.readings, moment, now.readings)
                 if now.weights is None:
-                    return Carry(volumes, flows, carry.sums, gathered), picked
+                    return Carry(volumes, flows, carry.sums, updated), picked
                 sums = [total + now.weights[k] * picked[k] for k, total in enumerate(carry.sums)]
-                return Carry(volumes, flows, sums, gathered), None
+                return Carry(volumes, flows, sums, updated), None
 
             return jax.lax.scan(step, carry, tables)
 
@@ -156,7 +156,7 @@ class BeatProgram:
         zero = jnp.zeros_like(volumes[0])
         sums: list[Number] = [] if weights is None else [zero] * len(signals)
         inputs = jnp.asarray(self.grid.block_steps), self._tables(weights, readings)
-        carry = Carry(volumes, flows, sums, readings.none(zero))
+        carry = Carry(volumes, flows, sums, readings.initial(zero))
         carry, recorded = jax.lax.scan(block, carry, inputs)
         following = self.assembly.next_control_states(state, carry.readings, period, given)
         inertial = (carry.flows[j] for j in self.assembly.inertial)
@@ -193,11 +193,11 @@ class BeatProgram:
         curves = [a.at(stages, np) for a in self.assembly.activations]
         return np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
 
-    def _tables(self, weights: States | None, readings: Readings) -> Tables:
+    def _tables(self, weights: States | None, readings: Readings) -> StepTables:
         """What differs from step to step, in blocks of steps."""
         blocks, activations = (len(self.grid.block_steps), STEPS_PER_BLOCK), self._activations
         of_readings = readings.weights(np.diff(self.grid.phases))
-        return Tables(
+        return StepTables(
             jnp.asarray(activations.reshape(*blocks, *activations.shape[1:])),
             None if weights is None else weights.reshape(*blocks, weights.shape[1]),
             None if of_readings is None else jnp.asarray(of_readings.reshape(*blocks, -1)),
@@ -283,11 +283,11 @@ class BeatProgram:
         """Solve V = base_v + k dV/dt, Q = base_q + k dQ/dt for volumes and flows."""
         assembly = self.assembly
         flows = list(guess)
-        volumes = self._moved(base_v, flows, steps, constants)
+        volumes = self._volumes_after(base_v, flows, steps, constants)
         first = self._linearised(volumes, activations, steps, constants)
         for j in assembly.sweep:
             self._solve(j, flows, first, base_q, steps, constants)
-        volumes = self._moved(base_v, flows, steps, constants)
+        volumes = self._volumes_after(base_v, flows, steps, constants)
         again = self._linearised(volumes, activations, steps, constants)
         fixed = (c.component.constant_stiffness for c in assembly.circuit.compartments)
         both = zip(first.pressures, again.pressures, fixed, strict=True)
@@ -295,7 +295,7 @@ class BeatProgram:
         for j in assembly.sweep:
             if assembly.touches_chamber(j):
                 self._solve(j, flows, again, base_q, steps, constants)
-        return self._moved(base_v, flows, steps, constants), flows
+        return self._volumes_after(base_v, flows, steps, constants), flows
 
     def _solve(
         self,
@@ -349,7 +349,7 @@ class BeatProgram:
         outlets = self.assembly.outlets(volumes, constants)
         return Linearised(pressures, loads, outlets, [steps.weight * slope for _, slope in around])
 
-    def _moved(
+    def _volumes_after(
         self, base: Sequence[Number], flows: Sequence[Number], steps: StepConstants, constants: Constants
     ) -> list[Number]:
         """Volumes after the flows have run for the stage's weight."""
