@@ -13,7 +13,7 @@ from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_o
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, say, warn
 from eclsim.cli.destination import Destinations, Target, explaining_resume, reporting_write_errors
 from eclsim.cli.options import Distributed, argument, option
-from eclsim.paper.reproduction import USUAL_EXPLORE
+from eclsim.paper.reproduction import DEFAULT_EXPLORE
 
 if TYPE_CHECKING:
     from eclsim.cases import Case
@@ -79,7 +79,7 @@ class CrrtStudyOptions(Distributed):
         None, "Write report.html, study.json, study.nc, CSV tables and SVG figures here.", metavar="DIR"
     )
     explore: int = option(
-        USUAL_EXPLORE,
+        DEFAULT_EXPLORE,
         "Parameter sets explored per free parameter in the fits of COHORT.csv; `eclsim identify` uses 1000.",
         minimum=2,
     )

@@ -19,7 +19,7 @@ from eclsim.cli.destination import (
     write_json_output,
 )
 from eclsim.cli.options import Distributed, argument, option
-from eclsim.paper.reproduction import INDEX, PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
+from eclsim.paper.reproduction import DEFAULT_EXPLORE, DEFAULT_SAMPLES, INDEX, PARTS, ReproductionSettings
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -41,10 +41,10 @@ class ReproduceOptions(Distributed):
         metavar="LIST",
     )
     samples: int = option(
-        USUAL_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper uses 2048.", minimum=2
+        DEFAULT_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper uses 2048.", minimum=2
     )
     explore: int = option(
-        USUAL_EXPLORE,
+        DEFAULT_EXPLORE,
         "Parameter sets explored per free parameter in the fits of the cohort; `eclsim identify` uses 1000.",
         minimum=2,
     )
