@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.sections import sections
 from eclsim.devices.registry import devices
-from eclsim.inputs.files import decoded, read_bytes, refused
+from eclsim.inputs.files import decoded, file_error, read_bytes
 from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.units import MMHG_PER_KPA, known_unit
 
@@ -62,16 +62,18 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     data = read_bytes(file, MAXIMUM_BYTES, "a table", "split the file")
     lines = decoded(data, file, "text in UTF-8 (in Excel: CSV UTF-8)")
     if not lines.strip():
-        raise refused(file, "empty: no patients")
+        raise file_error(file, "empty: no patients")
     lines, delimiter = _delimited(lines)
     if not lines.strip():
-        raise refused(file, "the first line says how columns are separated, and nothing follows: no patients")
+        raise file_error(
+            file, "the first line says how columns are separated, and nothing follows: no patients"
+        )
     table = Table(file, [], [], hashlib.sha256(data).hexdigest())
     if delimiter != ",":
         table.notes.append(Mistake("", f"columns are separated by {_DELIMITERS[delimiter]}", file=file))
     _read_rows(lines, delimiter, table)
     if not table.rows and not table.mistakes:
-        raise refused(file, "the first line is the header, and no rows follow: no patients")
+        raise file_error(file, "the first line is the header, and no rows follow: no patients")
     return table
 
 
@@ -104,16 +106,20 @@ def _read_rows(text: str, delimiter: str, table: Table) -> None:
             if not table.header:
                 table.header = [cell.strip() for cell in cells]
                 if len(cells) > MAXIMUM_COLUMNS:
-                    raise refused(table.file, f"{len(cells)} columns", f"at most {MAXIMUM_COLUMNS} columns")
+                    raise file_error(
+                        table.file, f"{len(cells)} columns", f"at most {MAXIMUM_COLUMNS} columns"
+                    )
                 continue
             if len(table.rows) == MAXIMUM_ROWS:
-                raise refused(table.file, "too many rows", f"at most {MAXIMUM_ROWS:,} rows; split the file")
+                raise file_error(
+                    table.file, "too many rows", f"at most {MAXIMUM_ROWS:,} rows; split the file"
+                )
             table.rows.append((line, cells))
     except csv.Error as error:
         unclosed = "unexpected end" in str(error)
         message = "a quote that is opened here is never closed" if unclosed else f"no valid CSV: {error}"
         if not table.header:
-            raise refused(table.file, message) from None
+            raise file_error(table.file, message) from None
         table.mistakes.append(
             Mistake("", f"{message}; rows from here on are not read", file=table.file, line=begins)
         )

@@ -9,7 +9,7 @@ from typing import Literal
 
 from eclsim.parameters.parameter import Parameter
 
-_NONE: Mapping[str, str] = MappingProxyType({})
+_NO_ALIASES: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Field:
     required: bool = True
     may_be_missing: bool = False
     names: tuple[str, ...] = ()
-    aliases: Mapping[str, str] = field(default_factory=lambda: _NONE)
+    aliases: Mapping[str, str] = field(default_factory=lambda: _NO_ALIASES)
     also_allowed: str = ""
     least: float = 0.0
     name: str = ""
@@ -70,7 +70,11 @@ def number(
 
 
 def one_of(
-    description: str, names: tuple[str, ...], *, aliases: Mapping[str, str] = _NONE, required: bool = True
+    description: str,
+    names: tuple[str, ...],
+    *,
+    aliases: Mapping[str, str] = _NO_ALIASES,
+    required: bool = True,
 ) -> Field:
     """One of some names."""
     return Field(description, "name", names=names, aliases=aliases, required=required)
