@@ -16,7 +16,7 @@ from eclsim.cases.settings import put_in
 from eclsim.circuit.volumes import start_volume
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
-from eclsim.parameters.fluid import FOLLOWED
+from eclsim.parameters.fluid import SOLUTES_FOLLOWED
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS, EXTRA_VOLUME, UNSTRESSED
 from eclsim.slow import INFLOWS
 
@@ -112,7 +112,7 @@ class Timeline:
 
     def values_of(self, case: Case, overrides: Mapping[str, float]) -> dict[str, float]:
         """Parameters of a case, some overridden; of solutes only stores where it has none."""
-        unfollowed = {} if self.case.solutes else {FOLLOWED: 0.0}
+        unfollowed = {} if self.case.solutes else {SOLUTES_FOLLOWED: 0.0}
         return {**values_of(case), **unfollowed, **overrides}
 
     @cached_property

@@ -28,7 +28,7 @@ from eclsim.components.dialysis import (
 )
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, blood_at_start
-from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, SOLUTES, STORES_HOLD
+from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, FCELLS, HAEMATOCRIT, SOLUTES
 from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
 EXTRACELLULAR_SHARE = 1.0 / 3.0
@@ -293,7 +293,7 @@ class CarbonDioxideLaw(SlowLaw):
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
         held = _pressure if self.every_beat else _of_blood
         own = {_pressure(name): states[held(name)] for name, _ in self.tissues}
-        return own | {STORES_HOLD: np.ones_like(next(iter(own.values())))}
+        return own | {CARBON_DIOXIDE_STORES_HOLD: np.ones_like(next(iter(own.values())))}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
         quantities: dict[str, np.ndarray] = {}
@@ -345,7 +345,7 @@ def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tu
     tissues = tuple(
         (e.name, e.component.share)
         for e in circuit.exchanges
-        if isinstance(e.component, Tissue) and e.component.held == STORES_HOLD
+        if isinstance(e.component, Tissue) and e.component.held == CARBON_DIOXIDE_STORES_HOLD
     )
     return (CarbonDioxideLaw(tissues, solutes),) if tissues else ()  # pyright: ignore[reportArgumentType]  # one share
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from eclsim.units import quantity_of
 
-RANGE = math.log(100.0)
+DEFAULT_LOG_RANGE = math.log(100.0)
 """What the allowed range of a parameter on a linear scale is long in its coordinate."""
 
 
@@ -69,7 +69,7 @@ class Parameter:
     @property
     def linear_unit(self) -> float:
         """The change that stands for 100 % where a share of the value says nothing; else 0."""
-        return (self.maximum - self.minimum) / RANGE if self.is_linear else 0.0
+        return (self.maximum - self.minimum) / DEFAULT_LOG_RANGE if self.is_linear else 0.0
 
     def varied(self, value: float, share: float) -> tuple[float, float]:
         """Range of an analysis around a value; `share` is its half width as a share of it, such as 0.25."""

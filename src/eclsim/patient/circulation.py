@@ -47,7 +47,7 @@ from eclsim.components import (
     VentricularSystole,
 )
 from eclsim.components.base import Key
-from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
+from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, SOLUTES
 from eclsim.parameters.physiology import BRONCHIAL, CAVAL_BLOOD, CAVAL_SHARE, SECTION, VALVES
 from eclsim.patient import regional
 from eclsim.patient.sites import DRAINED
@@ -166,7 +166,7 @@ def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circu
     for name, (at, share) in places.items():
         law = Tissue(share=share)
         if stores:
-            law = replace(law, held=STORES_HOLD, stored=f"{SOLUTES}.{name}_pco2_mmHg")
+            law = replace(law, held=CARBON_DIOXIDE_STORES_HOLD, stored=f"{SOLUTES}.{name}_pco2_mmHg")
         tissues.append(Exchange(name, law, at))
     return Circuit(exchanges=(*tissues, Exchange("lung", NativeLung(), "part")))
 
@@ -254,7 +254,7 @@ def with_collapsible_veins(circuit: Circuit) -> Circuit:
     return replace(circuit, compartments=tuple(stores), connections=tuple(paths))
 
 
-def _share_of_key(total: Key, share: Key) -> Scaled:
+def _scaled(total: Key, share: Key) -> Scaled:
     """A share of a key that may be a share itself."""
     return replace(total, by=(*total.by, share)) if isinstance(total, Scaled) else Scaled(total, (share,))
 
@@ -267,13 +267,13 @@ def _split_vein(vein: Compartment, path: Connection) -> tuple[Compartment, Compa
     assert vein.total_fraction is not None
     divided = replace(
         vein,
-        component=replace(law, compliance=_share_of_key(law.compliance, Complement(CAVAL_SHARE))),
-        total_fraction=_share_of_key(vein.total_fraction, Complement(CAVAL_BLOOD)),
+        component=replace(law, compliance=_scaled(law.compliance, Complement(CAVAL_SHARE))),
+        total_fraction=_scaled(vein.total_fraction, Complement(CAVAL_BLOOD)),
     )
     regions = law.compliance.by if isinstance(law.compliance, Scaled) else ()
     cava = CollapsibleVein(
-        _share_of_key(law.compliance, CAVAL_SHARE), Scaled("caval_rest_volume_ml", regions), "caval_collapse_mmHg",
-        _share_of_key(inlet.ohmic, _RESISTANCE), PUBLISHED_VENOUS_MMHG,
+        _scaled(law.compliance, CAVAL_SHARE), Scaled("caval_rest_volume_ml", regions), "caval_collapse_mmHg",
+        _scaled(inlet.ohmic, _RESISTANCE), PUBLISHED_VENOUS_MMHG,
     )  # fmt: skip
     return divided, Compartment(DRAINED[vein.name], cava, start=vein.start)
 
@@ -281,6 +281,6 @@ def _split_vein(vein: Compartment, path: Connection) -> tuple[Compartment, Compa
 def _split_outlet(path: Connection) -> tuple[Connection, Connection]:
     """From the veins into the vena cava, and from there to where the veins led."""
     assert isinstance(path.component, Resistance)
-    inlet = Resistance(_share_of_key(path.component.ohmic, Complement(_RESISTANCE)))
+    inlet = Resistance(_scaled(path.component.ohmic, Complement(_RESISTANCE)))
     cava = DRAINED[path.name]
     return replace(path, component=inlet, target=cava), Connection(cava, Resistance(0.0), cava, path.target)
