@@ -19,7 +19,7 @@ from eclsim.files import whole_file
 
 Result = TypeVar("Result")
 _NOT_COMPARED = ("hash", "samples", "warnings")
-_NAMED = 5
+_MOST_NAMED = 5
 
 
 class ExecutionError(RuntimeError):
@@ -122,8 +122,8 @@ class TaskFolder(Generic[Result]):
         before = {key: value for key, value in present.items() if key not in _NOT_COMPARED}
         if before != self.inputs:
             changed = _differences(before, self.inputs)
-            shown = "; ".join(changed[:_NAMED]) + (
-                f" and {len(changed) - _NAMED} more" * (len(changed) > _NAMED)
+            shown = "; ".join(changed[:_MOST_NAMED]) + (
+                f" and {len(changed) - _MOST_NAMED} more" * (len(changed) > _MOST_NAMED)
             )
             text = "cannot be continued, its results were computed from other inputs"
             raise ExecutionError(f"{place}: {text} ({shown}); choose another folder, or --force starts anew")
@@ -161,12 +161,12 @@ class TaskFolder(Generic[Result]):
     def read(self, path: Path, read: Callable[[Path], tuple[Result, str]], mark: str = "") -> Result:
         """Results in a file, if they are of these inputs and of the task of a mark, if there is one."""
         try:
-            result, found = read(path)
+            result, found_mark = read(path)
         except (OSError, ValueError, KeyError, TypeError) as error:
             text = f"truncated or edited ({str(error).splitlines()[0]})"
             raise ExecutionError(f"{path}: {text}; take it away and it is computed again") from error
-        if found != (mark or self.fingerprint):
-            other = "task, under a wrong name" if found.startswith(self.fingerprint) else "analysis"
+        if found_mark != (mark or self.fingerprint):
+            other = "task, under a wrong name" if found_mark.startswith(self.fingerprint) else "analysis"
             raise ExecutionError(f"{path}: of another {other}; take it away or choose another folder")
         return result
 

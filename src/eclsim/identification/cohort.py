@@ -195,7 +195,7 @@ def fit_points(
     """The fitted cases of a table; of a shard, those of its own groups."""
     tasks = fit_tasks(reading.points, settings, reading.digest)
     place = None if folder is None else folder / GROUPS
-    results = executor.completed_here(tasks, place, _FORMAT, progress)
+    results = executor.completed_by_this_shard(tasks, place, _FORMAT, progress)
     cases, misfits, not_fitted = {}, {}, {}
     for number, fits in results.items():
         for point, fit in zip(tasks.arguments[number], fits, strict=True):

@@ -111,7 +111,7 @@ def reproduce(
             "cohort": lambda at: reproduce_cohort(at, chosen.cohort, chosen.explore, executor, progress),
         }
         names = [name for name in long_parts if name in parts]
-        results = executor.each([partial(long_parts[name], folder / name) for name in names])
+        results = executor.run_each([partial(long_parts[name], folder / name) for name in names])
     compared: dict[str, Any] = dict.fromkeys(long_parts) | dict(zip(names, results, strict=True))
     return Reproduction(reproduce_crrt(progress), tables=tuple(table_rows()), **compared)
 

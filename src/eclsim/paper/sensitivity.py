@@ -102,7 +102,7 @@ def reproduce_circulation(
 
     woman, man = healthy_parameters_case(False), healthy_parameters_case(True)
     analyses = [partial(run, "assumed", woman), *(partial(run, "average", man, s) for s in ("", *TARGETS))]
-    assumed, average, *others = executor.each(analyses)
+    assumed, average, *others = executor.run_each(analyses)
     states = dict(zip(TARGETS, others, strict=True))
     rows = (*_table_2(assumed.indices, average.indices), *_statements(assumed, average, states))
     return CirculationComparison(rows, assumed, average, states, samples)
@@ -274,7 +274,7 @@ def reproduce_positions(
             progress=lambda p: progress(f"{title}: {p.done} of {p.total} blocks"),
         )  # fmt: skip
 
-    designed, drawn = executor.each((
+    designed, drawn = executor.run_each((
         partial(run, plan, "designed", "sensitivity to the CRRT's positions"),
         partial(run, redrawn, "drawn", "the same, positions drawn over the design"),
     ))  # fmt: skip
