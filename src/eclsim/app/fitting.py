@@ -274,10 +274,10 @@ def in_page_words(reason: Mapping[str, Any]) -> dict[str, Any]:
     sentence = reason["sentence"]
     for option, key in _OPTIONS:
         sentence = sentence.replace(option, text(key))
-    elsewhere = text("fit_option_elsewhere")
+    instead = text("fit_option_elsewhere")
 
-    def words(found: re.Match[str]) -> str:
-        return elsewhere if found[0].startswith("(") else elsewhere.strip("()")
+    def words(match: re.Match[str]) -> str:
+        return instead if match[0].startswith("(") else instead.strip("()")
 
     return {**reason, "sentence": with_minus(_OPTION.sub(words, sentence))}
 

@@ -106,8 +106,8 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
 
 def impossible_among(moment_findings: Sequence[Sequence[Finding]]) -> xr.Variable:
     """At which moments a chamber is without blood or a vein sucked shut, as no patient is; `IMPOSSIBLE`."""
-    found = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
-    return variable(TIME, np.array(found, dtype=int))
+    collapses = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
+    return variable(TIME, np.array(collapses, dtype=int))
 
 
 def impossible_moments(result: xr.Dataset) -> np.ndarray:

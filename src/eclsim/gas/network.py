@@ -159,7 +159,7 @@ class FlowFunction:
         parameters: that come next.
         compute: the function, from an array (numbers,) to an array of what it gives.
         key: what tells it from all others.
-        without_search: the same from the numbers and what `compute` has given, without its search; for
+        without_search: the same from the numbers and the results of `compute`, without its search; for
             derivatives.
     """
 
@@ -258,8 +258,8 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         status = _status(exchanges, state, values)
         # A tissue may be without oxygen for some time, which no steady state has.
         valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
-        found = [] if in_time else [*state.pressure, state.ph, state.error[None]]
-        return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *found])
+        unknowns_of_search = [] if in_time else [*state.pressure, state.ph, state.error[None]]
+        return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *unknowns_of_search])
 
     key = ("gas", circuit, law, in_time)
     without_search = None if in_time else compute
@@ -267,7 +267,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
 
 
 def _known(unknowns: Array, points: int) -> SearchResult:
-    """What a search has found, from what `gas_of` gives of it."""
+    """End of a search, from the unknowns that `gas_of` returns with its results."""
     pressure, ph, error = unknowns[: 2 * points].reshape(2, points), unknowns[2 * points : -1], unknowns[-1]
     return SearchResult(pressure, ph, jnp.zeros((), dtype=int), error)
 

@@ -495,9 +495,9 @@ def predict(
     values = np.where(impossible, np.nan, beat.values).T[:, : len(outputs)]
     intervals = np.full((len(outputs), 3), np.nan)
     for column, interval in zip(values.T, intervals, strict=True):
-        found = column[np.isfinite(column)]
-        if len(found):
-            interval[:] = weighted_quantile(found, np.ones(len(found)), QUANTILES)
+        finite_values = column[np.isfinite(column)]
+        if len(finite_values):
+            interval[:] = weighted_quantile(finite_values, np.ones(len(finite_values)), QUANTILES)
     return Prediction(
         settings, outputs, values, intervals, float(1.0 - beat.determined.mean()),
         float((beat.without_gases & ~impossible).mean()), starved=_starved_share(beat, read, drawn),

@@ -175,11 +175,11 @@ class _Search(Generic[Beat]):
         place, residual, begin = self.place[:, members], self.residual[:, members], self._begin(members)
         trying = np.arange(len(members))
         for _ in range(1 + HALVINGS):
-            who = members[trying]
-            batch = self._batch_at(place[:, trying] + step[:, trying], who)
+            tried = members[trying]
+            batch = self._batch_at(place[:, trying] + step[:, trying], tried)
             beat, after = self._residual_at(batch, begin.take(trying))
-            self.beat = beat if len(who) == self.batch.count else None
-            self._store(who, beat.orbits, place[:, trying] + step[:, trying], after)
+            self.beat = beat if len(tried) == self.batch.count else None
+            self._store(tried, beat.orbits, place[:, trying] + step[:, trying], after)
             change[:, trying] = after - residual[:, trying]
             trying = trying[~np.isfinite(after).all(axis=0)]
             if not len(trying):

@@ -265,12 +265,12 @@ def of_size(limits: Iterable[Limit], values: Mapping[str, float]) -> list[Limit]
         return list(limits)
     assert height is not None
     assert weight is not None
-    said = {
+    patient_limits = {
         "warning": (own[0], f"{_RANUCCI}, with the {body_surface(height, weight):.2f} m2 of this patient"),
         "alarm": (own[1], f"{_RONCO}, with the {weight:g} kg of this patient"),
     }
     return [
-        replace(limit, value=said[limit.kind][0], source=said[limit.kind][1])
+        replace(limit, value=patient_limits[limit.kind][0], source=patient_limits[limit.kind][1])
         if limit.quantity == "DO2"
         else limit
         for limit in limits

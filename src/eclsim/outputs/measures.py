@@ -101,8 +101,8 @@ class Measures:
         tables = {"": waves, RATE: rates}
         for kind, sign in (("maximum", 1.0), ("minimum", -1.0)):
             points = self._cubic(sign * waves, sign * rates, np.argmax(sign * waves[:-1], axis=0))
-            found = sum(weight * _at(tables[of], index) for of, index, weight in points)
-            for name, values in zip(names, np.split(found, len(names)), strict=True):
+            extremes = sum(weight * _at(tables[of], index) for of, index, weight in points)
+            for name, values in zip(names, np.split(extremes, len(names)), strict=True):
                 self._cache[kind, name] = values
 
     def maximum(self, name: str) -> Numbers:

@@ -119,12 +119,12 @@ def simulate_many(
     start = model.values if nominal_values(model.circuit) is None else None
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(batch, outputs, waveforms=watched, options=options, start=start, execution=execution)
-    said = [beat.findings(k) for k in range(count)]
+    member_findings = [beat.findings(k) for k in range(count)]
     data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
     data["status"] = ("member", [Status(int(status)).word for status in beat.status])
     data["message"] = ("member", [beat.message(k) for k in range(count)])
-    data["warnings"] = ("member", ["\n".join(sentences(one)) for one in said])
-    data["impossible"] = ("member", [int(impossible(one)) for one in said])
+    data["warnings"] = ("member", ["\n".join(sentences(one)) for one in member_findings])
+    data["impossible"] = ("member", [int(impossible(one)) for one in member_findings])
     data["beats"] = ("member", beat.orbits.beats)
     if beat.of_gases:
         data["gas_status"] = ("member", [GasStatus(int(status)).word for status in beat.gas_status])

@@ -61,12 +61,12 @@ def apnoea(fio2: float, **gas: float) -> xr.Dataset:
 
 def time_to(beats: xr.Dataset, saturation: float) -> float:
     """Minutes until the arterial saturation [%] has fallen to a value; NaN where it has not."""
-    time, found = beats["time_min"].to_numpy(), beats["SaO2"].to_numpy()
-    below = np.flatnonzero(found <= saturation)
+    time, oxygen_saturation = beats["time_min"].to_numpy(), beats["SaO2"].to_numpy()
+    below = np.flatnonzero(oxygen_saturation <= saturation)
     if not len(below):
         return float("nan")
     k = int(below[0])
-    return float(np.interp(-saturation, -found[k - 1 : k + 1], time[k - 1 : k + 1]))
+    return float(np.interp(-saturation, -oxygen_saturation[k - 1 : k + 1], time[k - 1 : k + 1]))
 
 
 def fall(beats: xr.Dataset) -> float:

@@ -311,12 +311,12 @@ def drugs_check() -> Check:
 def _explained(arm: Arm) -> list[Row]:
     """Rows of an arm, each with the first of its experiments in which it holds, else the last."""
     tried = REASONS.get(f"{arm.study} {arm.arm}", ())
-    found = [_arm_rows(arm, one.done(patient_of(arm))) for one in tried]
+    rows_of_experiments = [_arm_rows(arm, one.done(patient_of(arm))) for one in tried]
     rows = _arm_rows(arm, patient_of(arm))
     for k, row in enumerate(rows):
         reasons = [
             Explanation(one.words, (shown[k],), one.undecided)
-            for one, shown in zip(tried, found, strict=True)
+            for one, shown in zip(tried, rows_of_experiments, strict=True)
         ]
         if reasons:
             best = next((reason for reason in reasons if reason.holds), reasons[-1])
@@ -377,9 +377,11 @@ def _noradrenaline_reduced() -> list[Row]:
     def change(values: np.ndarray, first: int) -> float:
         return 100.0 * float(values[first + 1] / values[first] - 1.0)
 
-    def persichini(found: Measured, explanation: Explanation | None = None) -> Row:
-        return Row("Persichini 2012: mean systemic pressure (test)", change(found["Pms"], 2), -32.0, -11.0,
-                   "%", -21.2, explanation, f"{PERSICHINI}; 2 standard errors of 12 and 10 mmHg")  # fmt: skip
+    def persichini(pressures: Measured, explanation: Explanation | None = None) -> Row:
+        return Row(
+            "Persichini 2012: mean systemic pressure (test)", change(pressures["Pms"], 2), -32.0, -11.0, "%",
+            -21.2, explanation, f"{PERSICHINI}; 2 standard errors of 12 and 10 mmHg",
+        )  # fmt: skip
 
     def legs(high: int, explanation: Explanation | None = None) -> Row:
         return within("Adda 2021: rise of mean systemic pressure with raised legs, high over low dose (test)",

@@ -306,11 +306,13 @@ def _forces() -> list[Row]:
     ]
 
 
-def force_rows(found: Mapping[str, float]) -> list[Row]:
+def force_rows(computed: Mapping[str, float]) -> list[Row]:
     """What `driven` gives against the analysis of six studies."""
-    total = Row("force that drives refill, 1.7 L filtered (test)", found[""], 5.4, 20.3, "mmHg", source=LEE)
+    total = Row(
+        "force that drives refill, 1.7 L filtered (test)", computed[""], 5.4, 20.3, "mmHg", source=LEE
+    )
     return [total] + [
-        within(f"its share by the {name} (test)", share, found[name], spread, "%", source=LEE)
+        within(f"its share by the {name} (test)", share, computed[name], spread, "%", source=LEE)
         for name, share, spread in DRIVES
     ]
 
@@ -451,8 +453,8 @@ def _bled(reflex: str) -> list[Row]:
     for name, expected, spread, unit, source in MEASURED:
         label = f"{name}, {reflex} (test)"
         evidence = [
-            (words, within(f"{label}, experiment", expected, found[name], spread, unit))
-            for words, found in tried
+            (words, within(f"{label}, experiment", expected, computed[name], spread, unit))
+            for words, computed in tried
         ]
         words, shown = next((one for one in evidence if one[1].holds), evidence[-1])
         rows.append(

@@ -111,8 +111,8 @@ def _donors() -> Iterator[Row]:
         share = refilled(500.0, after) / 5.0
         yield within(f"500 mL: share refilled {label} (test)", expected, share, 20.0, "%",
                      source=CRYSTALLOID, explanation=unlike)  # fmt: skip
-    found = refilled(500.0) - 500.0
-    yield within("500 mL by carbon monoxide: blood volume as it ends (test)", -523.0, found, 100.0, "mL",
+    change = refilled(500.0) - 500.0
+    yield within("500 mL by carbon monoxide: blood volume as it ends (test)", -523.0, change, 100.0, "mL",
                  source=FALZ, explanation=unlike)  # fmt: skip
 
 
@@ -152,7 +152,7 @@ def _concentrated() -> Iterator[Row]:
     yield within("20 % albumin, 225 mL in 30 min: plasma gained (test)", 16.1, 100.0 * (plasma - 1.0),
                  2.0 * 6.5 / 12.0**0.5, "%", source=ALBUMIN_INFUSION)  # fmt: skip
     text = "lymph brings back too little protein, so too little leaves; with lymph_ml_min 6 the row holds"
-    for label, expected, spread, found, source in (
+    for label, expected, spread, compute, source in (
         (
             "45 g of albumin: what leaves in an hour, of what was given (test)",
             3.8,
@@ -162,8 +162,8 @@ def _concentrated() -> Iterator[Row]:
         ),
         ("protein of the plasma that leaves in an hour at rest (test)", 5.0, 2.0, _leak, ALBUMIN_LEAK),
     ):
-        shown = within(f"{label}, experiment", expected, found(drained), spread, "%/h")
-        yield within(label, expected, found(man), spread, "%/h", source=source,
+        shown = within(f"{label}, experiment", expected, compute(drained), spread, "%/h")
+        yield within(label, expected, compute(man), spread, "%/h", source=source,
                      explanation=Explanation(text, (shown,)))  # fmt: skip
 
 
