@@ -196,7 +196,7 @@ def slow() -> StubFitter:
     return StubFitter()
 
 
-def told_by(fitter, action) -> list:
+def messages_of(fitter, action) -> list:
     messages: list = []
     tell = lambda topic, data: messages.append((topic, data))  # noqa: E731
     session = StubSession()
@@ -205,8 +205,8 @@ def told_by(fitter, action) -> list:
     return messages
 
 
-def ended_with(told) -> tuple[str, str]:
-    topic, data = told[-1]
+def last_message_of(messages) -> tuple[str, str]:
+    topic, data = messages[-1]
     assert data["subject"] == subject_of(PageState(CASE))
     return topic, data["message"]
 
@@ -228,7 +228,7 @@ def test_another_patient_has_another_form_no_results_and_no_fit_that_runs(slow):
         one.follow()
         slow.may_end.set()
 
-    messages = told_by(slow, action)
+    messages = messages_of(slow, action)
     forms = [data for topic, data in messages if topic == "form"]
     assert [f["values"]["patient.id"] for f in forms] == [CASE.patient.id, "LVAD", CASE.patient.id]
     assert len({f["subject"] for f in forms}) == 2
@@ -249,8 +249,8 @@ def test_a_fit_that_the_browser_kept_is_used_by_a_server_that_does_not_know_it(s
         assert one.use(fit["link"])
         assert one.session.loaded[0].case == state_of(fit["link"]).case
 
-    told_by(slow, first)
-    told_by(slow, second)
+    messages_of(slow, first)
+    messages_of(slow, second)
     assert "3425 rpm" in fit["of"]
     assert CASE.patient.id in fit["of"]
 
@@ -275,7 +275,7 @@ def test_a_posterior_that_excludes_the_interval_of_the_fit_makes_it_a_poor_one(s
         assert (old.verdict, new.verdict) == ("good", "poor")
         assert one._fitted[subject_of(fitted)].verdict == "poor"
 
-    topic, data = told_by(slow, action)[-1]
+    topic, data = messages_of(slow, action)[-1]
     assert topic == "posterior_ended"
     assert data["judged"]["verdict"]["level"] == "poor"
     assert "POOR FIT" in data["judged"]["headline"]
@@ -294,7 +294,7 @@ def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
         assert fitted.origin == "fit"
         assert subject_of(fitted) == subject_of(one.session.state)  # whose measurements they were
 
-    messages = told_by(slow, action)
+    messages = messages_of(slow, action)
     assert len(slow.running) == 1
     assert [t for t, _ in messages].count("fit_ended") == 1
     assert any(t == "fit_progress" for t, _ in messages)
@@ -317,7 +317,7 @@ def test_the_posterior_belongs_to_the_fitted_patient(slow):
         key = one.session.loaded[0].posterior
         assert one.bands.members(key).base == {"Rmc": 0.9}
 
-    topics = told_by(slow, action)
+    topics = messages_of(slow, action)
     assert topics[-1][0] == "posterior_ended"
     assert topics[-1][1]["posterior"]["trusted"]
 
@@ -334,7 +334,7 @@ def test_a_posterior_can_be_cancelled(slow):
         assert not one.running
         slow.may_end.set()
 
-    assert ended_with(told_by(slow, action)) == ("posterior_ended", identify.text("fit_cancelled"))
+    assert last_message_of(messages_of(slow, action)) == ("posterior_ended", identify.text("fit_cancelled"))
 
 
 def test_cancel_frees_the_page_at_once(slow):
@@ -347,8 +347,8 @@ def test_cancel_frees_the_page_at_once(slow):
         assert not one.use()
         slow.may_end.set()
 
-    messages = told_by(slow, action)
-    assert ended_with(messages) == ("fit_ended", identify.text("fit_cancelled"))
+    messages = messages_of(slow, action)
+    assert last_message_of(messages) == ("fit_ended", identify.text("fit_cancelled"))
 
 
 def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
@@ -360,14 +360,14 @@ def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
         assert not one.running
         assert not one.use()
 
-    assert ended_with(told_by(slow, action)) == ("fit_ended", "no heartbeat")
+    assert last_message_of(messages_of(slow, action)) == ("fit_ended", "no heartbeat")
 
 
 def test_a_form_with_mistakes_is_not_fitted(slow):
     async def action(one, messages):
         await one.start(form(measurements__SP="x"))
 
-    told_by(slow, action)
+    messages_of(slow, action)
     assert slow.running == []
 
 

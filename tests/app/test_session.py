@@ -43,13 +43,13 @@ class StubEngine:
         )  # fmt: skip
 
 
-def session(engine: StubEngine, told: list) -> Session:
+def session(engine: StubEngine, sent: list) -> Session:
     state = PageState(PRESETS["healthy"].case(), origin="healthy")
-    return Session(engine, state, lambda topic, data: told.append((topic, data)))  # type: ignore[arg-type]
+    return Session(engine, state, lambda topic, data: sent.append((topic, data)))  # type: ignore[arg-type]
 
 
-def beats(told: list) -> list:
-    return [data for topic, data in told if topic == "beat"]
+def beats(sent: list) -> list:
+    return [data for topic, data in sent if topic == "beat"]
 
 
 def test_of_many_turns_only_the_newest_is_computed():

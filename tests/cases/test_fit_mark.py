@@ -65,7 +65,7 @@ def test_every_command_that_reads_it_hears_of_a_doubt(tmp_path, level, word):
     assert reading.case.model_copy(update={"fit_mark": None}) == PRESETS["paper"].case()
 
 
-def says(warnings) -> bool:
+def mentions(warnings) -> bool:
     return any("a POOR fit of eclsim identify" in str(sentence) for sentence in warnings)
 
 
@@ -88,7 +88,7 @@ def test_every_result_of_it_says_so(tmp_path, source):
         at_goal.as_object()["warnings"],
         steps[0].warnings,
     ]
-    assert list(map(says, results)) == [True] * len(results)
+    assert list(map(mentions, results)) == [True] * len(results)
     write_results(tmp_path, found)
     assert "a POOR fit" in (tmp_path / "indices.csv").read_text()
 

@@ -129,7 +129,7 @@ def test_a_fit_refuses_a_target_in_one_sentence():
 # --- the search itself, on functions whose answer is known ----------------------------------------
 
 
-def told(function):
+def with_messages(function):
     def flows(members, speeds):
         result = function(speeds)
         return result, ["settled" if np.isfinite(flow) else "no steady beat" for flow in result]
@@ -139,7 +139,7 @@ def told(function):
 
 @pytest.mark.parametrize("power", [1, 3, 9])
 def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
-    curve = told(lambda s: 6.0 * (s / 5000.0) ** power)
+    curve = with_messages(lambda s: 6.0 * (s / 5000.0) ** power)
     expected = np.array([2.0, 6.0, 1.0, 7.0])
     speeds, reasons = speeds_for_flows(curve, expected, (1000.0, 5000.0))
     within = [not reason for reason in reasons]
@@ -160,7 +160,7 @@ def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
     ],
 )
 def test_what_cannot_be_found_is_said(function, expected, text):
-    (speed,), (reason,) = speeds_for_flows(told(function), np.array([expected]), (1000.0, 5000.0))
+    (speed,), (reason,) = speeds_for_flows(with_messages(function), np.array([expected]), (1000.0, 5000.0))
     assert np.isnan(speed)
     assert text in reason
 
