@@ -95,7 +95,7 @@ class SlowLaw(ABC):
 
     @property
     def blood(self) -> tuple[str, ...]:
-        """States that say how far the blood has followed [mmHg], which beat by beat it says itself."""
+        """States of how far the blood has followed [mmHg], not needed where beats are followed."""
         return ()
 
     def beat_by_beat(self) -> SlowLaw:

@@ -51,7 +51,7 @@ class OpenedFile:
         name: of the file.
         cases: name and case of each data point; one of a case file.
         remarks: doubts and refused rows.
-        fit: what a case file says of the fit that gave its parameters.
+        fit: verdict of a case file on the fit that gave its parameters.
     """
 
     name: str
@@ -272,7 +272,7 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
 
 
 def _as_shown(state: PageState) -> Case:
-    """The case with the policy of its beat; its id says how it was fitted and that it was changed by hand."""
+    """The case with the policy of its beat; its id names the fit's verdict and changes by hand."""
     case = state.case
     if case.volume_policy != state.policy:
         case = case.with_volume_policy(state.policy)

@@ -82,7 +82,7 @@ class OpenDialog:
 
     Args:
         engine: reads files beside the event loop.
-        use: takes the name of the file, the case and what the file says of its fit.
+        use: called with the name of the file, the case and the file's verdict on its fit.
         use_members: takes the name of the file and the members of a posterior.
     """
 

@@ -135,7 +135,7 @@ class Identification:
         self.send("form", form)
 
     def check(self, typed: Mapping[str, Any]) -> bool:
-        """Say what is wrong or doubtful, field by field; whether it can be fitted."""
+        """Report mistakes and doubts field by field; whether the form can be fitted."""
         checked = checked_form(fitted_case(self.session.state), typed)
         self.send("form_check", {
             "mistakes": _by_field(checked.mistakes), "warnings": _by_field(checked.warnings),

@@ -118,7 +118,7 @@ def _has_effect(case: Case, key: str) -> bool:
 
 
 def _value_if_omitted(case: Case, section: str, name: str) -> float | None:
-    """What a number that is left out counts as; None where nothing but a typed number says so."""
+    """Value of a number that is left out; None where there is none without a typed number."""
     instance = _instances(case).get(section)
     if instance is not None:
         return _resolved(case).get(instance.parameter(f"{instance.device.key}.{name}"))
@@ -267,7 +267,7 @@ def _switched_on(case: Case, key: str) -> Mapping[str, Any]:
 
 
 def as_written(value: object) -> object:
-    """A number that was typed, with its digits; any other text as it is, so that the check can say why.
+    """A number that was typed, with its digits; any other text as it is, for the check to refuse.
 
     A decimal comma is read as a point where it can be nothing else: "3,425" may be meant as thousands.
     """

@@ -91,7 +91,7 @@ class PosteriorDraws:
         return read_mapping(with_values(case, self.base).as_mapping()).case
 
     def as_object(self) -> dict[str, Any]:
-        """What the page says of them."""
+        """As plain data for the page."""
         return {
             "method": text(METHODS[self.method]) if self.method in METHODS else self.method,
             "trusted": not self.doubts, "doubts": list(self.doubts), "checked": self.method != "gaussian",
@@ -170,7 +170,7 @@ SEED = 0
 
 @dataclass(frozen=True)
 class _ReportingDensity(PosteriorDensity):
-    """A density that says how many beats it has computed, and so can be stopped by what it tells."""
+    """A density that reports how many beats it has computed; the report may raise to stop it."""
 
     report: Callable[[str], None] = print
     done: list[int] = field(default_factory=list)

@@ -210,7 +210,7 @@ class Session:
         self._request(0)
 
     def judge(self, old: PageState, new: PageState) -> None:
-        """More is known of a patient as opened: all states that go back to it say so."""
+        """Replace a patient as opened by one with a later verdict, in all states that go back to it."""
 
         def rejudged(state: PageState) -> PageState:
             if state.start != old:

@@ -103,7 +103,7 @@ class PageState:
 
 
 _NAMES = ("origin", "source", "verdict", "subject")
-"""What a state says of itself in words."""
+"""Fields of a state that are texts."""
 
 
 def preset_state(key: str) -> PageState:
@@ -170,10 +170,10 @@ def read_state(data: object) -> PageState:
 
 
 def _read_names(data: dict[str, Any]) -> dict[str, str]:
-    """What a state says of itself; nothing unknown is left out or taken for something else.
+    """Texts of a state; an unknown one is an error, never left out or replaced.
 
     Raises:
-        CaseError: It says what this page does not know.
+        CaseError: A text that this page does not know.
     """
     if data.keys() - {"case", "policy", "opened", *_NAMES}:
         raise refused_link("of another version")

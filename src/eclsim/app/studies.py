@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 SPEEDS = 15
 VALVE_OUTPUTS = ("aortic_valve_flow", "peak_aortic_valve_flow")
-"""Outputs that tell whether the aortic valve opens: what a ramp of a pump beside the heart is made for."""
+"""Outputs that show whether the aortic valve opens, the purpose of a ramp of an assist pump."""
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:

@@ -116,7 +116,7 @@ class StoredProgram:
 
 
 class KeyDescription(NamedTuple):
-    """All there is to say of a part of a key, and the modules whose code it stands for."""
+    """Text that determines a part of a key, and the modules whose code it depends on."""
 
     text: str
     modules: frozenset[str]
@@ -133,7 +133,7 @@ def _described(part: Hashable) -> KeyDescription | None:
 
 
 class _ForeignError(Exception):
-    """A value whose text does not say all about it."""
+    """A value that its text does not determine."""
 
 
 def _text(value: object, modules: set[str]) -> str:

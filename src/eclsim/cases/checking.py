@@ -149,7 +149,7 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     Args:
         raw: The [parameters] section.
         connected: Sections of the devices connected, by key; the parameters of others do nothing.
-        remarks: Gets what there is to say.
+        remarks: Collects mistakes, warnings and notes.
 
     Returns:
         Values in the tables' units by canonical key.

@@ -148,7 +148,7 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
 
 
 class _Rows:
-    """Checks the rows of one table and collects what there is to say."""
+    """Checks the rows of one table and collects mistakes, warnings and notes."""
 
     def __init__(self, table: Table):
         self.table = table

@@ -168,7 +168,7 @@ def is_units_row(row: Mapping[str, str]) -> bool:
 
 
 def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRemarks]:
-    """Lines that other rows make unusable, and everything there is to say."""
+    """Lines that other rows make unusable, with mistakes and warnings."""
     remarks = RowRemarks()
     lines = _repeats(rows, remarks) | _in_kilopascal(rows, remarks)
     _warn_of_similar_ids(rows, remarks)

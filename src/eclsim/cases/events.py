@@ -38,7 +38,7 @@ Path = tuple[str, str]
 BODY_KEYS = {("patient", name) for name in ("sex", "age_years", "height_cm", "weight_kg")}
 """What a patient's blood volume at the start follows from."""
 FILLING = "P0"
-"""How names of the pressures begin that say how much blood each compartment holds at the start."""
+"""Beginning of the names of start pressures, which set the blood in each compartment at the start."""
 Check = Callable[[Raw], Remarks]
 
 
@@ -82,7 +82,7 @@ def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, r
         case: the case without events, as mappings.
         blood_ml: of the patient before anything is given or taken; None where unknown.
         check: of a case as mappings.
-        remarks: gets what there is to say.
+        remarks: collects mistakes, warnings and notes.
 
     Returns:
         Events as far as they are right.

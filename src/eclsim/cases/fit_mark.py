@@ -1,4 +1,4 @@
-"""What a case file says of the fit that gave its parameters: comments in its first lines.
+"""Verdict of a case file on the fit that gave its parameters: comments in its first lines.
 
 Whoever reads the file may ignore them. A number in the mark tells whether patient, measurements, devices or
 parameters were changed since: the verdict is on what was fitted.
@@ -25,7 +25,7 @@ _WORDS = {
 LEVELS = tuple(_WORDS)
 _MARK = re.compile(rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \(of what has the mark ([0-9a-f]{{8}})\)")
 DOUBTS = "doubts"
-"""Column of a table that says why none of its numbers is to be trusted; there where that is so."""
+"""Column with the reason why no number of a table is to be trusted; only where there is one."""
 POSTERIOR = "posterior: "
 """Begins a result's warnings of the posterior whose draws it is computed from."""
 NOT_STUDIED = "nothing is studied of such a fit"

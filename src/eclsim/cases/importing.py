@@ -103,7 +103,7 @@ def _fill(result: Imported, base: Case, file: str) -> None:
 def read_long_table(
     path: str | os.PathLike[str],
 ) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
-    """Observations of a table, what it says of each patient, and everything there was to say.
+    """Observations of a table, data of each patient, with mistakes, warnings and notes.
 
     Codes are LOINC or SNOMED CT codes or names of cohort columns (SP, heart_rate_bpm ...); `sex` and
     `age_years` are read as well.
@@ -172,7 +172,7 @@ _NOT_VALID = ("entered-in-error", "cancelled")
 def read_bundle(
     path: str | os.PathLike[str],
 ) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
-    """Observations of a bundle, what it says of each patient, and everything there was to say.
+    """Observations of a bundle, data of each patient, with mistakes, warnings and notes.
 
     Names, addresses and birth dates are not kept: of a birth date the age at the first observation is.
 

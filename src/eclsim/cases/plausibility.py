@@ -38,7 +38,7 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
     Args:
         case: What is right of the case.
         parameters: Overrides of parameters.
-        remarks: Has what was refused already, which is not missing; gets what there is to say.
+        remarks: Has what was refused already, which is not missing; collects mistakes, warnings and notes.
     """
     _check_patient(case.patient, remarks.refused(), remarks)
     _note_size(case, remarks)
@@ -150,7 +150,7 @@ def _check_body_size(height: float, weight: float, remarks: Remarks) -> None:
 
 
 def _note_size(case: CaseValues, remarks: Remarks) -> None:
-    """Say which limits of oxygen delivery a patient of another size has, where gases are computed."""
+    """Note the limits of oxygen delivery of a patient of another size, where gases are computed."""
     height, weight = (case.patient.get(name) for name in ("height_cm", "weight_kg"))
     if "gas" not in case.physiology or height is None or weight is None:
         return

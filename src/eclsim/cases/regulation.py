@@ -99,7 +99,7 @@ class Regulation(_Settings):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Say what is without effect or does not go together."""
+        """Warn of what is without effect, refuse what contradicts."""
         if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
             message = f"acts on the firing rate of nerves, which {values['model']} does not model"
             remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')

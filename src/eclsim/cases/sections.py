@@ -57,7 +57,7 @@ class Gas(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Say which defaults are used and what they do not follow; doubt gases that nothing computes."""
+        """Note the defaults in use and what they do not follow; warn of gases that nothing computes."""
         stated = sections.get(cls.section, {})
         temperature = stated.get("temperature_c", NORMAL_C)
         if abs(temperature - NORMAL_C) > TEMPERATURE_DOUBT_C and stated.get("vo2_ml_min") is None:

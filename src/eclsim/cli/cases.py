@@ -1,4 +1,4 @@
-"""Reading the case files and tables of a command line, with everything there is to say about them."""
+"""Reading the case files and tables of a command line, with mistakes, warnings and notes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TABLES = (".csv", ".tsv")
 def read_all(
     files: Sequence[str], settings: Sequence[str], volume_policy: str | None = None
 ) -> list[CaseReading]:
-    """Read every case; with any mistake in any of them say all and leave with exit status 2.
+    """Read every case; report all mistakes and leave with exit status 2.
 
     `settings` and `volume_policy` win over the files, and a note says so.
     """

@@ -27,7 +27,7 @@ def say(text: object) -> None:
 
 
 def fail(*lines: object) -> NoReturn:
-    """Say what is wrong, a line each, and leave with the exit status of bad input."""
+    """Write mistakes, a line each, and leave with the exit status of bad input."""
     for line in lines:
         say(f"error: {line}")
     raise SystemExit(BAD_INPUT)
@@ -51,13 +51,13 @@ def mistakes_in(checks: Mapping[str, Callable[[], object]]) -> list[str]:
 
 
 def warn(lines: Iterable[object], label: str = "warning") -> None:
-    """Say doubts that do not stop a command."""
+    """Write doubts that do not stop a command."""
     for line in lines:
         say(f"{label}: {line}")
 
 
 def note(lines: Iterable[object]) -> None:
-    """Say what was assumed or changed."""
+    """Write what was assumed or changed."""
     warn(lines, "note")
 
 

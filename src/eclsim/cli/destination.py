@@ -145,7 +145,7 @@ def write_json_output(content: object, target: Target) -> bool:
 
 @contextmanager
 def reporting_write_errors(place: object = "output") -> Iterator[None]:
-    """Say which file cannot be written, and leave with exit status 2."""
+    """Report a file that cannot be written, and leave with exit status 2."""
     try:
         yield
     except BrokenPipeError:
@@ -156,7 +156,7 @@ def reporting_write_errors(place: object = "output") -> Iterator[None]:
 
 @contextmanager
 def explaining_resume(folder: str | os.PathLike[str] | None) -> Iterator[None]:
-    """Hold a command whose finished tasks are kept: where Ctrl-C or SIGTERM stops it, say how to go on.
+    """Hold a command whose finished tasks are kept: after Ctrl-C or SIGTERM, explain how to go on.
 
     Where the tasks cannot run, or the folder holds others, leave with exit status 2.
     """

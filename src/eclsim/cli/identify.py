@@ -141,7 +141,7 @@ def fit_settings(
     weights: Literal["relative", "uncertainty"] = "relative",
     seed: int = 0,
 ) -> FitSettings:
-    """Settings from options as they were written; with any mistake say all and leave with exit status 2."""
+    """Settings from options as they were written; report all mistakes and leave with exit status 2."""
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings, read_bounds
     from eclsim.parameters.thiel2025 import BOUNDS
@@ -299,7 +299,7 @@ def _with_posterior(
     folder: Path,
     progress: Progress,
 ) -> tuple[FitResult, dict[str, Any]]:
-    """The fit judged by its draws, and what the JSON says of them."""
+    """The fit judged by its draws, and these for JSON."""
     from eclsim.identification.verdict import interval_agreement
 
     posterior = _sample(o, fit, predictions, folder, progress)

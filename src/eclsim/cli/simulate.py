@@ -298,7 +298,7 @@ class Readings:
 
 
 def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None = None) -> Readings:
-    """The cases of a sweep; with anything wrong say all of it and leave with exit status 2."""
+    """The cases of a sweep; report all mistakes and leave with exit status 2."""
     from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
     from eclsim.simulation.sweep import SweepError, parse_sweep, remarks_on_last_values

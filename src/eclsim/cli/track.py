@@ -200,7 +200,7 @@ def _settings(o: TrackOptions) -> TrackSettings:
 
 
 def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) -> dict[str, TrackSettings]:
-    """Settings by patient: where no parameters were named, what the measurements of any time tell of."""
+    """Settings by patient; left out, parameters are those that measurements at any time inform on."""
     from eclsim.identification.series import series_parameters
 
     usual = settings.fit.parameters

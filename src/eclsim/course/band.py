@@ -217,7 +217,7 @@ _UNREADABLE = (
         "no valve opens all beat, so that volumes and pressures of the heart are not determined",
     ),
 )  # fmt: skip
-"""Name of a count of draws whose numbers are not to be read, the variable and its value that say so, why."""
+"""Name of a count of draws whose numbers are not valid, the variable and value that mark them, the reason."""
 
 
 _COUNTS = tuple(name for name, *_ in _UNREADABLE)
@@ -242,7 +242,7 @@ def _count_text(marked: np.ndarray, time: np.ndarray, words: str) -> str:
 def approximations_of_draws(courses: Sequence[xr.Dataset], of: str) -> list[str]:
     """Where steady beats stand for what takes time, of one course for each kind, and in how many.
 
-    What courses say of the fluid that is given likewise.
+    Remarks of courses on the fluid that is given likewise.
 
     Args:
         courses: as `eclsim.course_many` gives them.

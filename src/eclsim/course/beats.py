@@ -53,7 +53,7 @@ from eclsim.slow import INFLOWS
 
 LONGEST_MIN = 120.0
 MOST_SHOWN_BEATS = 1200
-"""Beats that are shown at most besides those behind events, unless it is said how often."""
+"""Beats that are shown at most besides those after events, unless an interval is given."""
 EVERY_BEAT_AFTER_EVENT_S = 15.0
 """So long after an event every beat is shown."""
 PARAMETERS_IN_EFFECT = (*FACTORS.values(), HEART_RATE, UNSTRESSED)

@@ -325,8 +325,8 @@ def _sudden_gas_change(
 ) -> list[str]:
     """The first event at which steady beats change the gases at once, where blood takes its time.
 
-    Ramps are held against the time in which blood is renewed; where beats in a row may be followed,
-    they were held against it before.
+    Ramps are compared with the time in which blood is renewed; where beats in a row may be followed,
+    they were compared with it before.
     """
     timeline, settling = engine.timelines[member], max(engine.settling_s[member], BLOOD_RENEWAL_S)
     gases = {n: outputs[n] for n in LARGEST_GAS_CHANGE if n in outputs and np.isfinite(outputs[n]).all()}

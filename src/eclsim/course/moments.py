@@ -44,7 +44,7 @@ class Moments:
         in_effect: parameters, by key.
         values: outputs by name; filled in by `beats_at`, as what follows.
         status: how each beat ended, a `Status`.
-        findings: what there is to say about each beat.
+        findings: about each beat.
         by_beat: whether each is a beat of a span that was followed beat by beat.
         stopped: by member, why its course ended early; empty where it did not.
     """

@@ -80,7 +80,7 @@ class Removal:
         limits: what stops the next faster rate that was tried.
         message: in words.
         tried: by rate, whether all goals were kept.
-        warnings: limits that the patient breaks on the way at that rate, and what else there is to say of it.
+        warnings: limits that the patient breaks on the way at that rate, and cautions.
     """
 
     id: str
@@ -213,7 +213,7 @@ def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | N
 
 
 def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
-    """Key of the net ultrafiltration of the case's device; without one, wrong goals are said with it."""
+    """Key of the net ultrafiltration of the case's device; without one an error, with mistakes in goals."""
     for instance in case.instances():
         if ULTRAFILTRATION in instance.device.section.fields():
             return f"{instance.key}.{ULTRAFILTRATION}"

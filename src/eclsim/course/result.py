@@ -63,7 +63,7 @@ def attributes_of(
     warnings: Sequence[str],
     approximations: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """What every course says of itself; `message` is why it ended early, empty where it did not.
+    """Attributes of every course; `message` is why it ended early, empty where it did not.
 
     `approximations` says where steady beats stand for what takes time, `cautions` what of the fluid that is
     given and lost a course does not hold as patients do; both are among `warnings`, too. `balance` is empty

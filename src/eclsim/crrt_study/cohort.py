@@ -90,7 +90,7 @@ class CohortStudy:
 
     @property
     def doubts(self) -> dict[str, tuple[str, ...]]:
-        """What there is to say of fits that are not good, by data point."""
+        """Doubts about fits that are not good, by data point."""
         return {name: case.doubts for name, case in self.fitted.cases.items() if case.doubts}
 
     @property

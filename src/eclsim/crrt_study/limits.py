@@ -329,7 +329,7 @@ def beat_warnings(
     without_crrt: SteadyBeat,
     assumed: Sequence[str],
 ) -> tuple[str, ...]:
-    """What there is to say of the beats at the case's speed: without CRRT, and of schemes beyond that.
+    """Warnings of the beats at the case's speed: without CRRT, and further ones of schemes.
 
     Args:
         circuits: of the study.

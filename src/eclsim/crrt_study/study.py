@@ -63,7 +63,7 @@ class CrrtStudy:
         renox: oxygenator and dialyzer in one housing on the beats without CRRT, over `policy` and `speed`;
             None where the case has no fluids for it.
         assumed: what numbers of the study follow from without a source, a sentence each.
-        warnings: what there is to say of the beats at the case's speed under the first policy.
+        warnings: of the beats at the case's speed under the first policy.
     """
 
     case: Case
@@ -131,7 +131,7 @@ def crrt_study(
     rule: str | Path | Mapping[str, object] | Rule | None = None,
     progress: Callable[[object], None] = lambda _: None,
 ) -> CrrtStudy:
-    """Where the CRRT lines go on an ECMO circuit: each scheme simulated, held against limits, and ranked.
+    """Where the CRRT lines go on an ECMO circuit: each scheme simulated, compared with limits, and ranked.
 
     Args:
         case: case or its file, with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.

@@ -123,7 +123,7 @@ def filter_limits(prefix: str = "") -> tuple[Limit, ...]:
 
 
 def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[Assumption, ...]:
-    """What is said of the membrane's constants, for which no source was read.
+    """Assumptions about the membrane's constants, for which no source was read.
 
     Args:
         membrane: in the order of `FILTER_PARAMETERS`.

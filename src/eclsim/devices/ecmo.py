@@ -868,7 +868,7 @@ def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
 
 
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """A flow outside of what the oxygenator is labelled for; backwards and clamped are said elsewhere."""
+    """A flow outside of the oxygenator's label; backward flow and a clamp have findings of their own."""
     name = names.output("PF")
     flow = outputs.get(name, -1.0)
     low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)

@@ -95,7 +95,7 @@ class TaskProgress:
         total: tasks to do in all.
         seconds: since this run started.
         left: estimated seconds to go; None before the first task is done.
-        detail: what a task says of itself.
+        detail: what a task is doing, in its own words.
     """
 
     title: str

@@ -94,7 +94,7 @@ class Filter:
 
     @property
     def reads_of_carbon(self) -> tuple[str, ...]:
-        """Outputs that say what carbon it brings."""
+        """Outputs with the carbon that it brings."""
         return tuple(self.output(name) for name in (self.base_gain, self.citrate) if name)
 
     def metabolised(self, beat: Named) -> np.ndarray:

@@ -86,7 +86,7 @@ class Reached:
             broken there.
         tried: places all over the ranges that were tried first.
         without_beat: those of them without a steady beat that is determined.
-        doubts: what the case says of the fit that gave its parameters, where that is not good.
+        doubts: about the fit that gave the parameters, where that is not good.
     """
 
     id: str

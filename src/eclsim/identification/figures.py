@@ -319,7 +319,7 @@ def plot_pairs(result: PosteriorResult) -> Figure:
 
 
 def plot_predictive(result: PosteriorResult) -> Figure:
-    """What the draws say of every output, at all settings, beside what was measured."""
+    """Predictions of every output at all settings, beside the measurements."""
     outputs = list(dict.fromkeys(n for p in result.predictions for n in p.outputs))
     labels = [
         plain_text(p.settings or "as measured", 40).replace("=", "=\n").replace(",", ",\n")

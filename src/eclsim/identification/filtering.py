@@ -244,7 +244,7 @@ def _with_new_weights(
     return np.exp(log - logsumexp(log)).clip(min=1e-12)
 
 
-# --- measurements held against their forecast --------------------------------------------------------
+# --- measurements compared with their forecast -------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -276,7 +276,7 @@ class InnovationTest:
         measured: np.ndarray,
         missed: np.ndarray | None = None,
     ) -> InnovationTest:
-        """Hold measurements against the outputs expected.
+        """Compare measurements with the outputs expected.
 
         One output that does not fit, while all others do, is left out of the update: a clotted line is
         likelier than a heart that changed so. If it still does not the next time, something has changed for

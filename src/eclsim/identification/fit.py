@@ -114,7 +114,7 @@ class FitResult:
         verdict: whether it is to be used, and why (not).
         implied: outputs of the fitted patient that ranges of adults are known of, in their units.
         profile: 90 % interval of each parameter by its profile likelihood; empty where it was not computed.
-        warnings: what there is to say about the fitted patient's beat.
+        warnings: of the fitted patient's beat.
         seconds: wall time; points fitted side by side share theirs evenly.
     """
 
@@ -407,7 +407,7 @@ def _doubts_of_bounds(parameters: Mapping[str, FittedParameter], gains: np.ndarr
 
 
 def _doubts_of_fixed_parameters(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
-    """That a measurement is missed while the parameter that it tells of is held."""
+    """Doubts where a measurement is missed while the parameter that it determines is held."""
     missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
     reasons = []
     for key, (meaning, informative) in INFORMATIVE_MEASUREMENTS.items():
@@ -434,7 +434,7 @@ def _doubts_of_set_points(set_points: Mapping[str, float]) -> list[Reason]:
 
 
 def checked_by_simulation(result: FitResult) -> FitResult:
-    """The fit with the fitted patient's beat held against what is determined, and against adults."""
+    """The fit with doubts from a simulation of the fitted patient, compared with ranges of adults."""
     if not result.simulated:
         return result
     from eclsim.outputs.alarms import findings
@@ -464,7 +464,7 @@ def checked_by_simulation(result: FitResult) -> FitResult:
 
 
 def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason]]:
-    """The fit with the intervals that a consumption by the formula leaves, and what there is to say."""
+    """The fit with the intervals for a consumption that is not known, and reasons."""
     if not consumption_is_from_formula(result.case, result.measured, result.parameters):
         return result, []
     uncertain = consumption_uncertainty(*_as_fitted(result)) if result.optimum.shared is None else None
@@ -479,7 +479,7 @@ def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason
 
 
 def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reason]]:
-    """The fit with the intervals that held parameters leave, and what there is to say."""
+    """The fit with the intervals for held parameters that are not known, and reasons."""
     if result.optimum.shared is not None:
         return result, []
     case, free, errors, policy = _as_fitted(result)
@@ -516,7 +516,7 @@ def _parameters(
     optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray,
     as_good: np.ndarray,
 ) -> dict[str, FittedParameter]:  # fmt: skip
-    """Values, intervals and what the measurements tell apart.
+    """Values, intervals, and which parameters the measurements determine.
 
     A parameter's interval reaches to every start that met the measurements as well, in whichever valley.
     """

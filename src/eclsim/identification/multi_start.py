@@ -41,7 +41,7 @@ MOST_DISTINCT_ENDS, SAME_END = 5, 0.05
 """Distinct ends of a search that are looked at, and coordinates apart from which two are."""
 FINAL_SHARED_REFINEMENT = Tolerances(1e-6, 1e-12, 1e-8, 40, EXACT.orbits)
 Progress = Callable[[object], None]
-"""Is called with something whose text says what is being computed."""
+"""Called with an object whose text describes what is being computed."""
 
 
 def silent(step: object) -> None:
@@ -156,7 +156,7 @@ class Starts:
 
 @dataclass(frozen=True)
 class SharedEstimate:
-    """What a fit of several data points with common parameters says of one of them.
+    """Estimate for one data point from a fit of several with common parameters.
 
     Args:
         covariance: of the logarithms of its parameters, shape (parameters, parameters).

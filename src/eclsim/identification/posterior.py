@@ -110,7 +110,7 @@ class Prediction:
         without_beat: share of the draws without a steady beat; the intervals speak of the others.
         without_gases: share of the draws with a steady beat and no steady gas state; the intervals of gases
             speak of the others.
-        warnings: what there is to say of the beat at the medians of the draws.
+        warnings: of the beat at the medians of the draws.
         impossible: share of the draws with a beat that no patient can have, a chamber without blood or a
             vein sucked shut; the intervals speak of the others.
         starved: share of the draws whose tissues extract more than is plausible even in severe illness, or

@@ -217,7 +217,7 @@ def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
 
 
 def series_text(series: Data) -> str:
-    """Medians after each measurement, what is to be said of it, and the parameters as they are now."""
+    """Medians after each measurement, remarks on it, and the parameters as they are now."""
     points = series["points"]
     names = _names(points, "parameters")
     rows = [

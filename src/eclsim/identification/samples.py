@@ -35,7 +35,7 @@ class SamplesError(ValueError):
 def write_samples(names: tuple[str, ...], draws: np.ndarray, path: Path, doubts: Sequence[str] = ()) -> None:
     """Write draws (draws, parameters) as a table, a column each; `eclsim crrt-study --posterior` takes it.
 
-    Why they are not to be trusted stands in a last column, where they are not.
+    A last column has the reason where they are not to be trusted.
     """
     rows, remark = draws[:: max(1, len(draws) // MOST_SAMPLES)].tolist(), "; ".join(doubts)
     head = (*names, DOUBTS) if remark else names
@@ -79,9 +79,9 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
 
 
 def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
-    """Why a study of samples is not to be trusted: what their posterior says of itself, and of whom it is.
+    """Doubts about a study of samples: those of their posterior, and whether it is of this patient.
 
-    A table says so in a column of its own, and of `samples.csv` the `posterior.json` beside it.
+    A table has them in a column of its own, `samples.csv` in the `posterior.json` beside it.
 
     Args:
         path: of samples that `read_samples` reads.
@@ -100,7 +100,7 @@ def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
 
 
 def _about(path: Path) -> dict[str, Any]:
-    """What a posterior says of itself besides its draws."""
+    """Attributes of a posterior besides its draws."""
     usual: dict[str, Any] = {"id": "", "blood_volume_policy": "", "doubts": (), "trusted": True}
     if path.suffix == ".nc":
         import xarray as xr

@@ -53,7 +53,7 @@ class Series:
         read: parameters that the circuit of at least one case reads.
         limits: start value, lower and upper bound of each free parameter, by the first case that reads it.
         measured: what was measured at any time.
-        notes: what there is to say of the set points.
+        notes: on the set points.
     """
 
     settings: FitSettings
@@ -99,7 +99,7 @@ class Series:
         return {name: self.limits[name] for name in self.settings.names if name in self.limits}
 
     def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
-        """Why what is learnt from a case is not to be trusted: what is held unknown, or left open."""
+        """Doubts about the estimate from a case: unknown values that are held, or left open."""
         left_open = () if case.regulation is None else case.regulation.open_set_points
         still_open = [str(w) for w in checked.warnings if w.key in left_open]
         free = self.settings.names
@@ -149,9 +149,9 @@ def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Seri
 
 
 def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
-    """What is worth following: the usual, and what any measurement tells of gases, blood volume, CRRT.
+    """Parameters to follow: the usual ones, and those of gases, volume and CRRT with any measurement.
 
-    A fit has to leave out what it cannot tell apart; here it is free too, and its interval says so.
+    A fit leaves out what it cannot determine; here such parameters are free too, with wide intervals.
     """
     cases = [case for _, case in points]
     informed = [key for case in cases for key in parameters_informed_by_gases(case)]

@@ -114,7 +114,7 @@ class FitSettings:
 
 @dataclass(slots=True)
 class CheckedFit:
-    """What can be fitted, and everything there is to say about it.
+    """Targets and free parameters of a fit, with mistakes, warnings and notes.
 
     Attributes:
         targets: measured values by name [mmHg, L/min].
@@ -172,7 +172,7 @@ def measured_outputs(case: Case) -> list[str]:
 def free_parameters(
     case: Case, usual: Sequence[str] = tuple(BOUNDS), policy: VolumePolicy | None = None
 ) -> tuple[str, ...]:
-    """What is worth fitting to a case: the usual parameters, or with measured gases what these tell apart.
+    """Parameters to fit to a case: the usual ones, or with measured gases those that these determine.
 
     Where a wrong shunt or oxygen consumption is held, cardiac output makes up for it: both, and the mixing
     where drained blood is recirculated, come first, and of the usual parameters those whose effects differ
@@ -362,7 +362,7 @@ def _volume_dependent(measured: Collection[str]) -> str:
 
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
-    """Targets and bounds of a case, checked, with everything there is to say."""
+    """Targets and bounds of a case, checked, with mistakes, warnings and notes."""
     left_open = () if case.regulation is None else case.regulation.open_set_points
     without_fluid, case = case.fluid is None, case_to_fit(case, settings)
     # What a case leaves open and follows from the patient's body surface.

@@ -106,7 +106,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Innovation:
-    """A measurement held against its forecast.
+    """A measurement compared with its forecast.
 
     Args:
         measured: value [mmHg or L/min].
@@ -137,9 +137,9 @@ class TrackedPoint:
         probability: of a larger one.
         unusual: whether the measurements together do not fit the patient so far.
         verdict: on the first estimate: whether the model can give the measurements; None at later points.
-        message: what there is to say; empty where all is well.
+        message: remarks; empty where all is well.
         failed: whether the point could not be used.
-        warnings: what there is to say of the beat at the medians of the parameters.
+        warnings: of the beat at the medians of the parameters.
         hours: since the measurement before, known or assumed; None at the first point.
         seconds: wall time of forecast and update.
         doubts: what is held although it is not known, so that the estimate makes up for it; what is open.

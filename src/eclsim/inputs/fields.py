@@ -22,7 +22,7 @@ class Field:
         unit: Unit of a number.
         minimum: Smallest allowed number.
         maximum: Largest allowed number.
-        typical: A usual value; tells which other unit an impossible number may be in.
+        typical: A usual value, from which the unit of an impossible number is guessed.
         required: Whether a case file must hold it.
         may_be_missing: Whether "NA", nan and the like stand for "not measured".
         names: Allowed names.

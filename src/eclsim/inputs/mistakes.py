@@ -54,7 +54,7 @@ class CaseError(ValueError):
 
 @dataclass(slots=True)
 class Remarks:
-    """Collects everything there is to say about an input, so that one mistake does not hide another.
+    """Collects mistakes, warnings and notes about an input, so that one mistake does not hide another.
 
     Attributes:
         mistakes: Errors; with any of them the input must not be used.

@@ -63,7 +63,7 @@ class Section(BaseModel):
             raw: what was given.
             values: what of it is right; gets what is filled in.
             key: of the section, such as "ecmo" or "ecmo.left".
-            remarks: gets what there is to say.
+            remarks: collects mistakes, warnings and notes.
         """
 
     @classmethod
@@ -72,7 +72,7 @@ class Section(BaseModel):
 
         Args:
             sections: what is right of each section that the case has, by its key.
-            remarks: gets what there is to say.
+            remarks: collects mistakes, warnings and notes.
         """
 
     @model_validator(mode="before")
@@ -124,7 +124,7 @@ def check_section(
         section: what belongs there.
         raw: what was given.
         key: of the section in the case file.
-        remarks: gets what there is to say.
+        remarks: collects mistakes, warnings and notes.
         other_place: tells in which other sections a key belongs.
 
     Returns:
@@ -151,7 +151,7 @@ def check_section(
 
 
 def check_field(key: str, value: object, field: Field, values: dict[str, Any], remarks: Remarks) -> None:
-    """Read one value into `values`, or say why not."""
+    """Read one value into `values`, or report why it is refused."""
     if field.may_be_missing and (value is None or is_missing(value)):
         message = "not measured, so not fitted" if key.startswith("measurements") else "not given"
         remarks.note(key, message, shown(value))

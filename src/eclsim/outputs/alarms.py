@@ -43,14 +43,15 @@ def findings(
     circuit: Circuit | None = None,
     values: Mapping[str, float] = NO_VALUES,
 ) -> list[Finding]:
-    """What there is to say about a beat, the gravest first.
+    """Findings about a beat, the gravest first.
 
     Args:
         outputs: scalar outputs by name.
         extremes: smallest and largest value of each waveform.
-        circuit: with fixed sites; without it nothing is said that depends on where devices are connected.
-        values: of all parameters; without them nothing is said of assumed ones and of labels, and limits are
-            those of the table whatever the patient's size.
+        circuit: with fixed sites; without it there are no findings that depend on where devices are
+            connected.
+        values: of all parameters; without them there are no findings on assumed ones and on labels, and
+            limits are those of the table whatever the patient's size.
     """
     result = [
         breach(limit, outputs[limit.quantity], entry.long_name, entry.unit)
@@ -69,7 +70,7 @@ def findings(
 
 
 def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
-    """The same in the order in which it is said."""
+    """The same, the gravest first."""
     return sorted(findings, key=lambda finding: KINDS.index(finding.kind))
 
 
@@ -134,7 +135,7 @@ def impossible(findings: Collection[Finding]) -> bool:
 
 
 def breach(limit: Limit, value: float, long_name: str, unit: str) -> Finding:
-    """What is said of a limit that a value breaks.
+    """The finding for a limit that a value breaks.
 
     Args:
         limit: the limit.

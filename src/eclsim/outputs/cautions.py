@@ -37,7 +37,7 @@ _MULTIPLIED = (_Effect(0, "contractility"), _Effect(1, "systemic resistance"))
 
 
 def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """What there is to say about reflexes, drugs and the laws of blood.
+    """Cautions about reflexes, drugs and the laws of blood.
 
     Args:
         outputs: scalar outputs by name.

@@ -198,7 +198,7 @@ _EQUIVALENT_OUTPUTS = (
     ("PaO2", "PaO2_lower"),
     ("PaCO2", "PaCO2_lower"),
 )
-"""Outputs that say the same about a patient: the gravest limit of them is said, not each."""
+"""Groups of equivalent outputs: of their broken limits only the gravest is reported."""
 _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "ao": ("MAP", "pulse_pressure"),

@@ -89,7 +89,7 @@ def _lung(m: BeatMeasures) -> Numbers:
 
 
 LOCAL_OUTPUTS = {bed: keys.local_factor(keys.local_resistance(bed)) for bed in keys.BEDS}
-"""Output of each bed that says what its gases do to its resistance."""
+"""Output of each bed: factor of its resistance by its gases."""
 GAS_RESPONSE_OUTPUTS = (
     *(
         Output(

@@ -54,7 +54,7 @@ def labelled(
         beat: solved and measured.
         member: which.
         name: `id` of the result.
-        doubts: of the model, which are said before what there is to say of the beat.
+        doubts: of the model, which come before the warnings of the beat.
     """
     values, circuit = beat.batch.member(member), beat.batch.circuit
     phases = beat.waveforms[member].phases
@@ -145,7 +145,7 @@ def simulate_many(
 def beat_warnings(
     case: ModelSource, volume_policy: str | None = None, shown: Collection[str] | None = None
 ) -> tuple[str, ...]:
-    """What there is to say of the steady beat behind an analysis, as `warnings` of `simulate` have it.
+    """Warnings of the steady beat behind an analysis, as `simulate` gives them.
 
     Args:
         case: as in `simulate`.

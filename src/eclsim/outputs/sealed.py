@@ -69,7 +69,7 @@ def closed_valves(outputs: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def valve_flows(circuit: Circuit) -> tuple[str, ...]:
-    """Outputs that tell which heart valves of a circuit carry blood."""
+    """Outputs that show which heart valves of a circuit carry blood."""
     known = {c.name for c in circuit.connections}
     return tuple(f"{valve}_valve_flow" for n, valve in VALVES.items() if n in known)
 

@@ -211,7 +211,7 @@ class SteadyBeat:
         return gravest_first(result)
 
     def _gas_findings(self, member: int) -> list[Finding]:
-        """What there is to say about gases besides limits."""
+        """Findings about gases besides limits."""
         read, status = self.of_gases, GasStatus(int(self.gas_status[member]))
         if status is not GasStatus.STEADY:
             return [Finding("alarm", "VO2", float("nan"), float("nan"), status.message, concerns=read)]
@@ -441,7 +441,7 @@ def _left_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
 
 
 def status_outputs(circuit: Circuit) -> tuple[str, ...]:
-    """Outputs of a circuit that tell whether its heart ejects and which valves carry blood."""
+    """Outputs of a circuit that show whether its heart ejects and which valves carry blood."""
     return _status_outputs(circuit, registered())
 
 

@@ -1,4 +1,4 @@
-"""One number held against another: what was expected, what came out, and what to make of the two.
+"""Comparison of a number with an expected one, and the verdict on it.
 
 `eclsim reproduce` compares with what the paper prints, `eclsim validate` with other solvers and measurements.
 """
@@ -31,7 +31,7 @@ class Explanation:
         text: the reason.
         evidence: rows that hold if the reason is the right one: what eclsim gives where the reason is taken
             away, or the very number that the reason was shown to account for.
-        undecided: whether the source does not say what it takes to tell who is right.
+        undecided: whether the source leaves open which of both is right.
     """
 
     text: str
@@ -46,7 +46,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Row:
-    """One number held against another.
+    """One number compared with an expected one.
 
     Args:
         name: what is compared.

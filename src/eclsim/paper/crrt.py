@@ -266,7 +266,7 @@ class Statement:
 
     Args:
         section: where it is printed.
-        sentence: what is said.
+        sentence: the statement.
         holds: whether it holds for a study.
         reason: said where it does not.
     """

@@ -282,7 +282,7 @@ def reproduce_positions(
 
 
 def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
-    """What the text says of Figures 7 and S-5 to S-7."""
+    """Statements of the text on Figures 7 and S-5 to S-7."""
     ours, theirs = designed.indices, drawn.indices
     seven, five = "3.3, Figure 7", "3.3, Figure S-5"
     messages = (

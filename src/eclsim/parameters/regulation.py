@@ -82,7 +82,7 @@ def local_resistance(bed: str) -> str:
 
 
 def local_factor(resistance: str) -> str:
-    """Output that says what such a factor is in the beat."""
+    """Output with the value of such a factor in the beat."""
     return resistance.partition(".")[2] + "_factor"
 
 

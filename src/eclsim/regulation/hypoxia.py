@@ -31,7 +31,7 @@ LAG_S = 300.0
 LEAST_MMHG = 1.0
 LUNG_SETTINGS = ("gas.alveolar_ventilation_l_min", "gas.fio2", "gas.shunt_fraction", TEMPERATURE)
 WANTED_RESISTANCE = "hypoxic_resistance_wanted"
-"""Output that says what the oxygen now would bring about."""
+"""Output: the relative resistance that the present oxygen would lead to."""
 
 
 def relative_resistance(venous: Number, alveolar: Number) -> Number:
@@ -92,7 +92,7 @@ class HypoxicVasoconstriction(SlowLaw):
         return {LUNG_RESISTANCE: np.exp(states[self.factor])}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:
-        """Towards what the oxygen now would bring about; none where nothing says what that is."""
+        """Towards the value that the present oxygen would lead to; zero where that is not known."""
         target = np.asarray(beat[WANTED_RESISTANCE])
         known = target > 0.0
         return {

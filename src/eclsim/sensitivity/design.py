@@ -203,7 +203,7 @@ def sobol_indices(
         factors: number of factors.
         seed: of the resampling.
         resamples: bootstrap resamples of the rows.
-        size: least size of an output, in its unit, that its rounding is held against.
+        size: smallest size of an output, in its unit, that rounding is compared with.
     """
     from scipy.stats import norm
 

@@ -1,4 +1,4 @@
-"""Identifiability of a case: which parameters its measurements can tell apart, and a set worth fitting.
+"""Identifiability of a case: which parameters its measurements can distinguish, and a set to fit.
 
 Scaled sensitivities and the collinearity index: Brun, Reichert and Kuensch 2001, doi 10.1029/2000WR900350.
 Orthogonality: Yao et al. 2003, doi 10.1081/PRE-120024426. The Fisher information is that of independent
@@ -316,7 +316,7 @@ class Identifiability:
         subsets: collinearity indices of all sets, by size.
         fisher: Fisher information.
         proposal: a set to fit.
-        warnings: what there is to say of the case's beat, at which all of this holds.
+        warnings: of the case's beat, at which all of this holds.
     """
 
     name: str

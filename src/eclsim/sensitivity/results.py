@@ -32,7 +32,7 @@ SHARE = 0.9
 FEWEST_ROWS = 64
 """Nothing is ranked or selected from fewer rows, nor from fewer than half of the design's."""
 SMALLEST_SIZE = 1.0
-"""Least size of an output, in its unit, that its rounding is held against."""
+"""Smallest size of an output, in its unit, that rounding is compared with."""
 FIRST_CONVERGENCE_ROWS = 16
 MOST_PAIRS = 20
 SMALLEST_PAIR_INDEX = 0.005
@@ -71,7 +71,7 @@ class Indices:
         failed: runs without a result; all runs of their rows are left out of the estimates.
         rows_used: rows that the estimates rest on.
         seconds: wall clock time.
-        warnings: what there is to say of the beat at the values that the inputs are varied around.
+        warnings: of the beat at the values that the inputs are varied around.
         constant: outputs that vary by no more than rounding, whose indices are zero.
         impossible: runs in these rows with a beat that no patient can have, a chamber without blood or a vein
             sucked shut.
@@ -98,7 +98,7 @@ class Indices:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What there is to say of the runs: failures, too few rows, outputs that do not vary."""
+        """Doubts about the runs: failures, too few rows, outputs that do not vary."""
         return tuple(_doubts(self))
 
     @property
@@ -229,7 +229,7 @@ class SensitivityResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What there is to say of the beat that the inputs are varied around, and of the runs."""
+        """Warnings of the beat that the inputs are varied around, and doubts about the runs."""
         return (*self.indices.warnings, *self.indices.doubts)
 
     @property

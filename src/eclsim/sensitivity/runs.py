@@ -163,7 +163,7 @@ class Analysis:
     Args:
         design: points.
         evaluator: what they are run on.
-        warnings: what there is to say of the beat that the points lie around.
+        warnings: of the beat that the points lie around.
     """
 
     design: Design

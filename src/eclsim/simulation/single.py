@@ -46,7 +46,7 @@ def simulate(
         resolution: of the phase grid; left out, what the circuit's time constants need.
         solver: "semi-implicit" (the orbit is solved) or "adaptive" (Dopri8 with tight tolerance, the orbit is
             waited for: slow, for verification; without options and resolution).
-        check_grid: solve once more with half the step and say how much the outputs change.
+        check_grid: solve once more with half the step and give the change of the outputs.
 
     Returns:
         Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged; NaN where
