@@ -31,7 +31,7 @@ class CallablePackage(ModuleType):
 
     @property
     def __signature__(self) -> Signature:
-        """That of the function, for `inspect.signature`, notebooks and editors."""
+        """Signature of the function, for `inspect.signature`, notebooks and editors."""
         return signature(self._function())
 
     @property

@@ -58,7 +58,7 @@ def _same(circuit: Circuit) -> Circuit:
 
 
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
-"""What is shown of blood: %, mmHg, mmHg, -, and contents [mL/dL]."""
+"""Quantities of blood shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
 POINTS = 200
 """Points of a waveform on the page: 5 ms at 60 beats a minute."""
 

@@ -89,7 +89,7 @@ _COLOURS = (
     "#FF8A70", "#F0E442", "#6CC3F5", "#3BD3A5", "#FFB733", "#E4E7EC", "#E7A6CC", "#B5D334", "#BFA0EE",
     "#FF9A5C", "#58CFE6",
 )  # fmt: skip
-"""Of traces on the dark ground of the monitor: the patient's, then those of devices."""
+"""Colours of traces on the dark ground of the monitor: the patient's, then those of devices."""
 _INKS = 4
 """Colours of devices in the style sheet."""
 _UNITS = {"C": "°C", "cm2": "cm²"}

@@ -68,7 +68,7 @@ class ExportError(ValueError):
 
 
 def read_file(name: str, content: bytes) -> OpenedFile:
-    """As `parse_file`, in a process of its own.
+    """`parse_file` in a process of its own.
 
     Raises:
         CaseError: With everything that is wrong, also where the file takes too much memory or time.
@@ -82,7 +82,7 @@ def read_file(name: str, content: bytes) -> OpenedFile:
 
 
 def read_posterior_file(name: str, content: bytes) -> PosteriorDraws:
-    """As `parse_posterior`, in a process of its own.
+    """`parse_posterior` in a process of its own.
 
     Raises:
         CaseError: As above.

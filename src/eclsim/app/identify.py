@@ -284,7 +284,7 @@ def verdict_of(fit: Mapping[str, Any]) -> str:
 
 
 def _subject_and_devices(raw: Mapping[str, Any], state: PageState) -> str:
-    """Whose fit it is, and with which devices."""
+    """The patient's id and the devices of a fit, for its title."""
     return text("fit_of", name=raw["patient"]["id"], circuit=fitted_with(state))
 
 

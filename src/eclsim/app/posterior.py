@@ -91,7 +91,7 @@ class PosteriorDraws:
         return read_mapping(with_values(case, self.base).as_mapping()).case
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for the page."""
+        """Plain data for the page."""
         return {
             "method": text(METHODS[self.method]) if self.method in METHODS else self.method,
             "trusted": not self.doubts, "doubts": list(self.doubts), "checked": self.method != "gaussian",
@@ -176,7 +176,7 @@ class _ReportingDensity(PosteriorDensity):
     done: list[int] = field(default_factory=list)
 
     def simulate(self, z: np.ndarray, centre: np.ndarray | None = None) -> np.ndarray:
-        """As `PosteriorDensity.simulate`."""
+        """Outputs as `PosteriorDensity.simulate` returns them."""
         self.report(text("posterior_draws", count=sum(self.done)))
         result = super().simulate(z, centre)
         self.done.append(len(z))

@@ -94,7 +94,7 @@ class PageState:
         return replace(self, case=case, policy=policy, opened=start)
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data."""
+        """Plain data of the state."""
         result = {"case": self.case.as_mapping(), "policy": self.policy}
         result |= {name: getattr(self, name) for name in _NAMES if getattr(self, name)}
         if self.opened is None or self.origin in PRESETS:  # presets are known without
@@ -318,7 +318,7 @@ class Snapshot:
     saved_at: tuple[Moment, ...] = ()
 
     def packed(self) -> str:
-        """As a text for the browser's storage: each state once, and numbers that refer to it."""
+        """Text for the browser's storage: each state once, and numbers that refer to it."""
         states: list[PageState] = []
 
         def numbers(of: Iterable[PageState]) -> list[int]:

@@ -38,7 +38,7 @@ RecordedBeat = Callable[[States, States], tuple[jax.Array, jax.Array]]
 
 
 class StepConstants(NamedTuple):
-    """What is constant while the step size is: one entry per compartment or connection."""
+    """Constants while the step size is constant: one entry per compartment or connection."""
 
     weight: Number
     compliance_load: list[Number]
@@ -64,7 +64,7 @@ class Linearised(NamedTuple):
 
 
 class StepTables(NamedTuple):
-    """What differs from step to step; along the first axes blocks and steps.
+    """Values that differ from step to step; along the first axes blocks and steps.
 
     Attributes:
         activations: at both stages, (2, curves).
@@ -78,7 +78,7 @@ class StepTables(NamedTuple):
 
 
 class Carry(NamedTuple):
-    """What goes from step to step: volumes and flows, weighted sums of signals, readings of controllers."""
+    """State carried through steps: volumes and flows, weighted sums of signals, readings of controllers."""
 
     volumes: list[Number]
     flows: list[Number]
@@ -187,14 +187,14 @@ class BeatProgram:
 
     @cached_property
     def _activations(self) -> np.ndarray:
-        """Of both stages of each step, shape (steps, 2, curves)."""
+        """Activations at both stages of each step, shape (steps, 2, curves)."""
         nodes = self.grid.phases
         stages = np.stack([nodes[:-1] + GAMMA * np.diff(nodes), nodes[1:]], axis=1)
         curves = [a.at(stages, np) for a in self.assembly.activations]
         return np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
 
     def _tables(self, weights: States | None, readings: Readings) -> StepTables:
-        """What differs from step to step, in blocks of steps."""
+        """Values that differ from step to step, in blocks of steps."""
         blocks, activations = (len(self.grid.block_steps), STEPS_PER_BLOCK), self._activations
         of_readings = readings.weights(np.diff(self.grid.phases))
         return StepTables(

@@ -1,4 +1,4 @@
-"""What to write down while a beat runs."""
+"""Recording of signals while a beat runs."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ class Recorder:
 
 
 class Readings:
-    """What the controllers of a circuit read off a beat, gathered step by step."""
+    """Inputs of the controllers of a circuit over a beat, accumulated step by step."""
 
     def __init__(self, assembly: Assembly):
         reads = [reading for control in assembly.circuit.controllers for reading in control.reads]

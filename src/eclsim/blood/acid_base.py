@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
 
 ITERATIONS = 10
-"""Of Newton's method; six suffice between 1 and 300 mmHg."""
+"""Iterations of Newton's method; six suffice between 1 and 300 mmHg."""
 
 
 def carbon_dioxide_solubility(temperature: Array = 37.0) -> Array:

@@ -19,7 +19,7 @@ from eclsim.blood.types import Array, Blood, Given, refuse_arguments
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
 STEPS = 60
-"""Of the damped Newton iteration from contents to pressures; most need fewer than ten."""
+"""Steps of the damped Newton iteration from contents to pressures; most need fewer than ten."""
 STEP_TOLERANCE = 1e-9
 """Largest of the last steps at which the iteration ends, in the logarithm of a partial pressure."""
 LARGEST_STEP = 1.0
@@ -49,7 +49,7 @@ class BloodGases(NamedTuple):
 
 
 _Pair = tuple[jax.Array, jax.Array]
-"""Of oxygen, then of carbon dioxide."""
+"""Values of oxygen, then of carbon dioxide."""
 
 
 class _Search(NamedTuple):

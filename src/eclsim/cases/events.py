@@ -68,7 +68,7 @@ class Event(BaseModel):
         return ", ".join(changes + gifts)
 
     def as_object(self) -> dict[str, Any]:
-        """As a case file holds it."""
+        """The event as a case file holds it."""
         content = {"at_min": self.at_min}
         content |= {"set": dict(self.set), "ramp_min": self.ramp_min} if self.set else {}
         return content | ({"give": dict(self.give), "over_min": self.over_min} if self.give else {})

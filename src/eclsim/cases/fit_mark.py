@@ -91,7 +91,7 @@ def read_mark(text: str) -> FitMark | None:
 
 
 def _digest(text: str) -> str:
-    """Of all that a fit depends on: neither comments nor events nor the patient's id."""
+    """Digest of all that a fit depends on: neither comments nor events nor the patient's id."""
     content = tomllib.loads(text)
     content.pop("events", None)
     patient = {key: value for key, value in content.get("patient", {}).items() if key != "id"}

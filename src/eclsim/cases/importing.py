@@ -201,7 +201,7 @@ def read_bundle(
 
 
 def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
-    """That a bundle is one page of several, or holds less than was found."""
+    """Mistakes of a bundle that is one page of several, or holds fewer entries than its total."""
     if any(_mapping(link).get("relation") == "next" for link in _list(bundle.get("link"))):
         message = "one page of several: the patients and values of the pages after it are not here"
         yield Mistake("link", message, "next", "all pages in one bundle")

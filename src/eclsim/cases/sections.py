@@ -193,7 +193,7 @@ PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drug
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""
 MEASURED_GASES = MEASURED[MEASURED.index("SaO2") :]
-"""Those of gas exchange."""
+"""Names of measurements of gas exchange."""
 FURTHER_MEASUREMENTS = MEASURED[MEASURED.index("CVP") : MEASURED.index("SaO2")]
 """Pressures that the paper does not fit: they may be zero or negative."""
 

@@ -32,7 +32,7 @@ class End(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """What the laws compute once from the parameters; `weights` choose among the sites of an end."""
+    """Constants of the laws, by the parameters alone; `weights` choose among the sites of an end."""
 
     storages: tuple[object, ...]
     paths: tuple[object, ...]
@@ -60,7 +60,7 @@ class Assembly:
 
     @cached_property
     def layout(self) -> StateLayout:
-        """What the numbers of the state are."""
+        """Layout of the state."""
         return layout_of(
             [c.name for c in self.circuit.compartments],
             [self.circuit.connections[j].name for j in self.inertial],
@@ -142,7 +142,7 @@ class Assembly:
         return result
 
     def outlet(self, connection: int, outlets: list[Number] | None, constants: Constants) -> Number | None:
-        """That of one connection; None where no compartment that it may begin at has any."""
+        """Outlet of one connection; None where no compartment that it may begin at has any."""
         source = self.ends[connection][0]
         if outlets is None or not set(source.positions) & set(self.narrowing):
             return None

@@ -33,7 +33,7 @@ HEART_RATE = "heart_rate_bpm"
 BLOOD_VOLUME = "total_blood_volume_ml"
 """The patient's blood [mL]; shares of it are start volumes."""
 SHARED_PARAMETERS = ("etaB", "rhoB", *BLOOD)
-"""What the blood of all circuits has in common: these parameters keep their names under a prefix."""
+"""Parameters of the blood of all circuits: they keep their names under a prefix."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Connection:
 
 
 class Statistic(Enum):
-    """What is read off a signal over a beat."""
+    """Statistic of a signal over a beat."""
 
     MEAN = "mean"
     MAXIMUM = "maximum"
@@ -355,7 +355,7 @@ class Circuit:
         return tuple(dict.fromkeys(name for entry in entries for name in entry.content_names()))
 
     def without_exchanges(self) -> Circuit:
-        """What the beat needs of the circuit."""
+        """Structure of the circuit for the beat."""
         return self._of_beat
 
     @cached_property
@@ -468,5 +468,5 @@ def site_text(site: Site) -> str:
 
 
 def _reads_and_acts_on(control: Control) -> str:
-    """What a controller reads and acts on, for print."""
+    """Inputs and outputs of a controller, for print."""
     return f"{', '.join(map(str, control.reads))} -> {', '.join(control.acts_on)}  {control.component}"

@@ -1,4 +1,4 @@
-"""What commands say on standard error, their exit statuses, and the progress of long ones."""
+"""Messages of commands on standard error, their exit statuses, and the progress of long ones."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def note(lines: Iterable[object]) -> None:
 
 
 class Progress:
-    """What a long command is doing, on standard error.
+    """Progress of a long command, on standard error.
 
     One line that changes on a terminal; in a log a line at most every ten seconds. What it is called with is
     shown as text; a number of finished tasks (`done`, `total`) moves the bar.

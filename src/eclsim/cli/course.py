@@ -101,7 +101,7 @@ def course(options: CourseOptions) -> None:
 
 
 def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
-    """What was read, each case with its events and its speed, and whether a row of a table is refused."""
+    """Cases read, each with its events and its speed, and whether a row of a table is refused."""
     from eclsim.cases import CaseError
     from eclsim.cases.reading import CaseReading
     from eclsim.cases.settings import apply_settings
@@ -347,7 +347,7 @@ SHOWN_OUTPUTS = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP
 MOST_ROWS = 25
 BAND_OUTPUTS = ("MAP", "PF", "drainage_pressure", "DO2")
 _DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
-"""Of a unit in tables, so that a column's digits stand below each other; others have one."""
+"""Decimals of a unit in tables, so that a column's digits stand below each other; others have one."""
 
 
 def _text(result: xr.Dataset) -> str:
@@ -426,7 +426,7 @@ def _band_text(band: xr.Dataset) -> str:
 
 
 def _cohort_text(content: Mapping[str, Any]) -> str:
-    """What became of each patient, and the first alarm, as a table."""
+    """Table of each patient's outcome and first alarm."""
     from eclsim.course.alarms import clock_time
     from eclsim.reporting.numbers import text_table
 

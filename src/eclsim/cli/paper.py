@@ -57,9 +57,9 @@ class ReproduceOptions(Distributed):
     force: bool = option(False, "Overwrite existing files and start again.", "--force")
 
     @property
-    def held(self) -> tuple[str | None, str]:
+    def locked_folder(self) -> tuple[str | None, str]:
         """Either of the two names the folder; shards run side by side."""
-        return self.out if self.out is not None else self.folder, super().held[1]
+        return self.out if self.out is not None else self.folder, super().locked_folder[1]
 
 
 def reproduce(options: ReproduceOptions) -> None:
@@ -94,7 +94,7 @@ def _checked(o: ReproduceOptions) -> tuple[Path, Target, Sequence[str], Distribu
     if o.folder is not None and o.out is not None:
         fail(f"{o.folder} and --out {o.out}: two folders; give one of them")
     places = Destinations(force=o.force, resume=o.continues)
-    folder = places.folder("--out", o.held[0], (*file_names(), RUNS))
+    folder = places.folder("--out", o.locked_folder[0], (*file_names(), RUNS))
     target = places.target("--json", o.json)
     distribution = o.distribution(places.mistakes)
     if folder is None:

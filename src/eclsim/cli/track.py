@@ -182,7 +182,7 @@ def _note_assumed(patients: Sequence[str], interval: float) -> None:
 
 
 def _note_refused_rows(rows: Mapping[str, int], interval: float) -> None:
-    """That rows which were refused stand for time all the same."""
+    """Warn that refused rows count as time all the same."""
     note(
         f"{patient}: {count} refused between others, for which {interval:g} h each are counted all the same"
         for patient, count in rows.items()

@@ -146,7 +146,7 @@ class CollapsibleChamber(Storage[ChamberConstants]):
 
     @property
     def activation(self) -> Activation | None:
-        """That of the chamber."""
+        """Activation of the chamber."""
         return self.chamber.activation
 
     @property
@@ -174,7 +174,7 @@ class CollapsibleChamber(Storage[ChamberConstants]):
         return CollapsibleChamber(self.chamber.renamed(parameter), renamed(self.emptying, parameter))
 
     def constants(self, values: Values) -> ChamberConstants:
-        """Those of the chamber, and Ve."""
+        """Constants of the chamber, and Ve."""
         return ChamberConstants(self.chamber.constants(values), value_of(values, self.emptying))
 
     def pressure(

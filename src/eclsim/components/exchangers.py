@@ -35,9 +35,9 @@ USED_UP_SHARE, USED_UP_ML_MIN = 0.05, 2.0
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
 MIXED_WEIGHTS = np.ones((1, 1))
-"""Of a place whose blood is mixed: the rate is that of the blood which leaves."""
+"""Weights of a place whose blood is mixed: the rate is that of the blood which leaves."""
 INLET_WEIGHTS = np.array([[0.0, 0.0], [1.0, 0.0]])
-"""Of a place where the rate is that of the blood which enters, the first of two points."""
+"""Weights of a place where the rate is that of the blood which enters, the first of two points."""
 
 HAEMOGLOBIN, OXYGEN_CAPACITY = "gas.haemoglobin_g_dl", "gas.oxygen_capacity_ml_g"
 TEMPERATURE = "gas.temperature_c"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 LimitKey = tuple[str, str, str]
-"""What tells limits apart: kind, output or waveform, and the sentence without its numbers."""
+"""Key of a limit: kind, output or waveform, and the sentence without its numbers."""
 FindingsByMoment = dict[int, "Finding"]
 """The finding of each moment at which a limit is broken."""
 KINDS = (*GRAVEST_FIRST, CAUTION)
@@ -200,7 +200,7 @@ def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: n
 def _sentence(
     finding: Finding, begin: str, end: str, worst: float, named: Mapping[str, tuple[str, str]]
 ) -> str:
-    """Such as "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
+    """Sentence: "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
     when = f"at {begin}" + (f", until {end}" if end else "")
     try:
         long_name, unit = named.get(finding.quantity) or _words_of(finding.quantity)
@@ -224,7 +224,7 @@ def _words_of(name: str) -> tuple[str, str]:
 
 
 def _at_worst(finding: Finding, worst: float) -> str:
-    """What became of the number that a sentence gives for its first moment; nothing where it stayed."""
+    """Worst value after the number that a sentence gives for its first moment; empty where it stayed."""
     if not (np.isfinite(worst) and np.isfinite(finding.value)) or finding.kind not in GRAVEST_FIRST:
         return ""
     stayed = abs(worst - finding.value) <= 0.05 * max(abs(worst), abs(finding.value))

@@ -191,7 +191,7 @@ def _alarm_probability(
 
 
 def _label(kind: str, quantity: str, side: str, limit: float) -> str:
-    """Such as "MAP below 65 mmHg (warning)" or "right atrium, Vra (collapse)"."""
+    """A label such as "MAP below 65 mmHg (warning)" or "right atrium, Vra (collapse)"."""
     try:
         unit = output(quantity).unit
     except UnknownOutputError:

@@ -55,7 +55,7 @@ LONGEST_MIN = 120.0
 MOST_SHOWN_BEATS = 1200
 """Beats that are shown at most besides those after events, unless an interval is given."""
 EVERY_BEAT_AFTER_EVENT_S = 15.0
-"""So long after an event every beat is shown."""
+"""Time after an event for which every beat is shown."""
 PARAMETERS_IN_EFFECT = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
 LAGGED_PARAMETERS = {name: local_resistance(bed) for bed, name in LOCAL_OUTPUTS.items()}
 """Outputs that follow the gases with a lag, and the parameters that hold their value in effect."""
@@ -462,7 +462,7 @@ class BeatMarch:
         return at.slow + period * self.laws.rates(at.slow, settings, beat, inflows)
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
-        """What is given between two times [mL]."""
+        """Volumes given between two times [mL]."""
         amounts = {str(kind): 0.0 for kind in INFLOWS}
         for gift in self.timeline.constant_inflows:
             shared = max(0.0, min(end, gift.end) - max(begin, gift.begin))
@@ -499,7 +499,7 @@ class BeatMarch:
     def _lagged_output(
         self, name: str, values: Sequence[Mapping[str, float]], in_effect: Sequence[Mapping[str, float]]
     ) -> np.ndarray | None:
-        """What reflex and drugs have in effect in a beat, with their lag; None for other outputs."""
+        """Effects of reflex and drugs in a beat, with their lag; None for other outputs."""
         if name == "heart_rate":
             return np.array([of_beat[HEART_RATE] for of_beat in in_effect])
         if name == "unstressed_volume":

@@ -54,9 +54,9 @@ LONGEST_STEP_S = 3600.0
 FEWEST_SIDE_BY_SIDE = 16
 """From so many members on, the program for many side by side is worth its compilation."""
 PCO2_ITERATIONS, PCO2_TOLERANCE_MMHG = 4, 0.01
-"""Of blood and its stores of carbon dioxide until both say the same arterial PCO2."""
+"""Limits of the iteration of blood and its stores of CO2 until both have the same arterial PCO2."""
 DIFFERENCE_STEP = 0.3
-"""Of a state for its column of the Jacobian, of its scale."""
+"""Step of a state for its column of the Jacobian, as a share of its scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +175,7 @@ class Engine:
         return self.histories
 
     def _not_stopped(self, active: np.ndarray) -> np.ndarray:
-        """Those of some members whose march no early stop ends."""
+        """The members whose march no early stop ends."""
         stop, time = self.early_stop, self.time
         over = [m for m in active if stop and stop.is_over(m, float(time[m]), self.snapshots[m].read)]
         for m in over:
@@ -232,7 +232,7 @@ class Engine:
         return self.options.hand_over and ramp_end > float(self.time[member])
 
     def _ahead_of_blood(self, active: np.ndarray, length: np.ndarray) -> dict[int, StateBeforeEvent]:
-        """Those whose steady gases ran ahead of the blood in a step of a ramp, back at the beat before it."""
+        """Members whose steady gases ran ahead of the blood in a step of a ramp, reset to the beat before."""
         events: dict[int, StateBeforeEvent] = {}
         for m, of_step in zip(active, length, strict=True):
             if not self._may_leave_ramp(m):
@@ -249,7 +249,7 @@ class Engine:
     def _followed_off_ramp(
         self, lost: np.ndarray, ahead_of_blood: Mapping[int, StateBeforeEvent]
     ) -> np.ndarray:
-        """Those whose steady beat a ramp took away or too far, followed beat by beat until they are there."""
+        """Members whose steady beat a ramp took away or too far, run beat by beat until they reach it."""
         carried: list[int] = []
         for m in lost:
             if not self._may_leave_ramp(m):
@@ -303,7 +303,7 @@ class Engine:
         return self._resume(np.setdiff1d(active, without_beat))
 
     def _resume(self, active: np.ndarray) -> np.ndarray:
-        """Those who have a steady beat, with the Jacobian of their rates and a length of the next step."""
+        """Members that have a steady beat, with the Jacobian of their rates and a length of the next step."""
         if len(active):
             self._differentiate(active)
         self._append_history(active)
@@ -579,7 +579,7 @@ def _message_without_rates(lacking: Sequence[str]) -> str:
 
 
 def _gases_read(circuits: Sequence[Sequence[Circuit]]) -> list[str]:
-    """Those of `LARGEST_GAS_CHANGE` that all circuits have."""
+    """Gases of `LARGEST_GAS_CHANGE` that all circuits have."""
     unique = {id(circuit): circuit for of_member in circuits for circuit in of_member}.values()
     shared = set(LARGEST_GAS_CHANGE).intersection(*(output_names(circuit) for circuit in unique))
     return [name for name in LARGEST_GAS_CHANGE if name in shared]

@@ -46,7 +46,7 @@ _AXES = {
 _NARROWEST = {"1": 0.005, "mL": 2.0}
 """Span of an axis at least, in its unit, so that rounding is no curve; 0.1 of others."""
 MOST_ALARMS = 5
-"""Of a band: the most probable ones are drawn."""
+"""Alarms of a band at most: the most probable ones are drawn."""
 _BARS = {"collapse": "#7A0000", "alarm": style.OKABE_ITO["vermillion"], "warning": style.OKABE_ITO["orange"]}
 
 

@@ -149,7 +149,7 @@ class GasDynamics:
         return [bed for bed in LOCAL_OUTPUTS if local_resistance(bed) in self.answers]
 
     def _signals(self, state: Mapping[Quantity, float]) -> dict[str, float]:
-        """What receptors and organs are exposed to."""
+        """Gases that receptors and organs are exposed to."""
         artery = artery_of(self.circuit)
         signals = {}
         if SENSED_PAO2 in self.answers:

@@ -114,7 +114,7 @@ class Span:
     settled: bool = True
 
     def as_object(self) -> dict[str, float | str]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {"from_min": self.begin / MINUTE, "until_min": self.end / MINUTE, "reason": self.reason}
 
 

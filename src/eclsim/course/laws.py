@@ -29,7 +29,7 @@ def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, .
 
 
 USED_UP = 0.1
-"""Of the scale of an amount, by which it may be less than nothing within the tolerance of a step."""
+"""Share of an amount's scale by which it may be below zero within the tolerance of a step."""
 
 
 class Laws:

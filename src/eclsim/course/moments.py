@@ -25,7 +25,7 @@ MOMENTS_PER_BATCH = 2048
 """Moments whose beats are solved as one batch."""
 SOLVED = (int(Status.CONVERGED), int(Status.ONE_OF_MANY))
 QUICK_SEARCH = OrbitOptions(newton_iterations=0)
-"""Of the first search for all; what it does not find is sought one after the other."""
+"""Options of the first search for all; the moments it does not solve are solved one after the other."""
 
 
 DECIMALS, ROUNDED_S = 6, 1e-6
@@ -63,7 +63,7 @@ class Moments:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the outputs."""
+        """Names of the outputs."""
         return tuple(self.values)
 
     def of(self, member: int) -> np.ndarray:
@@ -131,7 +131,7 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
 
 
 def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
-    """That of the beat between two steps, where their ends have one."""
+    """Point of the beat between two steps, where their ends have one."""
     a, b, (begin, end) = (
         history.points[left],
         history.points[ahead],

@@ -95,7 +95,7 @@ class Removal:
     warnings: tuple[str, ...] = ()
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         tried = [{"rate_ml_h": rate, "kept": kept} for rate, kept in sorted(self.tried.items())]
         return asdict(self) | {"limits": [one._asdict() for one in self.limits], "tried": tried}
 

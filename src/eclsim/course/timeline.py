@@ -185,7 +185,7 @@ class Timeline:
 
     @property
     def moments_of_events(self) -> np.ndarray:
-        """Those of the breaks at which something happens [s]."""
+        """Times of the breaks at which something happens [s]."""
         return self.breaks[0 if self.begins_at_once else 1 : -1]
 
     def circuit(self, segment: int) -> Circuit:
@@ -201,7 +201,7 @@ class Timeline:
         return values
 
     def ramped(self, segment: int, time: float) -> dict[str, float]:
-        """Those of the parameters that change between two breaks."""
+        """Values of the parameters that change between two breaks."""
         moving = [c for c in self._begun(segment) if c.end > self.breaks[segment]]
         return {key: value for change in moving for key, value in _interpolated(change, time).items()}
 

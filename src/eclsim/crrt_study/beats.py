@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
 
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]
-"""What a dataset is made from: dimensions, values and labels by name."""
+"""Contents of a dataset: dimensions, values and labels by name."""
 ACCESS, RETURN, SPEED = "crrt.access_site", "crrt.return_site", "ecmo.speed_rpm"
 START_PRESSURE, VENOUS_COMPLIANCE = "P0svn", "Csvn"
 
@@ -412,7 +412,7 @@ class MissingBeats:
 
     @property
     def sentence(self) -> str:
-        """Where there is no steady state, and why."""
+        """Speeds without a steady state, and why."""
         where = f"{self.place} {self.condition}".strip()
         return (
             f"{where}: {speeds_without_solution(self.speeds, [self.status] * len(self.speeds), self.state)}"
@@ -420,7 +420,7 @@ class MissingBeats:
 
     @property
     def advice(self) -> str:
-        """What the status means and what to do."""
+        """Meaning of the status, and what to do."""
         return (GasStatus if self.state == GASES else Status)[self.status.upper()].message
 
 

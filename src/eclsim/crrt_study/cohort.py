@@ -29,7 +29,7 @@ FITS = "fits"
 
 @dataclass(frozen=True)
 class PointResult:
-    """What the study says for one data point.
+    """Result of the study for one data point.
 
     Args:
         name: of the data point.
@@ -152,7 +152,7 @@ class PointOutcome:
 
 
 PRELOAD = ("eclsim.identification.cohort", "eclsim.crrt_study.cohort", "eclsim.outputs.steady_beat")
-"""What a worker needs before its first group."""
+"""Modules that a worker loads before its first group."""
 _FORMAT = json_format(list[PointOutcome])
 
 
@@ -168,7 +168,7 @@ class StudyOptions:
     rule: str | Path | Mapping[str, object] | Rule | None = None
 
     def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
-        """What becomes of each case."""
+        """Outcome of each case."""
         from eclsim.crrt_study.schemes import StudyError
 
         outcomes = []

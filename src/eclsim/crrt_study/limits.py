@@ -99,7 +99,7 @@ class LimitRange:
 def largest_flows(
     means: xr.Dataset, case_speed: float, rule_limits: tuple[Limit, ...] = LIMITS
 ) -> xr.Dataset:
-    """What each scheme keeps at the case's speed, and up to which ECMO flow.
+    """Limits that each scheme keeps at the case's speed, and up to which ECMO flow.
 
     Args:
         means: over `policy`, `scheme` and `speed`; pressures, `PF` [L/min] and `status`, NaN without a beat.

@@ -37,7 +37,7 @@ COLUMNS = {
     "filtration_fraction": "filtration_fraction", "effluent_pressure_mmhg": "effluent_pressure",
     "SreturnO2": "SreturnO2", "SaO2": "SaO2", "PaCO2": "PaCO2",
 }  # fmt: skip
-"""What of a scheme is set beside RenOx, by its key in JSON."""
+"""Quantities of a scheme compared with RenOx, by their keys in JSON."""
 
 
 def without_renox(case: Case) -> Case:

@@ -80,7 +80,7 @@ class Ranked:
 
     @property
     def most_flow(self) -> float:
-        """What `flow_at_most` counts for where the rule compares."""
+        """Value of `flow_at_most` where the rule compares."""
         return np.inf if self.throughout else self.flow_at_most
 
     @property
@@ -150,7 +150,7 @@ def _placed(scheme: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
 
 
 def _missing_numbers_text(scheme: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
-    """What is not known of a scheme, or of those that it may stand before or behind."""
+    """First quantity of the rule that is unknown of a scheme, or of those it is compared with, in words."""
     missing = scheme.unknown.union(*(other.unknown for other in others))
     quantity = next(criterion.quantity for criterion in rule.criteria if criterion.quantity in missing)
     letters = [] if quantity in scheme.unknown else [o.letter for o in others if quantity in o.unknown]

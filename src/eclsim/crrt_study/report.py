@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
 
 PAGE = "crrt_study.html"
-"""What the end of the name of a file with the page is."""
+"""End of the name of a file with the page."""
 
 
 class Column(NamedTuple):
@@ -208,7 +208,7 @@ RENOX_COLUMNS = (
         Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
 )
-"""What is set beside RenOx, a table each that fits a page; names are keys in JSON."""
+"""Quantities compared with RenOx, a table each that fits a page; names are keys in JSON."""
 KEPT_LABELS: dict[float | bool | None, str] = {True: "kept", False: "broken", None: "not known"}
 
 
@@ -240,7 +240,7 @@ def _means_table(study: CrrtStudy, policy: str) -> Table:
 
 
 def _of_schemes(study: CrrtStudy, summary: xr.Dataset) -> str:
-    """Of how many schemes a median is; empty if of all."""
+    """How many schemes a median is taken over, in words; empty if over all."""
     known, total = int(summary["schemes_known"]), len(study.schemes)
     return "" if known == total else f" of {known} of {total}"
 

@@ -85,7 +85,7 @@ class Criterion:
             raise ValueError(f"step = {self.step:g}: allowed: zero or above")
 
     def key(self, value: float) -> float:
-        """What to sort by: the smaller, the better; an unknown value is worst."""
+        """Key to sort by: the smaller, the better; an unknown value is worst."""
         if self.prefer is None:
             low, high = self.at_least, self.at_most
             return float(not ((low is None or value >= low) and (high is None or value <= high)))
@@ -96,7 +96,7 @@ class Criterion:
 
     @property
     def sentence(self) -> str:
-        """What it asks for, in words."""
+        """The rule in words."""
         if self.words:
             return self.words
         bounds = {"at least": self.at_least, "at most": self.at_most}
@@ -135,7 +135,7 @@ class Rule:
         return next(limit.high for limit in self.limits if limit.name == "access_190")
 
     def as_object(self) -> dict[str, object]:
-        """As plain data, which `read_rule` takes too; an infinite bound is None."""
+        """Plain data, which `read_rule` takes too; an infinite bound is None."""
         criteria = [
             {k: v for k, v in asdict(criterion).items() if v not in (None, "")} for criterion in self.criteria
         ]
@@ -183,7 +183,7 @@ DEFAULT_RULE = Rule("the usual rule", default_criteria())
 
 
 class _RuleFile(BaseModel):
-    """What a rule's file holds."""
+    """Contents of a rule's file."""
 
     model_config = ConfigDict(extra="forbid", strict=False)
     name: str

@@ -30,7 +30,7 @@ BEHIND_OXYGENATOR = ("post_oxy", "pre_rc")
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """Where the CRRT draws blood and where it gives it back.
+    """A scheme: where the CRRT draws blood and where it returns it.
 
     Args:
         letter: key of the scheme; a to i for those of Figure 2 of Thiel et al., else "access:return".

@@ -94,7 +94,7 @@ class CrrtStudy:
         return self.means
 
     def as_object(self) -> dict[str, Json]:
-        """As plain data for JSON, what `eclsim crrt-study --json` writes."""
+        """Plain data for JSON, what `eclsim crrt-study --json` writes."""
         from eclsim.crrt_study.files import study_object
 
         return study_object(self)

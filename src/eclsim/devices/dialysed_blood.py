@@ -131,7 +131,7 @@ def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remar
 
 
 def _haematocrit(values: Raw, case: CaseValues) -> float:
-    """Of the blood in the access line: given, that of the haemoglobin, else the usual one."""
+    """Haematocrit of the blood in the access line: as given, by the haemoglobin, else the usual one."""
     gas = case.physiology.get("gas")
     usual = USUAL_FLUID["haematocrit_in"]
     if gas is not None:

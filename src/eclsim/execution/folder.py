@@ -155,7 +155,7 @@ class TaskFolder(Generic[Result]):
         return self.read(self.path(number), self.format.read, self._mark(number))
 
     def _mark(self, number: int) -> str:
-        """Of a file: what its result follows from and whose it is, for a file under another's name is not."""
+        """Mark of a task's file: digest of the inputs and number of the task; a renamed file is refused."""
         return f"{self.fingerprint}-{number}"
 
     def read(self, path: Path, read: Callable[[Path], tuple[Result, str]], mark: str = "") -> Result:

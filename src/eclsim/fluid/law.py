@@ -151,7 +151,7 @@ class FluidLaw(SlowLaw):
         }  # fmt: skip
 
     def forces(self, states: Named, settings: Named, beat: Named) -> Forces:
-        """What drives fluid across the wall, as changes since the start."""
+        """Forces that drive fluid across the wall, as changes since the start."""
         return forces(*self._since_start(states, settings, beat))
 
     def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
@@ -183,7 +183,7 @@ class FluidLaw(SlowLaw):
         return now, rest, self._capillary(settings, beat, tone) - states[CAPILLARY]
 
     def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
-        """Of the systemic microcirculation, by reflex, drugs, setting and the organs' gases together."""
+        """Resistance of the systemic microcirculation, by reflex, drugs, setting and the organs' gases."""
         own = [beat[name] for name in self.local]
         if len(own) > 1:
             upper = settings[UPPER_SHARE]

@@ -40,11 +40,11 @@ POOL_TRANSFER_ML_MIN = {"urea": 600.0, "creatinine": 280.0}
 POTASSIUM_MOBILISATION = 158.0
 """Mobilisation clearance of potassium [mL/min], 547 patients (Agar 2015); the number is not verified."""
 BLOOD_SHARE = 0.2
-"""Of the store of carbon dioxide: 5 L of blood hold 24 mL for each mmHg, all tissues and blood 120."""
+"""Blood's share of the store of CO2: 5 L of blood hold 24 mL for each mmHg, all tissues and blood 120."""
 BLOOD_FOLLOWS_S = 60.0
 """In which blood is renewed [s], its volume over its flow."""
 SLOW_SHARE = 0.6
-"""Of the store: muscle, skin, fat and bone, four fifths of the tissues' mass; estimated, not fitted."""
+"""Slow tissues' share of it: muscle, skin, fat, bone, four fifths of the mass; estimated, not fitted."""
 SLOW_FOLLOWS_S = 540.0
 """In which they follow [s]: 63 mL/mmHg over a quarter of 5.5 L/min, their flow at rest, of 5 mL/L/mmHg."""
 STANDARD_PCO2 = 40.0
@@ -108,7 +108,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class SolutesLaw(SlowLaw):
-    """What dialysis clears.
+    """Solutes that dialysis clears.
 
     Args:
         filters: dialyzers.
@@ -219,7 +219,7 @@ class SolutesLaw(SlowLaw):
         return sum((each * one.metabolised(beat) for one in self.filters), np.zeros(1))
 
     def concentrations(self, states: Named, settings: Named) -> dict[str, np.ndarray]:
-        """Of the plasma [mmol/L]."""
+        """Concentrations in plasma [mmol/L]."""
         outside = EXTRACELLULAR_SHARE * settings[_key_of("body_water_ml")]
         if self.fluid:
             outside = states[PLASMA] + states[INTERSTITIUM]

@@ -33,10 +33,10 @@ LYMPH_PER_MMHG = 0.36
 EXCLUDED_SHARE = 0.25
 """Share of the normal interstitial volume that protein cannot enter; as above, not verified."""
 CAPILLARY_SHARE = 0.15
-"""Of the pressure drop from arteries to veins, behind the capillaries' middle; textbook, not verified."""
+"""Share of the arteriovenous pressure drop behind the capillaries' middle; textbook, not verified."""
 
 MIXING_ML_MIN = 0.5
-"""Of protein between what is next to capillaries and the rest, without flow; small, so that water carries it
+"""Exchange of protein between pericapillary and distant water without flow; small, so that water carries it
 (0.2 to 2 mL/min move no row of the validation by more than 0.3 of its unit)."""
 
 ALBUMIN_EQUIVALENT = 1.19
@@ -91,7 +91,7 @@ class Spaces(NamedTuple):
 
     @property
     def _accessible_volume(self) -> np.ndarray:
-        """What protein can enter of the interstitium [mL]."""
+        """Volume of the interstitium that protein can enter [mL]."""
         return np.maximum(self.interstitium - EXCLUDED_SHARE * self.normal, 1.0)
 
 
@@ -126,7 +126,7 @@ class Forces(NamedTuple):
 
 
 class Exchange(NamedTuple):
-    """What crosses, from plasma to interstitium.
+    """Rates of exchange, from plasma to interstitium.
 
     Attributes:
         fluid: filtration less lymph [mL/min].
@@ -179,7 +179,7 @@ def forces(now: Spaces, rest: Spaces, pressure_rise: np.ndarray) -> Forces:
 
 
 def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -> Exchange:
-    """What crosses the wall now.
+    """Rates of exchange across the wall now.
 
     Args:
         now: volumes and protein.

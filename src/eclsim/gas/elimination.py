@@ -101,7 +101,7 @@ def linear_exchanger(
 
 
 def responses(equations: LinearExchanger, residuals: Array) -> tuple[list[Array], Array]:
-    """What makes up for what the equations miss, where what enters stays: pressures, and the last content.
+    """Changes that cancel the residuals at a fixed inflow: of pressures, and of the last content.
 
     Args:
         equations: of one exchanger.

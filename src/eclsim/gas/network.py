@@ -28,9 +28,9 @@ PATIENT = "patient"
 SAMPLE_SITES = ("sart", "upper", "lower", "pas")
 """Compartments whose blood is analysed, where a circuit has them."""
 GASES = ("PO2", "PCO2", "pH", "SO2", "oxygen", "carbon_dioxide")
-"""What is known of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
+"""Quantities of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
 CONTENTS = GASES[-2:]
-"""What mixes: known of the blood in every compartment."""
+"""Quantities that mix, known of the blood in every compartment."""
 WORST_ERROR = 1e-8
 SMALLEST_SUPPLY = 0.1
 """Share of its demand below which a tissue is said to get no oxygen."""
@@ -53,7 +53,7 @@ class GasStatus(IntEnum):
 
     @property
     def message(self) -> str:
-        """What it means and what to do."""
+        """Its meaning, and what to do."""
         return _MESSAGES[self]
 
 
@@ -152,7 +152,7 @@ def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
 
 @dataclass(frozen=True)
 class FlowFunction:
-    """What blood carries, as a function of numbers.
+    """Contents of blood, as a function of numbers.
 
     Args:
         connections: whose mean forward, then backward flows come first [L/min].
@@ -187,7 +187,7 @@ class GasFunction(FlowFunction):
 
 @lru_cache(maxsize=256)
 def transport_of(circuit: Circuit, exchanges: bool = True) -> Circuit:
-    """What transport asks for of a circuit: places, connections and exchanges.
+    """Structure of a circuit for transport: places, connections and exchanges.
 
     Laws of pressures and flows, reflexes and drugs are left out, so that circuits which differ in these alone
     share the programs for what their blood carries.
@@ -341,7 +341,7 @@ def _alveoli(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
 
 
 def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Samples:
-    """What samples are made of."""
+    """Composition of samples."""
     stores, paths = ([entry.name for entry in t] for t in (circuit.compartments, circuit.connections))
     sources = [e.at for e in gas_exchanges(circuit)]
 

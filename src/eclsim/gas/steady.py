@@ -41,20 +41,20 @@ from eclsim.gas.elimination import (
 from eclsim.gas.transport import Mixtures
 
 ITERATIONS, PLAIN_ITERATIONS = 440, 40
-"""Of a search, and of its first part; what that does not find is followed in time."""
+"""Iterations of a search, and of its first part; what has not converged then is followed in time."""
 PSEUDO_TIME_STAGES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1))
 """Iterations at which following in time begins, and the change of the logarithms that a step aims at."""
 SMALL_PRESSURE_MMHG = 2.0
 """Pressure [mmHg] below which a change of its logarithm counts less: blood holds hardly anything then."""
 MOST_INERTIA, LEAST_INERTIA, LAST_CHANGE = 1e4, 1e-6, 1e-4
-"""Of steps in time; below the least, or below the change, the steps are Newton's."""
+"""Inertia of steps in time; below the least, or below the change, the steps are Newton's."""
 TOLERANCE = 1e-6
-"""Of the last step but one, in the logarithm of a partial pressure; the last one squares it."""
+"""Largest last step but one, in the logarithm of a partial pressure; the last one squares it."""
 LARGEST_STEP = 1.0
 INERTIA = 5.0
 """At the start of a search [L/min]."""
 LOWEST_LOGARITHM, HIGHEST_LOGARITHM = -14.0, 8.0
-"""Of the logarithm of a partial pressure in mmHg."""
+"""Range of the logarithm of a partial pressure in mmHg."""
 
 
 class GasState(NamedTuple):
@@ -116,7 +116,7 @@ class _LocalBlood(NamedTuple):
 
 
 class _Network(NamedTuple):
-    """What the equations of all exchangers need besides the unknowns."""
+    """Arguments of the equations of all exchangers besides the unknowns."""
 
     exchangers: tuple[GasExchanger, ...]
     mixed: Mixtures
@@ -142,7 +142,7 @@ class _Network(NamedTuple):
 
 
 class _Search(NamedTuple):
-    """Where the search for the steady state is."""
+    """State of the search for the steady state."""
 
     pressure: Array
     ph: Array
@@ -155,7 +155,7 @@ class _Search(NamedTuple):
 
 
 def blood_of(values: Values) -> Blood:
-    """What describes the blood of a patient apart from its gases."""
+    """Properties of a patient's blood apart from its gases."""
     return Blood(*(values[name] for name in BLOOD))
 
 

@@ -107,7 +107,7 @@ def balanced(flows: Flows, held: HeldBlood | None = None) -> Flows:
 
 
 class Mixtures(NamedTuple):
-    """What blood is made of, as shares of the blood that leaves each exchanger.
+    """Composition of blood, as shares of the blood that leaves each exchanger.
 
     Attributes:
         compartments: shares in each compartment, (compartments, exchangers); rows sum to 1.
@@ -180,7 +180,7 @@ def _drawn_blood(
     arriving: tuple[Array, Array],
     drainages: Sequence[tuple[Drainage, Array]],
 ) -> tuple[Array, Array]:
-    """What every connection draws forward, as shares of compartments and of what exchangers send."""
+    """Origin of the forward flow through every connection, as shares of compartments and exchangers."""
     leaves, enters, forward, backward = flows
     xp = flows.numbers
     drawn, drawn_sent = xp.asarray(leaves.T), xp.zeros_like(arriving[0])

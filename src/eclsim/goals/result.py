@@ -50,14 +50,14 @@ class GoalResult(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Of a bound that is broken, in words."""
+        """The broken bound in words."""
         unit = output(self.goal.output).unit
         if math.isnan(self.value):
             return f"{self.goal.output} has no value there"
         return f"{_goal_with_reason(self.goal)} is not kept there: {self.value:.4g} {unit}"
 
     def as_object(self) -> dict[str, object]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         goal = self.goal
         return {
             "goal": str(goal), "output": goal.output, "low": goal.low, "high": goal.high,
@@ -116,7 +116,7 @@ class Reached:
         return self.status is ReachStatus.REACHED
 
     def as_object(self) -> dict[str, object]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {
             "id": self.id,
             "reached": self.reached,
@@ -139,7 +139,7 @@ class Reached:
 
 
 def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
-    """Those of some bounds that outputs are beyond, or whose output has no value."""
+    """The goals that outputs miss, or whose output has no value."""
     for goal in goals:
         value = outputs.get(goal.output, math.nan)
         if not goal.excess(value) <= MET_TOLERANCE * goal.scale:

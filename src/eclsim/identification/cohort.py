@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 POINTS_PER_GROUP = 8
 """Data points that are fitted side by side; what an interruption costs at most."""
 PRELOAD = ("scipy.optimize", "eclsim.identification.cohort", "eclsim.outputs.steady_beat")
-"""What a worker needs before its first group."""
+"""Modules that a worker loads before its first group."""
 GROUPS, CASES = "groups", "cases"
 """Folders of the results and of the fitted case files."""
 

@@ -78,7 +78,7 @@ class Prior(Box):
 
     @classmethod
     def within(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
-        """Of free parameters with bounds."""
+        """The prior of free parameters within their bounds."""
         check_prior(kind)
         return cls(box.names, box.clip(box.start), box.lower, box.upper, kind)
 
@@ -141,7 +141,7 @@ class PosteriorDensity:
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """What was measured."""
+        """Names of the measurements."""
         return tuple(self.measured)
 
     @cached_property
@@ -317,7 +317,7 @@ class GradientEvaluator:
         return linear if settled else None
 
     def _searches(self, x: np.ndarray) -> Iterator[tuple[Anchor, OrbitOptions]]:
-        """Where and how to search, one after the other until one is good enough."""
+        """Starts and options of searches, tried until one is good enough."""
         if self.last is not None and not self.by_point:
             yield Anchor(self.last.state(x), self.last.anchor.inverse), CONTINUED_SEARCH
         yield self.centre, FIRST_SEARCH

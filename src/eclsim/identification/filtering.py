@@ -49,7 +49,7 @@ UNUSUAL_OUTPUT = 0.001
 
 @dataclass(frozen=True)
 class GaussianMixture:
-    """What is known at one time: a mixture of normal distributions, one of each filter of a bank.
+    """Distribution at one time: a mixture of normal distributions, one of each filter of a bank.
 
     Args:
         weights: of the filters, sum to 1, shape (filters,).
@@ -63,12 +63,12 @@ class GaussianMixture:
 
     @property
     def mean(self) -> np.ndarray:
-        """Of the mixture, shape (size,)."""
+        """Mean of the mixture, shape (size,)."""
         return self.weights @ self.means
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the mixture, shape (size, size)."""
+        """Covariance of the mixture, shape (size, size)."""
         deviations = self.means - self.mean
         return (
             np.einsum("f,fij->ij", self.weights, self.covariances)
@@ -76,7 +76,7 @@ class GaussianMixture:
         )
 
     def quantiles(self, shares: Sequence[float]) -> np.ndarray:
-        """Of each component of the vector by itself, by bisection, shape (shares, size)."""
+        """Quantiles of each component of the vector by itself, by bisection, shape (shares, size)."""
         # What no parameter moves is known exactly.
         spreads = np.maximum(np.sqrt(np.einsum("fii->fi", self.covariances)), SMALLEST_SPREAD)
         rows = []
@@ -192,7 +192,7 @@ def updated(
     simulate: Simulate, forecast: GaussianMixture, first: Regression, measured: np.ndarray,
     errors: np.ndarray, used: np.ndarray,
 ) -> GaussianMixture:  # fmt: skip
-    """What is known after a measurement.
+    """Distribution after a measurement.
 
     Args:
         simulate: outputs of latent variables.

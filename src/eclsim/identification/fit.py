@@ -200,7 +200,7 @@ class FitResult:
         return xr.Dataset(data, coordinates, attributes)
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         names = dict.fromkeys([*self.measured, *self.simulated])
         return {
             "id": self.name,
@@ -308,7 +308,7 @@ def failed_fit(name: str, case: Case, settings: FitSettings, error: Exception) -
 
 
 def _problem(cases: Sequence[Case], settings: FitSettings) -> tuple[Objective, Box]:
-    """What is minimised for cases made by `case_to_fit`, and the bounds."""
+    """Objective for cases made by `case_to_fit`, and the bounds."""
     targets, boxes = [], []
     for case in cases:
         checked = checked_fit(case, settings)

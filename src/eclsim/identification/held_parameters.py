@@ -1,4 +1,4 @@
-"""What a fit's outputs would be if the parameters that it holds at their usual values were free as well.
+"""Outputs of a fit if the parameters that it holds at usual values were free as well.
 
 Blood gases, or few measurements, are often fitted with some of the seven parameters held, since their effects
 cannot be told from others'. Their usual values are then taken as known, and a failing heart may come
@@ -232,7 +232,7 @@ class _ProfileCurve(NamedTuple):
 
     @classmethod
     def of(cls, values: np.ndarray, rises: np.ndarray, x: np.ndarray) -> _ProfileCurve:
-        """Those of some fits that have a steady beat, in order."""
+        """The curve through the fits that have a steady beat, in order."""
         order = np.flatnonzero(np.isfinite(rises))
         order = order[np.argsort(values[order], kind="stable")]
         return cls(values[order], rises[order], x[order])

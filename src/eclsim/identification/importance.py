@@ -39,7 +39,7 @@ Array = TypeVar("Array", np.ndarray, "jax.Array")
 SQUASHING_SCALE = 3.0
 """Standard deviations beyond which a variable moves the coefficients little further."""
 RIDGE = 0.01
-"""Of the weight of all draws, on every coefficient but the constant."""
+"""Ridge as a share of the weight of all draws, on every coefficient but the constant."""
 ROUNDS = 4
 DIFFERENCE = 1e-5
 LARGEST_LOG_SCALE = 1.5
@@ -49,7 +49,7 @@ SHAPE_BOUNDS = ((-2.0, 2.0), (-2.0, 2.0), (-1.5, 1.5), (-0.7, 0.7))
 FEWEST_FOR_CURVES = 150.0
 """With fewer effective draws the map stays linear."""
 DEGREES = 5.0
-"""Of freedom of Student's t distribution: its tails are longer than those of a posterior."""
+"""Degrees of freedom of Student's t distribution: its tails are longer than those of a posterior."""
 
 
 @dataclass(frozen=True)

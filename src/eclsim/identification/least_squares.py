@@ -23,7 +23,7 @@ from eclsim.identification.objective import Box, Evaluation, LeastSquaresProblem
 from eclsim.orbit.equation import OrbitOptions
 
 FIRST_DAMPING = 1e-3
-"""As a share of the largest curvature, as all dampings."""
+"""Share of the largest curvature, as all dampings."""
 SMALLEST_DAMPING = 1e-11
 LARGEST_DAMPING = 1e6
 DAMPING_FACTORS = 10.0 ** np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
@@ -39,10 +39,10 @@ CLOUD_SIZES = (-4.0, -1.0)
 SMALLEST_RELATIVE_GAIN = 1e-6
 """Share by which a cloud must lower the cost for another one."""
 MOST_CLOUDS_WITHOUT_GAIN = 6
-"""So many clouds without a better point end the search."""
+"""Clouds without a better point after which the search ends."""
 MOST_CLOUDS = 24
 MOST_ITERATIONS = 80
-"""Of all refinements between clouds taken together: some seconds."""
+"""Iterations of all refinements between clouds taken together: some seconds."""
 PERFECT_COST = 1e-12
 """Sum of squares below which there is nothing left to gain."""
 
@@ -82,7 +82,7 @@ EXACT = Tolerances(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3, exa
 
 @dataclass(frozen=True)
 class Refinement:
-    """Where refinements ended, shape (starts, ...).
+    """Ends of refinements, shape (starts, ...).
 
     Args:
         x: logarithms of the parameters, shape (starts, parameters).

@@ -60,7 +60,7 @@ class FitStatus(StrEnum):
 
     @property
     def message(self) -> str:
-        """What it means and what to do."""
+        """Its meaning, and what to do."""
         return _MESSAGES[self]
 
 

@@ -1,4 +1,4 @@
-"""What is minimised: differences between the model's steady beat and measurements, for many points at once.
+"""Objective of a fit: differences between the steady beat and measurements, for many points at once.
 
 Parameters are sought in coordinates (see `scale`): most by their logarithms, on which the paper's bounds (a
 tenth to ten times the start value) are symmetric and a step means the same change for all of them.
@@ -36,7 +36,7 @@ def execution_of(members: int) -> Execution:
 
 @dataclass(frozen=True)
 class Target:
-    """What one data point is fitted to.
+    """Target of the fit of one data point.
 
     Args:
         model: circuit and values; those of the free parameters are replaced.
@@ -136,7 +136,7 @@ class Tangent:
 
 
 Tangents = tuple[Tangent, ...]
-"""Of a member of a search: one for each data point that the member stands for."""
+"""Tangents of a member of a search: one for each data point that the member stands for."""
 
 
 @dataclass(frozen=True)
@@ -266,7 +266,7 @@ class Objective:
 
 
 def _extrapolated(tangents: Sequence[Tangent], x: np.ndarray) -> Anchor:
-    """Where the search for the beats of members starts, each from a solved beat close to it."""
+    """Starts of the search for the beats of members, each a solved beat close to it."""
     states = [tangent.state(of_member) for tangent, of_member in zip(tangents, x, strict=True)]
     return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in tangents], axis=2))
 

@@ -54,9 +54,9 @@ KINDS: dict[Method, str] = {
 PREDICTED_DRAWS = 1000
 QUANTILES = np.array([0.05, 0.5, 0.95])
 LARGEST_LOST_SHARE = 0.02
-"""Of draws without a steady beat: beyond, the intervals speak of too particular a part of the posterior."""
+"""Share of draws without a steady beat; beyond, the intervals describe too small a part of the posterior."""
 LARGEST_STARVED_SHARE = 0.05
-"""Of draws whose tissues extract nearly all their oxygen: beyond, a 90 % interval ends among them."""
+"""Share of draws whose tissues extract nearly all oxygen; beyond, a 90 % interval ends among them."""
 OUTERMOST_LATENT, PILED_UP_SHARE = 1.96, 0.2
 """Latent variable beyond which 2.5 % of the prior lie, and share of the draws there that a bound limits."""
 EXTRACTION_OUTPUTS = ("VO2", "O2ER")
@@ -243,7 +243,7 @@ class PosteriorResult:
 
     @property
     def kind(self) -> str:
-        """What the draws are, in words."""
+        """Description of the draws."""
         return KINDS[self.settings.method]
 
     @property
@@ -277,7 +277,7 @@ class PosteriorResult:
         return _tree(self)
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         exact, gaussian = (np.quantile(v, QUANTILES, axis=0).T for v in (self.flat, self.gaussian_draws()))
         d, c, w = self.diagnostics, self.chains, self.weighted
         parameters = {

@@ -37,7 +37,7 @@ SAME_OUTPUTS = 3e-3
 EXPLORED_PER_PARAMETER, EXPLORED_STARTS = 64, 2
 """Points explored for each parameter to find other valleys, and how many of them are starts of a value."""
 MOST_PASSES = 4
-"""Of further fits of values next to the interval, at most."""
+"""Passes of further fits of values next to the interval, at most."""
 SMALLEST_IMPROVEMENT = 0.1
 """Chi-square by which such a fit must be better for another pass."""
 HALVINGS = 3
@@ -202,7 +202,7 @@ class _FittedPoints:
 
     @property
     def within(self) -> np.ndarray:
-        """Those within `RISE_90` of the least."""
+        """Points within `RISE_90` of the least cost."""
         return self.x[self.costs <= self.costs.min() + RISE_90]
 
     def with_more(self, fits: Refinement) -> _FittedPoints:

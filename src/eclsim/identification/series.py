@@ -1,4 +1,4 @@
-"""What the measurements of a followed patient have in common, whichever of them is looked at.
+"""Common properties of a series of measurements, whichever of them is looked at.
 
 A patient has one set point for each reflex: left open, it is the first measurement of the series that tells
 it, and the reflexes answer to changes from there. What is free is free at all times: at a time whose circuit
@@ -45,7 +45,7 @@ FEWEST_EQUAL_VALUES = 3
 
 @dataclass
 class Series:
-    """What is known of a series from the cases looked at so far.
+    """Properties of a series by the cases read so far.
 
     Args:
         settings: free parameters, bounds.
@@ -111,7 +111,7 @@ class Series:
         return (*held, *still_open)
 
     def remarks(self, case: Case) -> list[str]:
-        """What is assumed at all times; `case`: one of them."""
+        """Remarks on values assumed at all times; `case`: one of them."""
         free = self.settings.names
         return [
             *self.notes,
@@ -141,7 +141,7 @@ def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str,
 
 
 def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Series:
-    """What the measurements of a series, name and case of each in order, have in common."""
+    """Common properties of a series, from name and case of each measurement in order."""
     series = Series(settings)
     for name, case in points:
         series.learn(name, case)

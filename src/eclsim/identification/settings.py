@@ -1,4 +1,4 @@
-"""What a fit is asked for: free parameters with bounds, weights, how widely to look."""
+"""Settings of a fit: free parameters with bounds, weights, how widely to look."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class FitSettings:
         return tuple(dict.fromkeys([*self.parameters, *self.shared]))
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data; two fits with the same object give the same numbers."""
+        """Plain data; two fits with the same object give the same numbers."""
         search = {name: value for name, value in vars(self.multi_start).items() if name != "polishing"}
         return {
             "parameters": list(self.parameters),
@@ -165,7 +165,7 @@ def measured_open_set_points(case: Case) -> dict[str, float]:
 
 
 def measured_outputs(case: Case) -> list[str]:
-    """What was measured in a case, by name."""
+    """Measurements of a case by name."""
     return [name for name in OUTPUTS if getattr(case.measurements, name, None) is not None]
 
 

@@ -68,7 +68,7 @@ INTERVAL_DRAWS = 4000
 
 @dataclass(frozen=True)
 class TrackSettings:
-    """What is tracked and how.
+    """Settings of tracking.
 
     Args:
         fit: free parameters, bounds, uncertainties of the measurements, blood volume policy.
@@ -86,7 +86,7 @@ class TrackSettings:
     interval_hours: float = HOURS_PER_DAY
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         of_fit = self.fit.as_object()
         fit_keys = ("parameters", "bounds", "uncertainties", "blood_volume_policy")
         return {
@@ -169,7 +169,7 @@ class TrackedPoint:
         return tuple(n for n in self.outputs if any(doubt.startswith(f"{n}: ") for doubt in self.doubts))
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         names = {"name": "id", "hours": "hours_since_last", "innovations": "measurements"}
         content = {names.get(name, name): value for name, value in asdict(self).items()}
         verdict = None if self.verdict is None else self.verdict.as_object()
@@ -233,7 +233,7 @@ class TrackResult:
         return xr.Dataset(data, coordinates, {"patient": self.patient})
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         return {
             "id": self.patient,
             "assumed_interval_hours": self.assumed_interval_hours,
@@ -244,7 +244,7 @@ class TrackResult:
 
 @dataclass(frozen=True)
 class _Estimate:
-    """What is known of a patient: the prior, coordinates, and the latent variables in them."""
+    """The patient's prior, coordinates, and the latent variables in them."""
 
     prior: Prior
     transport: Transport
@@ -486,7 +486,7 @@ class Tracker:
     def _expected(
         self, names: Sequence[str], outputs: GaussianMixture, known: Mapping[str, float]
     ) -> dict[str, Interval]:
-        """Where measurements of outputs are expected, with their standard uncertainties."""
+        """Expected measurements of outputs, with their standard uncertainties."""
         typical = dict(zip(names, outputs.mean.tolist(), strict=True))
         errors = {**self._errors(typical), **known}
         noise = np.diag([errors[n] ** 2 for n in names])
@@ -518,7 +518,7 @@ def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
 
 
 def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
-    """What is doubtful about the first estimate, and what was done; empty where nothing is."""
+    """Doubts about the first estimate, and what was done; empty where there is none."""
     doubts = []
     if verdict.doubts:
         doubts.append(f"first estimate: {verdict.headline}")

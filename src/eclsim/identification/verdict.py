@@ -46,7 +46,7 @@ _ORDER = tuple(Level)
 
 
 class Aspect(StrEnum):
-    """What a reason speaks of."""
+    """Subject of a reason."""
 
     AGREEMENT = "agreement with the measurements"
     SEARCH = "search"
@@ -113,7 +113,7 @@ class FitVerdict:
 
     @property
     def remarks(self) -> tuple[Reason, ...]:
-        """What is to be known besides."""
+        """Further remarks."""
         return tuple(r for r in self.reasons if r.level is Level.GOOD)
 
     @property
@@ -127,7 +127,7 @@ class FitVerdict:
         return replace(self, reasons=tuple(sorted(reasons, key=lambda r: -_ORDER.index(r.level))))
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         g = self.goodness
         return {
             "level": str(self.level),
@@ -198,7 +198,7 @@ def goodness_of(
 def agreement(
     measured: Mapping[str, float], simulated: Mapping[str, float], goodness: Goodness, weights: str
 ) -> list[Reason]:
-    """What the differences from the measurements say.
+    """Reasons by the differences from the measurements.
 
     Args:
         measured: values by output [mmHg, L/min].
@@ -241,7 +241,7 @@ def agreement(
 
 
 def search(status: FitStatus, beat: str = "") -> list[Reason]:
-    """What the end of the search says; `beat`: how the search for the fitted patient's beat ended."""
+    """Reasons by the end of the search; `beat`: how the search for the fitted patient's beat ended."""
     if status is FitStatus.FITTED:
         return []
     level = Level.DOUBTFUL if status is FitStatus.NOT_SETTLED else Level.POOR
@@ -255,7 +255,7 @@ def plausibility(
     measured: Iterable[str],
     broken_limits: Sequence[str],
 ) -> list[Reason]:
-    """What the fitted patient's volumes and pressures say, those that were measured left aside.
+    """Reasons by the fitted patient's volumes and pressures, except those measured.
 
     Args:
         outputs: of the fitted patient.

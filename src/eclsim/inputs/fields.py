@@ -50,7 +50,7 @@ class Field:
 
     @property
     def allowed(self) -> str:
-        """What is allowed, in words."""
+        """Allowed values, in words."""
         if self.kind == "number":
             unit = "" if self.unit == "1" else self.unit
             smallest = f"0, or {self.least:g}" if self.least else f"{self.minimum:g}"

@@ -32,7 +32,7 @@ LARGEST_RESIDUAL_GROWTH = 2.0
 BEATS_AFTER_EXACT_STEP = 5
 """Plain beats behind a step with the exact Jacobian: what decays fast hides how far what is slow has come."""
 LARGEST_MULTIPLIER = 1.0 + 1e-4
-"""Of a beat that plain beats lead to; 1 is that of conserved blood, and rounding splits several of them."""
+"""Floquet multiplier of a stable beat at most; 1 is that of conserved blood, rounding splits several."""
 RANK_TOLERANCE, RANK_TOLERANCE_IN_COLLAPSE = 1e-13, 1e-10
 """Share of the largest singular value below which a direction is taken for noise of the differences: where
 veins collapse, the right heart is shut in and the beat repeats, which the smaller share does not see."""

@@ -87,12 +87,12 @@ class Batch:
         return float(value if np.ndim(value) == 0 else np.asarray(value)[which])
 
     def read_by_outputs(self, parameters: Sequence[str], members: np.ndarray) -> dict[str, np.ndarray]:
-        """Those of some parameters that have a value, of some members, each of shape (members,)."""
+        """Values of the parameters among these that have one, for some members, each of shape (members,)."""
         columns = {n: np.asarray(self.values[n], float) for n in parameters if n in self.values}
         return {n: np.full(len(members), v) if v.ndim == 0 else v[members] for n, v in columns.items()}
 
     def numbers_for(self, parameters: Sequence[str], member: int = 0) -> dict[str, float]:
-        """Those of some parameters that have a value, of one member."""
+        """Values of the parameters among these that have one, for one member."""
         return {name: float(v[0]) for name, v in self.read_by_outputs(parameters, np.array([member])).items()}
 
     def volume(self) -> Volume:
@@ -170,7 +170,7 @@ class SolvedOrbits(Orbits):
     adaptive_tolerance: float | None = None
 
     def take(self, members: np.ndarray) -> SolvedOrbits:
-        """Of some of the members."""
+        """The orbits of some of the members."""
         parts = {field.name: getattr(self, field.name)[..., members] for field in fields(Orbits)}
         batch, resolution = self.batch.take(members), self.resolution[members]
         return replace(self, batch=batch, resolution=resolution, **parts)

@@ -1,4 +1,4 @@
-"""What a clinician must know of a steady beat: limits that it breaks, and how its numbers are to be read."""
+"""Alarms of a steady beat: limits that it breaks, and how its numbers are to be read."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def sentences(findings: Iterable[Finding]) -> list[str]:
 
 
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
-    """Those of some waveforms whose extremes say whether a chamber is empty or a vessel sucked shut."""
+    """The waveforms whose extremes show whether a chamber is empty or a vessel sucked shut."""
     places = {*THIN_WALLED, *CHAMBERS}
     return tuple(name for name in signals if name[0] in "PV" and name[1:] in places)
 

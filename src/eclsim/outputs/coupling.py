@@ -39,7 +39,7 @@ def solved_for(circuit: Circuit) -> tuple[str, ...]:
 
 
 def open_parameters(batch: Batch) -> tuple[str, ...]:
-    """Those that are to be solved for: NaN in some member."""
+    """Parameters that are to be solved for: NaN in some member."""
     return tuple(name for name in solved_for(batch.circuit) if np.isnan(batch.values[name]).any())
 
 
@@ -66,7 +66,7 @@ class Measured(Protocol):
 
 @dataclass(frozen=True)
 class CoupledAnchor(Anchor):
-    """Where a search starts for each patient, what is solved for with the gases included.
+    """Start of a search for each patient, parameters solved for with the gases included.
 
     Args:
         names: of the parameters that are solved for.
@@ -203,7 +203,7 @@ class _Search(Generic[Beat]):
             return beat, np.log([beat.output(SOLVED_BY[name]) for name in self.names]) - place
 
     def _begin(self, members: np.ndarray) -> Anchor:
-        """Where the next searches of some members begin: at their last beats."""
+        """Starts of the next searches of some members: their last beats."""
         states = self.orbits.states[:, members]
         if isinstance(self.start, Anchor):
             given = self.start.take(members).inverse

@@ -125,7 +125,7 @@ _REGIONS = (
         )
     ),
 )
-"""What the patient in regions has in place of `venous_pressure` and `systemic_flow`."""
+"""Outputs of the patient in regions in place of `venous_pressure` and `systemic_flow`."""
 
 
 _REST, _SUPERIOR = "caval_rest_volume_ml", "svc_vessel_share"
@@ -154,7 +154,7 @@ _COLLAPSIBLE = (
         _SUPERIOR,
     ),
 )  # fmt: skip
-"""What the patient has whose veins collapse."""
+"""Outputs of a patient whose veins collapse."""
 
 _MORE = (
     Output(

@@ -39,7 +39,7 @@ class Sealed:
 
 
 def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
-    """What closed valves shut in, read off one beat; None where blood passes from any part to any other.
+    """Parts that closed valves shut in, by one beat; None where blood passes from any part to any other.
 
     Args:
         outputs: scalar outputs by name; a valve whose mean flow [L/min] is not among them counts as open.

@@ -33,7 +33,7 @@ def _output_names(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
 
 
 def gas_dependent_outputs(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
-    """Those of some outputs that follow from the gases of the blood."""
+    """The outputs that follow from the gases of the blood."""
     followed = GASES in circuit.content_names()
     entries = {name: output(name) for name in outputs}
     return tuple(n for n, o in entries.items() if GASES in o.parameters or (followed and o.by_gases))

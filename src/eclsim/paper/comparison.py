@@ -15,7 +15,7 @@ YES_NO = "yes/no"
 
 
 class Verdict(StrEnum):
-    """What a comparison came to."""
+    """Outcome of a comparison."""
 
     AGREES = "as printed"
     EXPLAINED = "explained"
@@ -79,7 +79,7 @@ class Row:
 
     @property
     def verdict(self) -> Verdict:
-        """What the comparison came to."""
+        """Outcome of the comparison."""
         if self.holds:
             return Verdict.AGREES
         if self.explanation is not None and self.explanation.holds:

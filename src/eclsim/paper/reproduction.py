@@ -26,7 +26,7 @@ DEFAULT_EXPLORE = 30
 INDEX = "index.html"
 FILES = (INDEX, "reproduction.csv", "reproduction.json")
 PRELOAD = ("scipy.stats", "eclsim.sensitivity.runs", "eclsim.identification.cohort")
-"""What a worker needs before its first task."""
+"""Modules that a worker loads before its first task."""
 RUNS = "runs"
 """Folder of what takes long, so that it can be gone on with."""
 

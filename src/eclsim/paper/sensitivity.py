@@ -167,7 +167,7 @@ def _statements(
 
 
 def _outputs_without_rmc_or_emaxlv(indices: Indices) -> str:
-    """Where Rmc and Emaxlv are not among those that make up 90 % of an output."""
+    """Outputs for which Rmc and Emaxlv are not among the factors that make up 90 %."""
     selected, two = indices.selected(), ("Rmc", "Emaxlv")
     result = [f"{name} of {o}" for o, names in selected.items() for name in two if name not in names]
     return ", ".join(result)
@@ -241,7 +241,7 @@ class RedrawnChoices:
         return self.evaluator(drawn, count)
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the inputs."""
         names = [choice.name for choice in self.choices]
         return self.evaluator.description() | {"drawn_over_the_design": names, "drawn_seed": self.seed}
 

@@ -1,4 +1,4 @@
-"""What a model parameter is: a number with its unit, meaning, origin and allowed range."""
+"""Model parameters: a number with its unit, meaning, origin and allowed range."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from eclsim.units import quantity_of
 
 DEFAULT_LOG_RANGE = math.log(100.0)
-"""What the allowed range of a parameter on a linear scale is long in its coordinate."""
+"""Length of the allowed range of a parameter on a linear scale, in its coordinate."""
 
 
 class Bounds(NamedTuple):
@@ -53,7 +53,7 @@ class Parameter:
 
     @property
     def quantity(self) -> str | None:
-        """What is measured: "resistance", "compliance", "elastance", "inertance" ..., or None."""
+        """Kind of quantity: "resistance", "compliance", "elastance", "inertance" ..., or None."""
         return quantity_of(self.unit)
 
     @property

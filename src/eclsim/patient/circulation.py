@@ -61,7 +61,7 @@ SHI_HOSE_NAMES = {"pas": "pas", "part": "pat", "pvn": "pvn", "ao": "sas", "sart"
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What a patient has beyond the published circulation.
+    """Parts of a patient beyond the published circulation.
 
     Args:
         regional: upper and lower body, aortic arch, descending aorta and two venae cavae.
@@ -152,7 +152,7 @@ def _heart_and_lungs(anatomy: Anatomy) -> Circuit:
 
 
 def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circuit:
-    """What exchanges oxygen and carbon dioxide in the patient, to be joined to the circulation.
+    """Exchangers of oxygen and carbon dioxide in the patient, to be joined to the circulation.
 
     Args:
         anatomy: what the patient has beyond the published circulation.

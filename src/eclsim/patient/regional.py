@@ -66,7 +66,7 @@ def systemic(bronchial: bool = False) -> Circuit:
 
 
 def bronchial_return(artery: str) -> Connection:
-    """What the bronchial arteries carry past the right heart, a share of the systemic conductance."""
+    """Share of the systemic conductance that is bronchial arteries, which bypass the right heart."""
     return Connection("bronchial", Resistance(Scaled(("Rsart", "Rmc"), (), (BRONCHIAL,))), artery, "pvn")
 
 

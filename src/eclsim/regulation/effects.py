@@ -1,4 +1,4 @@
-"""What controllers have in effect once the circulation is steady, as a function of what they read."""
+"""Effects of controllers once the circulation is steady, as a function of what they read."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def steady_controls(circuit: Circuit) -> tuple[Control, ...]:
 
 
 def readings_of(controls: Sequence[Control]) -> tuple[Reading, ...]:
-    """What controllers read, one after the other."""
+    """Inputs of controllers, one after the other."""
     return tuple(reading for control in controls for reading in control.reads)
 
 

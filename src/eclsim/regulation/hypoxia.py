@@ -80,7 +80,7 @@ class HypoxicVasoconstriction(SlowLaw):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """What the oxygen now would bring about."""
+        """Resistance that the present oxygen leads to in time."""
         return (WANTED_RESISTANCE,)
 
     def start(self, settings: Named, beat: Named) -> Named:

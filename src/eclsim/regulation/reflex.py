@@ -49,7 +49,7 @@ class Pathway(NamedTuple):
 
 @dataclass(frozen=True)
 class Effector:
-    """What pathways do to one parameter: theta_i + sum over pathways of gain * drive, of beds in parallel.
+    """Effect of pathways on one parameter: theta_i + sum over pathways of gain * drive, of beds in parallel.
 
     Args:
         parameter: it acts on.

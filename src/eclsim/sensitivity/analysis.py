@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 PRELOAD = ("scipy.stats", "eclsim.outputs.steady_beat", "eclsim.sensitivity.runs")
-"""What a worker needs before its first block."""
+"""Modules that a worker loads before its first block."""
 COPIES_IN_MEMORY = 6
 """How often the points of a design and its results are held at a time, at most."""
 SHARE_OF_MEMORY = 0.8
@@ -41,7 +41,7 @@ SHARE_OF_MEMORY = 0.8
 
 @dataclass(frozen=True, kw_only=True)
 class SobolSettings:
-    """What is analysed.
+    """Settings of an analysis.
 
     Args:
         samples: N, rows of Saltelli's design, a power of two.
@@ -287,7 +287,7 @@ def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | No
 
 
 def _mean_arterial_pressure(model: Model, policy: str) -> float:
-    """Of the steady beat; `StateError` where there is none."""
+    """Mean arterial pressure of the steady beat; `StateError` where there is none."""
     from eclsim.orbit.steady import Batch
     from eclsim.outputs.steady_beat import steady_beat
 

@@ -1,4 +1,4 @@
-"""Where among the inputs runs failed: the one or two that set the failed runs apart from the others.
+"""Region of the inputs in which runs failed: the one or two that set the failed runs apart from the others.
 
 A threshold on one input that most of the failed runs lie beyond and few of the others: the one at which the
 two distribution functions are furthest apart, which is the statistic of Kolmogorov and Smirnov. A second
@@ -42,7 +42,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class FailedRegion:
-    """Where most of the failed runs are.
+    """Region that holds most of the failed runs.
 
     Args:
         conditions: that hold there together; the first tells more than the second.
@@ -66,12 +66,12 @@ class FailedRegion:
         )
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {**vars(self), "conditions": [vars(condition) for condition in self.conditions]}
 
 
 def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
-    """Where most of the failed runs are; None where no input sets them apart.
+    """Region that holds most of the failed runs; None where no input sets them apart.
 
     Args:
         design: of the runs.

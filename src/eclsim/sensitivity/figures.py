@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 LEADING = 7
 COLUMNS = 4
-"""Of panels; the last place of the last row holds the legend."""
+"""Columns of panels; the last place of the last row holds the legend."""
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
 LETTER_MM = 1.7
 MOST_PAIRED = 10

@@ -48,7 +48,7 @@ def change(name: str) -> tuple[float, str]:
 
 
 def _in_words(name: str, share: float) -> str:
-    """So many times that change: in percent, or in the unit of the parameter."""
+    """A share of a parameter's change in words: in percent, or in the unit of the parameter."""
     whole, unit = change(name)
     return f"{share * whole:.3g} {unit}".strip() if whole else f"{100 * share:.3g} %"
 
@@ -305,7 +305,7 @@ LARGEST_DEVIATION = 2.0
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a set of measurements says about a set of parameters.
+    """Information of a set of measurements about a set of parameters.
 
     Args:
         name: of the case.
@@ -371,7 +371,7 @@ class Identifiability:
         )
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         s, names = self.scaled, self.scaled.parameters
         rows = (dict(zip(names, row.tolist(), strict=True)) for row in s.matrix)
         vectors = (dict(zip(names, column.tolist(), strict=True)) for column in self.fisher.eigenvectors.T)

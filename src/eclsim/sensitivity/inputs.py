@@ -1,4 +1,4 @@
-"""What a sensitivity analysis varies: numbers within bounds and choices, around the values of a case.
+"""Inputs of a sensitivity analysis: numbers within bounds and choices, around the values of a case.
 
 By default the paper's 24 cardiovascular parameters; further inputs are settings of the devices, the maker's
 sizes of cannulae, and the sites or the scheme of a CRRT. The uncertainties of the clinical measurements stand
@@ -32,7 +32,7 @@ CARDIOVASCULAR = (
 """The parameters of the paper's global sensitivity analysis (Figure 3)."""
 
 GROUPS = {"R": "resistance", "C": "compliance", "L": "inertance", "E": "elastance"}
-"""What the unit of the parameters of a group measures."""
+"""Quantities that the units of the groups' parameters measure."""
 MOST_LISTED = 60
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 
@@ -68,11 +68,11 @@ class Continuous:
         return {self.name: unit * (self.high - self.low) + self.low}
 
     def table_column(self, unit: np.ndarray) -> np.ndarray:
-        """What a table of samples shows."""
+        """Values as a table of samples shows them."""
         return self.settings(unit)[self.name]
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the input."""
         return {"name": self.name, "low": self.low, "high": self.high}
 
 
@@ -107,7 +107,7 @@ class Categorical:
         return np.array(self.levels, dtype=object)[self.choose(unit)]
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the input."""
         return {"name": self.name, "levels": list(self.levels), "sets": {p: list(v) for p, v in self.sets}}
 
 
@@ -371,7 +371,7 @@ class Uncertainty:
 
 
 _ROUNDING_L_MIN = 0.03
-"""Of a flow that is given to 0.1 L/min: the standard deviation of what rounding leaves open [L/min]."""
+"""Standard deviation of the rounding error of a flow that is given to 0.1 L/min [L/min]."""
 DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
     {
         "SP": Uncertainty(4.0),

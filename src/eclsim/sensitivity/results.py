@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SHARE = 0.9
-"""Of the total orders of an output, which the selected factors make up."""
+"""Share of the sum of an output's total-order indices that the selected factors make up."""
 FEWEST_ROWS = 64
 """Nothing is ranked or selected from fewer rows, nor from fewer than half of the design's."""
 SMALLEST_SIZE = 1.0
@@ -181,7 +181,7 @@ class Indices:
         )
 
     def as_object(self, second_order: bool = False) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {
             "samples": self.samples,
             "evaluations": self.evaluations,

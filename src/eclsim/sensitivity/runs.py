@@ -36,7 +36,7 @@ WITHOUT_GASES = 100
 
 @dataclass(frozen=True)
 class Runs:
-    """What some runs of a model gave.
+    """Outcome of some runs of a model.
 
     Args:
         values: outputs, shape (runs, outputs).
@@ -84,7 +84,7 @@ class Evaluator(Protocol):
         ...
 
     def description(self) -> Description:
-        """As plain data: all that the outputs follow from, besides the settings."""
+        """Plain data: all that the outputs follow from, besides the settings."""
         ...
 
 
@@ -125,7 +125,7 @@ class SteadyBeatEvaluator:
         return Runs(beat.values.T, status, beat.orbits.beats, beat.orbits.residual, beat.collapsed)
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the runs."""
         return {
             "case": self.name,
             "circuit": str(self.circuit).splitlines(),
@@ -158,7 +158,7 @@ def status_word(status: int) -> str:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What is to be run.
+    """An analysis to be run.
 
     Args:
         design: points.

@@ -465,7 +465,7 @@ PANELS = (
         ("left, end-diastolic", "left, end-systolic", "right, end-diastolic", "right, end-systolic"),
     ),
 )  # fmt: skip
-"""Of the patient; flows and circuits of devices are added to them."""
+"""Panels of the patient; flows and circuits of devices are added to them."""
 _AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
 
 

@@ -70,12 +70,12 @@ def time_to(beats: xr.Dataset, saturation: float) -> float:
 
 
 def fall(beats: xr.Dataset) -> float:
-    """Of the arterial saturation from 90 to 60 % [%/min]."""
+    """Rate at which arterial saturation falls from 90 to 60 % [%/min]."""
     return 30.0 / (time_to(beats, 60.0) - time_to(beats, 90.0))
 
 
 def rises(beats: xr.Dataset) -> tuple[float, float]:
-    """Of PaCO2 in the first minute [mmHg], and in the three that follow [mmHg/min]."""
+    """Rises of PaCO2 in the first minute [mmHg], and in the three that follow [mmHg/min]."""
     start, first, fourth = np.interp((0.0, 1.0, 4.0), beats["time_min"], beats["PaCO2"])
     return float(first - start), float((fourth - first) / 3.0)
 

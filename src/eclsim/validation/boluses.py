@@ -1,4 +1,4 @@
-"""What is given against what stays of it in people: courses with the published wall, nothing fitted.
+"""Volume given and volume that stays, in people: courses with the published wall, nothing fitted.
 
 Kept apart: fluid that is given to people who lost nothing, and fluid that takes the place of blood. How long
 studies took is not in their abstracts; `OVER_MIN` and what follows it are taken.
@@ -44,7 +44,7 @@ GIVEN_ML, OVER_MIN, AFTER_MIN = 1000.0, 30.0, 240.0
 SPREAD = 10.0
 """Spread of shares of what was given [%] where none is printed; that of Jacob's patients."""
 SALINE, ALBUMIN = (9.0, 23.0), (52.0, 84.0)
-"""Of Ernest's patients: mean and standard deviation of what plasma gains [% of what was given]."""
+"""Ernest's patients: mean and standard deviation of the gain of plasma [% of the volume given]."""
 PER_GROUP = 20
 MOST_ERROR_ML_KG = 2.9 / 2.365
 """Standard error of Haskell's rise of 2.9 mL/kg at P = 0.05, by Student's t of 8 men."""
@@ -53,7 +53,7 @@ HASKELL_ML_KG, HASKELL_ML, HASKELL_KG = 2.9, 234.0, 77.6
 
 
 class Given(NamedTuple):
-    """What one study gave and took.
+    """Fluids that one study gave and took.
 
     Attributes:
         body: of the people, `[patient]` without an id.
@@ -217,7 +217,7 @@ def protein_changed(given: Given, sections: Sections = ()) -> float:
 
 @lru_cache(maxsize=64)
 def followed(given: Given, sections: Sections = ()) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """What blood is before fluid was given and some time after; the arguments are those of `gained`."""
+    """Blood before fluid was given and some time after; the arguments are those of `gained`."""
     first = {"at_min": 10.0, "give": dict(given.give), "over_min": given.over_min}
     later = [
         {"at_min": 10.0 + after, "give": {kind: ml}, "over_min": minutes}

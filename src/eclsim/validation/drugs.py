@@ -119,7 +119,7 @@ class Arm:
 
     @property
     def label(self) -> str:
-        """What was given, with its dose where the study has several."""
+        """Drug, with its dose where the study has several."""
         several = len({arm.doses for arm in arms() if (arm.study, arm.arm) == (self.study, self.arm)}) > 1
         return f"{self.arm} {self.doses[0][1]:g}" if several else self.arm
 

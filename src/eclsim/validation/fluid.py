@@ -54,7 +54,7 @@ LOW_COEFFICIENT = PUBLISHED - SPREAD
 LOWEST_COEFFICIENT = 0.43
 """The lowest of the source of the forces, whose three groups have 0.43, 1.29 and 5.93 mL/min/mmHg."""
 SESSION_H = 4.0
-"""Of a dialysis; the abstracts do not say it."""
+"""Length of a dialysis; the abstracts do not state it."""
 COLUMN_MMHG, LEGS = 58.5, 0.32
 """Legs stand 0.75 m below the heart and are that share of the body."""
 MMHG_PER_CM = 0.738
@@ -257,14 +257,14 @@ def dialysed(coefficient: float, pericapillary_share: float = 1.0) -> Patient:
 
 
 def fall_of_blood(patient: Patient, removed_ml: float) -> float:
-    """Of the blood volume at the end of a session [%]."""
+    """Fall of the blood volume at the end of a session [%]."""
     _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     return float(100.0 * (1.0 - blood[-1] / blood[0]))
 
 
 def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
-    """What drives refill at the end of a session: all of it [mmHg], and the share of each force [%].
+    """Forces of refill at the end of a session: their sum [mmHg], and the share of each [%].
 
     The interstitium's oncotic pressure is that of its mean, as in the source.
     """
@@ -293,7 +293,7 @@ DRIVES = (
 
 
 def _forces() -> list[Row]:
-    """What drives refill in a dialysis of 1.7 L."""
+    """Forces of refill in a dialysis of 1.7 L."""
     usual, tight = (driven(dialysed(k), 1700.0) for k in (PUBLISHED, LOWEST_COEFFICIENT))
     reason = (
         "at the published mean of the filtration coefficient small forces are enough for the refill; the "
@@ -428,7 +428,7 @@ MEASURED = (
     ("375 mL: stroke volume", -14.1, 7.1, "%", f"{LEONETTI}; half of it taken as spread"),
     ("375 mL: heart rate", 4.1, 8.0, "%", f"{LEONETTI}; not significant, 8 % taken as spread"),
 )
-"""What healthy people showed: words, value, spread, unit, source."""
+"""Measurements in healthy people: words, value, spread, unit, source."""
 
 
 _FLOOR = "an empty right ventricle of the published patient has 2.5 mmHg (RV_Pd_beta)"
@@ -517,7 +517,7 @@ SHORT_MMHG, SPREAD_MMHG = -114.0, 52.0
 """Flow with and without enough blood at one speed, and the pressure of the venous line then [mmHg]."""
 SPEED = f"{ECMO.key}.speed_rpm"
 LOST_ML = -740.0
-"""Where the search for the blood that is missing begins."""
+"""Start of the search for the blood that is missing."""
 UNLIKE_THE_MODEL = (
     "suction: the abstract names neither cannulae nor pump; eclsim has 25 and 19 Fr, a Rotaflow, and a "
     "patient in place of a mock circulation"

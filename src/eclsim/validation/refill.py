@@ -73,9 +73,9 @@ LYMPH = "fluid.lymph_ml_min"
 DONOR = body("male", 40, 172, 70, 70)
 LOSS_AND_INFUSION = Given(DONOR, HEALTHY, (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0)), 60.0, 0.0)
 INFUSION_STAYS = 100.0 * (500.0 + 5000.0 * (0.9 * 14.3 / 12.15 - 1.0)) / 2000.0
-"""Of 2 L given to those who lost 500 mL, what stays [%], by the haemoglobin of `TWO_LITRES`."""
+"""Share of 2 L given after a loss of 500 mL that stays [%], by the haemoglobin of `TWO_LITRES`."""
 LOST_SHARE = 0.1
-"""Of the blood, by 500 mL of the trial's donors; their refilled share hardly depends on it."""
+"""Share of the blood that the trial's donors lost, 500 mL; their refilled share hardly depends on it."""
 POSTURE = (
     "donors who walk in and lie down dilute their blood without losing any, by more than the spread of these "
     "rows; carbon monoxide found no refill, haemoglobin half of the loss: no model meets both"
@@ -174,14 +174,14 @@ def with_lymph(ml_min: float) -> Patient:
 
 
 def _albumin_lost(man: Patient) -> float:
-    """Of the protein given, what has left the plasma in an hour, over 5 h [%]."""
+    """Share of the protein given that leaves the plasma in an hour, over 5 h [%]."""
     minutes, states = man.course(5.5, CONCENTRATED, then=URINE)
     before, given, left = np.interp((0.0, 30.0, 330.0), minutes, states[PROTEIN])
     return float(100.0 * (given - left) / (given - before) / 5.0)
 
 
 def _leak(man: Patient) -> float:
-    """Of the plasma's protein, what leaves in an hour at rest [%]: as much as lymph brings back."""
+    """Share of the plasma's protein that leaves in an hour at rest [%]: as much as lymph brings back."""
     values = man.model.values
     plasma, _ = blood_at_start({key: np.array(value) for key, value in values.items()})
     back = values[LYMPH] * values["fluid.interstitial_protein_g_dl"]

@@ -59,7 +59,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
 }
 """Parts of the validation by the name that `--only` takes."""
 PRELOAD = ("eclsim.validation.suite", "eclsim.outputs.steady_beat")
-"""What a worker needs before its first task."""
+"""Modules that a worker loads before its first task."""
 FIT = "(fit"
 """In the name of a row that constants were fitted to; all others are tests."""
 RED = ("miss, explained", "not decidable", "MISS")
@@ -167,7 +167,7 @@ def _rows_held(rows: Sequence[Row]) -> str:
 
 
 def _reasons(missed: Iterable[tuple[str, Row]]) -> list[str]:
-    """Of rows that miss and are explained, each once."""
+    """Reasons of rows that miss and are explained, each once."""
     return list(dict.fromkeys(row.explained for _, row in missed if row.explained))
 
 
