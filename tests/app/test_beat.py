@@ -10,7 +10,7 @@ from eclsim.app.beat import POINTS, compute_beat, page_circuit, plain
 from eclsim.app.display import display, output_specs
 from eclsim.app.engine import Engine
 from eclsim.app.knobs import connect, turn
-from eclsim.app.session import BEATS_WORTH_A_NEARER_START
+from eclsim.app.session import BEATS_WORTH_A_CLOSER_START
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.simulation.single import simulate
@@ -194,7 +194,7 @@ def test_a_search_that_begins_near_takes_no_jacobian(paper):
     async def beats():
         opened = await engine.beat(paper)
         far = await engine.beat(at(4600.0), opened)
-        assert far.effort > BEATS_WORTH_A_NEARER_START
+        assert far.effort > BEATS_WORTH_A_CLOSER_START
         await engine.prepare_nearby_searches(at(4600.0), far)
         return [await engine.beat(at(5000.0), start) for start in (opened, far)]
 

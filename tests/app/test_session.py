@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eclsim.app.beat import Beat, page_circuit
-from eclsim.app.session import BEATS_WORTH_A_NEARER_START, Session
+from eclsim.app.session import BEATS_WORTH_A_CLOSER_START, Session
 from eclsim.app.state import MOST_SAVED, START, PageState, key_of, link_of, preset_state, read_snapshot
 from eclsim.cases.presets import PRESETS
 from eclsim.orbit.status import Status
@@ -134,7 +134,7 @@ def test_a_closed_session_says_nothing_more():
 
 @pytest.mark.parametrize(
     ("effort", "begun_at"),
-    [(BEATS_WORTH_A_NEARER_START, [None, 70, 70, 70]), (BEATS_WORTH_A_NEARER_START + 1, [None, 70, 71, 72])],
+    [(BEATS_WORTH_A_CLOSER_START, [None, 70, 70, 70]), (BEATS_WORTH_A_CLOSER_START + 1, [None, 70, 71, 72])],
 )
 def test_searches_begin_at_a_newer_beat_where_the_last_one_was_far(effort, begun_at):
     """They began where the patient was opened, however far knobs were turned: each turn needed a Jacobian."""
@@ -144,7 +144,11 @@ def test_searches_begin_at_a_newer_beat_where_the_last_one_was_far(effort, begun
         one = session(engine, messages)
         one.start()
         for rate in (71.0, 72.0, 73.0):
-            await until(lambda: one.beat is not None and one._nearing is not None and one._nearing.done())
+            await until(
+                lambda: (
+                    one.beat is not None and one._preparing_start is not None and one._preparing_start.done()
+                )
+            )
             one.turn("patient.heart_rate_bpm", rate, int(rate))
             await until(lambda r=rate: beats(messages)[-1]["seq"] == r)
 

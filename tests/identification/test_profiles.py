@@ -9,8 +9,8 @@ from eclsim.identification.profiles import (
     held_fits,
     interval_90,
     profiles,
+    sides_without_beat,
     values_to_hold,
-    without_beat_beyond,
 )
 from eclsim.identification.quantities import Scale
 from function_objective import FunctionObjective
@@ -142,8 +142,8 @@ def test_an_interval_ends_where_there_is_no_steady_beat():
     costs = np.where(VALUES == 1.0, 4.9, 5.0)
     costs[7] = np.nan
     assert interval_90(VALUES, costs, LOG) == (VALUES[0], VALUES[7])
-    assert without_beat_beyond(costs) == ("upper",)
+    assert sides_without_beat(costs) == ("upper",)
     costs[3] = np.nan
     assert interval_90(VALUES, costs, LOG) == (VALUES[3], VALUES[7])
-    assert without_beat_beyond(costs) == ("lower", "upper")
-    assert without_beat_beyond(np.full(9, 5.0)) == ()
+    assert sides_without_beat(costs) == ("lower", "upper")
+    assert sides_without_beat(np.full(9, 5.0)) == ()

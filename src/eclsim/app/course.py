@@ -23,7 +23,7 @@ from eclsim.files import finite
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
-from eclsim.parameters.fluid import says_start
+from eclsim.parameters.fluid import sets_initial_value
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.slow import INFLOWS
 
@@ -147,7 +147,9 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
         {"key": kind, "give": True, "label": text(f"give_{kind}"), "unit": "mL", "value": 300.0}
         for kind in INFLOWS
     ]
-    knobs = [k for k in controls(case) if isinstance(k, Knob) and k.key != VOLUME and not says_start(k.key)]
+    knobs = [
+        k for k in controls(case) if isinstance(k, Knob) and k.key != VOLUME and not sets_initial_value(k.key)
+    ]
     known = {knob.key for knob in knobs}
     labels = {one.key: one.label for one in case.instances()}
     entries = [

@@ -89,7 +89,7 @@ class OpenPages:
                 self.waiting.remove(client)
                 self.shown.add(client)
 
-        def gone() -> None:
+        def disconnected() -> None:
             self.shown.discard(client)
             if client in self.waiting:
                 self.waiting.remove(client)
@@ -97,7 +97,7 @@ class OpenPages:
 
         self.waiting.append(client)
         client.on_connect(connected)
-        client.on_delete(gone)
+        client.on_delete(disconnected)
         while len(self.waiting) > MOST_UNCONNECTED:
             self.waiting[0].delete()
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("eclsim.app")
 STORE_AFTER_S = 0.5
 """The browser gets a snapshot to keep when nothing was changed for so long."""
-BEATS_WORTH_A_NEARER_START = 12
+BEATS_WORTH_A_CLOSER_START = 12
 """Beats of a search from which on the next ones begin nearer: at 25 each turn would need a Jacobian."""
 Send = Callable[[str, Any], None]
 Listener = Callable[["Session"], None]
@@ -78,7 +78,7 @@ class Session:
         self._requested: tuple[PageState, int] = (state, 0)
         self._running = False
         self._anchor: Beat | None = None
-        self._nearing: asyncio.Task[None] | None = None
+        self._preparing_start: asyncio.Task[None] | None = None
         self._drawn: object = None
         self._panel: object = None
         self._display: object = None
@@ -370,7 +370,7 @@ class Session:
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         self.shown = (state, beat)
-        self._begin_nearer(state, beat)
+        self._update_search_start(state, beat)
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
         if not self.minute:  # else the course follows, and with it the beat of the minute that is shown
@@ -378,15 +378,17 @@ class Session:
         self._complete_soon()
         self._notify()
 
-    def _begin_nearer(self, state: PageState, beat: Beat) -> None:
-        """Let searches begin at this beat where they begin too far away, once that costs no turn any time."""
+    def _update_search_start(self, state: PageState, beat: Beat) -> None:
+        """Let searches start from this beat if they start too far away, while no knob waits for it."""
         known = self._anchor is not None and self._anchor.circuit is beat.circuit
-        idle = self._nearing is None or self._nearing.done()
-        if beat.converged and idle and not (known and beat.effort <= BEATS_WORTH_A_NEARER_START):
-            self._nearing = asyncio.get_running_loop().create_task(self._near(state, beat))
-            self._nearing.add_done_callback(_report)
+        idle = self._preparing_start is None or self._preparing_start.done()
+        if beat.converged and idle and not (known and beat.effort <= BEATS_WORTH_A_CLOSER_START):
+            self._preparing_start = asyncio.get_running_loop().create_task(
+                self._prepare_search_start(state, beat)
+            )
+            self._preparing_start.add_done_callback(_report)
 
-    async def _near(self, state: PageState, beat: Beat) -> None:
+    async def _prepare_search_start(self, state: PageState, beat: Beat) -> None:
         await self.engine.prepare_nearby_searches(state, beat)
         self._anchor = beat
 

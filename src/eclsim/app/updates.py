@@ -120,7 +120,7 @@ class CourseStudy(_OneAtATime):
 
     def __call__(self, _: Session | None = None) -> None:
         """The session has a new beat."""
-        self._start(self._wanted(), self._run)
+        self._start(self._next_job(), self._run)
 
     def show(self, minute: float) -> None:
         """Show the beat of a minute, 0: that of the state; of several that wait only the last.
@@ -137,12 +137,12 @@ class CourseStudy(_OneAtATime):
         elif self._moment is None or self._moment.done():
             self._moment = asyncio.get_running_loop().create_task(self._show())
 
-    def _wanted(self) -> tuple[PageState, int] | None:
+    def _next_job(self) -> tuple[PageState, int] | None:
         job = self.session.state, self.minutes
         return job if self.minutes and not self.session.closed and job != self._done else None
 
     async def _run(self) -> None:
-        while job := self._wanted():
+        while job := self._next_job():
             self._done, self.course = job, None
             state, minutes = job
             self.session.send("course_busy", key_of(state))

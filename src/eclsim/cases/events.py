@@ -16,7 +16,7 @@ from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, is_number, read_number
 from eclsim.inputs.sections import Raw, short
-from eclsim.parameters.fluid import says_start
+from eclsim.parameters.fluid import sets_initial_value
 from eclsim.slow import INFLOWS
 from eclsim.spelling import did_you_mean
 
@@ -182,7 +182,7 @@ class _EventChecker:
                 self.remarks.error(key, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "changes nothing that a course reads", shown(value))
-            elif says_start(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):
+            elif sets_initial_value(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):
                 message = "is a value at the start of the course, which computes how it goes on"
                 self.remarks.error(key, message, shown(value), "give = { ... } changes blood and fluid")
             elif path[1] == "flow_l_min" and "speed_rpm" in keys_replaced_by(*path):

@@ -152,19 +152,19 @@ class Tissue(GasExchanger):
     held: Key = 0.0
     stored: Key = 0.0
 
-    def wanted(self, values: Values) -> Number:
-        """Oxygen that this tissue wants [mL/min STPD]."""
+    def oxygen_demand(self, values: Values) -> Number:
+        """Oxygen that this tissue uses where it is supplied [mL/min STPD]."""
         return value_of(values, self.share) * value_of(values, self.demand)
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102  (see the base class)
         met = -jnp.expm1(-((inside.pressure[0] / self.critical) ** 2))
-        consumed = self.wanted(values) * met
+        consumed = self.oxygen_demand(values) * met
         given_off = value_of(values, self.quotient) * consumed
         if self.held != 0.0:
             # As much as blood takes up for the difference in PCO2, some 0.5 mL/dL for each mmHg.
-            apart = 5.0 * flow * (inside.pressure[1] - value_of(values, self.stored))
+            stored_difference = 5.0 * flow * (inside.pressure[1] - value_of(values, self.stored))
             held = value_of(values, self.held)
-            given_off = (1.0 - held) * given_off + held * (inside.gained[1] - apart)
+            given_off = (1.0 - held) * given_off + held * (inside.gained[1] - stored_difference)
         return jnp.stack([-consumed, given_off])
 
 

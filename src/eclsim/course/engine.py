@@ -328,7 +328,7 @@ class Engine:
             float(self.time[member]),
         )
         timeline = self.timelines[member]
-        nothing = not segment and not timeline.begins_at_once
+        nothing = not segment and not timeline.has_event_at_start
         if nothing or predictor.point is None or predictor.circuit is None:
             return None
         before, shares = self._blood_state(member, predictor.circuit), (1.0, 1.0)

@@ -186,7 +186,7 @@ class Timeline:
     @property
     def moments_of_events(self) -> np.ndarray:
         """Times of the breaks at which something happens [s]."""
-        return self.breaks[0 if self.begins_at_once else 1 : -1]
+        return self.breaks[0 if self.has_event_at_start else 1 : -1]
 
     def circuit(self, segment: int) -> Circuit:
         """The circuit between two breaks, or at the `START`."""
@@ -220,7 +220,7 @@ class Timeline:
         return rates
 
     @cached_property
-    def begins_at_once(self) -> bool:
+    def has_event_at_start(self) -> bool:
         """Whether anything happens at minute 0."""
         return any(event.begin == 0.0 for event in (*self.changes, *self.constant_inflows))
 

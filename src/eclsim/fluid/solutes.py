@@ -200,7 +200,7 @@ class SolutesLaw(SlowLaw):
         missing = _concentration_at_start(settings, "potassium") - held - potassium
         moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _generation(settings, "potassium")
         acid = settings[_key_of("acid_generation_mmol_h")] / _HOUR
-        gain = self.base_kept(settings, beat) + acid
+        gain = self.net_bicarbonate_gain(settings, beat) + acid
         return result | {
             _state("potassium"): made + moved - removed, _state("potassium", "mobilised"): moved,
             _state("potassium", "made"): made, _state("potassium", "removed"): removed,
@@ -208,7 +208,7 @@ class SolutesLaw(SlowLaw):
             _state("bicarbonate", "removed"): -gain,
         }  # fmt: skip
 
-    def base_kept(self, settings: Named, beat: Named) -> np.ndarray:
+    def net_bicarbonate_gain(self, settings: Named, beat: Named) -> np.ndarray:
         """Bicarbonate that filters bring and acid does not use up [mmol/s]."""
         acid = settings[_key_of("acid_generation_mmol_h")] / _HOUR
         return sum((one.gained(beat) for one in self.filters), -acid)
@@ -297,7 +297,7 @@ class CarbonDioxideLaw(SlowLaw):
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
         quantities: dict[str, np.ndarray] = {}
-        kept = self.solutes.base_kept(settings, beat) if self.solutes else 0.0
+        kept = self.solutes.net_bicarbonate_gain(settings, beat) if self.solutes else 0.0
         kept = CARBON_DIOXIDE_ML_PER_MMOL * kept
         if self.every_beat:
             kept = kept * (1.0 - settings["total_blood_volume_ml"] / _bicarbonate_space(settings))

@@ -356,7 +356,7 @@ def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixture
 def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, values: Values) -> Array:
     """Gas gained, oxygen supplied and demanded at an exchange [mL/min STPD]."""
     law = exchange.component
-    demanded = law.wanted(values) if isinstance(law, Tissue) else jnp.zeros(())
+    demanded = law.oxygen_demand(values) if isinstance(law, Tissue) else jnp.zeros(())
     supplied = 10.0 * mixed.streams[k] * state.inlets[0, k]
     return jnp.stack([*state.gained[:, k], supplied, demanded])
 
@@ -364,7 +364,9 @@ def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, val
 def _status(exchanges: Sequence[Exchange], state: GasState, values: Values) -> Array:
     """A `GasStatus`."""
     tissues = [(k, e.component) for k, e in enumerate(exchanges) if isinstance(e.component, Tissue)]
-    met = jnp.stack([-state.gained[0, k] / law.wanted(values) for k, law in tissues] or [jnp.ones(())]).min()
+    met = jnp.stack(
+        [-state.gained[0, k] / law.oxygen_demand(values) for k, law in tissues] or [jnp.ones(())]
+    ).min()
     pco2 = jnp.exp(state.pressure[1]).max()
     return jnp.where(
         met < SMALLEST_SUPPLY,

@@ -533,7 +533,7 @@ def _parameters(
         if low[k] or high[k]:
             reason = _at_bound("lower" if low[k] else "upper", bool(gains[k] > LARGEST_GAIN_BEYOND_BOUND))
         elif not reason and differ[k] > np.log1p(SAME_PARAMETER_SHARE):
-            reason = f"starts that fit equally well differ by {box.scale.apart(k, differ[k])}"
+            reason = f"starts that fit equally well differ by {box.scale.difference_text(k, differ[k])}"
         elif not reason and errors[k] > LARGEST_DETERMINED_ERROR * box.prior_deviations[k]:
             reason = f"fitted with the others, its standard error is {box.scale.error(k, errors[k])}"
         lower, upper, value = (box.scale.value(k, x[k]) for x in (*ends, optimum.x))
@@ -574,7 +574,7 @@ def _without_compensating_parameters(
         reasons = {
             name: (
                 f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "
-                f"elsewhere, {box.scale.apart(k, moved[k])} apart at the same outputs"
+                f"elsewhere, {box.scale.difference_text(k, moved[k])} apart at the same outputs"
             )
             for k, name in enumerate(box.names)
             if moved[k] > np.log1p(SAME_PARAMETER_SHARE)

@@ -378,7 +378,7 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     ends = fit.box.scale.values(np.array([fit.box.lower, fit.box.upper])).T.tolist()
     bounds = dict(zip(fit.box.names, map(tuple, ends), strict=True))
     curves = zip(refitted.names, refitted.costs, strict=True)
-    ends_without_beat = {name: without_beat_beyond(costs) for name, costs in curves}
+    ends_without_beat = {name: sides_without_beat(costs) for name, costs in curves}
     gaussian = fit.as_object()["parameters"]
     reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, ends_without_beat)
     curves = FitProfiles(refitted, slices(likelihood, fit.box, x), intervals, ends_without_beat)
@@ -436,7 +436,7 @@ def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[fl
     return float(ends[0]), float(ends[1])
 
 
-def without_beat_beyond(costs: np.ndarray) -> tuple[str, ...]:
+def sides_without_beat(costs: np.ndarray) -> tuple[str, ...]:
     """Ends of the 90 % interval of a profile, "lower" and "upper", that no steady beat was found beyond."""
     rise = np.pad(_rise(costs), 1)
     return tuple(

@@ -65,7 +65,7 @@ class Scale:
         """One parameter in its unit, without the rounding of going there and back."""
         return float(f"{self.of_parameter(k).values(np.array([x]))[0]:.{_DIGITS}g}")
 
-    def apart(self, k: int, distance: float) -> str:
+    def difference_text(self, k: int, distance: float) -> str:
         """Two values at a distance in the coordinate of a parameter: relative, or in its unit."""
         unit = self.units[k]
         return number(distance * unit, digits=2) if unit else f"{100.0 * math.expm1(distance):.0f} %"

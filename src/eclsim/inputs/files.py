@@ -31,7 +31,7 @@ def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") 
         CaseError: It is missing, no regular file, too large, or a symbolic link that leaves its folder.
     """
     try:
-        _refuse_links_elsewhere(file)
+        _refuse_links_to_other_folders(file)
         handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with os.fdopen(handle, "rb") as opened:
             _refuse_other_kinds(os.fstat(handle).st_mode, file, kind)
@@ -119,7 +119,7 @@ def _without_double_keys(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _refuse_links_elsewhere(file: str) -> None:
+def _refuse_links_to_other_folders(file: str) -> None:
     if not os.path.islink(file):
         return
     folder, target = os.path.realpath(os.path.dirname(file) or "."), os.path.realpath(file)

@@ -19,7 +19,7 @@ import numpy as np
 
 from eclsim.beat.compilation import compiled
 from eclsim.beat.heartbeat import BeatProgram
-from eclsim.orbit.equation import OrbitOptions, Volume, allowed_moves
+from eclsim.orbit.equation import OrbitOptions, Volume, largest_allowed_steps
 
 Array = np.ndarray | jax.Array
 SMALLEST_UPDATE_SHARE = 1e-6
@@ -245,13 +245,13 @@ def _several(program: BeatProgram) -> Callable[..., tuple[Array, ...]]:
             new, _ = _iterated(program, (), now, packed, weights, target, rules)
             return chosen(now.running, new, now)
 
-        def goes_on(now: Iterate) -> Array:
+        def continues(now: Iterate) -> Array:
             return jnp.any(now.running) & (last | (jnp.mean(now.running) > SMALLEST_RUNNING_SHARE))
 
         last_beat = {"step": before.step, "residual": before.residual}
         learnt = jnp.where(begins, fresh.inverse, before.inverse)
         begin = chosen(begins, fresh._replace(**last_beat), before)._replace(inverse=learnt)
-        return tuple(jax.lax.while_loop(goes_on, beat, begin))
+        return tuple(jax.lax.while_loop(continues, beat, begin))
 
     return compiled(run, ("searches", program))
 
@@ -284,7 +284,9 @@ def _iterated(
     error = jnp.max(jnp.abs(moves) / size, axis=0)
     converged = finite & (change <= rules[0]) & (error <= rules[1])
     better = converged | (finite & (change < now.change))
-    share = 1.0 / jnp.maximum(jnp.max(jnp.abs(moves) / allowed_moves(now.state, largest), axis=0), 1.0)
+    share = 1.0 / jnp.maximum(
+        jnp.max(jnp.abs(moves) / largest_allowed_steps(now.state, largest), axis=0), 1.0
+    )
     plain = rules[3] > 0.0
     end = jnp.max(distance[layout.volumes.where], axis=0)
     return Iterate(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eclsim.orbit.derivatives import exact_jacobian
-from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Trial, allowed_moves
+from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Trial, largest_allowed_steps
 from eclsim.orbit.iteration import CompiledSearch, compiled_search
 from eclsim.orbit.status import Status
 
@@ -214,7 +214,7 @@ def inverse_at(problem: OrbitProblem, states: np.ndarray, width: int = 1) -> np.
 
 def allowed_share(moves: np.ndarray, states: np.ndarray, largest_steps: np.ndarray) -> np.ndarray:
     """Share of a step that moves no state further than is allowed; shape (members,)."""
-    return 1.0 / np.maximum((np.abs(moves) / allowed_moves(states, largest_steps)).max(axis=0), 1.0)
+    return 1.0 / np.maximum((np.abs(moves) / largest_allowed_steps(states, largest_steps)).max(axis=0), 1.0)
 
 
 def _no_orbit(n: int) -> Orbits:

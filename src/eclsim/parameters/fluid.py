@@ -112,6 +112,6 @@ STARTS = frozenset(
 capillary wall is balanced at the start, with the wall of the start."""
 
 
-def says_start(key: str) -> bool:
+def sets_initial_value(key: str) -> bool:
     """Whether a key of a case file sets the start of a course, from where its quantity is followed."""
     return key in STARTS or key.endswith(".haematocrit_in")

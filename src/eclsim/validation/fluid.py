@@ -29,7 +29,7 @@ from eclsim.regulation.attach import REFLEXES
 from eclsim.regulation.heldt import HELDT_2010
 from eclsim.slow import INFLOWS
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
-from eclsim.validation.gas import unseen_in_five
+from eclsim.validation.gas import not_significant_in_five
 from eclsim.validation.matching import with_outputs
 from eclsim.validation.reference_cases import PROTOCOLS
 
@@ -477,7 +477,7 @@ def _stores() -> list[Row]:
             YES_NO, 1.0, source=MENDES),
         within(
             "1.5 L/min: change of PaCO2 with sweep 3 to 10 L/min (test)", 0.0, slow[50] - slow[0], 5.0,
-            "mmHg", source=MENDES, explanation=unseen_in_five(slow[0] - slow[50]),
+            "mmHg", source=MENDES, explanation=not_significant_in_five(slow[0] - slow[50]),
         ),
     ]  # fmt: skip
 
