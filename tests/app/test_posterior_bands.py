@@ -38,17 +38,17 @@ class StubSession:
     """A session that shows a state and keeps what it is told."""
 
     def __init__(self, state: PageState):
-        self.view, self.closed, self.told = "monitor", False, []
+        self.view, self.closed, self.sent = "monitor", False, []
         self.turned(state)
 
     def turned(self, state: PageState) -> None:
         self.state, self.shown = state, (state, StubBeat())
 
     def send(self, topic, data):
-        self.told.append((topic, data))
+        self.sent.append((topic, data))
 
     def bands(self) -> list:
-        return [data["of"] for topic, data in self.told if topic in ("bands", "ramp_bands") and data]
+        return [data["of"] for topic, data in self.sent if topic in ("bands", "ramp_bands") and data]
 
 
 class StubEngine:
@@ -100,7 +100,7 @@ def test_bands_come_after_the_beat_and_only_once(quick):
 
     session = follow(action)
     assert session.bands() == [key_of(STATE)]
-    assert ("posterior", MADE_UP.as_object()) in session.told
+    assert ("posterior", MADE_UP.as_object()) in session.sent
 
 
 @pytest.mark.slow
@@ -149,7 +149,7 @@ def test_another_patient_has_no_bands(quick):
 
     session = follow(action)
     assert session.bands() == [key_of(STATE)]
-    assert session.told[-1] == ("posterior", None)
+    assert session.sent[-1] == ("posterior", None)
 
 
 def test_hidden_bands_are_taken_away_and_not_computed(quick):
@@ -162,7 +162,7 @@ def test_hidden_bands_are_taken_away_and_not_computed(quick):
         await until(session.bands)
 
     session = follow(action)
-    assert ("bands", None) in session.told
+    assert ("bands", None) in session.sent
     assert session.bands() == [key_of(STATE)]
 
 
@@ -174,7 +174,7 @@ def test_bands_that_fail_say_so(monkeypatch):
         one.add("1", MADE_UP)
         await until(session.bands)
 
-    assert follow(action).told[-1] == ("bands", {"of": key_of(STATE), "failed": text("study_failed")})
+    assert follow(action).sent[-1] == ("bands", {"of": key_of(STATE), "failed": text("study_failed")})
 
 
 def test_a_link_names_no_posterior():

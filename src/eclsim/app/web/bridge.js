@@ -3,7 +3,7 @@ import { markRaw } from "vue";
 import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
 
 const ANSWER_TIMEOUT = 5000; // ms that the server may take to answer
-const ASK_AFTER = 1500; // ms after which the server is asked whether it is there, where what was sent has no answer
+const ASK_AFTER = 1500; // ms without an answer after which the server is asked whether it is there
 const PALE_AFTER = 400; // ms after which numbers that do not know of a turn or of another state are pale
 const REPORT_TIMEOUT = 2000; // ms without a report of what runs, after which the server is asked as well
 const ANNOUNCE_AFTER = 1000; // ms without another outcome after which a screen reader announces it

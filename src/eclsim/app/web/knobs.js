@@ -73,9 +73,10 @@ export default {
       </header>
       <p v-if="errors[group.key]" class="refused" role="alert">{{ errors[group.key] }}</p>
       <Knob v-for="k in panel.filter((k) => k.group === group.key)" :key="k.key" :knob="k" :id="id(k)"
-        :value="values[k.key]" :error="errors[k.key]" :refusals="errors[k.key] && refusals" :connected="connected"
-        :typed="typed?.key === k.key ? typed.text : undefined" @send="send" @enter="enter" @move="move"
-        @type="(key, text) => (typed = { key, text })" @left="typed = typed?.entered ? typed : undefined" />
+        :value="values[k.key]" :error="errors[k.key]" :refusals="errors[k.key] && refusals"
+        :connected="connected" :typed="typed?.key === k.key ? typed.text : undefined"
+        @send="send" @enter="enter" @move="move" @type="(key, text) => (typed = { key, text })"
+        @left="typed = typed?.entered ? typed : undefined" />
     </section>
     <section class="group-model" :aria-label="texts.group_model">
       <header><h2>{{ texts.group_model }}</h2></header>
