@@ -39,7 +39,7 @@ MOST_STEPS = 100
 ITERATIONS = 3
 SMALL_CHANGE = 0.3
 """The estimate is not linearised again once it has moved by less, in its own standard deviations."""
-UPDATE_SHARES = (0.5, 0.2, 0.05)
+RETRACTED_SHARES = (0.5, 0.2, 0.05)
 """A sigma point without a steady beat is drawn in to these shares of its distance."""
 UNUSUAL_SERIES = 0.01
 """A measurement whose outputs together are less probable than this does not fit the patient so far."""
@@ -171,7 +171,7 @@ def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> R
         raise NoSteadyBeatError(
             "no steady heartbeat at the estimate so far: check heart rate and devices of this point"
         )
-    for pull in UPDATE_SHARES:
+    for pull in RETRACTED_SHARES:
         missing = ~np.isfinite(outputs).all(axis=2)
         if not missing.any():
             break
@@ -290,9 +290,9 @@ class InnovationTest:
             missed: deviations of those that were left out the last time; NaN for others.
         """
         total = outputs.covariance + np.diag(np.where(measured, scales, 1.0) ** 2)
-        deviations = values - outputs.mean
-        deviations = deviations / np.sqrt(np.diag(total))
-        square, probability = _chi_square(deviations, total, measured)
+        differences = values - outputs.mean
+        deviations = differences / np.sqrt(np.diag(total))
+        square, probability = _chi_square(differences, total, measured)
         unusual = measured & (np.abs(np.nan_to_num(deviations)) > np.sqrt(chi2.isf(UNUSUAL_OUTPUT, 1)))
         left_out, persistent = np.zeros_like(measured), np.zeros_like(measured)
         if probability < UNUSUAL_SERIES and measured.sum() > 2:
@@ -300,7 +300,7 @@ class InnovationTest:
             for k in np.flatnonzero(measured):
                 others = measured.copy()
                 others[k] = False
-                rests.append((_chi_square(deviations, total, others)[0], k))
+                rests.append((_chi_square(differences, total, others)[0], k))
             smallest, k = min(rests)
             by_itself = chi2.sf(square - smallest, 1) < UNUSUAL_OUTPUT
             if by_itself and chi2.sf(smallest, measured.sum() - 1) > UNUSUAL_SERIES:
@@ -328,7 +328,7 @@ class InnovationTest:
         return ""
 
 
-def _chi_square(deviations: np.ndarray, total: np.ndarray, chosen: np.ndarray) -> tuple[float, float]:
-    a, t = deviations[chosen], total[np.ix_(chosen, chosen)]
+def _chi_square(differences: np.ndarray, total: np.ndarray, chosen: np.ndarray) -> tuple[float, float]:
+    a, t = differences[chosen], total[np.ix_(chosen, chosen)]
     square = float(a @ np.linalg.solve(t, a))
     return square, float(chi2.sf(square, len(a)))
