@@ -152,6 +152,24 @@ def test_blood_gases_stand_everywhere_with_their_colour(paper):
     assert labels["ecmotuor"]["PO2"] == "PpostO2"
 
 
+@pytest.mark.slow
+def test_blood_that_stands_still_has_no_gases_on_the_page():
+    """A heart that does not eject beside V-A ECMO: mixed venous blood would have no carbon dioxide."""
+    case = connect(connect(PRESETS["cardiogenic-shock"].case(), "ecmo"), "gas")
+    for key, value in {"ecmo.speed_rpm": 3800, "parameters.Emaxlv": 0.2, "parameters.Emaxrv": 0.1}.items():
+        case = turn(case, key, value)
+    shown = plain(compute_beat(PageState(case)), ())
+    places = shown["gas"]["places"]
+    assert {"rv", "pas", "part", "pvn", "la", "lv"} == {n for n, one in places.items() if "standing" in one}
+    assert set(places["pas"]["values"].values()) == {None}
+    assert 40.0 < places["svn"]["values"]["SO2"] < 80.0
+    assert "no blood flows through the lungs" in shown["cautions"]["SvO2"]
+    assert shown["cautions"].keys() >= {"SvO2", "PvO2"}
+    result = simulate(case)
+    assert "SO2" in result["Psvn"].attrs
+    assert "SO2" not in result["Ppas"].attrs, "nor in figures"
+
+
 def test_without_a_steady_gas_state_the_reason_stands_in_place_of_numbers():
     shown = plain(compute_beat(with_gas(gas__shunt_fraction=1.0, ecmo__sweep_l_min=0.0)), ())
     gas = shown["gas"]

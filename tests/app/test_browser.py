@@ -94,6 +94,23 @@ def test_a_crrt_line_is_moved_with_the_keyboard_and_chosen_from_the_list(open_pa
     page.wait_for_function("eclsim.bus.last('drawing').lines.some((l) => l.site === 'ecmoreturn' && l.moves)")
 
 
+def test_undo_in_the_field_of_a_knob_is_that_of_the_patient_once_it_is_entered(open_page):
+    """The browser put the old number back into the field, beside the beat of the new one."""
+    page = open_page()
+    field = knob(page, "ecmo.speed_rpm")
+    field.click()
+    page.keyboard.type("2750")
+    page.keyboard.press("Enter")
+    page.wait_for_function("eclsim.bus.last('beat').values['ecmo.speed_rpm'] === 2750")
+    page.keyboard.press("Control+z")
+    page.wait_for_function("eclsim.bus.last('beat').values['ecmo.speed_rpm'] === 3425")
+    expect(field).to_have_value("3425")
+    page.keyboard.type("9")
+    page.keyboard.press("Control+z")
+    expect(field).not_to_have_value("9")
+    assert page.evaluate("eclsim.bus.last('state').values['ecmo.speed_rpm']") == 3425
+
+
 def test_undo_redo_reset_and_pin(open_page, shots):
     page = open_page()
     page.keyboard.press("Alt+p")

@@ -47,14 +47,27 @@ def test_files_are_opened_and_bad_ones_refused(open_page, tmp_path, shots):
     page.get_by_text("wrong.toml:").first.wait_for()
     picture(page, shots, "open_refused")
     assert beat(page)["period"] == pytest.approx(60 / 70, abs=1e-4)
-    page.get_by_role("button", name="Close").click()
-    page.get_by_role("button", name="Open case").click()
     marked = tmp_path / "right.toml"
     marked.write_text(case_text(PRESETS["lvad"].case()).replace('"LVAD"', '"<img src=x onerror=alert(1)>"'))
     page.locator(".ecl-upload input[type=file]").set_input_files(marked)
     wait_for(page, "'Qlvadpump' in beat.waves")
     page.get_by_text("<img src=x onerror=alert(1)>").first.wait_for()
     assert page.locator("img[src=x]").count() == 0
+
+
+def test_nothing_changes_behind_a_dialog(open_page):
+    page = open_page()
+    turn(page, "ecmo.speed_rpm", "2750")
+    wait_for(page, "beat.outputs.PF < 3")
+    page.get_by_role("button", name=text("help"), exact=True).click()
+    page.get_by_text(text("help_model")).wait_for()
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Escape")
+    page.get_by_text(text("help_model")).wait_for(state="hidden")
+    assert page.evaluate("eclsim.bus.last('state').values['ecmo.speed_rpm']") == 2750
+    page.locator(".q-dialog__inner").wait_for(state="detached")
+    page.keyboard.press("Control+z")
+    page.wait_for_function("eclsim.bus.last('state').values['ecmo.speed_rpm'] === 3425")
 
 
 def test_a_link_restores_the_state_and_leaves_no_trace_in_the_address(open_page, served):

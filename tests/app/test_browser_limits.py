@@ -11,6 +11,7 @@ from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from page_in_browser import LAPTOP, PHONE, beat, box_at_rest, eventually, expect, picture, show
+from page_in_browser import turn as turn_on_page
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
@@ -44,6 +45,17 @@ def test_collapsed_chambers_are_named_in_sight_and_not_under_a_green_light(
         expect(page.locator(f'.ecl-keys [data-key="{key}"]')).not_to_contain_text(re.compile(r"\d"))
     expect(page.locator(".ecl-schematic .pressure").first).to_have_css("text-decoration-line", "line-through")
     picture(page, shots, f"impossible_{viewport['width']}")
+
+
+def test_a_new_alarm_is_in_sight_although_the_list_was_scrolled_down(open_page):
+    page = open_page("cardiogenic-shock")
+    limits = page.locator(".ecl-limits")
+    limits.evaluate("list => list.scrollTo(0, 999)")
+    turn_on_page(page, "patient.heart_rate_bpm", "104")
+    assert limits.evaluate("list => list.scrollTop") > 0, "the same limits: the reader goes on"
+    turn_on_page(page, "parameters.Emaxlv", "0.3")
+    expect(limits.locator("p.alarm").first).to_be_in_viewport()
+    assert limits.evaluate("list => list.scrollTop") == 0
 
 
 def test_before_there_are_numbers_nothing_is_said_of_their_limits(contexts, served):

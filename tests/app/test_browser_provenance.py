@@ -215,6 +215,15 @@ def test_a_row_of_a_cohort_says_which_one_it_is_and_that_it_is_not_fitted(open_p
     picture(page, shots, "cohort_row")
 
 
+def test_the_shadow_of_a_poor_fit_is_called_one(open_page, served):
+    state = PageState(PRESETS["paper"].case(), origin="fit", source="measured_on_monday.toml", verdict="poor")
+    page = open_page(url=f"{served.url}/#{link_of(state)}")
+    page.get_by_role("button", name=text("pin"), exact=True).click()
+    expect(page.locator(".ecl-monitor .kept")).to_contain_text(f"({text('badge_fit_poor')})")
+    page.get_by_role("button", name=text("pin"), exact=True).click()
+    expect(page.locator(".ecl-monitor .kept")).to_have_count(0)
+
+
 def test_on_a_phone_all_that_is_known_of_a_fit_is_in_sight(open_page, served):
     state = PageState(PRESETS["paper"].case(), origin="fit", source="measured_on_monday.toml", verdict="poor")
     turned = state.with_case(knobs.turn(state.case, "parameters.Emaxlv", 2.0))

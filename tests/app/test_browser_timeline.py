@@ -116,6 +116,22 @@ def test_a_link_with_events_is_played(open_page, served):
     expect(page.locator(".ecl-timeline .refused")).to_contain_text("20000")
 
 
+def test_play_stops_where_an_alarm_is_seen_and_goes_on(open_page, served):
+    case = with_event(PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": 1200}, "over_min": 20})
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open_event")).click()
+    page.wait_for_function(COURSE)
+    page.get_by_label(text("timeline_speed")).select_option("3600")
+    play = page.locator(".ecl-timeline .play")
+    play.click()
+    expect(page.locator(".ecl-timeline .refused")).to_contain_text("below 55 mmHg. Press Play")
+    expect(play).to_have_text(text("timeline_play"))
+    wait_for(page, "beat.minute > 30 && beat.minute < 60 && beat.levels.MAP === 'alarm'")
+    play.click()
+    expect(page.locator(".ecl-timeline .refused")).to_have_count(0)
+    wait_for(page, "beat.minute > 60")
+
+
 def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
     page = open_page("paper")
     page.get_by_role("button", name=text("timeline_open")).click()
@@ -195,7 +211,7 @@ def test_what_is_pinned_saved_and_compared_at_a_later_minute_is_of_that_minute(o
     page.keyboard.press("Alt+p")
     page.keyboard.press("Alt+s")
     page.wait_for_function("eclsim.bus.last('saved')?.length === 1")
-    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("Δ +0")
+    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("Δ 0")
     for view in ("ramp", "schemes"):
         show(page, view)
         expect(page.locator(".q-tab-panel:visible .ecl-caution")).to_contain_text(["00:00", "03:0"])

@@ -81,6 +81,8 @@ def _typed(amount, minutes="0", give=False):
     ("event", "said"),
     [
         (_typed("1,000", give=True), "1,000 may be 1.000 or 1000"),
+        (_typed("1.000", give=True), "1.000 may be 1 or 1000"),
+        (_typed("2000", "1.500"), "1.500 may be 1.5 or 1500"),
         (_typed("3,425"), "3,425 may be 3.425 or 3425"),
         (_typed("2000", "1,500"), "1,500 may be 1.500 or 1500"),
         (_typed(""), "type how much"),
@@ -122,6 +124,14 @@ def test_a_link_and_an_export_hold_the_events():
     name, content = export(state, "case")
     assert name.endswith(".toml")
     assert b"[[events]]" in content
+
+
+def test_a_timeline_that_is_too_short_for_an_event_says_what_to_do():
+    state = PageState(with_event(HEALTHY, {**BLEEDING, "at_min": 540}))
+    with pytest.raises(
+        CaseError, match=r"an event at 09:00 .* end of the timeline at 06:00: choose a longer"
+    ):
+        compute_course(state, 360)
 
 
 def test_a_course_is_long_enough_for_its_events():

@@ -4,6 +4,7 @@ import asyncio
 import threading
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -56,6 +57,14 @@ def test_only_what_was_measured_is_filled_in():
     person = CASE.patient.model_copy(update={"id": f"{CASE.patient.id} (changed)"})
     changed = PageState(CASE.model_copy(update={"patient": person}), origin="file")
     assert values_of(changed)["patient.id"] == CASE.patient.id, "what is fitted anew is not changed by hand"
+
+
+def test_what_the_form_has_of_a_preset_is_called_so():
+    sent = []
+    for state in (preset_state("paper"), PageState(CASE, origin="file")):
+        session = SimpleNamespace(state=state)
+        Identification(session, lambda topic, data: sent.append((topic, data)), None, None).follow()
+    assert [data["preset"] for topic, data in sent if topic == "form"] == [True, False]
 
 
 def test_a_good_form_is_a_case_with_the_devices_of_the_page():

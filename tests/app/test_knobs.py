@@ -25,6 +25,7 @@ from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.results import simulate
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "veno_venous_blood_gases.toml"
 CASES = {key: preset.case() for key, preset in PRESETS.items()}
@@ -67,6 +68,8 @@ def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
     ("typed", "message"),
     [
         ("3,425", "3,425 may be 3.425 or 3425: write one of the two"),
+        ("3.425", "3.425 may be 3.4250 or 3425: write one of the two"),
+        ("1.000", "1.000 may be 1 or 1000: write one of the two"),
         ("1.234,5", "decimal point"),
         ("1,234,500", "thousands separator"),
         ("120/80", "two"),
@@ -89,6 +92,12 @@ def test_typed_values_that_cannot_be_say_why(typed, message):
 )
 def test_a_decimal_comma_that_can_be_nothing_else_is_a_point(typed, read):
     assert turn(CASES["paper"], "parameters.Rmc", typed).parameters["Rmc"] == read
+
+
+def test_three_decimals_are_meant_where_a_quantity_has_decimals():
+    assert turn(CASES["paper"], "parameters.Csart", "3.185").parameters["Csart"] == 3.185
+    assert turn(CASES["paper"], "ecmo.speed_rpm", "3.4250").ecmo.speed_rpm == 3.425
+    assert turn(CASES["paper"], "patient.heart_rate_bpm", "72.5").patient.heart_rate_bpm == 72.5
 
 
 def test_typed_digits_count_as_a_number():
@@ -168,9 +177,16 @@ def test_ecmo_takes_any_two_compartments_and_draws_them(drained, returned, mode)
     assert value_of(turn(case, "ecmo.mode", "VV"), "ecmo.return_site") == "ra"
 
 
-def test_a_pump_cannot_run_in_a_circle():
-    with pytest.raises(CaseError, match="in a circle"):
-        turn(CASES["paper"], "ecmo.return_site", CASES["paper"].ecmo.drainage_site)
+@pytest.mark.parametrize(
+    ("key", "other"), [("drainage_site", "return_site"), ("return_site", "drainage_site")]
+)
+def test_cannulae_change_places_where_one_is_put_to_the_other(key, other):
+    ecmo = CASES["paper"].ecmo
+    knobs = {control.key: control for control in controls(CASES["paper"])}
+    site = getattr(ecmo, other)
+    assert dict(knobs[f"ecmo.{key}"].options)[site].endswith("(swap)")
+    swapped = turn(CASES["paper"], f"ecmo.{key}", site).ecmo
+    assert (getattr(swapped, key), getattr(swapped, other)) == (site, getattr(ecmo, key))
 
 
 def test_a_patient_in_regions_offers_its_own_sites_and_has_a_drawing():
@@ -243,6 +259,17 @@ def test_a_second_cannula_is_put_in_and_taken_out():
     assert turn(clamped, "ecmo.second_return_site", "").ecmo == case.ecmo
 
 
+def test_blood_that_runs_backwards_can_be_stopped_as_the_alarm_says():
+    """The alarm said "clamp it", and no clamp was there."""
+    stopped = turn(CASES["paper"], "ecmo.speed_rpm", 0)
+    beat = simulate(stopped)
+    assert float(beat["PF"]) < -0.1
+    assert any("clamp it" in warning for warning in beat.attrs["warnings"])
+    assert value_of(stopped, "ecmo.return_clamp") == 0.0
+    clamped = simulate(turn(stopped, "ecmo.return_clamp", 1))
+    assert float(clamped["PF"]) == pytest.approx(0.0, abs=1e-3)
+
+
 def test_sites_are_shown_where_drainage_and_return_share_a_compartment():
     case = read_case(EXAMPLE).case
     knobs = {control.key: control for control in controls(case)}
@@ -270,5 +297,6 @@ def test_labels_of_knobs_are_short_and_units_are_written_as_usual():
     long = [key for key in turned if len(ENGLISH.get(key, "?" * 99)) > 34]
     assert long == []
     units = [described(control).get("unit") for control in controls(everything_on())]
-    assert {"°C", "cm²"} <= set(units)
+    assert {"°C", "cm²", "µg/kg/min", "µmol/L"} <= set(units)
     assert not {"C", "cm2"} & set(units)
+    assert not [unit for unit in units if unit and unit.startswith("u")]

@@ -232,6 +232,27 @@ def test_pin_and_save_keep_the_minute_that_is_seen():
     asyncio.run(after())
 
 
+def test_nothing_is_added_at_the_end_of_the_timeline_where_no_course_could_show_it():
+    engine, messages = StubEngine(), []
+
+    async def turns():
+        one = session(engine, messages)
+        one.minutes = 360
+        before = one.state
+        assert not one.add_event({"at_min": 360, "give": {"bleed_ml": "300"}, "over_min": "15"})
+        one.record(True)
+        one.at_minute(360.0)
+        assert not one.turn("patient.heart_rate_bpm", 110)
+        assert one.state == before
+        one.at_minute(359.0)
+        assert one.turn("patient.heart_rate_bpm", 110)
+
+    asyncio.run(turns())
+    refused = {data["key"]: data["messages"] for topic, data in messages if topic == "error"}
+    assert set(refused) == {"events", "patient.heart_rate_bpm"}
+    assert all("06:00 is the end of the timeline" in words[0] for words in refused.values())
+
+
 def test_what_is_no_event_is_refused_while_knobs_are_recorded_at_a_later_minute():
     engine, messages = StubEngine(), []
 

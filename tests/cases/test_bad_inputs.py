@@ -137,6 +137,7 @@ ROWS = [
         27, FULL, {"drainage_site": '"svn"', "return_site": '"ra"'}, "W",
         ("measurements.CO = 1.4: below the pump flow 3.5 L/min", "before the lungs"),
     ),
+    Row(27, FULL, {"return_site": '"la"'}, "OK", ("measurements.CO = 1.4", "the organs get 4.9 L/min")),
     Row(51, FULL, parameter("Csart", "0"), "E", ("parameters.Csart = 0", "above 0", "0.02 to 20")),
     Row(51, FULL, parameter("Csart", "-0.9"), "E", ("above 0", "0.02 to 20 mL/mmHg")),
     Row(51, FULL, parameter("Csart", "1e-12"), "E", ("0.02 to 20 mL/mmHg",)),
@@ -229,6 +230,24 @@ def test_gets_its_verdict(row, tmp_path):
         message = "\n".join(map(str, (*reading.warnings, *reading.notes)))
     for text in row.says:
         assert text in message
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"drainage_site": '"la"'},
+        {"return_fr": '17\nsecond_return_site = "svn"\nsecond_return_fr = 15'},
+        add('[vent]\nsite = "lv"\nfr = 12'),
+    ],
+    ids=["left atrium drained", "V-AV", "vent"],
+)
+def test_nothing_is_said_of_the_organs_flow_where_only_a_part_of_the_pumps_flow_adds_to_the_output(
+    change, tmp_path
+):
+    file = tmp_path / "case.toml"
+    file.write_text(Row(27, FULL, change, "OK").text(), encoding="utf-8")
+    reading = read_case(file)
+    assert not [text for text in map(str, (*reading.warnings, *reading.notes)) if "measurements.CO" in text]
 
 
 def test_all_mistakes_of_a_file_are_told_at_once_with_their_lines(tmp_path):

@@ -114,6 +114,22 @@ def test_without_answers_to_gases_the_circulation_is_as_without_gases():
     assert float(with_gas["SaO2"][-1]) < float(with_gas["SaO2"][0]) - 1.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("ramp_min", [0, 6])
+def test_apnoea_on_ecmo_is_followed_while_the_lungs_still_hold_oxygen(ramp_min):
+    """Blood hardly changes until the oxygen is used up: that is not rest, and no steady beat is near."""
+    ecmo = {**CASE["ecmo"], "mode": "VA", "speed_rpm": 3300, "sweep_l_min": 3.0}
+    gas = {**CASE["gas"], "shunt_fraction": 0.4, "lung_volume_ml": 1000.0}
+    event = {"at_min": 1, "set": {"gas.alveolar_ventilation_l_min": 0.0}, "ramp_min": ramp_min}
+    own = {"fluid": CASE["fluid"], "ecmo": ecmo, "gas": gas, "parameters": {"Emaxlv": 0.6, "P0svn": 8.0}}
+    read = read_mapping({key: CASE[key] for key in ("format", "patient")} | own | {"events": [event]})
+    handed, every = (how(read.case, minutes=12.0, outputs=("SaO2",)) for how in (course, course_beats))
+    for minute in (3.5, 5.0, 7.0, 8.0, 9.0):
+        assert at(handed, minute, "SaO2") == pytest.approx(at(every, minute, "SaO2"), abs=0.5)
+    assert at(every, 7.0, "SaO2") > 95.0
+    assert float(handed["SaO2"][-1]) == pytest.approx(float(every["SaO2"][-1]), abs=0.5)
+
+
 def test_without_a_section_gas_none_are_followed():
     """The oxygenator's law is there in any ECMO circuit; without lungs and tissue it means nothing."""
     case = {key: CASE[key] for key in ("format", "patient", "ecmo", "fluid", "events")}

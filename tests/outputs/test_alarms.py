@@ -56,11 +56,11 @@ def test_an_assist_pump_may_carry_the_output_past_a_closed_valve():
 
 def test_a_valve_that_leaks_more_than_it_lets_through_is_not_called_closed():
     leaks = {"aortic_valve_flow": -2.414, "peak_aortic_valve_flow": 4.0, "lvad_flow": 5.94}
-    (leaking,) = findings(leaks | {"systemic_flow": 3.52}, {})
+    (leaking,) = findings(leaks, {})
     assert leaking.kind == "alarm"
     assert leaking.sentence == (
         "aortic valve flow -2.414 L/min: the valve stays closed and leaks 2.41 L/min more than it "
-        "lets through: of the 5.94 L/min of the LVAD the organs get 3.52"
+        "lets through: of the 5.94 L/min of the LVAD the organs get 3.53"
     )
     (opening,) = findings(
         {"aortic_valve_flow": -0.066, "peak_aortic_valve_flow": 662.7, "lvad_flow": 4.44}, {}
@@ -71,6 +71,15 @@ def test_a_valve_that_leaks_more_than_it_lets_through_is_not_called_closed():
     assert even.sentence.endswith(
         "the valve opens (peak flow 505 mL/s), and as much as it lets through leaks back"
     )
+
+
+def test_a_leak_beside_ecmo_takes_from_the_lvad_alone():
+    leaks = {"aortic_valve_flow": -5.09, "peak_aortic_valve_flow": 4.0, "lvad_flow": 5.59}
+    for organs in ({"systemic_flow": 4.1}, {"upper_body_flow": 1.4, "lower_body_flow": 2.7}):
+        (leaking,) = findings(leaks | organs, {})
+        assert leaking.sentence.endswith("of the 5.59 L/min of the LVAD the organs get 0.50")
+    (all_of_it,) = findings(leaks | {"aortic_valve_flow": -6.0}, {})
+    assert all_of_it.sentence.endswith("of the 5.59 L/min of the LVAD the organs get nothing")
 
 
 def test_co_beside_a_leak_names_no_ejection_below_zero():
@@ -125,6 +134,8 @@ def test_output_of_lungs_and_ventricle_are_told_apart_where_devices_part_them():
     assert "flow through the lungs" in sentence
     assert "0.00 L/min (LVO)" in sentence
     assert said({"CO": 5.8, "LVO": 5.7}) == []
+    ((_, of_regions),) = said({"CO": 5.8, "LVO": 0.0, "upper_body_flow": 2.0, "lower_body_flow": 3.8})
+    assert of_regions.endswith("the organs get 5.80 L/min")
 
 
 def test_a_return_behind_the_right_ventricle_tells_what_co_is():
@@ -175,6 +186,12 @@ CAUTIONS = {
     "levosimendan in an empty heart": ({"PCWP": 6.0}, {"drugs.levosimendan": 0.1}, "levosimendan: fitted to"),
     "vasopressin without sepsis": (
         SEPTIC | {"MAP": 105.0, "CO": 4.0}, {"drugs.vasopressin": 0.03}, "644 dyn s",
+    ),
+    "vasopressin in sepsis on V-A ECMO": (
+        SEPTIC | {"CO": 1.7, "systemic_flow": 6.7}, {"drugs.vasopressin": 0.03}, "",
+    ),
+    "the same in a patient with regions": (
+        SEPTIC | {"CO": 1.7, "upper_body_flow": 2.3, "lower_body_flow": 4.4}, {"drugs.vasopressin": 0.03}, "",
     ),
     "vasopressin in sepsis": (SEPTIC, {"drugs.vasopressin": 0.03}, ""),
     "felt as much more": (

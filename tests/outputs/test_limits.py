@@ -67,6 +67,15 @@ def test_a_value_has_the_gravest_level_it_reaches(quantity, value, expected):
     assert level(quantity, value) == expected
 
 
+def test_a_heart_rate_that_nothing_changes_is_the_patients_own_and_not_judged():
+    own = {"heart_rate_bpm": 190.0}
+    assert broken_limits({"heart_rate": 190.0}, own) == []
+    assert levels({"heart_rate": 190.0}, own) == {"heart_rate": "ok"}
+    (raised,) = broken_limits({"heart_rate": 190.0}, {"heart_rate_bpm": 120.0})
+    assert raised.kind == "alarm"
+    assert levels({"heart_rate": 190.0}, {"heart_rate_bpm": 120.0}) == {"heart_rate": "alarm"}
+
+
 def test_of_what_says_the_same_the_gravest_is_told():
     (one,) = broken_limits({"PCWP": 20.0, "left_atrial_pressure": 27.0})
     assert (one.quantity, one.kind) == ("left_atrial_pressure", "alarm")

@@ -238,6 +238,9 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
     for place, blood in beat.gases.places.items():
         if place in without:
             continue
+        if place in beat.gases.standing:  # what a search leaves there is the gas of no blood
+            result["places"][place] = {"values": dict.fromkeys(GAS_COLUMNS), "standing": True}
+            continue
         percent = 100.0 * float(blood.saturation)
         numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)
         values = {name: float(number) for name, number in zip(GAS_COLUMNS, numbers, strict=True)}

@@ -10,8 +10,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eclsim.app.display import figures_of, unit_of
-from eclsim.app.knobs import VOLUME, ambiguous_comma, as_written, controls, turned_value, value_of
+from eclsim.app.display import figures_of, unit_of, written_unit
+from eclsim.app.knobs import (
+    VOLUME,
+    ambiguous_comma,
+    ambiguous_point,
+    as_written,
+    controls,
+    is_whole,
+    turned_value,
+    value_of,
+)
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text, with_minus
 from eclsim.cases.events import KEYS
@@ -44,6 +53,7 @@ HOURS = (60, 360, 720, 1440, 4320)
 LENGTHS = (*BEATS, *HOURS)
 MOST_EVENTS = 60
 MOST_ALARMS = 40
+MOST_LATE_EVENTS = 4
 
 
 @dataclass(frozen=True)
@@ -86,9 +96,14 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
     Raises:
         CaseError: an event lies after its end, or connects the circuit in another way beat by beat.
     """
+    from eclsim.course.alarms import clock_time
     from eclsim.course.beats import beat_by_beat_course
     from eclsim.course.course import steady_beat_course
 
+    if events_too_late := [event.at_min for event in state.case.events if event.at_min >= minutes]:
+        beats = minutes in BEATS
+        times = ", ".join(clock_time(at, beats) for at in events_too_late[:MOST_LATE_EVENTS])
+        raise CaseError([Mistake("", text("timeline_late", times=times, end=clock_time(minutes, beats)))])
     compute = beat_by_beat_course if minutes in BEATS else steady_beat_course
     return PageCourse(state, compute(state.computed_case, minutes, state.policy))
 
@@ -166,7 +181,7 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
     for drug in DRUG_DOSES:
         if (key := f"{Drugs.section}.{drug}") not in known:
             field = Drugs.fields()[drug]
-            entries.append((key, ENGLISH.get(key, field.description), field.unit, 0.0))
+            entries.append((key, ENGLISH.get(key, field.description), written_unit(field.unit), 0.0))
     return gifts + [
         {"key": key.removeprefix("parameters."), "give": False, "label": label, "unit": unit, "value": value}
         for key, label, unit, value in entries
@@ -187,14 +202,14 @@ def with_event(case: Case, event: object) -> Case:
     events = list(raw.get("events", []))
     if not isinstance(event, dict) or len(events) >= MOST_EVENTS:
         raise CaseError([Mistake("events", text("course_full", most=MOST_EVENTS))])
-    added = _with_numbers({key: event[key] for key in KEYS if key in event})
+    added = _with_numbers(case, {key: event[key] for key in KEYS if key in event})
     at = added.get("at_min")
     minute = float(at) if is_number(at) else 0.0
     raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])
     return read_mapping(raw).case
 
 
-def _with_numbers(event: Mapping[str, Any]) -> dict[str, Any]:
+def _with_numbers(case: Case, event: Mapping[str, Any]) -> dict[str, Any]:
     """An event with numbers where somebody typed them; 0 minutes are left out: at once, a bolus.
 
     Raises:
@@ -203,20 +218,23 @@ def _with_numbers(event: Mapping[str, Any]) -> dict[str, Any]:
     read = dict(event)
     for key in ("set", "give"):
         if isinstance(changes := read.get(key), dict):
-            read[key] = {one: _number(one, value, "timeline_no_amount") for one, value in changes.items()}
+            read[key] = {
+                one: _number(one, value, "timeline_no_amount", key == "give" or is_whole(case, str(one)))
+                for one, value in changes.items()
+            }
     for key in ("ramp_min", "over_min"):
         if key in read:
-            read[key] = _number(key, read[key], "timeline_no_minutes")
+            read[key] = _number(key, read[key], "timeline_no_minutes", True)
             if read[key] == 0.0 and not isinstance(read[key], bool):
                 del read[key]
     return read
 
 
-def _number(key: str, value: object, missing: str) -> object:
+def _number(key: str, value: object, missing: str, whole: bool) -> object:
     """What was typed, as a number where it is one; any other text as it is, for the check to refuse."""
     if value is None or (isinstance(value, str) and not value.strip()):
         raise CaseError([Mistake(key, text(missing))])
-    if suggestion := ambiguous_comma(value):
+    if suggestion := ambiguous_comma(value) or ambiguous_point(value, whole):
         raise CaseError([Mistake(key, suggestion)])
     return as_written(value)
 
@@ -303,9 +321,11 @@ def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
         dose = result.get(f"{DRUGS}.{drug}_in_effect")
         if dose is not None and np.nanmax(dose.to_numpy(), initial=0.0) > 0.0:
             words = text("lane_drug", drug=drug)
-            rows.append(Lane(str(dose.name), words, dose.attrs["units"], 2, dose.to_numpy(), True))
+            rows.append(
+                Lane(str(dose.name), words, written_unit(dose.attrs["units"]), 2, dose.to_numpy(), True)
+            )
     for name, unit, digits in _OUTPUTS:
         if name in result:
             values = result[name].to_numpy() * (100.0 if unit == "%" else 1.0)
-            rows.append(Lane(name, text(f"lane_{name}"), unit, digits, values, False))
+            rows.append(Lane(name, text(f"lane_{name}"), written_unit(unit), digits, values, False))
     return [lane for lane in rows if np.isfinite(lane.values).any()]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import connectable, controls
+from eclsim.app.knobs import VOLUME, connectable, controls
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS
@@ -94,6 +95,7 @@ _INKS = 4
 """Colours of devices in the style sheet."""
 _UNITS = {"C": "°C", "cm2": "cm²"}
 """Units of knobs that are written in another way than in case files."""
+_MICRO = re.compile(r"\bu(?=g|mol)")
 LOOPS = ("Plv", "Vlv", "Prv", "Vrv")
 
 
@@ -191,15 +193,15 @@ def _numbered_by_device(
     return firsts
 
 
-def _groups(case: Case) -> list[dict[str, str]]:
+def _groups(case: Case) -> list[dict[str, str | bool]]:
     """Sections of the panel of knobs: each device that can be connected, and each instance with a name."""
     groups = {key: text(f"group_{key}") for key in ("heart", "vessels")}
     for key, device in devices().items():
         if key in connectable():
             groups[key] = device.name
         groups |= {instance.key: instance.label for instance in case.instances() if instance.device is device}
-    groups |= {instance.section: group_name(instance.section) for instance in PATIENT_SECTIONS}
-    return [{"key": key, "label": label} for key, label in groups.items()]
+    sections = {one.section: group_name(one.section) for one in PATIENT_SECTIONS}
+    return [{"key": k, "label": label, "section": k in sections} for k, label in (groups | sections).items()]
 
 
 def group_name(section: str) -> str:
@@ -241,6 +243,7 @@ def described(control: Control) -> dict[str, Any]:
     hint = f"{name}: {parameters()[name].description}" if section == "parameters" else ""
     own = next((one for one in PATIENT_SECTIONS if one.section == section), None)
     hint = own.fields()[name].description if own else hint
+    hint = text("volume_hint") if control.key == VOLUME else hint
     common = {"key": control.key, "group": control.group, "label": control.label, "hint": hint}
     if isinstance(control, Knob):
         return common | {
@@ -253,7 +256,12 @@ def described(control: Control) -> dict[str, Any]:
 def unit_of(knob: Knob) -> str:
     """The unit that stands beside a knob; a share says that it is one of 1, since tiles are in percent."""
     is_share = not knob.unit and 0.0 <= knob.low < knob.high <= 1.0
-    return text("unit_share") if is_share else _UNITS.get(knob.unit, knob.unit)
+    return text("unit_share") if is_share else written_unit(knob.unit)
+
+
+def written_unit(unit: str) -> str:
+    """A unit of a case file as it is written on the page: °C, µg."""
+    return _UNITS.get(unit, _MICRO.sub("µ", unit))
 
 
 def panel_of(case: Case) -> list[dict[str, Any]]:

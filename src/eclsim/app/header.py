@@ -117,6 +117,7 @@ class OpenDialog:
 
     async def _read(self, event: events.UploadEventArguments) -> None:
         name, content = event.file.name, await event.file.read()
+        self._show(None, [text("open_reading", name=shown_name(name))])
         try:
             if name.lower().endswith(".nc"):
                 members = await self.engine.read(lambda: read_posterior_file(name, content))
@@ -129,6 +130,8 @@ class OpenDialog:
         except CaseError as error:
             self._show(None, [text("refused"), *shortened([str(m) for m in error.mistakes])])
             return
+        finally:
+            self.upload.reset()  # else another file is one too many
         remarks = [text("warnings"), *shortened(opened.remarks)] if opened.remarks else []
         self._show(opened, remarks)
         if len(opened.cases) == 1 and not remarks:

@@ -130,8 +130,11 @@ class Identification:
     def _show_form(self, opened: bool = False) -> None:
         state = self.session.state
         self._subject = subject_of(state)
-        name = text("fit_nobody") if state.start.origin in PRESETS else title_of(state.start)
-        form = {"subject": self._subject, "name": name, "values": values_of(state), "opened": opened}
+        preset = state.start.origin in PRESETS
+        form = {
+            "subject": self._subject, "name": text("fit_nobody") if preset else title_of(state.start),
+            "values": values_of(state), "opened": opened, "preset": preset,
+        }  # fmt: skip
         self.send("form", form)
 
     def check(self, typed: Mapping[str, Any]) -> bool:

@@ -32,6 +32,7 @@ VOLUME = "volume_ml"
 _DIGITS = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+_THOUSANDS_POINT = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 _CONSUMPTION = "gas.vo2_ml_min"
 """What follows from the body surface where it is left out."""
 _SWITCH = MappingProxyType({"true": True, "false": False})
@@ -216,7 +217,7 @@ def turned_value(case: Case, key: str, value: object) -> object:
     """
     if key not in {control.key for control in controls(case)}:
         raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
-    if suggestion := ambiguous_comma(value):
+    if suggestion := ambiguous_comma(value) or ambiguous_point(value, is_whole(case, key)):
         raise CaseError([Mistake(key, suggestion)])
     section, _, name = key.rpartition(".")
     switch = isinstance(getattr(getattr(case, section, None), name, None), bool)
@@ -283,6 +284,27 @@ def ambiguous_comma(value: object) -> str:
     if not _THOUSANDS.fullmatch(typed):
         return ""
     return text("ambiguous_comma", typed=typed, point=typed.replace(",", "."), whole=typed.replace(",", ""))
+
+
+def ambiguous_point(value: object, whole: bool) -> str:
+    """What to type in place of a number whose point may separate thousands; else empty.
+
+    Args:
+        value: what somebody typed.
+        whole: whether the quantity is given in whole numbers, such as rpm and mL: only there "1.000" is more
+            likely to be a thousand than a one with three decimals.
+    """
+    typed = value.strip() if isinstance(value, str) else ""
+    if not (whole and _THOUSANDS_POINT.fullmatch(typed)):
+        return ""
+    point = f"{float(typed):g}" if typed.endswith("0") else f"{typed}0"
+    return text("ambiguous_comma", typed=typed, point=point, whole=typed.replace(".", ""))
+
+
+def is_whole(case: Case, key: str) -> bool:
+    """Whether a quantity of a case is given in whole numbers: a knob with such steps, or a flow in mL/h."""
+    whole = (c.key for c in controls(case) if isinstance(c, Knob) and c.step >= 1.0)
+    return key.endswith("_ml_h") or key in whole
 
 
 def _volume(value: object) -> float:

@@ -139,10 +139,14 @@ def held_parameters(case: Case) -> list[str]:
 
 def changes(state: PageState) -> list[str]:
     """What was changed since the patient was opened: names of knobs and devices."""
-    start, result = state.start, []
+    start, result, sections = state.start, [], {section.section for section in PATIENT_SECTIONS}
     before, now = (_parts(case) for case in (start.case, state.case))
-    result += [text("provenance_removed", device=label) for key, label in before.items() if key not in now]
-    result += [text("provenance_connected", device=label) for key, label in now.items() if key not in before]
+    for there, others, device, section in (
+        (before, now, "provenance_removed", "provenance_switched_off"),
+        (now, before, "provenance_connected", "provenance_switched_on"),
+    ):
+        gone = {key: label for key, label in there.items() if key not in others}
+        result += [text(section if key in sections else device, device=name) for key, name in gone.items()]
     opened, shown_now = knobs_of(start.case), knobs_of(state.case)
     devices_now = {instance.key: instance.label for instance in state.case.instances()}
     for control in controls(state.case):

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.course import (
+    BEATS,
     plain_events,
     possible_events,
     with_event,
@@ -120,6 +121,8 @@ class Session:
         def turned() -> Case:
             case = self.state.case
             later = self.recording and self.minute > 0.0
+            if later:
+                self._check_end(key, self.minute)
             return with_turn(case, key, value, self.minute) if later else turn(case, key, value)
 
         return self._try(key, lambda: self.state.with_case(turned()), seq)
@@ -160,7 +163,13 @@ class Session:
 
     def add_event(self, event: object) -> bool:
         """Put an event into the course of the case."""
-        return self._try("events", lambda: self.state.with_case(with_event(self.state.case, event)), 0)
+
+        def added() -> PageState:
+            at = event.get("at_min") if isinstance(event, dict) else None
+            self._check_end("events", at if isinstance(at, (int, float)) else 0.0)
+            return self.state.with_case(with_event(self.state.case, event))
+
+        return self._try("events", added, 0)
 
     def remove_event(self, number: int) -> bool:
         """Take an event out of the course of the case."""
@@ -196,6 +205,19 @@ class Session:
         """
         if self.recording and self.minute > 0.0:
             raise CaseError([Mistake(key, text("timeline_of_start"))])
+
+    def _check_end(self, key: str, minute: float) -> None:
+        """An event at the end of the timeline that is open would leave it without a course.
+
+        Raises:
+            CaseError: it is there, or later.
+        """
+        from eclsim.course.alarms import clock_time
+
+        if 0 < self.minutes <= minute:
+            raise CaseError(
+                [Mistake(key, text("timeline_end", time=clock_time(minute, self.minutes in BEATS)))]
+            )
 
     def load(self, state: PageState, opened: bool = False) -> None:
         """Show another patient; undo leads back.

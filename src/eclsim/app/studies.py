@@ -41,7 +41,8 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     """Outputs over the speeds of the state's pump; None without a rotary pump.
 
     At a speed whose beat no patient can have, or that has none, there is no number. `closed` are the speeds
-    at which the aortic valve never opens.
+    at which the aortic valve never opens, `undetermined` those at which heart valves shut blood in: how much
+    depends on where the search began, and with it all pressures.
     """
     sweep = sweep_of(state.case)
     if sweep is None:
@@ -65,6 +66,7 @@ def ramp(state: PageState) -> dict[str, Any] | None:
         "curves": plain_curves(state.case, shown),
         "lost": speeds[~result.converged].tolist(), "impossible": speeds[~possible].tolist(),
         "closed": speeds[closed & possible].tolist(),
+        "undetermined": speeds[result.converged & ~result.determined & possible].tolist(),
     }  # fmt: skip
 
 

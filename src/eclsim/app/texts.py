@@ -64,6 +64,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "provenance_no_file": "the case",
         "provenance_connected": "{device} connected",
         "provenance_removed": "{device} taken away",
+        "provenance_switched_on": "{device} switched on",
+        "provenance_switched_off": "{device} switched off",
         "provenance_more": "{count} more",
         "key_measured": "meas.",
         "output_measured": "Measured",
@@ -94,6 +96,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "group_drugs": "Drugs",
         "connect": "Connect {device}",
         "disconnect": "Disconnect {device}",
+        "switch_on": "{device}: switch on",
+        "switch_off": "{device}: switch off",
         "knobs": "Knobs",
         "knobs_of_start": "Knobs of 00:00; the page shows {time}.",
         # knobs
@@ -104,6 +108,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "parameters.Rpmc": "Pulm. resistance",
         "parameters.Csart": "Arterial compliance",
         "volume_ml": "Blood given",
+        "volume_hint": "Blood in the veins beyond that of the published patient (0 mL); each preset has its "
+        "own",
         "physiology.regional": "Upper and lower body apart",
         "physiology.upper_share": "Upper body's share of flow",
         "physiology.bronchial_fraction": "Bronchial return",
@@ -281,9 +287,12 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "left_volume_axis": "Left ventricle [mL]",
         "now": "now",
         "pinned": "pinned",
+        "pinned_of": "grey, pinned: {name}",
         # ramp
         "ramp_impossible": "✕ Impossible at {speeds} rpm: no patient has such a beat, so it has no numbers.",
         "ramp_closed": "The aortic valve stays closed at {speeds} rpm.",
+        "ramp_undetermined": "† Read no pressures at {speeds} rpm: heart valves stay closed, and how much "
+        "blood they shut in is not determined.",
         "ramp_none": "A speed ramp needs a device whose pump has a speed.",
         "ramp_speed": "Pump speed [rpm]",
         "ramp_pressure": "Pressure [mmHg]",
@@ -296,11 +305,15 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "scheme_access": "access",
         "scheme_return": "return",
         "scheme_limits": "alarm limits",
+        "scheme_undetermined": "† valves stay closed: pressures are not determined",
         "scheme_use": "Connect the lines as in scheme {letter}: {name}",
         "scheme_h": "h: both lines at pre pump, as in the published code.",
         # timeline
         "timeline": "Timeline",
         "timeline_open": "Open the timeline",
+        "timeline_open_event": "Open the timeline (1 event)",
+        "timeline_open_events": "Open the timeline ({count} events)",
+        "timeline_paused": "Paused at {time}: {alarms}. Press Play to go on.",
         "timeline_close": "Close the timeline",
         "timeline_play": "Play",
         "timeline_pause": "Pause",
@@ -321,6 +334,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_volume": "is given at the start; later, add an event to the timeline",
         "timeline_of_start": "would hold from 00:00, not from the minute that is shown: go to the start, or "
         "stop recording knobs",
+        "timeline_late": "an event at {times} is not before the end of the timeline at {end}: choose a "
+        "longer length, or remove the event",
+        "timeline_end": "{time} is the end of the timeline: choose a longer length, or an earlier time",
         "timeline_lanes": "Curves",
         "moment_failed": "The beat of {time} could not be computed: what is shown is of the minute before.",
         "timeline_passing": "Not steady",
@@ -379,6 +395,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "gases_samples": "Blood gases and contents by site",
         "gases_site": "Site",
         "gases_backwards": "blood runs backwards",
+        "gases_standing": "no blood flows",
         "gases_exchange": "What is exchanged [mL/min STPD]",
         "gases_where": "Where",
         "gases_uptake": "O2 into blood",
@@ -463,6 +480,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_parameter": "Parameter",
         "fit_clear": "Empty the form",
         "fit_nobody": "your own patient (a preset has none)",
+        "fit_of_preset": "of the preset: overwrite it",
         "fit_form_of": "Measurements of {name}",
         "fit_circuit": "Fitted with what is set now: {circuit}. What is neither fitted nor named here has "
         "its published value, whatever a preset and the knobs of heart and vessels say.",
@@ -530,6 +548,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "the patient that is open, up to {size}. It is checked on the machine that runs this page and kept "
         "there only while the page is open.",
         "open_drop": "Choose a file, or drop it here",
+        "open_reading": "Reading {name} …",
         "open_rows": "Data point",
         "open_use": "Use",
         "open_source": "{file}, data point {row}",

@@ -25,13 +25,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms
 from eclsim.course.gases import GasDynamics, Gases
 from eclsim.course.laws import Laws, laws_of
-from eclsim.course.result import (
-    IMPOSSIBLE,
-    attributes_of,
-    balance_of,
-    impossible_among,
-    labelled_course,
-)
+from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
 from eclsim.course.timeline import MINUTE, START, Timeline
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
@@ -335,6 +329,11 @@ class BeatMarch:
         if self.in_time is None or at.gases is None or goal.gases is None:
             return shift
         return max(shift, self.in_time.distance(at.gases, goal.gases))
+
+    def alveolar_mmhg(self, at: MarchState) -> np.ndarray:
+        """PO2 of the gas that each lung holds; none where gases are not followed."""
+        gases, in_time = at.gases, self.in_time
+        return np.zeros(0) if in_time is None or gases is None else in_time.alveolar_mmhg(gases)
 
     def pco2_lag_mmhg(self, at: MarchState, goal: MarchState) -> float:
         """Arterial PCO2 of a moment above that of the steady one; 0 where gases are not followed."""

@@ -31,6 +31,7 @@ from eclsim.course.handover import (
     follow_until_settled,
     lag_shares,
     largest_gas_change,
+    lung_gas_renewal_s,
     reason_to_follow,
     slow_state_lag,
 )  # fmt: skip
@@ -214,7 +215,7 @@ class Engine:
         self.slopes[:, advanced] = slopes[:, accepted]
         self._append_history(advanced)
         lost = active[~fine & ~(length > SHORTEST_STEP_S)]
-        carried = self._followed_off_ramp(lost, ahead_of_blood)
+        carried = self._leave_ramp(lost, ahead_of_blood)
         lost = np.union1d(lost, list(ahead_of_blood)).astype(int)
         self._stop(np.setdiff1d(lost, carried))
         over = advanced[self.time[advanced] >= ends[accepted]]
@@ -238,7 +239,8 @@ class Engine:
             if not self._may_leave_ramp(m):
                 continue
             predictor, ahead = self.predictors[m], self._blood_state(m, self._circuit(m))
-            shares = lag_shares(predictor.settling_s, float(of_step))
+            lungs = self._lung_gas_renewal_s(m, float(of_step))
+            shares = lag_shares(predictor.settling_s, lungs, float(of_step))
             before = {name: self.snapshots[m].read[name] for name in ahead.gases}
             if largest_gas_change(before, ahead.gases, shares[1])[0] > 1.0:
                 predictor.restore(self.snapshots[m])
@@ -246,9 +248,7 @@ class Engine:
                 events[int(m)] = StateBeforeEvent(predictor.beat, here.gases, here.volumes, ahead, *shares)
         return events
 
-    def _followed_off_ramp(
-        self, lost: np.ndarray, ahead_of_blood: Mapping[int, StateBeforeEvent]
-    ) -> np.ndarray:
+    def _leave_ramp(self, lost: np.ndarray, ahead_of_blood: Mapping[int, StateBeforeEvent]) -> np.ndarray:
         """Members whose steady beat a ramp took away or too far, run beat by beat until they reach it."""
         carried: list[int] = []
         for m in lost:
@@ -335,12 +335,18 @@ class Engine:
         reconnected = any(self._circuit(member) is not circuit for circuit in self.circuits[member])
         refusal, beat, ahead = RECONNECTED if reconnected else "", predictor.beat, None
         length = timeline.ramp_end(segment) - time
-        if 0.0 < length <= LONGEST_FAST_RAMP * predictor.settling_s:
+        lungs = self._lung_gas_renewal_s(member, length)
+        if 0.0 < length <= max(LONGEST_FAST_RAMP * predictor.settling_s, min(lungs, LONGEST_SPAN_S)):
             active = np.array([member])
             solved = self._rates(active, np.array([time + length]), self.states[:, active])[1]
             ahead = self._blood_state(member, self._circuit(member)) if solved[0] else None
-            shares = lag_shares(predictor.settling_s, length)
+            shares = lag_shares(predictor.settling_s, lungs, length)
         return StateBeforeEvent(beat, before.gases, before.volumes, ahead, *shares, refusal)
+
+    def _lung_gas_renewal_s(self, member: int, length: float) -> float:
+        """Time in which a member's lung gas is renewed once so many seconds have passed [s]."""
+        timeline, segment, time = self.timelines[member], int(self.segment[member]), float(self.time[member])
+        return lung_gas_renewal_s(timeline.settings(segment, time), timeline.settings(segment, time + length))
 
     def _blood_state(self, member: int, circuit: Circuit) -> BloodState:
         """What a member's last beat, which was of that circuit, has of blood and gases."""

@@ -141,6 +141,10 @@ class GasDynamics:
         share = np.abs(now.contents - goal.contents) / np.array(SETTLED_ML_DL)[:, None]
         return float(share[:, self.of_patient].max())
 
+    def alveolar_mmhg(self, gases: Gases) -> np.ndarray:
+        """PO2 of the gas that each lung holds."""
+        return np.array([gases.state[Quantity("PO2", "within", lung)] for lung in self.lungs])
+
     def reason_without_gases(self, gases: Gases) -> str:
         """Why there are no gases; empty where there are."""
         return "" if np.isfinite(gases.contents).all() else NOT_FOLLOWED

@@ -16,6 +16,7 @@ import numpy as np
 from eclsim.course.beats import BeatMarch, MarchState, RecordedBeat, ShownBeats, SteadyState
 from eclsim.course.timeline import MINUTE
 from eclsim.outputs.registry import output
+from eclsim.parameters.gas import LUNG_VOLUME
 
 if TYPE_CHECKING:
     from eclsim.course.laws import Laws
@@ -30,12 +31,16 @@ SETTLING_RATIO = 0.8
 """Distance from the steady beat over that one time constant before; above it, beats come no closer."""
 GAS_TIME_CONSTANT_S = 120.0
 """Time constant of the gases of the blood, which settle within minutes."""
+ALVEOLAR_MMHG = 2.0
+"""Change of the alveoli's PO2 in that time by which lungs still fill or empty. Blood that lives on the oxygen
+in lungs without ventilation comes no closer to the steady beat for minutes, and then all at once."""
 LONGEST_SPAN_S = 1800.0
 """Longest span that is followed beat by beat; after it the course goes on in steady beats."""
 LONGEST_SPAN_WITHOUT_BEAT_S = 600.0
 """The same without a steady beat to settle to, as of a patient without any oxygen; there a course ends."""
 BLOOD_RENEWAL_S = 60.0
 """Time in which blood is renewed: gases settle no sooner, even where the circulation does."""
+VENTILATION = "gas.alveolar_ventilation_l_min"
 LONGEST_FAST_RAMP = 10.0
 """Length of a ramp, in settling times, up to which it may be too fast for steady beats."""
 RECONNECTED = "an event connects the circuit in another way"
@@ -118,9 +123,24 @@ class Span:
         return {"from_min": self.begin / MINUTE, "until_min": self.end / MINUTE, "reason": self.reason}
 
 
-def lag_shares(settling_s: float, length_s: float) -> tuple[float, float]:
+def lag_shares(settling_s: float, lung_gas_renewal_s: float, length_s: float) -> tuple[float, float]:
     """Shares of a change over so many seconds by which the circulation and the gases lag behind it."""
-    return min(1.0, settling_s / length_s), min(1.0, max(settling_s, BLOOD_RENEWAL_S) / length_s)
+    return min(1.0, settling_s / length_s), min(
+        1.0, max(settling_s, BLOOD_RENEWAL_S, lung_gas_renewal_s) / length_s
+    )
+
+
+def lung_gas_renewal_s(before: Mapping[str, float], after: Mapping[str, float]) -> float:
+    """Time in which ventilation renews the gas of the lungs [s]; infinite where a change ends ventilation.
+
+    Args:
+        before: parameters before the change.
+        after: behind it.
+    """
+    if VENTILATION not in after or not (before[VENTILATION] or after[VENTILATION]):
+        return 0.0
+    litres_min = after[VENTILATION]
+    return MINUTE * 1e-3 * after[LUNG_VOLUME] / litres_min if litres_min else np.inf
 
 
 def slow_state_lag(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
@@ -195,7 +215,7 @@ def follow_until_settled(
     pause = patience = settling_s / 3.0
     if start.gases is not None:
         pause, patience = max(pause, GAS_TIME_CONSTANT_S / 4.0), max(patience, GAS_TIME_CONSTANT_S)
-    distances: list[tuple[float, float]] = []
+    distances: list[tuple[float, float, np.ndarray]] = []
     while True:
         events = march.timeline.breaks
         at, before_this = march.follow(at, min(until, end), shown, every_beat=False), at.time
@@ -211,8 +231,21 @@ def follow_until_settled(
                 continue
         goal = steady(at)
         now = np.inf if goal is None or goal.lag > LARGEST_LAG else march.distance(at, goal.moment)
-        before = [left for time, left in distances if time <= at.time - 0.9 * patience]
-        if now <= 1.0 or (np.isfinite(now) and before and now > SETTLING_RATIO * before[-1]):
+        lungs = march.alveolar_mmhg(at)
+        before = [point for point in distances if point[0] <= at.time - 0.9 * patience]
+        if now <= 1.0 or (np.isfinite(now) and before and _at_rest(before[-1], now, lungs)):
             break
-        distances.append((at.time, now))
+        distances.append((at.time, now, lungs))
     return Span(start.time, at.time, reason, march, shown.beats), at
+
+
+def _at_rest(before: tuple[float, float, np.ndarray], left: float, lungs: np.ndarray) -> bool:
+    """Whether beats come no closer to the steady one, and the gas in the lungs stays.
+
+    Args:
+        before: a time constant ago: when, how far from the steady beat, and PO2 of the lungs [mmHg].
+        left: how far from it now.
+        lungs: PO2 now [mmHg].
+    """
+    _, farther, held = before
+    return left > SETTLING_RATIO * farther and bool((np.abs(lungs - held) <= ALVEOLAR_MMHG).all())

@@ -569,7 +569,7 @@ def line_pressures_of_nine_schemes(case: Case, policy: str) -> dict[str, object]
         cell: dict[str, object] = {
             "letter": scheme.letter, "name": scheme.name,
             "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
-            "converged": bool(result.determined[k]),
+            "converged": bool(result.determined[k]), "steady": bool(result.converged[k]),
             "MAP": {"mean": (pressure := float(result.output("MAP")[k])), "level": level("MAP", pressure)},
             "possible": not impossible(result.findings(k)),
         }  # fmt: skip

@@ -209,7 +209,7 @@ class Crrt(Section):
         float | None, fluid_flow("Replacement fluid behind the filter", 1000.0)
     ] = None
     net_ultrafiltration_ml_h: Annotated[
-        float | None, fluid_flow("Fluid taken from the patient", 100.0, 1.0)
+        float | None, fluid_flow("Net ultrafiltration (fluid taken from the patient)", 100.0, 1.0)
     ] = None
     fluid_bicarbonate_mmol_l: Annotated[
         float | None, number("Bicarbonate of all fluids", "mmol/L", 0, 60, 32, required=False)

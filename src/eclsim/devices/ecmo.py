@@ -81,7 +81,7 @@ from eclsim.parameters.parameter import Bounds, Parameter
 from eclsim.parameters.regulation import REGULATION
 from eclsim.parameters.thiel2025 import circuit_parameters
 from eclsim.patient.anthropometry import body_surface
-from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
+from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -273,6 +273,9 @@ POSITION_WORDS = MappingProxyType(
 ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
 """Not what a case file holds, but what a picker shows for a roller pump and for sites of no usual mode."""
+_OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
+_IF_OMITTED = MappingProxyType({"drainage_mixing": 1.0, "return_clamp": 0.0})
+"""Where the knobs of keys stand that a case leaves out."""
 _MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
 
 USUAL = MappingProxyType(
@@ -763,19 +766,16 @@ class EcmoDevice(Device[Ecmo]):
         for line, kind in (("drainage", section.drainage_cannula), ("return", section.return_cannula)):
             sizes = CANNULAE[kind].sizes_fr
             result.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
-        if section.return_clamp is not None:
-            result.append(Knob("return_clamp", "Clamp on the return line", "", 0.0, 1.0, 0.01))
+        result.append(Knob("return_clamp", "Clamp on the return line", "", 0.0, 1.0, 0.01))
         result.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
         others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
         result.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
         own = (section.drainage_site, section.return_site)
-        drained = (site for site in PATIENT_SITES if site not in own[1:] or site == own[0])
-        returned = (site for site in PATIENT_SITES if site not in own[:1] or site == own[1])
         mixing = Knob("drainage_mixing", "Mixing before drainage", "", 0.0, 1.0, 0.01, needs="gas")
         return [
             *result,
-            picker("drainage_site", "Drained from", drained, PATIENT_SITES),
-            picker("return_site", "Returned to", returned, PATIENT_SITES),
+            picker("drainage_site", "Drained from", PATIENT_SITES, _exchanged(*own)),
+            picker("return_site", "Returned to", PATIENT_SITES, _exchanged(*own[::-1])),
             *second_controls(section, own, CANNULAE),
             *((mixing,) if own[0] == own[1] else ()),
             Knob("sweep_l_min", "Sweep gas", "L/min", 0.0, 12.0, 0.1, needs="gas"),
@@ -790,8 +790,8 @@ class EcmoDevice(Device[Ecmo]):
             return section.pump.roller_l_min
         if key in SECOND_SITES:
             return getattr(section, key) or NO_SITE
-        if key == "drainage_mixing" and section.drainage_mixing is None:
-            return 1.0
+        if key in _IF_OMITTED and getattr(section, key) is None:
+            return _IF_OMITTED[key]
         if key != "mode":
             return getattr(section, key)
         if section.drainage_site in VENOUS_SITES and section.return_site in ARTERIAL_SITES:
@@ -817,8 +817,11 @@ class EcmoDevice(Device[Ecmo]):
         if key in SECOND_SITES and isinstance(value, str):
             return with_second(raw, key, value)
         changed = {**raw, key: value}
-        if key in ("drainage_site", "return_site"):
+        if key in _OTHER_SITE:
             changed.pop("mode", None)
+            other = _OTHER_SITE[key]
+            if value == raw.get(other) != raw.get(key):  # both cannulae change places
+                changed[other] = raw.get(key)
         return changed
 
     def sizes(self, section: Ecmo, key: str) -> tuple[float, ...]:
@@ -860,6 +863,11 @@ class EcmoDevice(Device[Ecmo]):
             *_caution_on_left_ventricle(names, outputs, circuit),
             *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
+
+
+def _exchanged(own: str, other: str) -> dict[str, str]:
+    """Sites in words; at that of the other cannula both change places."""
+    return {**PATIENT_SITES, other: f"{PATIENT_SITES[other]} (swap)"} if other != own else {**PATIENT_SITES}
 
 
 def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
@@ -1031,7 +1039,10 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
     output, pump_flow = case.measurements.get("CO"), case.measurements.get("PF")
     if output is None or pump_flow is None:
         return
-    if values.get("return_site") not in ARTERIAL_SITES:
+    added = _adds_to_native_output(values, case)
+    if added is None:
+        return
+    if not added:
         if output < pump_flow:
             message = (
                 f"below the pump flow {pump_flow:g} L/min: where ECMO returns before the lungs, CO is all "
@@ -1046,6 +1057,15 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
     else:
         message += f"with the pump flow the organs get {output + pump_flow:.3g} L/min"
         remarks.note("measurements.CO", message, shown(output))
+
+
+def _adds_to_native_output(values: Raw, case: CaseValues) -> bool | None:
+    """Whether organs get the pump's flow on top of CO, or within it; None where a part of it is either."""
+    drained, given = ({values.get(f"{n}{line}_site") for n in ("", "second_")} - {None} for line in LINES)
+    if case.of("vent") or drained & {*ARTERIAL_SITES, *LEFT_HEART}:
+        return None
+    behind = {site in (*ARTERIAL_SITES, *LEFT_HEART, "part") for site in given}
+    return behind.pop() if len(behind) == 1 else None
 
 
 def _reason_for_total_output(case: CaseValues, output: float, pump_flow: float) -> str:

@@ -51,7 +51,7 @@ class Renox(Section):
     section = GROUP
     dialysate_ml_h: Annotated[float, fluid_flow("Flow of dialysate", 2000.0, required=True)]
     net_ultrafiltration_ml_h: Annotated[
-        float, fluid_flow("Fluid taken from the patient", 100.0, 1.0, 5000.0)
+        float, fluid_flow("Net ultrafiltration (fluid taken from the patient)", 100.0, 1.0, 5000.0)
     ] = 0.0
     haematocrit_in: Annotated[float | None, Crrt.fields()["haematocrit_in"]] = None
     fluid_bicarbonate_mmol_l: Annotated[float | None, Crrt.fields()["fluid_bicarbonate_mmol_l"]] = None

@@ -142,7 +142,7 @@ def second_controls(
     result: list[Control] = []
     for line, label in (("drainage", "Also drained from"), ("return", "Also returned to")):
         key = f"second_{line}_site"
-        result.append(picker(key, label, (NO_SITE, *free), {**PATIENT_SITES, NO_SITE: "no second cannula"}))
+        result.append(picker(key, label, (NO_SITE, *free), {**PATIENT_SITES, NO_SITE: "none"}))
         if getattr(section, key) is None:
             continue
         label = f"Second {line} cannula"

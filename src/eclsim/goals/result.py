@@ -38,7 +38,7 @@ class GoalResult(NamedTuple):
         goal: what was asked for.
         value: what the output is, in its unit.
         met: whether it is reached.
-        binding: whether it is at its bound, or missed: smaller settings would break it.
+        binding: whether it is at its bound, or missed: it keeps the settings from being smaller.
         slopes: d output / d setting, in the units of both, by setting.
     """
 
@@ -168,11 +168,7 @@ def message_of(
         goals = f"not reached: {unmet}" if unmet else "all goals are reached"
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
-        stops = [_goal_with_reason(result.goal) for result in results if result.binding]
-        least = (
-            f"; smaller settings would break {' and '.join(stops)}" if stops else ", the lowest of the range"
-        )
-        return f"all goals are reached with {where}{least}"
+        return f"all goals are reached with {where}{_binding_goals_text(settings, values, results)}"
     unmet = [r for r in results if not r.met]
     text = "; ".join(
         f"{_goal_with_reason(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
@@ -191,6 +187,27 @@ def message_of(
             numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
             text += f"; without the goal {goal} all others are reached, with {numbers}"
     return text
+
+
+def _binding_goals_text(
+    settings: Sequence[Setting], values: Mapping[str, float], results: Sequence[GoalResult]
+) -> str:
+    """Why the settings are not smaller: goals that a smaller one breaks, then others at their bounds."""
+    at_bound = [result for result in results if result.binding]
+    free = [s.name for s in settings if values[s.name] > s.low + 1e-6 * (s.high - s.low)]
+    broken = [result for result in at_bound if any(_breaks_below(result, name) for name in free)]
+    kept = [_goal_with_reason(result.goal) for result in at_bound if broken and result not in broken]
+    stops = " and ".join(_goal_with_reason(result.goal) for result in broken or at_bound)
+    if not stops:
+        return ", the lowest of the range"
+    also = f"; {' and '.join(kept)} {'are' if len(kept) > 1 else 'is'} at the bound too" if kept else ""
+    return f"; smaller settings would break {stops}{also}"
+
+
+def _breaks_below(result: GoalResult, setting: str) -> bool:
+    """Whether a goal at its bound is missed where a setting is smaller."""
+    at_low = abs(result.value - result.goal.low) < abs(result.value - result.goal.high)
+    return result.slopes[setting] > 0.0 if at_low else result.slopes[setting] < 0.0
 
 
 def broken_alarms_text(quantities: Iterable[str], where: str = "with the settings found") -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
-from eclsim.outputs.cautions import cautions
+from eclsim.outputs.cautions import cautions, organ_flow
 from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
@@ -222,10 +222,9 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
     if aortic <= -CLOSED_L_MIN:
         text += f"{opens} and leaks {-aortic:.2f} L/min more than it lets through"
         if carried >= CLOSED_L_MIN:
-            organs = outputs.get("systemic_flow", carried + aortic)
-            text += (
-                f": of the {carried:.2f} L/min of the {' and the '.join(pumps)} the organs get {organs:.2f}"
-            )
+            left = carried + aortic
+            share = f"{left:.2f}" if left > 0.0 else "nothing"
+            text += f": of the {carried:.2f} L/min of the {' and the '.join(pumps)} the organs get {share}"
         return [Finding("alarm", "aortic_valve_flow", aortic, -CLOSED_L_MIN, text, concerns=("LVO",))]
     if peak >= VALVE_OPEN_ML_S:
         text += f"{opens}, and as much as it lets through leaks back"
@@ -261,8 +260,8 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     if "the lungs get {}" in apart:
         place = f"pulmonary artery before the {_device_returning_to_pulmonary_artery(circuit)}return"
     messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
-    if "systemic_flow" in outputs:
-        messages.append(f"the organs get {outputs['systemic_flow']:.2f} L/min")
+    if (organs := organ_flow(outputs)) is not None:
+        messages.append(f"the organs get {organs:.2f} L/min")
     text = f"CO {lungs:.2f} L/min is the flow through the {place}; {', '.join(messages)}"
     return [Finding(CAUTION, "CO", lungs, next(iter(apart.values())), text, concerns=("CO", "LVO"))]
 

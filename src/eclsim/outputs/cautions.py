@@ -23,6 +23,8 @@ BLOOD_PH = (6.8, 7.7)
 WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
 """PaCO2 above the set point from which the published answer to it has the wrong sign, and from which the one
 measured in patients, up to 19 mmHg, is extrapolated."""
+STANDING_L_MIN = 1e-3
+"""Mean flow below which blood stands still: its gases are then those of no blood that anybody could draw."""
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
@@ -54,7 +56,13 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         + _extrapolated_doses(doses)
         + _combined_effects(doses)
     )
-    return result + _hypercapnia(outputs, values) + _extrapolated_blood(outputs)
+    return result + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
+
+
+def organ_flow(outputs: Mapping[str, float]) -> float | None:
+    """Flow through all organs but the lungs [L/min], of one body or of both its regions; None if unknown."""
+    places = ("systemic_flow",) if "systemic_flow" in outputs else ("upper_body_flow", "lower_body_flow")
+    return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
 
 
 def _caution(quantity: str, value: float, text: str, *concerns: str) -> Finding:
@@ -80,7 +88,7 @@ def _venodilators_without_congestion(
 def _vasopressin_without_sepsis(outputs: Mapping[str, float], doses: Mapping[str, float]) -> list[Finding]:
     """Vasopressin in a patient whose vessels have not lost their tone."""
     names = ("MAP", "right_atrial_pressure")
-    flow = outputs.get("systemic_flow", outputs.get("CO", 0.0))
+    flow = organ_flow(outputs) or outputs.get("CO", 0.0)
     if "vasopressin" not in doses or not set(names) <= outputs.keys() or not flow > 0.0:
         return []
     pressure = outputs["MAP"] - outputs["right_atrial_pressure"]
@@ -182,3 +190,15 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
         "gases were fitted: saturations and carbon dioxide are extrapolated"
     )
     return [_caution("pHa", ph, text, "SaO2", "PaCO2")]
+
+
+def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
+    """Mixed venous blood that does not flow."""
+    saturation, flow = outputs.get("SvO2"), outputs.get("pulmonary_flow")
+    if saturation is None or flow is None or not abs(flow) < STANDING_L_MIN:
+        return []
+    text = (
+        "no blood flows through the lungs: that in the pulmonary artery stands still, and its gases are not "
+        "those of mixed venous blood; read the saturation of the drained or venous blood instead"
+    )
+    return [_caution("SvO2", saturation, text, "SvO2", "PvO2")]

@@ -11,8 +11,10 @@ from eclsim.blood.gases import BloodGases, gases_with_contents
 from eclsim.components.exchangers import BLOOD
 from eclsim.devices.description import GASES, Output, gas_sample
 from eclsim.gas.network import CONTENTS, gas_exchanges
+from eclsim.outputs.cautions import STANDING_L_MIN
 from eclsim.outputs.measures import Measures
 from eclsim.parameters.fluid import SOLUTES
+from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -124,10 +126,13 @@ class PlaceGases(NamedTuple):
     Attributes:
         places: By compartment, its blood: SO2 [-], PO2 and PCO2 [mmHg], pH, contents [mL/dL STPD].
         exchanged: By connection that exchanges gas, gained oxygen and carbon dioxide [mL/min STPD].
+        standing: Compartments through which no blood flows: their gases are those of no blood that anybody
+            could draw.
     """
 
     places: Mapping[str, BloodGases]
     exchanged: Mapping[str, tuple[float, float]]
+    standing: frozenset[str] = frozenset()
 
 
 def gases_of_places(measures: Measures, member: int = 0) -> PlaceGases:
@@ -157,4 +162,15 @@ def gases_of_places(measures: Measures, member: int = 0) -> PlaceGases:
         e.at: (of(measures.gas("gained", "at", e.at)), of(measures.gas("gained_co2", "at", e.at)))
         for e in gas_exchanges(measures.circuit)
     }
-    return PlaceGases(places, exchanged)
+    flows = {c.name: of(measures.mean(f"Q{c.name}")) for c in measures.circuit.connections}
+    return PlaceGases(places, exchanged, _standing(measures.circuit, flows))
+
+
+def _standing(circuit: Circuit, mean_flows: Mapping[str, float]) -> frozenset[str]:
+    """Compartments that mean flows [mL/s] neither bring blood to nor take it from."""
+    moving: dict[str, float] = {}
+    for connection in circuit.connections:
+        for site in connection.sites:
+            moving[str(site)] = moving.get(str(site), 0.0) + abs(mean_flows[connection.name])
+    least = 2.0 * STANDING_L_MIN * ML_S_PER_L_MIN  # what comes and what goes
+    return frozenset(place for place, flow in moving.items() if flow < least)

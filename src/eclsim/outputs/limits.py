@@ -18,6 +18,8 @@ from eclsim.patient.anthropometry import SIZE, body_surface, delivery_limits
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
 CLOSED_L_MIN = 0.02
 """Mean flow below which a valve counts as closed all beat."""
+HEART_RATE, SAME_RATE = "heart_rate_bpm", 1e-6
+"""The patient's own rate, and the share of it up to which reflexes and drugs leave it as it is."""
 
 
 _SSC = "target in shock, Surviving Sepsis Campaign 2021"
@@ -321,7 +323,7 @@ def levels(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES
         values: of the patient's parameters.
     """
     result = dict.fromkeys(outputs, "ok")
-    for limit in reversed(of_size(_in_order(tuple(outputs), registered()), values)):
+    for limit in reversed(_applied(outputs, values)):
         if limit.broken_by(outputs[limit.quantity]):
             result[limit.quantity] = limit.kind
     return result
@@ -380,10 +382,19 @@ def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO
         values: of the patient's parameters.
     """
     result: dict[tuple[str, str], Limit] = {}
-    for limit in of_size(_in_order(tuple(outputs), registered()), values):
+    for limit in _applied(outputs, values):
         if limit.broken_by(outputs[limit.quantity]):
             result.setdefault((group_of(limit.quantity), limit.side), limit)
     return list(result.values())
+
+
+def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:
+    """Limits of a beat's outputs, the gravest first; a heart rate is judged where it is not the patient's."""
+    limits = of_size(_in_order(tuple(outputs), registered()), values)
+    rate, own = outputs.get("heart_rate"), values.get(HEART_RATE)
+    if rate is None or own is None or abs(rate - own) > SAME_RATE * own:
+        return limits
+    return [limit for limit in limits if limit.quantity != "heart_rate"]
 
 
 @lru_cache(maxsize=256)

@@ -49,10 +49,10 @@ def _use(measures: BeatMeasures) -> Numbers:
 
 
 _FACTORS = (
-    ("contractility_lv", "Emaxlv", "systolic elastance of the left ventricle"),
-    ("contractility_rv", "Emaxrv", "systolic elastance of the right ventricle"),
-    ("systemic_resistance", "Rmc", "resistance of the systemic microcirculation"),
-    ("pulmonary_resistance", "Rpmc", "resistance of the pulmonary microcirculation"),
+    ("contractility_lv", "Emaxlv", "systolic elastance of the left ventricle in effect"),
+    ("contractility_rv", "Emaxrv", "systolic elastance of the right ventricle in effect"),
+    ("systemic_resistance", "Rmc", "resistance of the systemic microcirculation by reflexes and drugs"),
+    ("pulmonary_resistance", "Rpmc", "resistance of the pulmonary microcirculation by drugs"),
 )
 FACTORS = {f"{name}_factor": parameter for name, parameter, _ in _FACTORS}
 """Outputs that say by how much reflexes and drugs change a parameter, and which."""
@@ -61,7 +61,7 @@ FACTORS = {f"{name}_factor": parameter for name, parameter, _ in _FACTORS}
 def _factor(name: str, parameter: str, label: str) -> Output:
     now = _in_effect(parameter)
     return Output(
-        f"{name}_factor", f"{label} in effect, relative to the patient's own", "1",
+        f"{name}_factor", f"{label}, relative to the patient's own", "1",
         f"{parameter} during the beat / {parameter} of the case", ("Pao", "Pra"),
         lambda m: now(m) / m.parameter(parameter), parameters=(UNSTRESSED, parameter), in_effect=True,
     )  # fmt: skip

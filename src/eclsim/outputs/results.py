@@ -69,6 +69,8 @@ def labelled(
         series = beat.waveforms[member].values[:, k] + shift
         data[signal] = variable("phase", series, **signal_labels(circuit, signal), **statistics)
     for place, blood in beat.gases[member].places.items() if member in beat.gases else ():
+        if place in beat.gases[member].standing:
+            continue
         gases = {"SO2": 100.0 * blood.saturation, "PO2": blood.po2, "PCO2": blood.pco2}
         data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
     data |= {n: variable((), v, **output_labels(n)) for n, v in beat.outputs(member).items()}

@@ -2,6 +2,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import {
+  alarmsBetween,
+  briefly,
   brokenSpans,
   clock,
   curvePath,
@@ -31,6 +33,33 @@ test("play goes on at its speed and ends at the end", () => {
   assert.equal(playedTo(10, 60_000, 1, 100), 11);
   assert.equal(playedTo(10, 1000, 3600, 100), 70);
   assert.equal(playedTo(99, 1000, 3600, 100), 100);
+});
+
+test("play meets the first alarms on its way, no warning, and none where it stands", () => {
+  const times = [0, 10, 20, 25, 30, 60];
+  const [early, first, second, third] = [
+    { kind: "warning", at_min: 12 },
+    { kind: "alarm", at_min: 20 },
+    { kind: "collapse", at_min: 26.5 },
+    { kind: "alarm", at_min: 28 },
+  ];
+  const alarms = [third, second, early, first];
+  assert.deepEqual(alarmsBetween(alarms, times, 0, 60), { minute: 20, alarms: [first] });
+  assert.deepEqual(alarmsBetween(alarms, times, 20, 60), { minute: 30, alarms: [third, second] });
+  assert.equal(alarmsBetween(alarms, times, 20, 29), null, "the beats in between need not break the limit");
+  assert.equal(alarmsBetween(alarms, times, 0, 15), null);
+  assert.equal(alarmsBetween([], times, 0, 60), null);
+});
+
+test("an alarm is said in short, without its times and its reason", () => {
+  const brief = (sentence) => briefly({ sentence });
+  const low = "mean arterial pressure below 55 mmHg";
+  assert.equal(brief(`${low} at 01:11, until 01:37 (7.667 mmHg at worst): organs are not perfused`), low);
+  assert.equal(brief(`${low} at 1 d 01:11 (7.667 mmHg at worst): organs are not perfused`), low);
+  assert.equal(
+    brief("at 01:20, until 01:25: volume falls to \u22121.7 mL: it collapses"),
+    "volume falls to \u22121.7 mL",
+  );
 });
 
 test("the last moment at or before a time is found", () => {

@@ -12,6 +12,7 @@ import {
   laterThanStart,
   leftOut,
   limitLines,
+  limitsOf,
   settingsText,
   signed,
   speedsText,
@@ -39,6 +40,9 @@ test("compact numbers have about three digits", () => {
     [123.4, "123"],
     [-123.4, `${MINUS}123`],
     [0.0001234, `1.23e${MINUS}4`],
+    [-0.0001234, `${MINUS}1.23e${MINUS}4`],
+    [1.87e-7, "0.000"],
+    [-6.17e-7, "0.000"],
     [2345678, "2.35e+6"],
   ];
   for (const [value, text] of expected) assert.equal(compact(value), text);
@@ -53,8 +57,19 @@ test("a change below a thousandth of the value is none", () => {
 });
 
 test("a difference has its sign", () => {
-  assert.equal(signed(0.004, 2), "+0.00");
+  assert.equal(signed(0.004, 2), "0.00");
+  assert.equal(signed(-0.004, 2), "0.00");
+  assert.equal(signed(0.5, 2), "+0.50");
+  assert.equal(signed(null, 2), "–");
   assert.equal(signed(-0.64, 2), `${MINUS}0.64`);
+});
+
+test("the same limits are broken whatever their numbers are, others where one comes or gets graver", () => {
+  const low = (value, kind = "warning") => [kind, `pressure ${value} mmHg is below 65 mmHg: organs`];
+  assert.equal(limitsOf([low("56.7")]), limitsOf([low("60")]));
+  assert.equal(limitsOf([low("\u22121.2")]), limitsOf([low("3")]));
+  assert.notEqual(limitsOf([low("56.7")]), limitsOf([low("56.7", "alarm")]));
+  assert.notEqual(limitsOf([low("56.7")]), limitsOf([low("56.7"), ["warning", "aortic valve flow 0.000"]]));
 });
 
 test("the gravest level of several outputs counts", () => {

@@ -253,17 +253,22 @@ export default {
       this.kind = kind;
       this.message = message;
     },
+    // Nothing changes behind a dialog, not by the browser's own undo either.
     key(event) {
-      const typing = TYPED.test(event.target?.type ?? "") || event.target?.tagName === "TEXTAREA";
+      const isCovered = !!document.querySelector(".q-dialog__inner");
+      const field = event.target;
+      // In the field of a knob only what is not yet entered is undone by the browser.
+      const isEntered = !!field?.matches?.(".ecl-knob input:not([data-typed])");
+      const typing = !isEntered && (TYPED.test(field?.type ?? "") || field?.tagName === "TEXTAREA");
       for (const [key, modifier, action] of SHORTCUTS) {
         const held = modifier === "ctrl" ? event.ctrlKey || event.metaKey : event.altKey;
         if (!held || event.key.toLowerCase() !== key || (typing && modifier === "ctrl")) continue;
         event.preventDefault();
-        this.$emit("shortcut", { action });
+        if (!isCovered) this.$emit("shortcut", { action });
       }
       if (event.altKey && /^[1-8]$/.test(event.key)) {
         event.preventDefault();
-        this.$emit("shortcut", { action: "view", number: Number(event.key) });
+        if (!isCovered) this.$emit("shortcut", { action: "view", number: Number(event.key) });
       }
     },
     async copyLink(link) {

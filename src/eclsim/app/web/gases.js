@@ -92,7 +92,10 @@ export default {
     sites() {
       const { means, gas } = this.beat;
       const { places } = gas;
-      const against = (place) => (means[`Q${place}`] < 0 ? ` (${this.texts.gases_backwards})` : "");
+      const against = (place) => {
+        if (places[place].standing) return ` (${this.texts.gases_standing})`;
+        return means[`Q${place}`] < 0 ? ` (${this.texts.gases_backwards})` : "";
+      };
       return this.samples
         .filter(({ place }) => places[place])
         .map(({ place, label, outputs }) => {

@@ -28,7 +28,7 @@ export default {
               :aria-describedby="id(f) + '-message'" />
             <small>{{ f.unit }}</small>
           </span>
-          <small v-if="simulated(f)" class="now">{{ simulated(f) }}</small>
+          <small v-if="beside(f)" class="now">{{ beside(f) }}</small>
           <p :id="id(f) + '-message'" aria-live="polite">{{ mistakes[f.key] || warnings[f.key] || '' }}</p>
         </div>
       </div>
@@ -94,7 +94,7 @@ export default {
           <th scope="col">{{ texts.fit_identifiable }}</th>
         </tr></thead>
         <tbody><tr v-for="(p, name) in result.parameters" :key="name" :class="{ vague: !p.identifiable }">
-          <th scope="row" :title="p.text"><b>{{ name }}</b> <small>{{ p.unit }}</small></th>
+          <th scope="row"><b>{{ name }}</b> <small>{{ p.unit }}<br />{{ p.text }}</small></th>
           <td class="n"><b>{{ compact(p.value) }}</b></td>
           <td class="n">{{ interval(p) }}<template v-if="posterior"><br />
             <small>{{ texts.posterior_interval }}</small> {{ interval(after(name)) }}</template></td>
@@ -154,6 +154,8 @@ export default {
   ],
   data: () => ({
     typed: {},
+    given: {},
+    ofPreset: false,
     mistakes: {},
     warnings: {},
     ready: false,
@@ -235,6 +237,13 @@ export default {
       const value = symbol && this.outputs[symbol];
       return Number.isFinite(value) ? fill(this.texts.fit_now, { value: compact(value) }) : "";
     },
+    // What the field has of the preset is nobody's: it is said until another value is typed.
+    beside(field) {
+      const { key } = field;
+      const left =
+        this.ofPreset && this.given[key] !== "" && String(this.typed[key]) === String(this.given[key]);
+      return left ? this.texts.fit_of_preset : this.simulated(field);
+    },
     judgement(p) {
       if (p.identifiable) return this.tick + this.texts.fit_yes;
       return `✗ ${fill(this.texts.fit_no, { reason: p.reason })}`;
@@ -273,7 +282,8 @@ export default {
     keep(what, data) {
       tab.keep(what, remember(this.kept(what), this.subject, data, MOST_KEPT));
     },
-    open({ subject, name, values, opened }) {
+    open({ subject, name, values, opened, preset }) {
+      Object.assign(this, { given: values, ofPreset: preset });
       if (subject === this.subject && !opened && Object.keys(this.typed).length) return;
       clearTimeout(this.timer);
       if (this.job) this.keep("running", undefined);

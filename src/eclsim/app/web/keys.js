@@ -10,7 +10,7 @@ export default {
     <div v-for="k in seen" :key="k.key" :class="k.level" :title="k.hint" :data-key="k.key">
       <dt><span v-if="k.caution" role="img" :aria-label="k.hint">† </span>{{ k.label }}</dt>
       <dd><i v-if="k.sign" class="sign" role="img" :aria-label="texts['kind_' + k.level]">{{
-        k.sign }}</i><b :class="{ long: k.value.length > 4 }">{{
+        k.sign }}</i><b :class="{ long: k.value.length > 4, longest: k.value.length > 4 && k.sign }">{{
         k.value }}</b></dd>
       <dd class="more">{{ k.unit }}<em v-for="m in k.more" :key="m">{{ m }}</em></dd>
     </div>

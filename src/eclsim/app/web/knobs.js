@@ -21,7 +21,7 @@ const Knob = {
     <label :for="id" :title="knob.hint">{{ knob.label }}</label>
     <span class="typed">
       <input :id="id" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
-        :value="typed ?? text" :aria-invalid="!!error"
+        :value="typed ?? text" :aria-invalid="!!error" :data-typed="typed"
         :aria-describedby="id + '-unit' + (error ? ' ' + id + '-error' : '')"
         :disabled="!connected" @input="$emit('type', knob.key, $event.target.value)"
         @change="$emit('enter', knob, $event.target.value)" @keydown="arrow"
@@ -149,7 +149,8 @@ export default {
   methods: {
     id: (knob) => `knob-${knob.key.replace(/\W/g, "-")}`,
     switchLabel(group) {
-      return fill(this.texts[this.devices[group.key] ? "disconnect" : "connect"], { device: group.label });
+      const [on, off] = group.section ? ["switch_on", "switch_off"] : ["connect", "disconnect"];
+      return fill(this.texts[this.devices[group.key] ? off : on], { device: group.label });
     },
     enter(knob, text) {
       this.typed = { key: knob.key, text, entered: true };

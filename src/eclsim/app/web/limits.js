@@ -1,5 +1,5 @@
 // The limits that the beat breaks, the gravest first, in sight in every view; and how to read its numbers.
-import { SIGNS, fill, listening, sized } from "eclsim-page";
+import { SIGNS, fill, limitsOf, listening, sized } from "eclsim-page";
 
 export default {
   template: `
@@ -27,7 +27,7 @@ export default {
         this.broken = beat.notes.filter(([kind]) => kind !== "caution");
         this.cautions = beat.notes.filter(([kind]) => kind === "caution").map(([, text]) => text);
         this.concerned = Object.keys(beat.cautions);
-        this.$nextTick(() => this.measure());
+        this.$nextTick(() => this.toTop());
       },
     }),
   ],
@@ -42,6 +42,13 @@ export default {
     hidden: 0,
   }),
   methods: {
+    // Other limits are broken than before: the gravest are in sight again, wherever the list was scrolled to.
+    toTop() {
+      const which = limitsOf(this.broken);
+      if (which !== this.which) this.$refs.list?.scrollTo({ top: 0 });
+      this.which = which;
+      this.measure();
+    },
     // How many limits are below the edge of the list.
     measure() {
       const { list } = this.$refs;
@@ -58,7 +65,8 @@ export default {
     // Symbols of the paper as they are, other outputs by the name on their tile, if they have one.
     heading() {
       const short = (name) => (name === name.toUpperCase() ? name : this.labels[name]);
-      return fill(this.texts.cautions, { names: this.concerned.map(short).filter(Boolean).join(", ") });
+      const names = new Set(this.concerned.map(short).filter(Boolean));
+      return fill(this.texts.cautions, { names: [...names].join(", ") });
     },
   },
 };

@@ -5,6 +5,7 @@ import {
   SIGNS,
   bandsOf,
   extent,
+  fill,
   fixed,
   fixedRange,
   headAt,
@@ -42,6 +43,7 @@ export default {
         <button type="button" :aria-pressed="auto" :title="texts.autoscale_hint" @click="rescale">{{
           texts.autoscale }}</button>
         <span v-if="auto">{{ texts.autoscale_on }}</span>
+        <span v-if="kept" class="kept">{{ kept }}</span>
       </div>
     </div>
   </div>`,
@@ -60,7 +62,7 @@ export default {
       },
     }),
   ],
-  data: () => ({ traces: [], paused: false, auto: false, spoken: "" }),
+  data: () => ({ traces: [], paused: false, auto: false, spoken: "", kept: "" }),
   watch: {
     paused() {
       this.run();
@@ -101,8 +103,14 @@ export default {
       for (const trace of seen) this.scales[trace.signal] = this.scaleOf(trace);
       this.drawn = seen.map((trace) => this.described(trace));
       this.traces = this.drawn;
+      this.kept = this.pinned ? this.nameOf(this.pinned) : "";
       this.spoken = this.traces.map((t) => `${t.label} ${t.big} ${t.small}`).join(", ");
       this.repaint();
+    },
+    // Whose shadow it is; a fit that is not to be relied on is called so.
+    nameOf({ name, badge, level }) {
+      const doubt = level === "ok" || badge === this.texts.badge_changed ? "" : ` (${badge})`;
+      return fill(this.texts.pinned_of, { name: name + doubt });
     },
     described(trace) {
       const { big, small, unit } = this.read(trace, this.beat);

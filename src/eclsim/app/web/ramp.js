@@ -39,16 +39,17 @@ export default {
   },
   methods: {
     setUp() {
-      this.chart = new Chart(this.$refs.chart, "ramp");
+      this.chart = new Chart(this.$refs.chart, "ramp", () => this.show());
     },
     show() {
       if (!this.study) return;
       const limits = this.limits();
-      const { speeds, lost, impossible, closed } = this.study;
+      const { speeds, lost, impossible, closed, undetermined } = this.study;
       this.note = [
         ["ramp_lost", lost],
         ["ramp_impossible", impossible],
         ["ramp_closed", closed],
+        ["ramp_undetermined", undetermined],
       ]
         .filter(([, some]) => some.length)
         .map(([words, some]) => fill(this.texts[words], { speeds: speedsText(some, speeds) }))
@@ -109,14 +110,14 @@ export default {
     // The lowest panel, in which limits are drawn.
     panel() {
       const { speeds: xs, own } = this.study;
-      const { clientWidth, clientHeight } = this.$refs.chart;
+      const { width, height } = this.chart.size;
       const [bottom, top] = ROWS[3][2];
       return {
         xs,
         upright: [own],
         xRange: [xs[0], xs.at(-1)],
-        width: (clientWidth || 500) - MARGIN.l - MARGIN.r,
-        height: ((clientHeight || 480) - MARGIN.t - MARGIN.b) * (top - bottom),
+        width: (width || 500) - MARGIN.l - MARGIN.r,
+        height: ((height || 480) - MARGIN.t - MARGIN.b) * (top - bottom),
       };
     },
     named({ short, number }, { kind, value }) {
@@ -153,7 +154,7 @@ export default {
     // An upright axis: where a low panel has no room for its title, the unit alone.
     upright(title, settings) {
       const [bottom, top] = settings.domain;
-      const room = (this.$refs.chart.clientHeight - MARGIN.t - MARGIN.b) * (top - bottom);
+      const room = (this.chart.size.height - MARGIN.t - MARGIN.b) * (top - bottom);
       const fits = textWidth(title, `${TITLE}px ${FONT}`) < room;
       return axis(fits ? title : title.replace(/^.*\[(.*)\]$/, "$1"), settings);
     },

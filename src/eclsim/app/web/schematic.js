@@ -61,7 +61,7 @@ export default {
           v-bind="squeezed(b.short, fonts.name, b.w - 2)">{{ b.short }}</text>
         <text :x="b.x + room(b) / 2" :y="b.y + 10.5" class="pressure"
           v-bind="squeezed(marked(b), fonts.pressure, room(b) - 2)">{{ marked(b) }}</text>
-        <g v-if="gases[b.name]" class="saturation" :style="{ '--blood': gases[b.name].colour }">
+        <g v-if="isFlowing(b)" class="saturation" :style="{ '--blood': gases[b.name].colour }">
           <rect :x="b.x + b.w - 15" :y="b.y + 6.2" width="14" height="5" rx="2" />
           <text :x="b.x + b.w - 8" :y="b.y + 10.2" :style="{ fill: gases[b.name].letters }"
             v-bind="squeezed(saturation(b), fonts.saturation, 13)">{{ saturation(b) }}</text>
@@ -181,9 +181,13 @@ export default {
       const width = (textWidth(text, `${weight} 100px ${FONT}`) * size) / 100;
       return width > room ? { textLength: room, lengthAdjust: "spacingAndGlyphs" } : {};
     },
+    // Blood that stands still has no saturation that could be measured.
+    isFlowing(box) {
+      return !!this.gases[box.name] && !this.gases[box.name].standing;
+    },
     // What the saturation leaves of a box.
     room(box) {
-      return this.gases[box.name] ? box.w - 14.5 : box.w;
+      return this.isFlowing(box) ? box.w - 14.5 : box.w;
     },
     marked(box) {
       return this.signs[this.level(box)] + this.pressure(box);
@@ -199,7 +203,9 @@ export default {
     },
     aboutBox(box) {
       const { values } = this.gases[box.name] ?? {};
-      const gases = values ? `, SO2 ${fixed(values.SO2, 1)} %, PO2 ${fixed(values.PO2, 0)} mmHg` : "";
+      const gases = this.isFlowing(box)
+        ? `, SO2 ${fixed(values.SO2, 1)} %, PO2 ${fixed(values.PO2, 0)} mmHg`
+        : "";
       return `${box.text}: ${this.pressure(box)} mmHg${gases}`;
     },
     pressure(box) {

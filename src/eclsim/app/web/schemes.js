@@ -33,7 +33,7 @@ export default {
             <span :class="c.MAP.level">MAP <b>{{ value(c.MAP) }}</b> mmHg</span>
           </span>
           <span v-else class="values"><span class="alarm">{{
-            c.converged ? texts.impossible_column : texts.not_converged }}</span></span>
+            texts[whyNot(c)] }}</span></span>
         </button>
       </div>
     </template>
@@ -48,6 +48,11 @@ export default {
   data: () => ({ cells: [], heading: "", device: "", values: {} }),
   methods: {
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,
+    // Why a scheme has no numbers.
+    whyNot({ converged, steady }) {
+      if (converged) return "impossible_column";
+      return steady ? "scheme_undetermined" : "not_converged";
+    },
     about(cell) {
       return fill(this.texts.scheme_use, { letter: cell.letter, name: cell.name });
     },

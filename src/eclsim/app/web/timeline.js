@@ -2,6 +2,8 @@
 import {
   MISSING,
   SIGNS,
+  alarmsBetween,
+  briefly,
   brokenSpans,
   clock,
   curvePath,
@@ -11,6 +13,7 @@ import {
   laneRange,
   listening,
   playedTo,
+  seenAt,
   tab,
   valueIn,
 } from "eclsim-page";
@@ -26,7 +29,7 @@ export default {
   <section class="ecl-timeline" :aria-label="texts.timeline">
     <div class="bar">
       <button type="button" class="toggle" :aria-expanded="isOpen" @click="toggle">{{
-        isOpen ? texts.timeline_close : texts.timeline_open }}</button>
+        isOpen ? texts.timeline_close : openLabel }}</button>
       <template v-if="isOpen">
         <button type="button" class="play" :disabled="!course || !connected"
           @click="playing ? stop() : play()">{{
@@ -50,6 +53,7 @@ export default {
     </div>
     <template v-if="isOpen">
       <p v-if="again" class="ahead" role="status">{{ again }}</p>
+      <p v-if="paused" class="refused" role="alert">{{ paused }}</p>
       <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
@@ -95,7 +99,8 @@ export default {
         <ul v-if="course" :aria-label="texts.timeline_alarms">
           <li v-if="!course.alarms.length">{{ texts.timeline_no_alarms }}</li>
           <li v-for="a in course.alarms" :key="a.sentence" :class="a.kind">
-            <button type="button" class="link" @click="jump(a.at_min)">{{ time(a.at_min) }}</button>
+            <button type="button" class="link" @click="jump(seenAt(a, course.time))">{{
+              time(a.at_min) }}</button>
             {{ a.sentence }}</li>
         </ul>
         <p v-if="course" class="balance">{{ balance }}</p>
@@ -132,6 +137,7 @@ export default {
       },
       course(course) {
         this.busy = false;
+        this.paused = "";
         this.impossible = course.refused ?? "";
         this.course = course.refused ? null : course;
         this.asked = undefined;
@@ -153,6 +159,7 @@ export default {
     busy: false,
     refused: "",
     again: "",
+    paused: "",
     impossible: "",
     connected: true,
     events: [],
@@ -215,6 +222,12 @@ export default {
       const at = fill(this.texts[words], { time: this.time(minute) });
       return this.course?.message && minute >= this.end ? `${at} ${this.texts.timeline_ended}` : at;
     },
+    // A patient of a link or a file may bring events: closed, the timeline says that they are there.
+    openLabel() {
+      const { length: count } = this.events;
+      const words = count ? (count > 1 ? "timeline_open_events" : "timeline_open_event") : "timeline_open";
+      return fill(this.texts[words], { count });
+    },
     addLabel() {
       return fill(this.texts.timeline_add, { time: this.time(this.minute) });
     },
@@ -257,6 +270,7 @@ export default {
     time(minute) {
       return clock(minute, this.beatByBeat);
     },
+    seenAt,
     isSeen({ name, usual }) {
       return this.seen[name] ?? usual;
     },
@@ -287,7 +301,7 @@ export default {
     },
     toggle() {
       this.isOpen = !this.isOpen;
-      this.again = "";
+      this.again = this.paused = "";
       this.stop();
       this.recording = false;
       const last = this.events.at(-1)?.at ?? 0;
@@ -315,16 +329,26 @@ export default {
       this.jump(Math.min(this.minute, length));
       this.$emit("open", { number: length });
     },
+    // Play stops where an alarm is first seen, and goes on when it is pressed again.
+    pauseAt({ minute, alarms }) {
+      this.stop();
+      const words = { time: this.time(minute), alarms: alarms.map(briefly).join("; ") };
+      this.paused = fill(this.texts.timeline_paused, words);
+    },
     play() {
+      this.paused = "";
       if (this.minute >= this.end - 1e-6) this.minute = 0;
       this.playing = true;
       let before = performance.now();
       const frame = (now) => {
         if (!this.playing) return;
-        this.minute = playedTo(this.minute, now - before, this.speed, this.end);
+        const minute = playedTo(this.minute, now - before, this.speed, this.end);
+        const met = alarmsBetween(this.course.alarms, this.course.time, this.minute, minute);
+        this.minute = met?.minute ?? minute;
         before = now;
         this.ask();
-        if (this.minute >= this.end) this.stop();
+        if (met) this.pauseAt(met);
+        else if (this.minute >= this.end) this.stop();
         else requestAnimationFrame(frame);
       };
       requestAnimationFrame(frame);
@@ -336,7 +360,7 @@ export default {
       if (this.minute && this.course) this.$emit("show", { minute: this.minute });
     },
     jump(minute) {
-      this.again = "";
+      this.again = this.paused = this.refused = "";
       this.minute = Math.min(Math.max(minute, 0), this.end);
       this.ask();
     },

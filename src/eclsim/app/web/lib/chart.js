@@ -76,14 +76,16 @@ const looksOf = (traces, layout) =>
   JSON.stringify([layout, traces.map((trace) => ({ ...trace, x: 0, y: 0 }))]);
 
 export class Chart {
-  constructor(element, view) {
+  // `again` draws anew what depends on the size; without it the same curves are drawn in another size.
+  constructor(element, view, again) {
     this.element = element;
+    this.again = again ?? (() => this.draw(...this.drawn));
     this.seen = bus.last("view") === view;
     this.observer = new ResizeObserver(() => this.resize());
     this.observer.observe(element);
     this.stopPrint = onPrint((on) => {
       this.paper = on && PAPER;
-      if (this.seen && this.drawn) this.draw(...this.drawn);
+      if (this.seen && this.drawn) this.again();
     });
     this.stop = bus.on("view", (now) => {
       this.seen = now === view;
@@ -94,16 +96,16 @@ export class Chart {
     this.waiting = [traces, layout];
     if (this.seen) this.paint();
   }
+  get size() {
+    const { clientWidth: width, clientHeight: height } = this.element;
+    return this.paper || { width, height };
+  }
   async paint() {
     const Plotly = await plotly();
     if (!Plotly || !this.waiting || !this.element.clientWidth) return;
     const [traces, layout] = this.waiting;
     this.waiting = undefined;
-    const size = this.paper || {
-      width: this.element.clientWidth,
-      height: this.element.clientHeight,
-    };
-    const whole = { ...common(), ...layout, ...size, uirevision: "same" };
+    const whole = { ...common(), ...layout, ...this.size, uirevision: "same" };
     const looks = looksOf(traces, whole);
     const moved = looks === this.looks;
     this.looks = looks;
@@ -113,7 +115,7 @@ export class Chart {
     this.drawn = [traces, layout];
   }
   resize() {
-    if (this.drawn && !this.waiting) this.draw(...this.drawn);
+    if (this.drawn && !this.waiting) this.again();
     else if (this.seen) this.paint();
   }
   close() {

@@ -17,6 +17,20 @@ export const timeOf = (beat) => (beat?.minute ? clock(beat.minute, beat.transien
 // Minute after some milliseconds of play, never beyond the end.
 export const playedTo = (minute, ms, speed, end) => Math.min(minute + (ms / 60_000) * speed, end);
 
+// The first moment of a course at which an alarm is seen: between two moments its beginning is an estimate.
+export const seenAt = ({ at_min: at }, times) => times.find((time) => time >= at - 1e-9) ?? times.at(-1);
+
+// Alarms that are seen first behind a minute and not behind another, and when; warnings do not count.
+export function alarmsBetween(alarms, times, from, to) {
+  const grave = alarms.filter(({ kind }) => kind === "alarm" || kind === "collapse");
+  const minute = Math.min(...grave.map((one) => seenAt(one, times)).filter((at) => at > from + 1e-6));
+  return minute <= to ? { minute, alarms: grave.filter((one) => seenAt(one, times) === minute) } : null;
+}
+
+// What an alarm of a course is of, without its times and its reason.
+const TIMES = /(^| )at (\d+ d )?[\d:]+\d(, until (\d+ d )?[\d:]+\d)?( \([^)]*\))?/;
+export const briefly = ({ sentence }) => sentence.replace(TIMES, "").replace(/^: /, "").split(": ")[0];
+
 // Position of the last moment at or before a time; -1 before the first.
 export function momentAt(times, minute) {
   let [low, high] = [-1, times.length - 1];

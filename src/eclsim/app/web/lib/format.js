@@ -14,11 +14,11 @@ export function fixed(value, digits) {
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 
-// A number with about three significant digits.
+// A number with about three significant digits. Below one in 100 000 there is nothing but what a search left.
 export function compact(value) {
   if (isMissing(value)) return MISSING;
   const size = Math.abs(value);
-  if (size !== 0 && (size < 0.001 || size >= 1e6)) return value.toExponential(2).replace("-", MINUS);
+  if (size >= 1e6 || (size < 0.001 && size >= 1e-5)) return value.toExponential(2).replaceAll("-", MINUS);
   return fixed(value, size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3);
 }
 
@@ -64,7 +64,15 @@ export function speedsText(some, all) {
   return runs.map((run) => ends(run).join("–")).join(", ");
 }
 
-export const signed = (value, digits) => (value >= 0 ? "+" : "") + fixed(value, digits);
+// A difference with its sign, and none before zero.
+export function signed(value, digits) {
+  const text = fixed(value, digits);
+  return Number(text) === 0 || value < 0 || isMissing(value) ? text : `+${text}`;
+}
+
+// Which limits are broken, and how gravely, whatever the numbers are.
+export const limitsOf = (notes) =>
+  notes.map(([kind, text]) => kind + text.replace(/[\d.\u2212-]+/g, "#")).join();
 
 // The gravest of the levels of some outputs.
 export const gravest = (levels, outputs) =>
