@@ -30,27 +30,27 @@ OUTPUTS = ("MAP", "CO", "right_atrial_pressure", "lowest_drainage_pressure", "Pa
 SHOWN_H = (0, 8, 8.5, 12, 16, 17, 24)
 
 
-def table(words: str, found, names) -> None:
-    hours = found["time_min"].values / 60.0
+def table(words: str, results, names) -> None:
+    hours = results["time_min"].values / 60.0
     last = hours[-1]
-    print(f"\n{words}" + ("" if found.attrs["converged"] else f": {found.attrs['message']}"))
+    print(f"\n{words}" + ("" if results.attrs["converged"] else f": {results.attrs['message']}"))
     print("h".ljust(30), *(f"{h:9.4g}" for h in SHOWN_H))
     for name in names:
-        values = [np.interp(h, hours, found[name].values) if h <= last + 1e-6 else np.nan for h in SHOWN_H]
+        values = [np.interp(h, hours, results[name].values) if h <= last + 1e-6 else np.nan for h in SHOWN_H]
         print(name.ljust(30), *(f"{v:9.4g}" for v in values))
 
 
 def days() -> dict:
-    found = {}
+    results = {}
     for words, settings in WALLS.items():
-        found[words] = course(read_case(CASE, settings).case, outputs=OUTPUTS)
-        blood = found[words]["fluid.plasma_ml"] + found[words]["fluid.red_cells_ml"]
-        found[words]["blood"] = blood
+        results[words] = course(read_case(CASE, settings).case, outputs=OUTPUTS)
+        blood = results[words]["fluid.plasma_ml"] + results[words]["fluid.red_cells_ml"]
+        results[words]["blood"] = blood
         names = (*OUTPUTS, "blood", "haematocrit", "oncotic_pressure", "fluid.refilled_ml")
-        table(words, found[words], names)
+        table(words, results[words], names)
     names = ("urea", "creatinine", "potassium", "bicarbonate")
-    table("solutes, LpS 1", found["LpS 1"], names)
-    return found
+    table("solutes, LpS 1", results["LpS 1"], names)
+    return results
 
 
 def sweep():
@@ -60,12 +60,14 @@ def sweep():
     mapping = case.as_mapping() | {"events": [event]}
     from eclsim.cases.reading import read_mapping
 
-    found = course(read_mapping(mapping).case, minutes=180.0, every_min=2.0, outputs=("PaCO2", "tissue_PCO2"))
-    minutes = found["time_min"].values
+    results = course(
+        read_mapping(mapping).case, minutes=180.0, every_min=2.0, outputs=("PaCO2", "tissue_PCO2")
+    )
+    minutes = results["time_min"].values
     for name in ("PaCO2", "tissue_PCO2"):
-        values = found[name].values
+        values = results[name].values
         print(name, [round(float(np.interp(m, minutes, values)), 1) for m in (59.5, 61, 70, 80, 110, 180)])
-    return found
+    return results
 
 
 RIGHT_VENTRICLE = {"RV_Pd_kappa": 0.004, "RV_Pd_alpha": 6.786, "RV_Pd_beta": -6.96}
@@ -86,9 +88,9 @@ def bleeding() -> None:
     print("measured".ljust(36), *(f"{expected:7.4g}" for _, expected, *_ in MEASURED))
     for reflex in REFLEXES:
         for words, changes in MEN.items():
-            found = bled(healthy(reflex, **changes))
-            print(f"{reflex} {words}".ljust(36), *(f"{found[name]:7.3g}" for name, *_ in MEASURED),
-                  f" resistance {found['0.9 L: resistance']:+.0f} %")  # fmt: skip
+            results = bled(healthy(reflex, **changes))
+            print(f"{reflex} {words}".ljust(36), *(f"{results[name]:7.3g}" for name, *_ in MEASURED),
+                  f" resistance {results['0.9 L: resistance']:+.0f} %")  # fmt: skip
 
 
 def standing() -> None:
@@ -148,7 +150,11 @@ def coming_back() -> None:
     litres = boluses.Given(refill.DONOR, boluses.HEALTHY, both, 60.0, 0.0)
     steep, most = starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG
     print("\n500 mL refilled as it ends, after 1 h; saline 4 h later; 2 L; albumin; Ringer's [%]")
-    for words, sections in (("", ()), ("soft veins, heldt2010", boluses.SOFT), ("and LpS 4", boluses.WIDE)):
+    for words, sections in (
+        ("", ()),
+        ("soft veins, heldt2010", boluses.COMPLIANT),
+        ("and LpS 4", boluses.WIDE),
+    ):
         for stiff in (1.0, 2.0, 3.0):
             starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG = steep / stiff, stiff * most
             boluses.followed.cache_clear()
@@ -163,7 +169,7 @@ def coming_back() -> None:
     starling.DEHYDRATED_PER_MMHG, starling.OEDEMA_MMHG = steep, most
 
 
-def draw(found, swept, folder: Path) -> None:
+def draw(results, swept, folder: Path) -> None:
     from matplotlib import pyplot
 
     panels = (
@@ -175,14 +181,14 @@ def draw(found, swept, folder: Path) -> None:
         figure, axes = pyplot.subplots(2, 3, figsize=(10.0, 5.2), constrained_layout=True)
         flat = list(axes.T.flat)
         for ax, (name, title, unit) in zip(flat, panels, strict=False):
-            for index, (words, one) in enumerate(found.items()):
+            for index, (words, one) in enumerate(results.items()):
                 style = curve_style(index)
                 ax.plot(one["time_min"] / 60.0, one[name], label=words, **style)
             ax.set_title(title)
             ax.set_ylabel(unit if unit != "1" else "")
         flat[0].legend()
         for index, name in enumerate(("urea", "potassium", "bicarbonate")):
-            one = found["LpS 1"]
+            one = results["LpS 1"]
             flat[4].plot(one["time_min"] / 60.0, one[name], label=name, **curve_style(index))
         flat[4].set_title("Dissolved in plasma")
         flat[4].set_ylabel("mmol/L")

@@ -15,7 +15,7 @@ import numpy as np
 from resumable import run
 
 from eclsim.cases.reading import read_mapping
-from eclsim.identification.density import PosteriorDensity, Prior, approximate
+from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import measurement_errors
@@ -40,7 +40,7 @@ NAMES = tuple(BOUNDS)
 MEASURED = ("MAP", "CO", "PF", "SaO2", "PaO2", "PaCO2", "SvO2", "SpreO2", "PpostO2")
 LEAST_PAO2 = 25.0
 """A patient below [mmHg] does not live to be measured; beyond, another one is drawn."""
-EXPLORED, CLIMBS, DRAWN = 256, 3, 400
+EXPLORED, MAXIMISATIONS, INTERVAL_DRAWS = 256, 3, 400
 
 
 def one_patient(seed: int) -> dict:
@@ -57,11 +57,11 @@ def one_patient(seed: int) -> dict:
     posterior = PosteriorDensity(model, noisy, errors, prior)
     points = random.uniform(-1.8, 1.8, (EXPLORED, len(NAMES)))
     levels = posterior.potential(points, posterior.simulate(points))
-    gaussian = approximate(posterior, prior.x_of(points[np.argsort(levels)[:CLIMBS]]))
+    gaussian = gaussian_approximation(posterior, prior.x_of(points[np.argsort(levels)[:MAXIMISATIONS]]))
     weighted = importance_sample(posterior, gaussian, seed=seed)
     draws = {
-        "posterior": weighted.z[weighted.resample(10 * DRAWN, seed)],
-        "gaussian": gaussian.draws(10 * DRAWN, seed),
+        "posterior": weighted.z[weighted.resample(10 * INTERVAL_DRAWS, seed)],
+        "gaussian": gaussian.draws(10 * INTERVAL_DRAWS, seed),
     }
     values = prior.values_of(truth)
     record = {

@@ -47,8 +47,8 @@ def in_turn(functions, repeats: int) -> list[tuple[float, ...]]:
     ]
 
 
-def shown(name: str, found: list[tuple[float, ...]], scale: float = 1.0) -> None:
-    plain, gas = (np.array(one) / scale for one in found)
+def shown(name: str, times: list[tuple[float, ...]], scale: float = 1.0) -> None:
+    plain, gas = (np.array(one) / scale for one in times)
     words = ("elapsed median", "elapsed least", "processor median", "processor least")
     for word, a, b in zip(words, plain, gas, strict=True):
         print(f"{name:12} {word:17} {a:8.3f} {b:8.3f} ms   +{b - a:.3f} ms   {b / a:.2f} times")

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from eclsim import model_of, read_case, simulate
-from eclsim.outputs.registry import contract
+from eclsim.outputs.registry import leading_outputs
 
 
 def main(paths: list[str]) -> None:
@@ -18,7 +18,7 @@ def main(paths: list[str]) -> None:
     for path in paths:
         model = model_of(read_case(path).case)
         fine = simulate(model, resolution=8)
-        names = [o.name for o in contract() if o.name in fine]
+        names = [o.name for o in leading_outputs() if o.name in fine]
         for resolution in (1, 2, 4):
             coarse = simulate(model, resolution=resolution)
             error = np.array([abs(float(coarse[n] / fine[n]) - 1.0) * 100.0 for n in names])

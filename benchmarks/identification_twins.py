@@ -30,7 +30,7 @@ from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.settings import FitSettings
 
 DATA = Path(__file__).parent / "data"
-SAME_OUTPUT, SAME_PARAMETER = 0.01, 0.05
+SAME_OUTPUT, SAME_PARAMETER_SHARE = 0.01, 0.05
 GROUP = 8
 
 
@@ -81,7 +81,9 @@ def summary(results: list[dict[str, Any]], known: dict[str, dict[str, float]]) -
         for n, p in r["parameters"].items()
     }
     called = np.array([e for e, identifiable in errors.values() if identifiable])
-    wrong = [f"{i} {n}: {100 * e:.1f} %" for (i, n), (e, ok) in errors.items() if ok and e > SAME_PARAMETER]
+    wrong = [
+        f"{i} {n}: {100 * e:.1f} %" for (i, n), (e, ok) in errors.items() if ok and e > SAME_PARAMETER_SHARE
+    ]
     by_name = {}
     for name in next(iter(known.values())):
         own = [v for (_, n), v in errors.items() if n == name]
@@ -91,14 +93,16 @@ def summary(results: list[dict[str, Any]], known: dict[str, dict[str, float]]) -
             "median_error_if_so": float(np.median(yes)) if yes else None,
             "largest_error_if_so": max(yes, default=None),
             "median_error_if_not": float(np.median(no)) if no else None,
-            "within_5_percent_though_not": sum(e <= SAME_PARAMETER for e in no),
+            "within_5_percent_though_not": sum(e <= SAME_PARAMETER_SHARE for e in no),
         }
     return {
         "twins": len(results),
         "fitted": sum(r["status"] == "fitted" for r in results),
         "outputs_within_1_percent": float(np.mean(np.array(worst) <= SAME_OUTPUT)) if worst else None,
         "largest_output_error": float(max(worst, default=np.nan)),
-        "identifiable_within_5_percent": float(np.mean(called <= SAME_PARAMETER)) if len(called) else None,
+        "identifiable_within_5_percent": float(np.mean(called <= SAME_PARAMETER_SHARE))
+        if len(called)
+        else None,
         "identifiable_but_wrong": wrong,
         "parameters": by_name,
         "median_starts_agreeing": float(np.median([r["starts_agreeing"] for r in results])),

@@ -20,7 +20,7 @@ import numpy as np
 
 from eclsim.cases.case import Case
 from eclsim.cases.cohort import read_cohort
-from eclsim.identification.quantities import OF_THE_BEAT as TARGETS
+from eclsim.identification.quantities import BEAT_OUTPUTS as TARGETS
 from eclsim.orbit.model import model_of
 from eclsim.outputs.independent import simulate_adaptive
 from eclsim.parameters.thiel2025 import BOUNDS

@@ -22,23 +22,23 @@ import numpy as np
 from resumable import run
 from simulated_patients import NAMES, made_up_case, made_up_ecmo, simulated_patient
 
-from eclsim.identification.density import PosteriorDensity, Prior, approximate
+from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, diagnose, sample
 from eclsim.identification.posterior import predict
-from eclsim.identification.quantities import OF_THE_BEAT, measurement_errors
+from eclsim.identification.quantities import BEAT_OUTPUTS, measurement_errors
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.thiel2025 import BOUNDS
 
-PREDICTED = 400
+PREDICTION_DRAWS = 400
 CANDIDATES = 16
-"""Points of the prior, the first of which with a steady beat is a patient."""
-SHORT = Sampling(chains=4, warmup=300, draws=250)
+"""Draws of the prior; the first that has a steady beat is the patient."""
+SHORT_CHAINS = Sampling(chains=4, warmup=300, draws=250)
 
 
-def prior_of() -> Prior:
+def prior_of_bounds() -> Prior:
     table = np.log(np.array([tuple(b) for b in BOUNDS.values()]))
     return Prior(NAMES, *table.T)
 
@@ -50,8 +50,8 @@ def starts(posterior: PosteriorDensity, seed: int) -> np.ndarray:
     return posterior.prior.x_of(z[np.argsort(levels)[:4]])
 
 
-class Measured(NamedTuple):
-    """A made-up patient: what is known of it, and the truth."""
+class MeasuredPatient(NamedTuple):
+    """A made-up patient: the measurements with their errors, and the truth."""
 
     model: Model
     measured: dict[str, float]
@@ -60,57 +60,63 @@ class Measured(NamedTuple):
     outputs: dict[str, float]
 
 
-def likely(seed: int) -> Measured:
+def plausible_patient(seed: int) -> MeasuredPatient:
     """A patient whom somebody would measure."""
     point = simulated_patient(seed)
-    measured = {n: getattr(point.case.measurements, n) for n in OF_THE_BEAT}
+    measured = {n: getattr(point.case.measurements, n) for n in BEAT_OUTPUTS}
     truth = {n: point.truth[n] for n in NAMES}
     errors = measurement_errors(measured)
-    return Measured(model_of(point.case), measured, errors, truth, dict(point.outputs))
+    return MeasuredPatient(model_of(point.case), measured, errors, truth, dict(point.outputs))
 
 
-def from_prior(seed: int) -> Measured:
-    """A patient as the prior has it; an odd seed is the patient before with the errors reversed."""
-    random, prior = np.random.default_rng([77, seed // 2]), prior_of()
+def patient_from_prior(seed: int) -> MeasuredPatient:
+    """A patient drawn from the prior; an odd seed is the patient before with the errors reversed."""
+    random, prior = np.random.default_rng([77, seed // 2]), prior_of_bounds()
     model = model_of(made_up_case(random, seed // 2, 0, made_up_ecmo(random)))
-    everywhere = PosteriorDensity(
-        model, dict.fromkeys(OF_THE_BEAT, 0.0), dict.fromkeys(OF_THE_BEAT, 1.0), prior
+    without_measurements = PosteriorDensity(
+        model, dict.fromkeys(BEAT_OUTPUTS, 0.0), dict.fromkeys(BEAT_OUTPUTS, 1.0), prior
     )
     z = random.standard_normal((CANDIDATES, len(NAMES)))
-    outputs = everywhere.simulate(z)
+    outputs = without_measurements.simulate(z)
     first = int(np.flatnonzero(np.isfinite(outputs).all(axis=1))[0])
-    exact = dict(zip(OF_THE_BEAT, outputs[first].tolist(), strict=True))
+    exact = dict(zip(BEAT_OUTPUTS, outputs[first].tolist(), strict=True))
     errors, sign = measurement_errors(exact), 1.0 - 2.0 * (seed % 2)
     measured = {n: v + sign * errors[n] * random.standard_normal() for n, v in exact.items()}
     truth = dict(zip(NAMES, np.exp(prior.x_of(z[first])).tolist(), strict=True))
-    return Measured(model, measured, errors, truth, exact)
+    return MeasuredPatient(model, measured, errors, truth, exact)
 
 
-def one_patient(seed: int, method: str, patient: Callable[[int], Measured] = likely) -> dict:
-    started, prior = time.perf_counter(), prior_of()
+def one_patient(
+    seed: int, method: str, patient: Callable[[int], MeasuredPatient] = plausible_patient
+) -> dict:
+    started, prior = time.perf_counter(), prior_of_bounds()
     model, measured, errors, truth, outputs = patient(seed)
     posterior = PosteriorDensity(model, measured, errors, prior)
-    gaussian = approximate(posterior, starts(posterior, seed))
+    gaussian = gaussian_approximation(posterior, starts(posterior, seed))
     weighted = importance_sample(posterior, gaussian, seed=seed)
     doubts = weighted.doubts
-    z = weighted.z[weighted.resample(PREDICTED, seed)]
+    z = weighted.z[weighted.resample(PREDICTION_DRAWS, seed)]
     if method == "nuts":
-        chains = sample(posterior, weighted.proposals, SHORT)
+        chains = sample(posterior, weighted.proposals, SHORT_CHAINS)
         doubts = diagnose(NAMES, chains.z, chains.statistics).doubts
         z = chains.z.reshape(-1, len(NAMES))
-        z = z[:: max(1, len(z) // PREDICTED)]
+        z = z[:: max(1, len(z) // PREDICTION_DRAWS)]
     faster = model.with_values({"ecmo.speed_rpm": 1.15 * model.values["ecmo.speed_rpm"]})
-    at_speed = steady_beat(Batch(faster.circuit, {**faster.values, **truth}, 1), OF_THE_BEAT).values[:, 0]
+    truth_at_higher_speed = steady_beat(
+        Batch(faster.circuit, {**faster.values, **truth}, 1), BEAT_OUTPUTS
+    ).values[:, 0]
     record = {"seed": seed, "doubts": list(doubts), "shape": weighted.shape, "effective": weighted.effective}
-    for kind, draws in (("posterior", z), ("gaussian", gaussian.draws(PREDICTED, seed))):
+    for kind, draws in (("posterior", z), ("gaussian", gaussian.draws(PREDICTION_DRAWS, seed))):
         parameters = dict(zip(NAMES, np.exp(prior.x_of(draws)).T, strict=True))
-        here, there_now = (predict(m, parameters, OF_THE_BEAT) for m in (model, faster))
+        at_present_speed, at_higher_speed = (predict(m, parameters, BEAT_OUTPUTS) for m in (model, faster))
         limits = np.quantile(np.stack(list(parameters.values()), axis=1), (0.05, 0.95), axis=0)
-        values, exact = np.array([truth[n] for n in NAMES]), np.array([outputs[n] for n in OF_THE_BEAT])
+        values, exact = np.array([truth[n] for n in NAMES]), np.array([outputs[n] for n in BEAT_OUTPUTS])
         record[kind] = {
             "parameters": _inside(limits[0], values, limits[1]),
-            "outputs": _inside(here.intervals[:, 0], exact, here.intervals[:, 2]),
-            "predictions": _inside(there_now.intervals[:, 0], at_speed, there_now.intervals[:, 2]),
+            "outputs": _inside(at_present_speed.intervals[:, 0], exact, at_present_speed.intervals[:, 2]),
+            "predictions": _inside(
+                at_higher_speed.intervals[:, 0], truth_at_higher_speed, at_higher_speed.intervals[:, 2]
+            ),
         }
     return record | {"seconds": time.perf_counter() - started}
 
@@ -120,16 +126,16 @@ def _inside(lower, value, upper) -> list[bool]:
 
 
 def summary(lines: list[dict]) -> dict:
-    found = {"patients": len(lines), "doubted": sum(bool(o["doubts"]) for o in lines)}
+    totals = {"patients": len(lines), "doubted": sum(bool(o["doubts"]) for o in lines)}
     for kind in ("posterior", "gaussian"):
-        for what, names in (("parameters", NAMES), ("outputs", OF_THE_BEAT), ("predictions", OF_THE_BEAT)):
+        for what, names in (("parameters", NAMES), ("outputs", BEAT_OUTPUTS), ("predictions", BEAT_OUTPUTS)):
             inside = np.array([o[kind][what] for o in lines], dtype=float)
-            found[f"{kind} {what}"] = {
+            totals[f"{kind} {what}"] = {
                 "all": round(float(inside.mean()), 4),
                 **dict(zip(names, inside.mean(axis=0).round(3).tolist(), strict=True)),
             }
-    found["seconds a patient"] = round(float(np.median([o["seconds"] for o in lines])), 1)
-    return found
+    totals["seconds a patient"] = round(float(np.median([o["seconds"] for o in lines])), 1)
+    return totals
 
 
 def main() -> None:
@@ -140,7 +146,9 @@ def main() -> None:
     run(
         parser,
         lambda chosen: range(1000, 1000 + chosen.patients),
-        lambda seed, chosen: one_patient(seed, chosen.method, from_prior if chosen.from_prior else likely),
+        lambda seed, chosen: one_patient(
+            seed, chosen.method, patient_from_prior if chosen.from_prior else plausible_patient
+        ),
         summary,
     )
 

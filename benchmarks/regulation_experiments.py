@@ -94,13 +94,15 @@ def protocols():
     yield (
         "tone of 1500 rpm fixed, volume given to hold RAP",
         patient,
-        {GAIN: 0.0} | fixed | {EXTRA_VOLUME: holding(patient.with_values({GAIN: 0.0} | fixed), pressure)},
+        {GAIN: 0.0}
+        | fixed
+        | {EXTRA_VOLUME: with_pressure_held(patient.with_values({GAIN: 0.0} | fixed), pressure)},
     )
     bronchial = model(parameters=FAILING, ecmo=ECMO, physiology={"bronchial_fraction": 0.05})
     yield "reflex of Ursino, bronchial return of 5 %", bronchial, {}
 
 
-def holding(patient: Model, pressure: float) -> np.ndarray:
+def with_pressure_held(patient: Model, pressure: float) -> np.ndarray:
     """Volume given [mL] at each speed so that right atrial pressure stays, by the secant method."""
     last, now = np.zeros(len(SPEEDS)), np.full(len(SPEEDS), 50.0)
 

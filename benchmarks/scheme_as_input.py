@@ -15,7 +15,7 @@ import numpy as np
 from eclsim.cases import read_case
 from eclsim.sensitivity.analysis import SobolSettings, plan_analysis
 from eclsim.sensitivity.inputs import Categorical
-from eclsim.sensitivity.results import conclude
+from eclsim.sensitivity.results import indices_of_runs
 from eclsim.sensitivity.runs import Evaluator, Runs
 
 
@@ -56,7 +56,7 @@ def main() -> None:
         drawn = DrawnOver(plan.evaluator, choices, np.random.default_rng(7))
         plan = replace(plan, evaluator=drawn)
     runs = Runs.joined([plan.block(number) for number in range(plan.design.blocks)])
-    result = conclude(plan.design, plan.evaluator.outputs, runs).indices
+    result = indices_of_runs(plan.design, plan.evaluator.outputs, runs).indices
     print(
         f"{chosen.policy}, {result.evaluations} runs, {len(result.failed)} failed, drawn over: {chosen.drawn}"
     )

@@ -42,7 +42,7 @@ def measured(chosen: argparse.Namespace, executor: "Executor") -> dict[str, obje
     from eclsim.cases import read_case
     from eclsim.execution import threads
     from eclsim.sensitivity.analysis import SobolSettings, plan_analysis, run_analysis
-    from eclsim.sensitivity.results import conclude, write_results
+    from eclsim.sensitivity.results import indices_of_runs, write_results
     from eclsim.sensitivity.runs import SAMPLES
 
     plan = plan_analysis(read_case(chosen.case).case, SobolSettings(samples=chosen.samples))
@@ -57,7 +57,7 @@ def measured(chosen: argparse.Namespace, executor: "Executor") -> dict[str, obje
         clock.append(time.perf_counter())
         processor = time.process_time() - processor
         size = (Path(folder) / SAMPLES).stat().st_size
-    conclude(result.design, result.indices.outputs, result.runs)
+    indices_of_runs(result.design, result.indices.outputs, result.runs)
     clock.append(time.perf_counter())
     runs = plan.design.evaluations
     return {

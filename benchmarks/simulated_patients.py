@@ -9,7 +9,7 @@ import numpy as np
 
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.devices.ecmo import Ecmo
-from eclsim.identification.quantities import OF_THE_BEAT
+from eclsim.identification.quantities import BEAT_OUTPUTS
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
@@ -106,7 +106,7 @@ def _outputs(cases: list[Case], x: np.ndarray) -> list[dict[str, float]] | None:
     names = models[0].values
     values = {n: np.array([m.values[n] for m in models]) for n in names}
     values |= {n: np.exp(x[:, k]) for k, n in enumerate(NAMES)}
-    beat = steady_beat(Batch(models[0].circuit, values, len(cases)), OF_THE_BEAT)
+    beat = steady_beat(Batch(models[0].circuit, values, len(cases)), BEAT_OUTPUTS)
     return [beat.outputs(k) for k in range(len(cases))] if beat.determined.all() else None
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from resumable import run
 from simulated_patients import NAMES, simulated_series
 
-from eclsim.identification.density import PosteriorDensity, Prior, approximate
+from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.least_squares import refine
 from eclsim.identification.objective import Box, Objective, Target
-from eclsim.identification.quantities import OF_THE_BEAT, measurement_errors
+from eclsim.identification.quantities import BEAT_OUTPUTS, measurement_errors
 from eclsim.identification.tracking import Tracker
 from eclsim.orbit.model import model_of
 from eclsim.parameters.thiel2025 import BOUNDS
@@ -25,14 +25,16 @@ def refitted(points):
     """Each point alone: least squares as in the paper, and the highest point of its posterior."""
     box = Box.of(BOUNDS)
     models = [model_of(p.case) for p in points]
-    measured = [{n: getattr(p.case.measurements, n) for n in OF_THE_BEAT} for p in points]
+    measured = [{n: getattr(p.case.measurements, n) for n in BEAT_OUTPUTS} for p in points]
     objective = Objective([Target(m, v, v) for m, v in zip(models, measured, strict=True)], NAMES)
     truth = np.log([[p.truth[n] for n in NAMES] for p in points])
     squares = refine(objective, np.arange(len(points)), truth, box)
     highest = []
     for model, values, x in zip(models, measured, truth, strict=True):
         prior = Prior.within(box)
-        found = approximate(PosteriorDensity(model, values, measurement_errors(values), prior), x[None])
+        found = gaussian_approximation(
+            PosteriorDensity(model, values, measurement_errors(values), prior), x[None]
+        )
         highest.append((prior.x_of(found.centre), found.outputs))
     return (squares.x, squares.outputs), tuple(np.array(v) for v in zip(*highest, strict=True))
 
@@ -42,11 +44,11 @@ def one_series(seed: int, count: int) -> dict:
     tracker = Tracker()
     tracked = [tracker.update(str(k), p.case) for k, p in enumerate(points)]
     truth = np.log([[p.truth[n] for n in NAMES] for p in points])
-    outputs = np.array([[p.outputs[n] for n in OF_THE_BEAT] for p in points])
-    measured = np.array([[getattr(p.case.measurements, n) for n in OF_THE_BEAT] for p in points])
+    outputs = np.array([[p.outputs[n] for n in BEAT_OUTPUTS] for p in points])
+    measured = np.array([[getattr(p.case.measurements, n) for n in BEAT_OUTPUTS] for p in points])
     errors = np.array([list(measurement_errors(p.outputs).values()) for p in points])
     middle = np.log([[t.parameters[n].median for n in NAMES] for t in tracked])
-    after = np.array([[t.outputs[n].median for n in OF_THE_BEAT] for t in tracked])
+    after = np.array([[t.outputs[n].median for n in BEAT_OUTPUTS] for t in tracked])
     (square_x, square_y), (high_x, high_y) = refitted(points)
 
     def inside(intervals, values):
@@ -110,7 +112,7 @@ def summary(lines: list[dict]) -> dict:
         "series_better_than_least_squares": better,
         "inside_90": inside,
         "by_parameter": dict(zip(NAMES, each.round(3).tolist(), strict=True)),
-        "by_forecast_output": dict(zip(OF_THE_BEAT, of_forecast.round(3).tolist(), strict=True)),
+        "by_forecast_output": dict(zip(BEAT_OUTPUTS, of_forecast.round(3).tolist(), strict=True)),
         "unusual_share": round(float(np.mean(np.concatenate([o["unusual"][1:] for o in lines]))), 4),
         "update_seconds": {
             "median": round(float(np.median(seconds)), 3),

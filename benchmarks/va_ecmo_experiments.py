@@ -48,7 +48,7 @@ def compared(study: str, patient: Model, stronger: float = 1.0) -> str:
     """How many rows hold: signs with the volume held and with filling held, sizes with filling held."""
     changed = {regulation.FLOW: 5.0, "Emaxlv": stronger * patient.values["Emaxlv"]}
     low, held = simulate(patient), simulate(patient.with_values(changed))
-    filled = simulate(regulation.holding(patient, regulation.RIGHT_ATRIUM, stronger))
+    filled = simulate(regulation.with_output_held(patient, regulation.RIGHT_ATRIUM, stronger))
     signs, sizes, cells = np.zeros(2, dtype=int), 0, []
     rows = [row for row in read_table("effects.csv") if row["study"] == study]
     for row in rows:

@@ -42,22 +42,22 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def says(warnings: tuple[str, ...], words: str) -> bool:
+def mentions(warnings: tuple[str, ...], words: str) -> bool:
     return any(words in sentence for sentence in warnings)
 
 
 def test_all_is_said_that_a_simulation_says(case: Path):
     said = beat_warnings(eclsim.read_case(case).case)
     assert list(said) == eclsim.simulate(case).attrs["warnings"]
-    assert says(said, LABEL)
-    assert says(said, VENTRICLE)
+    assert mentions(said, LABEL)
+    assert mentions(said, VENTRICLE)
 
 
 def test_how_outputs_are_to_be_read_that_are_not_shown_is_left_out(case: Path):
     model = eclsim.model_of(eclsim.read_case(case).case)
-    assert not says(beat_warnings(model, shown=("MAP",)), VENTRICLE)
-    assert says(beat_warnings(model, shown=("MAP",)), LABEL)
-    assert says(beat_warnings(model, shown=("MAP", "PCWP")), VENTRICLE)
+    assert not mentions(beat_warnings(model, shown=("MAP",)), VENTRICLE)
+    assert mentions(beat_warnings(model, shown=("MAP",)), LABEL)
+    assert mentions(beat_warnings(model, shown=("MAP", "PCWP")), VENTRICLE)
 
 
 def test_a_beat_that_is_not_found_is_said(case: Path):
@@ -69,7 +69,7 @@ def test_a_beat_that_is_not_found_is_said(case: Path):
 @pytest.mark.slow
 def test_identifiability_says_it(case: Path):
     result = identifiability(case, parameters=("Rmc",), outputs=("MAP",))
-    assert says(result.warnings, LABEL)
+    assert mentions(result.warnings, LABEL)
     everything = [*result.warnings, *result.doubts]
     assert result.as_object()["warnings"] == result.dataset.attrs["warnings"] == everything
 
@@ -77,9 +77,9 @@ def test_identifiability_says_it(case: Path):
 def test_sensitivity_says_it_also_where_the_runs_are_read_again(case: Path, tmp_path: Path):
     settings = eclsim.SobolSettings(samples=4, parameters=("Rmc", "Emaxlv"), second_order=False)
     result = eclsim.sensitivity(case, settings=settings, folder=tmp_path)
-    assert says(result.warnings, LABEL)
+    assert mentions(result.warnings, LABEL)
     assert result.indices.as_object()["warnings"] == list(result.warnings)
-    assert says(tuple(doubts(result.indices, "normal")), "normal: at the values varied around: ECMO flow")
+    assert mentions(tuple(doubts(result.indices, "normal")), "normal: at the values varied around: ECMO flow")
     assert merge_shards(tmp_path).warnings == result.warnings
 
 
@@ -90,12 +90,12 @@ def test_fit_posterior_and_tracking_say_it(case: Path):
     gaussian = eclsim.PosteriorSettings(method="gaussian")
     posterior = eclsim.posterior(fit, settings=gaussian, predictions=[("3000 rpm", slower)])
     as_measured, at_3000 = posterior.predictions
-    assert says(fit.warnings, LABEL)
-    assert says(as_measured.warnings, LABEL)
-    assert not says(at_3000.warnings, LABEL)
+    assert mentions(fit.warnings, LABEL)
+    assert mentions(as_measured.warnings, LABEL)
+    assert not mentions(at_3000.warnings, LABEL)
     assert posterior.as_object()["predictions"][0]["warnings"] == list(as_measured.warnings)
     (point,) = eclsim.track([("8:00", case)], settings=eclsim.TrackSettings(fit=FREE)).points
-    assert says(point.warnings, LABEL)
+    assert mentions(point.warnings, LABEL)
     assert point.as_object()["warnings"]
 
 
@@ -104,5 +104,5 @@ def test_the_crrt_study_says_it_once(case: Path):
     study = eclsim.crrt_study(case, speeds=[3000.0], schemes="a,d,g", volume_policy="as_published")
     assert [f"without CRRT: ECMO flow {5.64:.3g}" in sentence for sentence in study.warnings].count(True) == 1
     assert sum(LABEL in sentence for sentence in study.warnings) == 1
-    assert not says(study.warnings, "CRRT access")
+    assert not mentions(study.warnings, "CRRT access")
     assert study.as_object()["warnings"] == list(study.warnings)

@@ -36,8 +36,8 @@ class SlowState(NamedTuple):
     is_amount: bool = False
 
 
-class Shown(NamedTuple):
-    """A number that slow states mean to a reader, such as a concentration.
+class DerivedQuantity(NamedTuple):
+    """A quantity that follows from slow states, such as a concentration.
 
     Attributes:
         name: such as "urea".
@@ -95,15 +95,15 @@ class SlowLaw(ABC):
 
     @property
     def blood(self) -> tuple[str, ...]:
-        """States that say how far the blood has followed [mmHg], which beat by beat it says itself."""
+        """States of how far the blood has followed [mmHg], not needed where beats are followed."""
         return ()
 
     def beat_by_beat(self) -> SlowLaw:
         """The law where gases of the blood are followed beat by beat."""
         return self
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:
-        """What is shown of the states beside themselves.
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:
+        """Quantities that follow from the states and are shown beside them.
 
         Args:
             states: of all laws, by name.

@@ -10,7 +10,7 @@ from eclsim.app.beat import POINTS, compute_beat, page_circuit, plain
 from eclsim.app.display import display, output_specs
 from eclsim.app.engine import Engine
 from eclsim.app.knobs import connect, turn
-from eclsim.app.session import FAR
+from eclsim.app.session import BEATS_WORTH_A_CLOSER_START
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.simulation.single import simulate
@@ -72,8 +72,8 @@ def test_moving_a_crrt_line_keeps_the_compiled_circuit(paper):
 
 def test_starting_from_a_neighbour_changes_nothing(paper):
     far = paper.with_case(turn(paper.case, "ecmo.speed_rpm", 4500))
-    near = compute_beat(far, compute_beat(paper))
-    assert near.outputs["MAP"] == pytest.approx(compute_beat(far).outputs["MAP"], rel=1e-5)
+    prepare_nearby_searches = compute_beat(far, compute_beat(paper))
+    assert prepare_nearby_searches.outputs["MAP"] == pytest.approx(compute_beat(far).outputs["MAP"], rel=1e-5)
 
 
 def test_a_circuit_is_said_to_be_compiled_once():
@@ -212,8 +212,8 @@ def test_a_search_that_begins_near_takes_no_jacobian(paper):
     async def beats():
         opened = await engine.beat(paper)
         far = await engine.beat(at(4600.0), opened)
-        assert far.effort > FAR
-        await engine.near(at(4600.0), far)
+        assert far.effort > BEATS_WORTH_A_CLOSER_START
+        await engine.prepare_nearby_searches(at(4600.0), far)
         return [await engine.beat(at(5000.0), start) for start in (opened, far)]
 
     from_opened, from_near = asyncio.run(beats())

@@ -85,7 +85,7 @@ def test_minutes_are_recorded_beat_by_beat(open_page, shots):
     page.locator(".ecl-timeline .chart").press("End")
     for _ in range(18):
         page.locator(".ecl-timeline .chart").press("PageDown")
-    wait_for(page, "beat.passing && beat.minute > 0.9 && beat.minute < 1.1")
+    wait_for(page, "beat.transient && beat.minute > 0.9 && beat.minute < 1.1")
     turn(page, "ecmo.speed_rpm", "0")
     expect(page.locator(".ecl-timeline ol")).to_contain_text("Pump speed 0 rpm")
     page.wait_for_function(COURSE)
@@ -97,7 +97,7 @@ def test_minutes_are_recorded_beat_by_beat(open_page, shots):
     expect(knob(page, "ecmo.speed_rpm")).to_have_value("0")
     picture(page, shots, "timeline_beats")
     page.locator(".ecl-timeline .chart").press("Home")
-    wait_for(page, "beat.minute === 0 && !beat.passing && beat.outputs.PF > 1")
+    wait_for(page, "beat.minute === 0 && !beat.transient && beat.outputs.PF > 1")
     expect(knob(page, "ecmo.speed_rpm")).not_to_have_value("0")
 
 

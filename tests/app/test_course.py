@@ -199,7 +199,7 @@ def test_minutes_are_followed_beat_by_beat():
     assert 1.0 <= lowest["at_min"] < 1.3
     assert "at 00:01:" in lowest["sentence"]
     before, after = course.beat(0.5), course.beat(1.9)
-    assert before.passing
+    assert before.transient
     assert before.outputs["MAP"] == pytest.approx(compute_beat(PageState(HEALTHY)).outputs["MAP"], rel=1e-4)
     assert after.means["Pao"] == pytest.approx(after.outputs["MAP"], rel=1e-4)
     assert after.outputs["MAP"] < before.outputs["MAP"] - 20

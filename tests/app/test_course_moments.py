@@ -15,19 +15,19 @@ STATE = preset_state("healthy")
 
 class StubSession:
     def __init__(self):
-        self.state, self.closed, self.minutes, self.told = STATE, False, 0, []
+        self.state, self.closed, self.minutes, self.sent = STATE, False, 0, []
 
     def at_minute(self, minute):
-        self.told.append(("knobs of", minute))
+        self.sent.append(("knobs of", minute))
 
     def show_start(self):
-        self.told.append(("start", 0.0))
+        self.sent.append(("start", 0.0))
 
     def send(self, topic, data):
-        self.told.append((topic, data))
+        self.sent.append((topic, data))
 
     def show_moment(self, state, beat, minute):
-        self.told.append((beat, minute))
+        self.sent.append((beat, minute))
 
 
 class StubEngine:
@@ -52,7 +52,7 @@ def shown(course, *minutes):
             await asyncio.sleep(0.01)
 
     asyncio.run(run())
-    return session.told
+    return session.sent
 
 
 def test_behind_the_end_of_a_course_that_stopped_nothing_is_shown(monkeypatch):

@@ -7,7 +7,7 @@ import zipfile
 
 import pytest
 
-from eclsim.app.files import LARGEST_FILE, MOST_LINES, ExportError, brief, export, parse_file, with_speeds
+from eclsim.app.files import LARGEST_FILE, MOST_LINES, ExportError, export, parse_file, shortened, with_speeds
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
@@ -74,8 +74,8 @@ def test_a_cohort_gives_its_good_rows_and_says_what_is_wrong_with_the_others():
 
 
 def test_long_lists_are_cut_with_a_count():
-    assert brief([str(k) for k in range(100)])[-1] == f"… {100 - MOST_LINES} more"
-    assert brief(["a"]) == ["a"]
+    assert shortened([str(k) for k in range(100)])[-1] == f"… {100 - MOST_LINES} more"
+    assert shortened(["a"]) == ["a"]
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import pytest
 from eclsim.app import guard
 from eclsim.app.guard import (
     LARGEST_BODY,
-    LASTS_S,
     MOST_FAILURES,
+    SESSION_LASTS_S,
     Guard,
     PasswordFileError,
     Rules,
@@ -205,9 +205,9 @@ def test_a_session_ends():
     signed_in = SignIns(PASSWORD, lambda: now[0])
     token, _, _ = signed_in.try_body(b"password=" + PASSWORD.replace(" ", "+").encode())
     assert token is not None
-    assert signed_in.knows(token)
-    now[0] = LASTS_S + 1
-    assert not signed_in.knows(token)
+    assert signed_in.is_signed_in(token)
+    now[0] = SESSION_LASTS_S + 1
+    assert not signed_in.is_signed_in(token)
 
 
 @pytest.mark.parametrize("body", [b"", b"\xff\xfe", b"password", b"a=b&" * 100, b"password=" + b"x" * 5000])

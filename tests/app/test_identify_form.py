@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 from eclsim.app import identify
-from eclsim.app.fitting import FitError, judged, on_the_page, to_fit
+from eclsim.app.fitting import FitError, in_page_words, judged, prepared_for_fit
 from eclsim.app.identify import Identification, checked_form, fields, values_of
-from eclsim.app.knobs import LUNGS_ALONE, connect, turn
+from eclsim.app.knobs import LUNGS_WITHOUT_ECMO, connect, turn
 from eclsim.app.provenance import circuit_text, fitted_case, fitted_with, provenance
 from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
 from eclsim.app.updates import PosteriorBands
@@ -205,7 +205,7 @@ def slow() -> StubFitter:
     return StubFitter()
 
 
-def told_by(fitter, action) -> list:
+def messages_of(fitter, action) -> list:
     messages: list = []
     tell = lambda topic, data: messages.append((topic, data))  # noqa: E731
     session = StubSession()
@@ -214,8 +214,8 @@ def told_by(fitter, action) -> list:
     return messages
 
 
-def ended_with(told) -> tuple[str, str]:
-    topic, data = told[-1]
+def last_message_of(messages) -> tuple[str, str]:
+    topic, data = messages[-1]
     assert data["subject"] == subject_of(PageState(CASE))
     return topic, data["message"]
 
@@ -237,7 +237,7 @@ def test_another_patient_has_another_form_no_results_and_no_fit_that_runs(slow):
         one.follow()
         slow.may_end.set()
 
-    messages = told_by(slow, action)
+    messages = messages_of(slow, action)
     forms = [data for topic, data in messages if topic == "form"]
     assert [f["values"]["patient.id"] for f in forms] == [CASE.patient.id, "LVAD", CASE.patient.id]
     assert len({f["subject"] for f in forms}) == 2
@@ -258,8 +258,8 @@ def test_a_fit_that_the_browser_kept_is_used_by_a_server_that_does_not_know_it(s
         assert one.use(fit["link"])
         assert one.session.loaded[0].case == state_of(fit["link"]).case
 
-    told_by(slow, first)
-    told_by(slow, second)
+    messages_of(slow, first)
+    messages_of(slow, second)
     assert "3425 rpm" in fit["of"]
     assert CASE.patient.id in fit["of"]
 
@@ -279,12 +279,12 @@ def test_a_posterior_that_excludes_the_interval_of_the_fit_makes_it_a_poor_one(s
         )
         one._fitted = {subject_of(fitted): fitted}
         assert fitted.verdict == "good"
-        await one.find_posterior()
+        await one.compute_posterior()
         old, new = one.session.judged
         assert (old.verdict, new.verdict) == ("good", "poor")
         assert one._fitted[subject_of(fitted)].verdict == "poor"
 
-    topic, data = told_by(slow, action)[-1]
+    topic, data = messages_of(slow, action)[-1]
     assert topic == "posterior_ended"
     assert data["judged"]["verdict"]["level"] == "poor"
     assert "POOR FIT" in data["judged"]["headline"]
@@ -303,7 +303,7 @@ def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
         assert fitted.origin == "fit"
         assert subject_of(fitted) == subject_of(one.session.state)  # whose measurements they were
 
-    messages = told_by(slow, action)
+    messages = messages_of(slow, action)
     assert len(slow.running) == 1
     assert [t for t, _ in messages].count("fit_ended") == 1
     assert any(t == "fit_progress" for t, _ in messages)
@@ -313,20 +313,20 @@ def test_the_posterior_belongs_to_the_fitted_patient(slow):
     slow.may_end.set()
 
     async def action(one, messages):
-        await one.find_posterior()
+        await one.compute_posterior()
         assert slow.running == []  # nothing is fitted yet
         typed = form()
         await one.start(typed)
         (subject, fit) = next(iter(one._fitted.items()))
         one._fitted[subject] = replace(fit, case=fit.case.model_copy(update={"parameters": {"Rmc": 0.9}}))
         one._fits[subject] = {"parameters": {"Rmc": {}, "Emaxlv": {}}}
-        await one.find_posterior()
+        await one.compute_posterior()
         assert slow.free == ("Rmc", "Emaxlv")
         assert one.use()
         key = one.session.loaded[0].posterior
         assert one.bands.members(key).base == {"Rmc": 0.9}
 
-    topics = told_by(slow, action)
+    topics = messages_of(slow, action)
     assert topics[-1][0] == "posterior_ended"
     assert topics[-1][1]["posterior"]["trusted"]
 
@@ -336,14 +336,14 @@ def test_a_posterior_can_be_cancelled(slow):
         slow.may_end.set()
         await one.start(form())
         slow.may_end.clear()
-        search = asyncio.create_task(one.find_posterior())
+        search = asyncio.create_task(one.compute_posterior())
         await until(lambda: len(slow.running) == 2)
         one.cancel()
         await asyncio.wait_for(search, PATIENCE_S)
         assert not one.running
         slow.may_end.set()
 
-    assert ended_with(told_by(slow, action)) == ("posterior_ended", identify.text("fit_cancelled"))
+    assert last_message_of(messages_of(slow, action)) == ("posterior_ended", identify.text("fit_cancelled"))
 
 
 def test_cancel_frees_the_page_at_once(slow):
@@ -356,8 +356,8 @@ def test_cancel_frees_the_page_at_once(slow):
         assert not one.use()
         slow.may_end.set()
 
-    messages = told_by(slow, action)
-    assert ended_with(messages) == ("fit_ended", identify.text("fit_cancelled"))
+    messages = messages_of(slow, action)
+    assert last_message_of(messages) == ("fit_ended", identify.text("fit_cancelled"))
 
 
 def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
@@ -369,14 +369,14 @@ def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
         assert not one.running
         assert not one.use()
 
-    assert ended_with(told_by(slow, action)) == ("fit_ended", "no heartbeat")
+    assert last_message_of(messages_of(slow, action)) == ("fit_ended", "no heartbeat")
 
 
 def test_a_form_with_mistakes_is_not_fitted(slow):
     async def action(one, messages):
         await one.start(form(measurements__SP="x"))
 
-    told_by(slow, action)
+    messages_of(slow, action)
     assert slow.running == []
 
 
@@ -393,7 +393,7 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
         Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", "ask for --another-option now"),
     ]
     assert sum("--" in reason.sentence for reason in reasons) == 5
-    message = [on_the_page({"sentence": reason.sentence})["sentence"] for reason in reasons]
+    message = [in_page_words({"sentence": reason.sentence})["sentence"] for reason in reasons]
     assert not any("--" in sentence for sentence in message), message
     assert any("this page weighs each difference by the measured value" in sentence for sentence in message)
     result = judged(
@@ -419,32 +419,34 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
     ],
 )
 def test_options_of_the_command_line_are_whole_words_on_the_page(written, shown):
-    assert on_the_page({"sentence": written})["sentence"] == shown
+    assert in_page_words({"sentence": written})["sentence"] == shown
 
 
 def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measured():
     raw = CASE.as_mapping() | {"measurements": {"MAP": 80.0, "CVP": 12.0}}
-    case, settings = to_fit(raw, "as_published")
+    case, settings = prepared_for_fit(raw, "as_published")
     assert case.fluid is not None
     assert settings.parameters[-1] == "fluid.extra_volume_ml"
-    without, usual = to_fit(raw | {"measurements": {"MAP": 80.0}}, "as_published")
+    without, usual = prepared_for_fit(raw | {"measurements": {"MAP": 80.0}}, "as_published")
     assert without.fluid is None
     assert "fluid.extra_volume_ml" not in usual.parameters
 
 
 def test_measured_gases_are_fitted_by_what_they_tell_of():
     raw = read_case(EXAMPLE).case.as_mapping()
-    settings = to_fit(raw, "as_published")[1]
+    settings = prepared_for_fit(raw, "as_published")[1]
     assert settings.parameters == (
         "gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "ecmo.oxygenator.clotted_fraction",
         "Rmc",
     )  # fmt: skip
-    assert to_fit(raw, "as_published", ("Rmc", "Csart"))[1].parameters == ("Rmc", "Csart")
+    assert prepared_for_fit(raw, "as_published", ("Rmc", "Csart"))[1].parameters == ("Rmc", "Csart")
 
 
 def test_a_shunt_that_nobody_has_turned_on_the_page_is_an_assumed_one():
     raw = read_case(EXAMPLE).case.as_mapping()
-    for turned, known in ((0.4, False), (LUNGS_ALONE["shunt_fraction"], False), (0.3, True)):
-        case = to_fit(raw | {"gas": {**raw["gas"], "shunt_fraction": turned}}, "as_published", ("Rmc",))[0]
+    for turned, known in ((0.4, False), (LUNGS_WITHOUT_ECMO["shunt_fraction"], False), (0.3, True)):
+        case = prepared_for_fit(
+            raw | {"gas": {**raw["gas"], "shunt_fraction": turned}}, "as_published", ("Rmc",)
+        )[0]
         assert case.gas.shunt_fraction == turned
         assert ("shunt_fraction" in case.gas.model_fields_set) is known

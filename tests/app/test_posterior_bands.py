@@ -12,7 +12,7 @@ from eclsim.app import studies, updates
 from eclsim.app.beat import compute_beat, page_circuit
 from eclsim.app.files import parse_posterior
 from eclsim.app.knobs import connect, turn
-from eclsim.app.posterior import MEMBERS, PosteriorDraws, read_posterior
+from eclsim.app.posterior import BAND_MEMBERS, PosteriorDraws, read_posterior
 from eclsim.app.state import PageState, key_of, link_of, state_of
 from eclsim.app.texts import text
 from eclsim.app.updates import PosteriorBands
@@ -38,17 +38,17 @@ class StubSession:
     """A session that shows a state and keeps what it is told."""
 
     def __init__(self, state: PageState):
-        self.view, self.closed, self.told = "monitor", False, []
+        self.view, self.closed, self.sent = "monitor", False, []
         self.turned(state)
 
     def turned(self, state: PageState) -> None:
         self.state, self.shown = state, (state, StubBeat())
 
     def send(self, topic, data):
-        self.told.append((topic, data))
+        self.sent.append((topic, data))
 
     def bands(self) -> list:
-        return [data["of"] for topic, data in self.told if topic in ("bands", "ramp_bands") and data]
+        return [data["of"] for topic, data in self.sent if topic in ("bands", "ramp_bands") and data]
 
 
 class StubEngine:
@@ -100,7 +100,7 @@ def test_bands_come_after_the_beat_and_only_once(quick):
 
     session = follow(action)
     assert session.bands() == [key_of(STATE)]
-    assert ("posterior", MADE_UP.as_object()) in session.told
+    assert ("posterior", MADE_UP.as_object()) in session.sent
 
 
 @pytest.mark.slow
@@ -149,7 +149,7 @@ def test_another_patient_has_no_bands(quick):
 
     session = follow(action)
     assert session.bands() == [key_of(STATE)]
-    assert session.told[-1] == ("posterior", None)
+    assert session.sent[-1] == ("posterior", None)
 
 
 def test_hidden_bands_are_taken_away_and_not_computed(quick):
@@ -162,7 +162,7 @@ def test_hidden_bands_are_taken_away_and_not_computed(quick):
         await until(session.bands)
 
     session = follow(action)
-    assert ("bands", None) in session.told
+    assert ("bands", None) in session.sent
     assert session.bands() == [key_of(STATE)]
 
 
@@ -174,7 +174,7 @@ def test_bands_that_fail_say_so(monkeypatch):
         one.add("1", MADE_UP)
         await until(session.bands)
 
-    assert follow(action).told[-1] == ("bands", {"of": key_of(STATE), "failed": text("study_failed")})
+    assert follow(action).sent[-1] == ("bands", {"of": key_of(STATE), "failed": text("study_failed")})
 
 
 def test_a_link_names_no_posterior():
@@ -200,7 +200,7 @@ def test_bands_of_a_beat_are_quantiles_of_its_members():
     middle = own.waves["Pao"][::2]
     assert ((low < middle) & (middle < high)).all()
     assert result["lost"] == 0
-    assert len(result["loops"]["lv"]) == studies.LOOPS
+    assert len(result["loops"]["lv"]) == studies.MOST_LOOPS
     assert studies.beat_bands(STATE, MADE_UP, lambda: False) is None
 
 
@@ -216,7 +216,7 @@ def test_draws_that_no_patient_can_be_are_left_out_of_the_bands_and_counted():
     ]
     converged = [beat for beat in beats if beat.converged and beat.status is Status.CONVERGED]
     possible = [beat for beat in converged if beat.possible]
-    assert studies.FEWEST < len(possible) < len(converged)
+    assert studies.FEWEST_DRAWS < len(possible) < len(converged)
     result = studies.beat_bands(state, wide, lambda: True)
     assert result is not None
     assert result["lost"] == len(beats) - len(converged)
@@ -266,7 +266,7 @@ def test_a_posterior_of_the_command_line_is_read(tmp_path):
 
 def test_of_many_draws_some_are_taken(tmp_path):
     many = np.tile(SPREAD, 50)
-    assert len(read_posterior("p.nc", written(tmp_path, values=many)).draws) == MEMBERS
+    assert len(read_posterior("p.nc", written(tmp_path, values=many)).draws) == BAND_MEMBERS
 
 
 @pytest.mark.parametrize("attributes", [{"trusted": 0, "doubts": "R-hat 1.2"}, {"trusted": 0}, {}])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eclsim.app.beat import Beat, page_circuit
-from eclsim.app.session import FAR, Session
+from eclsim.app.session import BEATS_WORTH_A_CLOSER_START, Session
 from eclsim.app.state import MOST_SAVED, START, PageState, key_of, link_of, preset_state, read_snapshot
 from eclsim.cases.presets import PRESETS
 from eclsim.orbit.status import Status
@@ -24,11 +24,13 @@ class StubEngine:
     effort: int = 0
     begun_at: list[float | None] = field(default_factory=list)
 
-    async def near(self, state: PageState, beat: Beat) -> None:
+    async def prepare_nearby_searches(self, state: PageState, beat: Beat) -> None:
         await asyncio.sleep(self.delay)
 
-    async def beat(self, state: PageState, near: Beat | None, compiling: object = None) -> Beat:
-        self.begun_at.append(near and near.outputs["MAP"])
+    async def beat(
+        self, state: PageState, prepare_nearby_searches: Beat | None, compiling: object = None
+    ) -> Beat:
+        self.begun_at.append(prepare_nearby_searches and prepare_nearby_searches.outputs["MAP"])
         await asyncio.sleep(self.delay)
         if self.fail:
             raise RuntimeError("no")
@@ -41,13 +43,13 @@ class StubEngine:
         )  # fmt: skip
 
 
-def session(engine: StubEngine, told: list) -> Session:
+def session(engine: StubEngine, sent: list) -> Session:
     state = PageState(PRESETS["healthy"].case(), origin="healthy")
-    return Session(engine, state, lambda topic, data: told.append((topic, data)))  # type: ignore[arg-type]
+    return Session(engine, state, lambda topic, data: sent.append((topic, data)))  # type: ignore[arg-type]
 
 
-def beats(told: list) -> list:
-    return [data for topic, data in told if topic == "beat"]
+def beats(sent: list) -> list:
+    return [data for topic, data in sent if topic == "beat"]
 
 
 def test_of_many_turns_only_the_newest_is_computed():
@@ -130,7 +132,10 @@ def test_a_closed_session_says_nothing_more():
     asyncio.run(turns())
 
 
-@pytest.mark.parametrize(("effort", "begun_at"), [(FAR, [None, 70, 70, 70]), (FAR + 1, [None, 70, 71, 72])])
+@pytest.mark.parametrize(
+    ("effort", "begun_at"),
+    [(BEATS_WORTH_A_CLOSER_START, [None, 70, 70, 70]), (BEATS_WORTH_A_CLOSER_START + 1, [None, 70, 71, 72])],
+)
 def test_searches_begin_at_a_newer_beat_where_the_last_one_was_far(effort, begun_at):
     """They began where the patient was opened, however far knobs were turned: each turn needed a Jacobian."""
     engine, messages = StubEngine(effort=effort), []
@@ -139,7 +144,11 @@ def test_searches_begin_at_a_newer_beat_where_the_last_one_was_far(effort, begun
         one = session(engine, messages)
         one.start()
         for rate in (71.0, 72.0, 73.0):
-            await until(lambda: one.beat is not None and one._nearing is not None and one._nearing.done())
+            await until(
+                lambda: (
+                    one.beat is not None and one._preparing_start is not None and one._preparing_start.done()
+                )
+            )
             one.turn("patient.heart_rate_bpm", rate, int(rate))
             await until(lambda r=rate: beats(messages)[-1]["seq"] == r)
 
@@ -392,10 +401,10 @@ def test_what_the_page_took_back_does_not_happen_later():
         one.turn("patient.heart_rate_bpm", 90.0, 1)
         one.history._last = ("", float("-inf"))  # later than turns that count as one
         one.turn("patient.heart_rate_bpm", 99.0, 2)
-        assert one.take_back(shown)
+        assert one.roll_back(shown)
         assert one.state.case.patient.heart_rate_bpm == 70
         await until(lambda: beats(messages) and beats(messages)[-1]["of"] == shown)
-        assert not one.take_back(shown)
+        assert not one.roll_back(shown)
         one.redo()
         one.redo()
         assert one.state.case.patient.heart_rate_bpm == 99
@@ -412,7 +421,7 @@ def test_what_was_taken_back_may_have_become_one_step_with_what_was_shown():
         one.turn("patient.heart_rate_bpm", 90.0, 1)
         shown, link = key_of(one.state), link_of(one.state)
         one.turn("patient.heart_rate_bpm", 99.0, 2)  # the same step of the history
-        assert one.take_back(shown, link)
+        assert one.roll_back(shown, link)
         assert one.state.case.patient.heart_rate_bpm == 90
         one.redo()
         assert one.state.case.patient.heart_rate_bpm == 99
@@ -420,7 +429,7 @@ def test_what_was_taken_back_may_have_become_one_step_with_what_was_shown():
         one.undo()
         assert one.state.case.patient.heart_rate_bpm == 70
         now = one.state
-        assert not one.take_back("00000000", "no link")
+        assert not one.roll_back("00000000", "no link")
         assert one.state == now
 
     asyncio.run(turns())

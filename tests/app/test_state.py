@@ -178,12 +178,12 @@ def test_the_patient_is_the_same_turned_fitted_or_not_and_another_one_is_not():
 
 def test_reflexes_that_are_switched_on_rest_at_the_pressures_of_the_patient_as_opened():
     opened = preset_state("healthy")
-    assert opened.computed is opened.case
+    assert opened.computed_case is opened.case
     on = opened.with_case(connect(opened.case, "regulation"))
     weak = on.with_case(turn(on.case, "parameters.Emaxlv", 0.6))
-    assert weak.computed.at_rest() == opened.case
-    assert state_of(link_of(weak)).computed.at_rest() == opened.case
+    assert weak.computed_case.at_rest() == opened.case
+    assert state_of(link_of(weak)).computed_case.at_rest() == opened.case
     own = weak.with_case(
         read_mapping(weak.case.as_mapping() | {"regulation": {"baroreflex": 1.0, "set_point_mmHg": 80}}).case
     )
-    assert own.computed is own.case
+    assert own.computed_case is own.case

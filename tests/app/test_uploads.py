@@ -8,7 +8,7 @@ import pytest
 
 from eclsim.app import files
 from eclsim.app.files import parse_file
-from eclsim.app.server import MOST_WAITING, Visitors
+from eclsim.app.server import MOST_UNCONNECTED, OpenPages
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
 from eclsim.inputs.mistakes import CaseError
@@ -91,16 +91,16 @@ class Client:
 
 
 def test_pages_that_never_connect_take_no_session():
-    visitors = Visitors(most=2)
-    unseen = [Client() for _ in range(3 * MOST_WAITING)]
+    visitors = OpenPages(most=2)
+    unseen = [Client() for _ in range(3 * MOST_UNCONNECTED)]
     for client in unseen:
-        visitors.welcome(client, client)
+        visitors.add(client, client)
     assert not visitors.full
-    assert [client.deleted for client in unseen] == [True] * 2 * MOST_WAITING + [False] * MOST_WAITING
+    assert [client.deleted for client in unseen] == [True] * 2 * MOST_UNCONNECTED + [False] * MOST_UNCONNECTED
     assert all(client.closed == client.deleted for client in unseen)
     people = [Client() for _ in range(2)]
     for client in people:
-        visitors.welcome(client, client)
+        visitors.add(client, client)
         client.connect()
     assert visitors.full
     people[0].delete()

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from eclsim.app import studies
-from eclsim.app.kept import Kept
 from eclsim.app.knobs import turn
+from eclsim.app.shown_beat import ShownBeat
 from eclsim.app.state import PageState, key_of
 from eclsim.app.texts import text
 from eclsim.app.updates import ViewStudy
@@ -18,10 +18,10 @@ OTHER = STATE.with_case(turn(STATE.case, "ecmo.speed_rpm", 3000))
 
 class StubSession:
     def __init__(self):
-        self.view, self.closed, self.state, self.pinned, self.told = "ramp", False, STATE, None, []
+        self.view, self.closed, self.state, self.pinned, self.messages = "ramp", False, STATE, None, []
 
     def send(self, topic, data):
-        self.told.append((topic, data))
+        self.messages.append((topic, data))
 
 
 class StubEngine:
@@ -35,7 +35,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(studies, "ramp", key_of)
 
 
-def told(*steps) -> list:
+def messages_after(*steps) -> list:
     session = StubSession()
 
     async def run():
@@ -47,19 +47,19 @@ def told(*steps) -> list:
                 await asyncio.sleep(0)
 
     asyncio.run(run())
-    return session.told
+    return session.messages
 
 
 def test_the_pinned_state_is_computed_once_after_the_one_that_is_shown():
-    pin = lambda s: setattr(s, "pinned", Kept(STATE, None))  # noqa: E731
+    pin = lambda s: setattr(s, "pinned", ShownBeat(STATE, None))  # noqa: E731
     turned = lambda s: setattr(s, "state", OTHER)  # noqa: E731
-    assert told(lambda _: None, turned, pin, pin) == [
+    assert messages_after(lambda _: None, turned, pin, pin) == [
         ("ramp", key_of(STATE)), ("ramp", key_of(OTHER)), ("ramp_pinned", key_of(STATE)),
     ]  # fmt: skip
 
 
 def test_nothing_is_computed_for_a_view_that_is_not_seen():
-    assert told(lambda s: setattr(s, "view", "monitor")) == []
+    assert messages_after(lambda s: setattr(s, "view", "monitor")) == []
 
 
 def test_what_fails_is_no_circuit_without_a_pump(monkeypatch):
@@ -69,4 +69,4 @@ def test_what_fails_is_no_circuit_without_a_pump(monkeypatch):
         raise ArithmeticError
 
     monkeypatch.setattr(studies, "ramp", fails)
-    assert told(lambda _: None) == [("ramp", {"of": key_of(STATE), "failed": text("study_failed")})]
+    assert messages_after(lambda _: None) == [("ramp", {"of": key_of(STATE), "failed": text("study_failed")})]

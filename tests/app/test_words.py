@@ -5,7 +5,7 @@ from pathlib import Path
 
 import eclsim.app
 from eclsim.app.files import KINDS
-from eclsim.app.fitting import on_the_page
+from eclsim.app.fitting import in_page_words
 from eclsim.app.page import VIEWS
 from eclsim.app.texts import ENGLISH, beside_field, with_minus
 from eclsim.inputs.mistakes import Mistake
@@ -61,6 +61,6 @@ def test_refusals_and_reasons_of_a_verdict_have_a_minus_as_well():
     mistake = Mistake("ecmo.speed_rpm", "outside the allowed range", "-900", "-300 to 100 mmHg")
     assert beside_field(mistake).count("\u2212") == 2
     assert "-" not in beside_field(mistake)
-    reason = on_the_page({"sentence": "MPAP is off by -3.4 standard uncertainties (--weights uncertainty)"})
+    reason = in_page_words({"sentence": "MPAP is off by -3.4 standard uncertainties (--weights uncertainty)"})
     assert "\u22123.4" in reason["sentence"]
     assert "--" not in reason["sentence"]

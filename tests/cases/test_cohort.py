@@ -29,7 +29,7 @@ def write(tmp_path: Path):
     return written
 
 
-def said(error: pytest.ExceptionInfo[CaseError]) -> str:
+def error_text(error: pytest.ExceptionInfo[CaseError]) -> str:
     return str(error.value)
 
 
@@ -144,7 +144,7 @@ def test_a_spreadsheets_line_that_says_the_delimiter_is_no_header(write, stated,
 def test_nothing_behind_the_line_that_says_the_delimiter(write):
     with pytest.raises(CaseError) as error:
         read_cohort(write("sep=;", ""))
-    assert "no patients" in said(error)
+    assert "no patients" in error_text(error)
 
 
 def test_decimal_commas_in_a_file_with_semicolons_are_refused_with_what_was_meant(write):
@@ -167,7 +167,7 @@ def test_decimal_commas_in_a_file_with_semicolons_are_refused_with_what_was_mean
 def test_a_file_that_is_no_table_is_refused(write, data, text):
     with pytest.raises(CaseError) as error:
         read_cohort(write(data))
-    assert text in said(error)
+    assert text in error_text(error)
 
 
 def test_files_too_large_are_refused_before_they_are_read_whole(write, monkeypatch):
@@ -330,7 +330,7 @@ def test_a_missing_header_is_one_mistake_and_a_unit_in_a_column_name_is_understo
     assert "its first line names no column of a cohort: # my cohort" in str(mistake)
     with pytest.raises(CaseError) as error:
         read_cohort(write(HEAD.replace(",MAP", ",MAP [mmHg]"), ROW))
-    assert said(error).endswith("did you mean MAP for MAP [mmHg]?")
+    assert error_text(error).endswith("did you mean MAP for MAP [mmHg]?")
 
 
 def test_the_header_again_is_one_refusal(write):

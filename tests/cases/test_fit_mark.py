@@ -7,7 +7,7 @@ from eclsim.cases.fit_mark import LEVELS, FitMark, read_mark, with_mark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case
 from eclsim.cases.writing import case_text
-from eclsim.identification.settings import FitSettings, ready
+from eclsim.identification.settings import FitSettings, case_to_fit
 from eclsim.sensitivity.analysis import SobolSettings
 from eclsim.sensitivity.results import write_results
 
@@ -65,7 +65,7 @@ def test_every_command_that_reads_it_hears_of_a_doubt(tmp_path, level, word):
     assert reading.case.model_copy(update={"fit_mark": None}) == PRESETS["paper"].case()
 
 
-def says(warnings) -> bool:
+def mentions(warnings) -> bool:
     return any("a POOR fit of eclsim identify" in str(sentence) for sentence in warnings)
 
 
@@ -88,7 +88,7 @@ def test_every_result_of_it_says_so(tmp_path, source):
         at_goal.as_object()["warnings"],
         steps[0].warnings,
     ]
-    assert list(map(says, results)) == [True] * len(results)
+    assert list(map(mentions, results)) == [True] * len(results)
     write_results(tmp_path, found)
     assert "a POOR fit" in (tmp_path / "indices.csv").read_text()
 
@@ -96,4 +96,4 @@ def test_every_result_of_it_says_so(tmp_path, source):
 def test_a_case_that_is_fitted_anew_has_no_verdict_yet(tmp_path):
     path = tmp_path / "P01.toml"
     path.write_text(marked("poor"), encoding="utf-8")
-    assert ready(read_case(path).case, FitSettings()).doubts == ()
+    assert case_to_fit(read_case(path).case, FitSettings()).doubts == ()

@@ -7,7 +7,7 @@ from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.writing import write_case
-from eclsim.devices.dialysed_blood import THE_BLOODS_OWN
+from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES
 from eclsim.orbit import rest
 from eclsim.orbit.model import model_of, values_of
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
@@ -110,7 +110,7 @@ def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
     without_gas = values_of(read(solutes=acid, crrt=CRRT).case)
     assert without_gas["crrt.plasma_bicarbonate_mmol_l"] == pytest.approx(16 + 0.0307 * 40)
     start = values_of(read(solutes=acid, gas={}, crrt=CRRT).case)
-    assert start["crrt.plasma_bicarbonate_mmol_l"] == THE_BLOODS_OWN
+    assert start["crrt.plasma_bicarbonate_mmol_l"] == CARBON_DIOXIDE_FROM_GASES
     assert -12 < start["gas.base_excess_mmol_l"] < -8
     excess = values_of(read(solutes={}, gas={"base_excess_mmol_l": start["gas.base_excess_mmol_l"]}).case)
     assert excess["solutes.bicarbonate_mmol_l"] == pytest.approx(16)

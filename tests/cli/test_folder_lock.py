@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from eclsim.cli.destination import LOCK, locked, resumable
+from eclsim.cli.destination import LOCK, explaining_resume, locked
 
 COMMANDS = {
     "sensitivity": ("sensitivity", "{case}", "--out", "{out}"),
@@ -67,9 +67,9 @@ def test_a_folder_made_for_the_lock_alone_goes_again(shell):
 def test_an_interrupted_command_says_how_to_go_on(number):
     code = (
         "import os, sys, time\n"
-        "from eclsim.cli import application\nfrom eclsim.cli.destination import resumable\n"
+        "from eclsim.cli import application\nfrom eclsim.cli.destination import explaining_resume\n"
         "application._stop_cleanly_on_signals()\n"
-        "with resumable('out'):\n    os.kill(os.getpid(), int(sys.argv[1]))\n    time.sleep(20)\n"
+        "with explaining_resume('out'):\n    os.kill(os.getpid(), int(sys.argv[1]))\n    time.sleep(20)\n"
     )
     done = subprocess.run([sys.executable, "-c", code, str(int(number))], capture_output=True, text=True)
     assert done.returncode == 128 + number
@@ -77,6 +77,6 @@ def test_an_interrupted_command_says_how_to_go_on(number):
 
 
 def test_a_command_that_ends_by_itself_says_nothing_of_going_on(capsys):
-    with pytest.raises(SystemExit), resumable("out"):
+    with pytest.raises(SystemExit), explaining_resume("out"):
         raise SystemExit(1)
     assert capsys.readouterr().err == ""

@@ -7,22 +7,22 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.crrt_study.schemes import StudyError, policy_of_cases
-from eclsim.identification.cohort import as_they_are
+from eclsim.identification.cohort import cases_as_given
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, density_of
 from eclsim.identification.settings import FitSettings
 from eclsim.orbit.model import model_of
 
-HELD = 'blood_volume_policy = "patient_held"\n'
+PATIENT_HELD = 'blood_volume_policy = "patient_held"\n'
 MEASURED = "[measurements]\nMAP = 80\nCO = 1.4\n"
 
 
 @pytest.fixture
-def held(shell):
+def patient_held_case(shell):
     """A case on ECMO whose file says that its circuits are primed."""
     file = Path(shell.case("held.toml", more=shell.ecmo + MEASURED))
-    file.write_text(file.read_text().replace("format = 1\n", "format = 1\n" + HELD))
+    file.write_text(file.read_text().replace("format = 1\n", "format = 1\n" + PATIENT_HELD))
     return str(file)
 
 
@@ -32,24 +32,24 @@ def beat(shell, *arguments):
     return json.loads(done.stdout)["cases"][0], done.stderr
 
 
-def test_the_file_s_policy_is_used_and_the_option_wins_with_a_word(shell, held):
-    own, message = beat(shell, held)
+def test_the_file_s_policy_is_used_and_the_option_wins_with_a_word(shell, patient_held_case):
+    own, message = beat(shell, patient_held_case)
     assert own["blood_volume_policy"] == "patient_held"
     assert "wins over" not in message
-    other, message = beat(shell, held, "--volume-policy", "as_published")
+    other, message = beat(shell, patient_held_case, "--volume-policy", "as_published")
     assert other["blood_volume_policy"] == "as_published"
-    assert (
-        f'--volume-policy: blood_volume_policy = "as_published": wins over "patient_held" of {held}'
-        in message
-    )
+    wins = f'blood_volume_policy = "as_published": wins over "patient_held" of {patient_held_case}'
+    assert f"--volume-policy: {wins}" in message
     assert own["outputs"]["MAP"] > other["outputs"]["MAP"] + 2.0
     plain, _ = beat(shell, shell.case(more=shell.ecmo))
     assert plain["blood_volume_policy"] == "as_published"
 
 
-def test_another_word_is_refused_with_the_two_that_are_read(shell, held):
-    Path(held).write_text(Path(held).read_text().replace("patient_held", "patient_hold"))
-    done = shell.run("simulate", held)
+def test_another_word_is_refused_with_the_two_that_are_read(shell, patient_held_case):
+    Path(patient_held_case).write_text(
+        Path(patient_held_case).read_text().replace("patient_held", "patient_hold")
+    )
+    done = shell.run("simulate", patient_held_case)
     assert done.exit_code == 2
     assert 'held.toml:2: blood_volume_policy = "patient_hold": unknown name' in done.stderr
     assert "did you mean patient_held?" in done.stderr
@@ -72,8 +72,8 @@ def test_a_fitted_case_is_simulated_as_it_was_fitted(shell, tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-def test_models_fits_and_posteriors_take_the_case_s_policy(held):
-    case = read_case(held).case
+def test_models_fits_and_posteriors_take_the_case_s_policy(patient_held_case):
+    case = read_case(patient_held_case).case
     assert model_of(case).policy == "patient_held"
     few = MultiStart(points_per_parameter=4, refined_share=0.2, round_size=2, rediscoveries=1)
     fit = fit_case(case, settings=FitSettings(("Rmc",), multi_start=few))
@@ -84,20 +84,20 @@ def test_models_fits_and_posteriors_take_the_case_s_policy(held):
     assert density_of(other, PosteriorSettings()).policy == "as_published"
 
 
-def test_a_study_takes_what_the_cases_say_and_does_not_mix(shell, held):
-    done = shell.run("crrt-study", held, "--schemes", "g", "--speeds", "3425", "--json", "-")
+def test_a_study_takes_what_the_cases_say_and_does_not_mix(shell, patient_held_case):
+    done = shell.run("crrt-study", patient_held_case, "--schemes", "g", "--speeds", "3425", "--json", "-")
     assert list(json.loads(done.stdout)["policies"]) == ["patient_held"]
-    case = read_case(held).case
+    case = read_case(patient_held_case).case
     published = case.with_volume_policy("as_published")
     assert policy_of_cases([case, case]) == "patient_held"
-    assert policy_of_cases(list(as_they_are([], "tests").cases.values())) == "both"
+    assert policy_of_cases(list(cases_as_given([], "tests").cases.values())) == "both"
     with pytest.raises(StudyError, match="different blood volume policies"):
         policy_of_cases([case, published])
 
 
-def test_a_series_of_several_policies_is_not_tracked_silently(shell, held):
+def test_a_series_of_several_policies_is_not_tracked_silently(shell, patient_held_case):
     plain = shell.case("plain.toml", more=shell.ecmo + MEASURED)
-    done = shell.run("track", held, plain, "--out", shell.folder / "out")
+    done = shell.run("track", patient_held_case, plain, "--out", shell.folder / "out")
     assert done.exit_code == 2
     assert "patient_held in P01, as_published in P01" in done.stderr
     assert "--volume-policy chooses one for all" in done.stderr

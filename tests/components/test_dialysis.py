@@ -17,7 +17,7 @@ from eclsim.components.dialysis import (
     clearance,
     filtration_fraction,
     performance,
-    removed,
+    solute_removed,
 )
 
 FREE = Solute(0.0, 1.0, 200.0)
@@ -125,9 +125,9 @@ def test_predilution_loses_what_was_measured():
 
 
 def test_what_fluids_and_blood_share_is_lost_with_the_net_ultrafiltrate_alone():
-    assert float(removed(30.0, 25.0, 25.0, 2.0)) == pytest.approx(0.05)
+    assert float(solute_removed(30.0, 25.0, 25.0, 2.0)) == pytest.approx(0.05)
     # 2 L/h of effluent at 26 mmol/L and none in the fluids: 52 mmol/h
-    assert float(removed(2000 / 60, 26.0, 0.0, 0.0)) == pytest.approx(52.0 / 60.0)
+    assert float(solute_removed(2000 / 60, 26.0, 0.0, 0.0)) == pytest.approx(52.0 / 60.0)
 
 
 NUMBERS = Settings(1000.0, 200.0, 900.0, 100.0, 0.3, 32.0, 24.0, 3.0, 37.0, 300.0, 230.0, 300.0, 240.0, 170.0)

@@ -8,7 +8,7 @@ import pytest
 import eclsim
 from eclsim.beat.heartbeat import BeatProgram
 from eclsim.cases import read_case
-from eclsim.course.beats import KeptBeat, ShownBeats, course_beats
+from eclsim.course.beats import RecordedBeat, ShownBeats, course_beats
 from eclsim.course.course import course
 from eclsim.inputs.mistakes import CaseError
 from small_patient import PATIENT
@@ -94,8 +94,8 @@ def test_another_circuit_is_refused(tmp_path):
 def test_every_beat_behind_an_event_is_shown_however_many_there_are():
     shown = ShownBeats(None, most=8, events=(100.0,))
     for k in range(400):
-        beat = KeptBeat(0.5 * k, *(np.zeros(1),) * 3, {}, {}, np.zeros(1), None)
-        shown.offer(beat.time, beat)
+        beat = RecordedBeat(0.5 * k, *(np.zeros(1),) * 3, {}, {}, np.zeros(1), None)
+        shown.add_if_due(beat.time, beat)
     times = [beat.time for beat in shown.beats]
     assert times == sorted(times)
     assert [t for t in times if 100.0 <= t < 115.0] == [100.0 + 0.5 * k for k in range(30)]

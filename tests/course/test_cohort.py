@@ -92,7 +92,7 @@ def test_nothing_is_followed_of_a_poor_fit(tmp_path):
 
 @pytest.mark.slow
 def test_shards_and_a_stopped_run_give_the_same_bits(cases, whole, monkeypatch, tmp_path):
-    monkeypatch.setattr(cohort, "GROUP", 2)
+    monkeypatch.setattr(cohort, "MEMBERS_PER_GROUP", 2)
     in_groups = cohort.course_cohort(cases, **CHOSEN)
     for number in (2, 1):
         with Distribution(shard=Shard(number, 2)).running() as executor, pytest.raises(ShardDone):
@@ -110,7 +110,7 @@ def test_shards_and_a_stopped_run_give_the_same_bits(cases, whole, monkeypatch, 
 
 @pytest.mark.slow
 def test_dask_gives_the_same_bits(cases, monkeypatch):
-    monkeypatch.setattr(cohort, "GROUP", 2)
+    monkeypatch.setattr(cohort, "MEMBERS_PER_GROUP", 2)
     with Distribution(dask="local", workers=2).running(cohort.PRELOAD) as executor:
         assert same(
             cohort.course_cohort(cases, **CHOSEN, executor=executor), cohort.course_cohort(cases, **CHOSEN)

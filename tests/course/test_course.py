@@ -10,7 +10,7 @@ import eclsim
 from eclsim.cases import read_case
 from eclsim.course.alarms import alarms
 from eclsim.course.beats import course_beats
-from eclsim.course.course import course, course_many, usual_every
+from eclsim.course.course import course, course_many, default_interval_min
 from eclsim.course.engine import CourseOptions
 from eclsim.course.files import course_object
 from eclsim.devices.description import Finding
@@ -148,7 +148,12 @@ def test_the_object_has_what_the_contract_says(hour):
 
 
 def test_the_usual_moments_are_round():
-    assert [usual_every(minutes) for minutes in (10.0, 60.0, 1440.0, 7 * 1440.0)] == [0.1, 0.5, 10.0, 120.0]
+    assert [default_interval_min(minutes) for minutes in (10.0, 60.0, 1440.0, 7 * 1440.0)] == [
+        0.1,
+        0.5,
+        10.0,
+        120.0,
+    ]
 
 
 def test_the_figure_shows_every_event(hour, tmp_path):
@@ -239,10 +244,10 @@ def test_a_sweep_that_stops_takes_its_time_or_a_warning_says_that_it_does_not(tm
     shown = result["time_min"].to_numpy()
     shown = shown[(shown < 15.7) & ((shown < 5.0) | (shown > 5.5))]
     for name, bar in (("SaO2", 0.5), ("PaCO2", 0.2)):
-        apart = np.interp(shown, every["time_min"], every[name]) - np.interp(
+        distance = np.interp(shown, every["time_min"], every[name]) - np.interp(
             shown, result["time_min"], result[name]
         )
-        assert np.abs(apart).max() < bar
+        assert np.abs(distance).max() < bar
     assert float(np.interp(6.0, result["time_min"], result["SaO2"])) > 50.0
     assert "at 00:05:" in next(line for line in result.attrs["warnings"] if "below 80 %" in line)
     single = CourseOptions(hand_over=False)
@@ -263,8 +268,8 @@ def test_a_sweep_that_comes_back_is_followed_until_its_blood_has_come_too(tmp_pa
     (span,) = json.loads(result.attrs["spans"])
     assert 10.0 < span["until_min"] < 16.0
     shown = (time < 13.9) & ((time < 5.0) | (time > 5.5))
-    apart = np.interp(time[shown], every["time_min"], every["SaO2"]) - saturation[shown]
-    assert np.abs(apart).max() < 1.0
+    distance = np.interp(time[shown], every["time_min"], every["SaO2"]) - saturation[shown]
+    assert np.abs(distance).max() < 1.0
     (end,) = saturation[np.abs(time - span["until_min"]) < 1e-6]
     assert end == pytest.approx(saturation[time > span["until_min"] + 1e-6][0], abs=0.5)
 

@@ -10,7 +10,7 @@ from eclsim.course.beats import course_beats
 from eclsim.course.course import course
 from eclsim.course.timeline import Timeline
 from eclsim.inputs.mistakes import CaseError
-from eclsim.parameters.fluid import says_start
+from eclsim.parameters.fluid import sets_initial_value
 from small_patient import ON_ECMO
 
 
@@ -121,7 +121,7 @@ def test_a_case_with_events_is_written_and_read_back(tmp_path):
     [("renox.haematocrit_in", True), ("crrt.a.haematocrit_in", True), ("renox.dialysate_ml_h", False)],
 )
 def test_the_haematocrit_at_any_filter_says_how_a_course_starts(key, refused):
-    assert says_start(key) is refused
+    assert sets_initial_value(key) is refused
 
 
 def test_a_first_event_before_the_start_is_one_mistake(tmp_path):

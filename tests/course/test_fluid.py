@@ -6,7 +6,7 @@ import pytest
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
-from eclsim.course.gifts import said_of_gifts
+from eclsim.course.fluid_remarks import remarks_on_fluids
 from eclsim.course.timeline import Timeline
 
 RAW = {
@@ -123,14 +123,14 @@ def test_what_goes_through_the_doors_is_what_is_there():
 @pytest.mark.slow
 def test_less_comes_back_past_what_is_next_to_capillaries_and_protein_balances():
     crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 400}
-    one, apart = (follow(240.0, crrt=crrt, fluid={"pericapillary_share": share}) for share in (1.0, 0.12))
+    one, distance = (follow(240.0, crrt=crrt, fluid={"pericapillary_share": share}) for share in (1.0, 0.12))
     assert "fluid.pericapillary_protein_g" not in one
-    near, outside = (apart[f"fluid.{n}_protein_g"] for n in ("pericapillary", "interstitial"))
+    near, outside = (distance[f"fluid.{n}_protein_g"] for n in ("pericapillary", "interstitial"))
     assert near[0] == pytest.approx(0.12 * outside[0])
     assert near[-1] > 0.15 * outside[-1]
     protein = ("fluid.plasma_protein_g", "fluid.interstitial_protein_g")
-    assert change(apart, *protein) == pytest.approx(0, abs=1e-9)
-    assert change(apart, "fluid.refilled_ml") < 0.9 * change(one, "fluid.refilled_ml")
+    assert change(distance, *protein) == pytest.approx(0, abs=1e-9)
+    assert change(distance, "fluid.refilled_ml") < 0.9 * change(one, "fluid.refilled_ml")
 
 
 @pytest.mark.slow
@@ -196,7 +196,7 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
 )
 def test_courses_say_what_of_a_gift_they_do_not_hold(give, sections, said):
     case = read_mapping(RAW | sections | {"events": [{"at_min": 1, "give": give, "over_min": 1}]}).case
-    found = said_of_gifts(Timeline(case, 600.0))
+    found = remarks_on_fluids(Timeline(case, 600.0))
     assert [words in sentence for words, sentence in zip(said, found, strict=True)] == [True] * len(said)
 
 

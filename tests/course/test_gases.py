@@ -7,7 +7,7 @@ import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.circuit.volumes import total_volumes
-from eclsim.course.beats import course_beats, marched
+from eclsim.course.beats import beat_by_beat_course, course_beats
 from eclsim.course.course import course
 from eclsim.course.engine import CourseOptions
 from eclsim.devices.ecmo import OXYGENATORS
@@ -36,7 +36,7 @@ MINUTES = 7.0
 @pytest.fixture(scope="module")
 def march():
     """A pump turned down, every beat."""
-    return marched(read_mapping(CASE).case, MINUTES, outputs=OUTPUTS)
+    return beat_by_beat_course(read_mapping(CASE).case, MINUTES, outputs=OUTPUTS)
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +97,8 @@ def test_it_is_handed_over_and_goes_on_where_every_beat_does(courses):
     shown = handed["time_min"].to_numpy()
     shown = shown[(shown < 1.0) | (shown > 1.25)]
     for name, bar in (("MAP", 0.4), ("heart_rate", 0.6), ("SaO2", 0.7), ("PaCO2", 0.3)):
-        apart = [abs(at(handed, t, name) - at(beats, t, name)) for t in shown if t < MINUTES - 0.1]
-        assert max(apart) < bar
+        distance = [abs(at(handed, t, name) - at(beats, t, name)) for t in shown if t < MINUTES - 0.1]
+        assert max(distance) < bar
 
 
 @pytest.mark.slow
@@ -133,7 +133,7 @@ def test_apnoea_on_ecmo_is_followed_while_the_lungs_still_hold_oxygen(ramp_min):
 def test_without_a_section_gas_none_are_followed():
     """The oxygenator's law is there in any ECMO circuit; without lungs and tissue it means nothing."""
     case = {key: CASE[key] for key in ("format", "patient", "ecmo", "fluid", "events")}
-    march = marched(read_mapping(case).case, 1.05, outputs=("MAP",))
+    march = beat_by_beat_course(read_mapping(case).case, 1.05, outputs=("MAP",))
     assert march.marching.in_time is None
     assert march.marching.circuit.exchanges
     assert all(beat.gases is None for beat in march.beats)

@@ -9,19 +9,19 @@ import xarray as xr
 from eclsim.cases import read_case
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course, follow
+from eclsim.course.early_stop import EarlyStop
 from eclsim.course.plan import (
-    FILTRATION,
-    Break,
-    _around,
-    _breaks,
+    ULTRAFILTRATION,
+    BrokenGoal,
+    _bracketing_rates,
+    _broken_goals,
     _fastest,
-    _removal,
-    _removed,
+    _removal_courses,
+    _removal_result,
     plan_removal,
     plan_weaning,
 )
-from eclsim.course.timeline import Timeline, changed
-from eclsim.course.watch import Watch
+from eclsim.course.timeline import Timeline, case_with_settings
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
 from small_patient import ON_ECMO
@@ -80,7 +80,7 @@ def test_a_goal_whose_output_has_no_value_is_not_kept():
         {"DO2": ("time_min", [450.0, np.nan, 440.0])}, {"time_min": [0.0, 1.0, 2.0]},
         {"converged": True, "message": ""},
     )  # fmt: skip
-    (only,) = _breaks(read_goals("DO2 > 400", ["DO2"]), result)
+    (only,) = _broken_goals(read_goals("DO2 > 400", ["DO2"]), result)
     assert (only.goal, only.at_min) == ("no value of DO2", 1.0)
 
 
@@ -95,27 +95,29 @@ def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
 
 def test_a_march_ends_where_it_breaks_a_goal(own):
     """10 L from a patient of 68 kg were marched to their end, mostly in a patient without plasma: 105 s."""
-    watch = Watch(("MAP",), lambda beat: beat["MAP"] < 65.0, [60.0])
+    early_stop = EarlyStop(("MAP",), lambda beat: beat["MAP"] < 65.0, [60.0])
     seen = [(0.0, 70.0), (50.0, 64.0), (59.0, 63.0), (61.0, 66.0), (110.0, 64.0), (121.0, 63.0)]
-    assert [watch.is_over(0, time, {"MAP": value}) for time, value in seen] == [False] * 5 + [True]
+    assert [early_stop.is_over(0, time, {"MAP": value}) for time, value in seen] == [False] * 5 + [True]
     goals = read_goals("MAP > 78", ["MAP"])
-    key, rate = f"crrt.{FILTRATION}", 2000.0
-    (whole,) = follow([Timeline(changed(own, {key: rate}, own), 3600.0)], [1.5], ["MAP"])
-    (stopped,) = _removed(own, key, [rate], rate, goals, None)
+    key, rate = f"crrt.{ULTRAFILTRATION}", 2000.0
+    (whole,) = follow([Timeline(case_with_settings(own, {key: rate}, own), 3600.0)], [1.5], ["MAP"])
+    (stopped,) = _removal_courses(own, key, [rate], rate, goals, None)
     assert whole.sizes["time_min"] == 41
     assert stopped.sizes["time_min"] < 20
     assert stopped.attrs["solves"] < 0.5 * whole.attrs["solves"]
-    assert _breaks(goals, stopped)[0] == pytest.approx(_breaks(goals, whole)[0])
+    assert _broken_goals(goals, stopped)[0] == pytest.approx(_broken_goals(goals, whole)[0])
 
 
 def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not():
     """It was "cannot be removed": rates were looked at below the first that breaks a goal alone."""
     tried = {10.0: False, 20.0: True, 40.0: True, 80.0: False, 160.0: True}
-    assert _around(tried) == (40.0, 80.0)
-    assert _around({10.0: False, 20.0: False}) == (None, 10.0)
-    assert _around({10.0: True, 20.0: True}) == (20.0, None)
-    slow, fast = Break("PCWP < 18", 19.0, 300.0, "mmHg"), Break("MAP > 65", 60.0, 30.0, "mmHg")
-    found = _removal("P", 100.0, [Goal("MAP", low=65.0)], tried, {10.0: [slow], 80.0: [fast], 20.0: []})
+    assert _bracketing_rates(tried) == (40.0, 80.0)
+    assert _bracketing_rates({10.0: False, 20.0: False}) == (None, 10.0)
+    assert _bracketing_rates({10.0: True, 20.0: True}) == (20.0, None)
+    slow, fast = BrokenGoal("PCWP < 18", 19.0, 300.0, "mmHg"), BrokenGoal("MAP > 65", 60.0, 30.0, "mmHg")
+    found = _removal_result(
+        "P", 100.0, [Goal("MAP", low=65.0)], tried, {10.0: [slow], 80.0: [fast], 20.0: []}
+    )
     assert found.possible
     assert found.rate_ml_h == 40.0
     assert found.message == (
@@ -167,7 +169,7 @@ def test_without_a_device_that_removes_fluid_it_is_refused(own):
 
 
 def test_the_fastest_rate_is_that_of_the_device(own):
-    key = f"crrt.{FILTRATION}"
+    key = f"crrt.{ULTRAFILTRATION}"
     fastest = _fastest(own, key, 100.0)
     apply_settings(own, [f"{key}={fastest!r}"])
     with pytest.raises(CaseError, match="the water taken out"):

@@ -7,11 +7,11 @@ import pytest
 from eclsim.cases import read_case
 from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.writing import case_text
-from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, answer, crrt_cohort, summaries
+from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, conclusion, crrt_cohort, summaries
 from eclsim.crrt_study.cohort_report import _doubts, cohort_json
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
-from eclsim.identification.cohort import as_they_are, with_fitted
+from eclsim.identification.cohort import cases_as_given, with_fitted_parameters
 from eclsim.paper.crrt import paper_case
 
 
@@ -31,7 +31,7 @@ def cohort() -> CohortStudy:
     cases = [case("slow"), case("fast", speed_rpm=4600.0), case("faster", speed_rpm=4900.0)]
     single = case("roller").model_copy(update={"ecmo": None})
     return crrt_cohort(
-        as_they_are([*cases, single], "tests"),
+        cases_as_given([*cases, single], "tests"),
         StudyOptions(schemes="a,d,h", speeds="2000:5000:1000", volume_policy="as_published"),
     )
 
@@ -41,7 +41,7 @@ def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohor
     assert [point.name for point in cohort.points] == ["slow", "fast", "faster"]
     assert "[ecmo]" in cohort.lost["roller"]
     with pytest.raises(StudyError, match="no data point can be studied"):
-        crrt_cohort(as_they_are([case("x").model_copy(update={"ecmo": None})], "tests"))
+        crrt_cohort(cases_as_given([case("x").model_copy(update={"ecmo": None})], "tests"))
 
 
 def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
@@ -49,7 +49,7 @@ def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     files = [tmp_path / f"{name}.toml" for name in ("doubtful", "poor")]
     for file in files:
         file.write_text(with_mark(case_text(case(file.stem)), file.stem, "as it says"))
-    fitted = as_they_are([read_case(file) for file in files], "case files")
+    fitted = cases_as_given([read_case(file) for file in files], "case files")
     assert list(fitted.cases) == ["doubtful"]
     assert "POOR fit" in fitted.not_fitted["poor"]
     study = crrt_cohort(fitted, StudyOptions(schemes="d", speeds="3425", volume_policy="as_published"))
@@ -73,11 +73,11 @@ def test_every_point_is_ranked_at_its_own_speed(cohort):
 
 def test_the_answer_says_who_wins_where_and_why_not_everywhere(cohort):
     assert cohort.winners("as_published") == {"h": 2, "d": 1, "a": 0}
-    message = answer(cohort, "as_published")
+    message = conclusion(cohort, "as_published")
     assert message.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
     assert "Elsewhere h stands behind for other reasons in 1" in message
     single = replace(cohort, points=cohort.points[:1])
-    assert answer(single, "as_published") == "Yes: scheme d is first in all 1 data points."
+    assert conclusion(single, "as_published") == "Yes: scheme d is first in all 1 data points."
 
 
 def test_a_broken_alarm_is_named_as_the_reason(cohort):
@@ -87,7 +87,7 @@ def test_a_broken_alarm_is_named_as_the_reason(cohort):
     one, two = (ranked("d", 1, True), ranked("h", 2, True)), (ranked("h", 1, True), ranked("d", 2, False))
     points = [replace(cohort.points[0], ranking={"as_published": r}) for r in (one, one, two)]
     schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
-    message = answer(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
+    message = conclusion(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
     assert message.endswith("h in 1. Elsewhere d breaks an alarm in 1, and is placed 2 at worst.")
 
 
@@ -98,7 +98,7 @@ def test_schemes_that_share_the_first_place_are_said_to(cohort):
     shared, ahead = (ranked("d", 1), ranked("h", 1)), (ranked("h", 1), ranked("d", 2))
     points = tuple(replace(cohort.points[0], ranking={"as_published": r}) for r in (ahead, ahead, shared))
     schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
-    message = answer(replace(cohort, points=points, schemes=schemes), "as_published")
+    message = conclusion(replace(cohort, points=points, schemes=schemes), "as_published")
     assert message.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
     assert "In 1 of 3 several share the first place" in message
     assert message.endswith("Elsewhere h shares the first place.")
@@ -127,15 +127,17 @@ def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
     gone = replace(cohort, points=(*cohort.points[:-1], point))
     assert gone.winners("as_published") == {"d": 1, "h": 1, "a": 0}
     assert gone.undecided("as_published") == ("faster",)
-    message = answer(gone, "as_published")
+    message = conclusion(gone, "as_published")
     assert "In 1 of 3 it is not known which scheme is first." in message
     one = {one.letter: one for one in summaries(gone, "as_published")}["d"]
     assert (one.ranked, one.known, one.flow_known) == (2, 2, 2)
     assert one.smallest_flow > 0.0
     single = replace(gone, points=(gone.points[0], point))
-    assert answer(single, "as_published").startswith("Not known: scheme d is first in 1 of 2 data points.")
+    assert conclusion(single, "as_published").startswith(
+        "Not known: scheme d is first in 1 of 2 data points."
+    )
     nothing = replace(gone, points=(point,))
-    assert answer(nothing, "as_published").startswith("Not known: in none")
+    assert conclusion(nothing, "as_published").startswith("Not known: in none")
     assert {one.letter: one for one in summaries(nothing, "as_published")}["d"].worst_rank is None
 
 
@@ -143,7 +145,7 @@ def test_fitted_parameters_win_over_those_of_the_case():
     result = {
         "parameters": {"Rmc": {"value": 0.4}, "Emaxlv": {"value": 2.0}}, "verdict": {"level": "doubtful"},
     }  # fmt: skip
-    changed = with_fitted(paper_case(), result)
+    changed = with_fitted_parameters(paper_case(), result)
     assert "a DOUBTFUL fit" in changed.doubts[0]
     assert changed.parameters["Rmc"] == 0.4
     assert changed.parameters["Csart"] == paper_case().parameters["Csart"]
@@ -180,7 +182,7 @@ def test_the_terminal_table_keeps_a_row_for_each_scheme_at_120_columns(cohort, c
     from eclsim.crrt_study import cohort_report as report
     from eclsim.reporting import numbers
 
-    monkeypatch.setattr(numbers, "WIDTH_OF_PIPES", 120)
+    monkeypatch.setattr(numbers, "WIDTH_WITHOUT_TERMINAL", 120)
     report.show(cohort)
     lines = capsys.readouterr().out.splitlines()
     first = lines.index("") if lines[0] == "" else 0

@@ -9,7 +9,7 @@ import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.crrt_study.files import DRAWINGS, study_json
-from eclsim.crrt_study.one_housing import beside_schemes
+from eclsim.crrt_study.one_housing import compared_with_schemes
 from eclsim.crrt_study.report import study_page
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.crrt import Crrt
@@ -62,7 +62,7 @@ def test_renox_moves_no_blood_and_clears_what_its_fluid_takes_up(regional):
     assert float(renox["PF"]) == pytest.approx(float(single["PF"]), rel=1e-9)
     assert float(renox["PreturnCO2"]) > float(single["PreturnCO2"])  # its fluid has more base than the blood
     assert float(renox["SreturnO2"]) == pytest.approx(float(single["SreturnO2"]), rel=1e-3)
-    beside = beside_schemes(regional, "patient_held")
+    beside = compared_with_schemes(regional, "patient_held")
     assert next(iter(beside)) == "RenOx"
     assert beside["RenOx"]["access_mmhg"] is None
     assert beside["RenOx"]["blood_taken_up_ml"] == 0.0
@@ -83,14 +83,14 @@ def test_a_case_with_renox_alone_gives_its_fluids_to_the_schemes_too():
     case = paper_case().model_copy(update={"crrt": None, "renox": own})
     study = crrt_study(case, schemes="g", speeds="3425", volume_policy="patient_held")
     assert "renox_clearance_urea" not in study.means
-    beside = beside_schemes(study, "patient_held")
+    beside = compared_with_schemes(study, "patient_held")
     assert beside["RenOx"]["urea_ml_min"] == pytest.approx(2620.0 / 60.0, rel=0.01)
     assert beside["g"]["urea_ml_min"] == pytest.approx(2620.0 / 60.0, rel=0.05)
     assert [sentence.startswith("RenOx: ") for sentence in study.assumed] == [False, False, True, True]
     assert "37 mL/h/mmHg, is assumed" in study_page(study, PICTURES)
     assert json.loads(study_json(study))["assumed"] == list(study.assumed)
     lost = replace(study, renox=study.renox * np.nan)
-    unknown = beside_schemes(lost, "patient_held")["RenOx"]
+    unknown = compared_with_schemes(lost, "patient_held")["RenOx"]
     assert unknown["alarms_kept"] is None, "a beat that was not found kept all alarms, and took no blood"
     assert unknown["blood_taken_up_ml"] is None
     row = study_page(lost, PICTURES).partition(">RenOx<")[2].partition("</tr>")[0]
@@ -104,5 +104,5 @@ def test_without_fluids_there_is_no_renox():
     )
     study = crrt_study(case, schemes="g", speeds="3425", volume_policy="patient_held")
     assert study.renox is None
-    assert beside_schemes(study, "patient_held") == {}
+    assert compared_with_schemes(study, "patient_held") == {}
     assert "renox" not in json.loads(study_json(study))["policies"]["patient_held"]

@@ -8,28 +8,28 @@ import pytest
 import xarray as xr
 
 from eclsim.crrt_study.files import study_object
-from eclsim.crrt_study.ranking import choice, first_choice, rank
-from eclsim.crrt_study.rule import USUAL, Criterion, Rule, RuleError, check_quantities, read_rule
+from eclsim.crrt_study.ranking import choice_text, first_choice, rank
+from eclsim.crrt_study.rule import DEFAULT_RULE, Criterion, Rule, RuleError, check_quantities, read_rule
 from eclsim.crrt_study.schemes import nine_schemes, select_schemes
 from eclsim.crrt_study.study import crrt_study
 from eclsim.paper.crrt import paper_case
 
 
-def ranked_by(study, *criteria, limits=USUAL.limits):
+def ranked_by(study, *criteria, limits=DEFAULT_RULE.limits):
     at = {"policy": "as_published"}
     means = study.means.sel(at | {"speed": study.case_speed})
     return rank(means, study.limits.sel(at), study.schemes, Rule("own", criteria, limits))
 
 
 def test_the_usual_rule_is_written_and_read_again(tmp_path):
-    text = json.dumps(USUAL.as_object())
-    assert read_rule(json.loads(text)) == USUAL
-    assert read_rule(None) is USUAL
+    text = json.dumps(DEFAULT_RULE.as_object())
+    assert read_rule(json.loads(text)) == DEFAULT_RULE
+    assert read_rule(None) is DEFAULT_RULE
     file = tmp_path / "ours.toml"
     file.write_text("[limits]\nreturn_alarm = [-20, inf]\n")
     own = read_rule(file)
     assert own.name == "ours"
-    assert own.criteria == USUAL.criteria
+    assert own.criteria == DEFAULT_RULE.criteria
     assert [limit.high for limit in own.limits if limit.name == "return_alarm"] == [np.inf]
 
 
@@ -51,7 +51,7 @@ def test_schemes_that_tie_in_all_criteria_share_a_place(study):
     assert sorted(one.rank for one in ranking) == [1] * 5 + [6] * 4
     assert sum(bool(one.decided_by) for one in ranking) == 1
     tied = replace(study, ranking={"as_published": ranking})
-    answer, by, *reasons = choice(tied, "as_published")
+    answer, by, *reasons = choice_text(tied, "as_published")
     assert answer.startswith("First for this patient: schemes ")
     assert answer.endswith("which the rule does not tell apart")
     assert by.startswith("what places them before scheme ")
@@ -59,7 +59,7 @@ def test_schemes_that_tie_in_all_criteria_share_a_place(study):
 
 
 def test_venous_blood_past_the_oxygenator_can_be_a_criterion(study):
-    ranking = ranked_by(study, Criterion("past_oxygenator", at_most=0.0), *USUAL.criteria)
+    ranking = ranked_by(study, Criterion("past_oxygenator", at_most=0.0), *DEFAULT_RULE.criteria)
     assert {one.letter for one in ranking[-2:]} == {"e", "f"}
     assert ranking[-2].decided_by == "past_oxygenator: at most 0"
     share = study.means["past_oxygenator"].sel(policy="as_published", speed=3425.0, scheme="e")
@@ -104,7 +104,7 @@ def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refus
     rule["criteria"][0]["quantity"] = "clearance_ureas"
     with pytest.raises(RuleError, match=r"clearance_ureas.*did you mean clearance_urea\?"):
         crrt_study(case, **options, rule=rule)
-    check_quantities(USUAL, ("recirculated_fraction", "past_oxygenator"))
+    check_quantities(DEFAULT_RULE, ("recirculated_fraction", "past_oxygenator"))
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_the_usual_rule_knows_of_blood_past_the_oxygenator(study):
     assert order[:5] == ["d", "g", "a", "e", "f"]
     by = next(one.decided_by for one in study.ranking["as_published"] if one.letter == "e")
     assert by == "carries less of the ECMO's blood past the oxygenator, rounded to 1 %"
-    answer = choice(study, "as_published")
+    answer = choice_text(study, "as_published")
     assert answer[-1] == (
         "best of the schemes that return before the oxygenator: scheme g (post oxygenator – pre oxygenator), "
         "place 2"
@@ -167,7 +167,7 @@ def test_the_usual_rule_knows_of_blood_past_the_oxygenator(study):
 
 def test_a_step_says_that_it_rounds():
     assert Criterion("PF", prefer="larger", step=0.1).sentence == "PF: the larger, rounded to 0.1"
-    sentence = next(c.sentence for c in USUAL.criteria if c.quantity == "largest_flow")
+    sentence = next(c.sentence for c in DEFAULT_RULE.criteria if c.quantity == "largest_flow")
     assert "rounded to 0.1 L/min" in sentence
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from eclsim.crrt_study.beats import nine_at_own_speed
+from eclsim.crrt_study.beats import line_pressures_of_nine_schemes
 from eclsim.crrt_study.schemes import SchemeError, named_crrts, nine_schemes, select_schemes
 from eclsim.outputs.limits import level
 from eclsim.paper.crrt import paper_case
@@ -68,14 +68,14 @@ def test_the_page_places_no_crrt_beside_named_ones():
     raw = {key: value for key, value in case.as_mapping().items() if key != "crrt"}
     named = type(case).model_validate(raw | {"crrt": {"a": sites, "b": sites}})
     assert named_crrts(named) == ["crrt.a", "crrt.b"]
-    assert nine_at_own_speed(named, "as_published") is None
+    assert line_pressures_of_nine_schemes(named, "as_published") is None
 
 
 def test_the_mean_pressure_of_a_scheme_has_its_limit_beside_it():
     case = paper_case()
     low = case.model_copy(update={"ecmo": case.ecmo.model_copy(update={"speed_rpm": 1500.0})})
     for one in (case, low):
-        shown = nine_at_own_speed(one, "as_published")
+        shown = line_pressures_of_nine_schemes(one, "as_published")
         assert shown is not None
         cells = [cell["MAP"] for cell in shown["cells"]]
         assert all(cell["level"] == level("MAP", cell["mean"]) for cell in cells)

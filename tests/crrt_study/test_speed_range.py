@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from eclsim.crrt_study.schemes import SpeedError, StudyError, parse_speeds, usual_speeds
+from eclsim.crrt_study.schemes import SpeedError, StudyError, default_speeds, parse_speeds
 from eclsim.crrt_study.study import crrt_study
 from eclsim.paper.crrt import paper_case
 
@@ -14,7 +14,7 @@ def test_a_range_holds_both_ends():
 def test_the_usual_speeds_are_those_of_the_pump(pump, text):
     case = paper_case()
     case = case.model_copy(update={"ecmo": case.ecmo.model_copy(update={"pump": pump})})
-    assert usual_speeds(case) == parse_speeds(text)
+    assert default_speeds(case) == parse_speeds(text)
 
 
 def test_a_step_that_does_not_divide_the_range_stops_before_its_end():

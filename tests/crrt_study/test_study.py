@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.crrt_study.ranking import choice
+from eclsim.crrt_study.ranking import choice_text
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.ecmo import RollerPump
@@ -167,7 +167,7 @@ def test_crrt_on_the_patient_leaves_the_ecmo_circuit_alone():
         paper_case(), schemes="svn:ra,c", speeds="3425", volume_policy="patient_held",
         rule={"name": "own", "criteria": [{"quantity": "margin", "prefer": "larger"}]},
     )  # fmt: skip
-    answer = choice(alone, "patient_held")
+    answer = choice_text(alone, "patient_held")
     assert answer[0].startswith("First choice for this patient: scheme svn:ra")
     assert answer[-1] == (
         "its lines attach to the patient without a catheter's resistance: their pressures are too mild; best "

@@ -15,7 +15,7 @@ from eclsim.crrt_study.limits import (
     NEVER,
     NOT_KNOWN,
     NOT_KNOWN_ABOVE,
-    kept_up_to,
+    limit_range,
     uncertainty,
 )
 from eclsim.crrt_study.ranking import candidates, first_choice
@@ -36,7 +36,7 @@ def test_what_is_said_of_a_limit_holds_for_every_pattern_of_margins():
     for pattern in PATTERNS:
         margins = np.array(pattern)
         n, known = len(margins), np.isfinite(margins)
-        result = kept_up_to(SPEEDS[:n], np.where(known, FLOWS[:n], np.nan), margins)
+        result = limit_range(SPEEDS[:n], np.where(known, FLOWS[:n], np.nan), margins)
         keeping = np.flatnonzero(known & (margins >= 0.0))
         if not len(keeping):
             assert result.state == (NEVER if known.all() else NOT_KNOWN), pattern
@@ -57,7 +57,7 @@ def test_what_is_said_of_a_limit_holds_for_every_pattern_of_margins():
 
 
 def test_a_limit_that_is_kept_at_one_studied_speed_alone_is_kept_up_to_it():
-    result = kept_up_to(SPEEDS, FLOWS, np.array([BROKEN, BROKEN, AT_THE_LIMIT, BROKEN, BROKEN]))
+    result = limit_range(SPEEDS, FLOWS, np.array([BROKEN, BROKEN, AT_THE_LIMIT, BROKEN, BROKEN]))
     assert (result.state, result.speed) == (BROKEN_ABOVE, 3425.0)
     assert result.flow == pytest.approx(3.7)
 
@@ -191,8 +191,8 @@ def test_limits_named_in_words_speak_of_one_limit_or_of_all(study):
     message = study.limits["in_words"].sel(policy="as_published", scheme="d")
     assert str(message.sel(limit="crrt").item()).startswith("keeps its limits up to 4.6 L/min")
     assert str(message.sel(limit="access_190").item()).startswith("keeps it up to")
-    assert crrt_limits.in_words(kept_up_to(SPEEDS, FLOWS, np.full(5, BROKEN)), "") == (
+    assert crrt_limits.limit_range_text(limit_range(SPEEDS, FLOWS, np.full(5, BROKEN)), "") == (
         "keeps its limits at no speed studied"
     )
-    lower = kept_up_to(SPEEDS, FLOWS, np.array([BROKEN, KEPT, KEPT, KEPT, KEPT]))
-    assert crrt_limits.in_words(lower, "").endswith("the largest flow studied; broken at 1000 rpm")
+    lower = limit_range(SPEEDS, FLOWS, np.array([BROKEN, KEPT, KEPT, KEPT, KEPT]))
+    assert crrt_limits.limit_range_text(lower, "").endswith("the largest flow studied; broken at 1000 rpm")

@@ -6,9 +6,9 @@ import pytest
 import eclsim
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
-from eclsim.devices.crrt import ON_THE_PATIENT, crrt
+from eclsim.devices.crrt import SITES_WITHOUT_ECMO, crrt
 from eclsim.devices.crrt_dialysis import SETTINGS, SOLUTES
-from eclsim.devices.dialysed_blood import THE_BLOODS_OWN
+from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES
 from eclsim.orbit.model import values_of
 from eclsim.outputs.limits import broken_limits
 from eclsim.validation.reference_cases import DATA
@@ -101,7 +101,9 @@ def test_clearances_beside_another_filter_are_said_to_know_nothing_of_it(case):
 
 
 def test_without_gas_a_dialyzer_needs_no_blood_gases(case):
-    single = case.model_copy(update={"ecmo": None, "crrt": case.crrt.model_copy(update=dict(ON_THE_PATIENT))})
+    single = case.model_copy(
+        update={"ecmo": None, "crrt": case.crrt.model_copy(update=dict(SITES_WITHOUT_ECMO))}
+    )
     result = eclsim.simulate(single)
     assert result.attrs["converged"]
     assert not [name for name in result.data_vars if "SaO2" in name]
@@ -192,7 +194,7 @@ def test_the_bloods_own_bicarbonate_has_exact_derivatives_and_the_same_numbers_i
 def test_renox_meets_the_haematocrit_and_the_bicarbonate_of_the_patient():
     values = values_of(read_mapping(VV | {"renox": {"dialysate_ml_h": 2000}}).case)
     assert values["renox.haematocrit_in"] == pytest.approx(9.0 / 33.3)
-    assert values["renox.plasma_bicarbonate_mmol_l"] == THE_BLOODS_OWN
+    assert values["renox.plasma_bicarbonate_mmol_l"] == CARBON_DIOXIDE_FROM_GASES
     without = {key: value for key, value in VV.items() if key != "gas"}
     without["ecmo"] = VV["ecmo"] | {"drainage_site": "svn"}
     values = values_of(read_mapping(without | {"renox": {"dialysate_ml_h": 2000}}).case)

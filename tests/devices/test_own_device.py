@@ -21,7 +21,7 @@ from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.parameter import Parameter
 from eclsim.reporting.schematic import draw_circuit
-from eclsim.sensitivity.inputs import InputError, varied
+from eclsim.sensitivity.inputs import InputError, varied_inputs
 from eclsim.simulation.figures import available_parts, plot_mean_flows, plot_waveforms
 from eclsim.simulation.summary import show
 
@@ -162,10 +162,10 @@ def test_the_page_has_its_knobs_views_and_drawing(rvad):
 def test_its_settings_are_inputs_of_a_sensitivity_analysis(rvad):
     case = read_case(CASE).case
     values = model_of(case).values
-    design = varied(case, values, parameters=("Rmc",), include=("rvad.speed_rpm", "Crvadin"))
+    design = varied_inputs(case, values, parameters=("Rmc",), include=("rvad.speed_rpm", "Crvadin"))
     assert [one.name for one in design.inputs] == ["Rmc", "rvad.speed_rpm", "Crvadin"]
     with pytest.raises(InputError, match=r"rvad\.speed_rpm: the perturbation reaches .* 1000 to 5000"):
-        varied(case, values, parameters=(), include=("rvad.speed_rpm",), perturbation_percent=50.0)
+        varied_inputs(case, values, parameters=(), include=("rvad.speed_rpm",), perturbation_percent=50.0)
 
 
 def test_the_command_line_takes_its_file(capsys):

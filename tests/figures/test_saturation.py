@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from eclsim.reporting.saturation import DARK_LETTERS, LIGHT_LETTERS, STOPS, colour_of, letters_on
+from eclsim.reporting.saturation import COLOUR_STOPS, DARK_LETTERS, LIGHT_LETTERS, colour_of, text_colour_on
 
 # Severe deuteranopia and protanopia on linear colours: Machado, Oliveira and Fernandes 2009.
 SEEN = {
@@ -38,11 +38,11 @@ def test_more_oxygen_is_lighter_to_all_eyes(eyes):
 
 @pytest.mark.parametrize("percent", np.linspace(0.0, 100.0, 41))
 def test_letters_stand_out(percent):
-    pair = sorted((luminance(colour_of(percent)), luminance(letters_on(percent))))
+    pair = sorted((luminance(colour_of(percent)), luminance(text_colour_on(percent))))
     assert (pair[1] + 0.05) / (pair[0] + 0.05) >= 4.5
 
 
 def test_the_ends_hold_beyond_the_scale():
-    assert colour_of(3.0) == STOPS[0][1]
-    assert colour_of(100.0) == STOPS[-1][1]
-    assert {letters_on(40.0), letters_on(100.0)} == {LIGHT_LETTERS, DARK_LETTERS}
+    assert colour_of(3.0) == COLOUR_STOPS[0][1]
+    assert colour_of(100.0) == COLOUR_STOPS[-1][1]
+    assert {text_colour_on(40.0), text_colour_on(100.0)} == {LIGHT_LETTERS, DARK_LETTERS}

@@ -10,15 +10,15 @@ from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid import law as fluid
 from eclsim.fluid.law import FluidLaw
 from eclsim.fluid.starling import (
-    ALBUMIN_WORTH,
+    ALBUMIN_EQUIVALENT,
     DEHYDRATED_PER_MMHG,
-    EXCLUDED,
+    EXCLUDED_SHARE,
     LYMPH_PER_MMHG,
     OEDEMA_MMHG,
     Spaces,
     Wall,
     capillary_pressure,
-    carried,
+    convected_and_mixed,
     exchange,
     forces,
     interstitial_pressure,
@@ -28,7 +28,7 @@ from eclsim.parameters.fluid import HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, PARAMETE
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.slow import INFLOWS
 
-NEAR = fluid.NEAR_PROTEIN.name
+NEAR = fluid.PERICAPILLARY_PROTEIN.name
 LAW = FluidLaw(ultrafiltration=("uf",), haematocrits=("crrt.haematocrit_in",), gas=True)
 BEAT = {"MAP": 80.0, "venous_pressure": 6.0, "systemic_resistance_factor": 1.0}
 
@@ -67,7 +67,7 @@ def course(values, minutes, step_s=15.0, beat=None, law=LAW, **inflows):
 @pytest.fixture
 def spaces():
     plasma, interstitium = np.array([3500.0]), np.array([13500.0])
-    room = interstitium - EXCLUDED * interstitium
+    room = interstitium - EXCLUDED_SHARE * interstitium
     return Spaces(plasma, interstitium, 0.06 * plasma, 0.024 * room, interstitium)
 
 
@@ -109,7 +109,7 @@ def test_five_per_cent_albumin_draws_what_albumin_draws_and_so_does_what_is_adde
         half, step = 0.5 * total, 1e-4
         added = (mixed(half + step, half) - mixed(half, half)) / step
         of_plasma = (oncotic_pressure(total + step) - oncotic_pressure(total)) / step
-        assert added / of_plasma == pytest.approx(ALBUMIN_WORTH, abs=0.02)
+        assert added / of_plasma == pytest.approx(ALBUMIN_EQUIVALENT, abs=0.02)
 
 
 def test_interstitium_stiffens_below_and_gives_way_above_its_normal_volume():
@@ -156,13 +156,13 @@ def test_protein_crosses_by_the_equation_of_kedem_and_katchalsky_and_lymph_bring
     np.testing.assert_allclose(crossed.fluid, filtered - 2.0)
 
 
-LAYERED = replace(LAW, layered=True)
+LAYERED = replace(LAW, has_pericapillary_layer=True)
 
 
 def test_what_is_next_to_capillaries_is_in_balance_at_the_start():
     values = settings(pericapillary_share=0.12)
     states = LAYERED.start(values, arrays(BEAT))
-    assert states[NEAR] == pytest.approx(0.12 * states[fluid.OUTSIDE_PROTEIN])
+    assert states[NEAR] == pytest.approx(0.12 * states[fluid.INTERSTITIAL_PROTEIN])
     assert max(abs(rate).max() for rate in rates(states, values, law=LAYERED).values()) < 1e-15
 
 
@@ -192,10 +192,10 @@ def test_what_leaves_next_to_capillaries_arrives_in_the_rest_and_protein_balance
     values = settings(pericapillary_share=0.12, uf=300.0)
     start = LAYERED.start(values, arrays(BEAT))
     end = course(values, 240.0, law=LAYERED)
-    assert end[fluid.PROTEIN] + end[fluid.OUTSIDE_PROTEIN] == pytest.approx(
-        start[fluid.PROTEIN] + start[fluid.OUTSIDE_PROTEIN], abs=1e-9
+    assert end[fluid.PROTEIN] + end[fluid.INTERSTITIAL_PROTEIN] == pytest.approx(
+        start[fluid.PROTEIN] + start[fluid.INTERSTITIAL_PROTEIN], abs=1e-9
     )
-    assert 0.12 * end[fluid.OUTSIDE_PROTEIN] < end[NEAR] < end[fluid.OUTSIDE_PROTEIN]
+    assert 0.12 * end[fluid.INTERSTITIAL_PROTEIN] < end[NEAR] < end[fluid.INTERSTITIAL_PROTEIN]
 
 
 def test_where_filtration_holds_on_what_is_next_to_capillaries_is_as_thin_as_what_crosses_the_wall():
@@ -210,9 +210,9 @@ def test_where_filtration_holds_on_what_is_next_to_capillaries_is_as_thin_as_wha
     settled = brentq(gains, 1e-6, states[NEAR].item(), xtol=1e-12)
     change = rates({**states, NEAR: np.array([settled])}, values, raised, LAYERED)
     normal = INTERSTITIUM_TO_BLOOD * values["total_blood_volume_ml"].item()
-    room = states[fluid.INTERSTITIUM].item() - EXCLUDED * normal
-    lymph = 4.0 * (states[fluid.OUTSIDE_PROTEIN].item() - settled) / (0.8 * room)  # g/min
-    crosses = 60.0 * change[fluid.OUTSIDE_PROTEIN].item() + lymph
+    room = states[fluid.INTERSTITIUM].item() - EXCLUDED_SHARE * normal
+    lymph = 4.0 * (states[fluid.INTERSTITIAL_PROTEIN].item() - settled) / (0.8 * room)  # g/min
+    crosses = 60.0 * change[fluid.INTERSTITIAL_PROTEIN].item() + lymph
     onward = 4.0 + (1.0 - 0.2) * 60.0 * change[fluid.INTERSTITIUM].item()  # mL/min
     near = 100.0 * settled / (0.2 * room)
     assert near == pytest.approx(100.0 * crosses / onward, rel=1e-6)
@@ -222,8 +222,8 @@ def test_where_filtration_holds_on_what_is_next_to_capillaries_is_as_thin_as_wha
 def test_flow_carries_downstream_and_mixing_evens_out():
     up, down = np.array(3.0), np.array(2.0)
     for peclet, expected in ((1e4, 3e4), (-1e4, -2e4), (0.0, 1.0)):
-        assert carried(np.array(peclet), up, down) == pytest.approx(expected)
-    around = carried(np.array([-1.01e-3, -0.99e-3, 0.99e-3, 1.01e-3]), up, down)
+        assert convected_and_mixed(np.array(peclet), up, down) == pytest.approx(expected)
+    around = convected_and_mixed(np.array([-1.01e-3, -0.99e-3, 0.99e-3, 1.01e-3]), up, down)
     np.testing.assert_allclose(np.diff(around), [5e-5, 4.95e-3, 5e-5], rtol=1e-3)
 
 
@@ -238,7 +238,7 @@ def test_lymph_of_a_dry_interstitium_stands_still_and_does_not_run_backwards(spa
 def test_constants_are_those_of_the_model_of_xie():
     assert pytest.approx(510.0 / 8400.0, rel=1e-3) == DEHYDRATED_PER_MMHG
     assert pytest.approx(43.0 / 120.0, rel=5e-3) == LYMPH_PER_MMHG
-    np.testing.assert_allclose((OEDEMA_MMHG, EXCLUDED), (2.6, 0.25))
+    np.testing.assert_allclose((OEDEMA_MMHG, EXCLUDED_SHARE), (2.6, 0.25))
 
 
 def relaxation_time(rest, wall):
@@ -253,7 +253,7 @@ def relaxation_time(rest, wall):
     inside, outside = rest.concentrations
     over = np.maximum(rest.interstitium / rest.normal - 1.0, 0.0) / DEHYDRATED_PER_MMHG / OEDEMA_MMHG
     stiffness = np.exp(-over) / (DEHYDRATED_PER_MMHG * rest.normal)
-    room = rest.interstitium - EXCLUDED * rest.normal
+    room = rest.interstitium - EXCLUDED_SHARE * rest.normal
     drawn = wall.reflection * (slope(inside, rest.plasma) + slope(outside, room))
     return 1.0 / (wall.filtration * (stiffness + drawn) + wall.lymph * LYMPH_PER_MMHG * stiffness)
 
@@ -278,15 +278,15 @@ def test_fluid_given_divides_so_that_what_drives_it_out_carries_its_flow():
     normal = INTERSTITIUM_TO_BLOOD * values["total_blood_volume_ml"]
 
     def outward(states):
-        room = states[fluid.INTERSTITIUM] - EXCLUDED * normal
+        room = states[fluid.INTERSTITIUM] - EXCLUDED_SHARE * normal
         inside = oncotic_pressure(100.0 * start[fluid.PROTEIN] / states[fluid.PLASMA])
-        outside = oncotic_pressure(100.0 * start[fluid.OUTSIDE_PROTEIN] / room)
+        outside = oncotic_pressure(100.0 * start[fluid.INTERSTITIAL_PROTEIN] / room)
         return outside - inside - interstitial_pressure(states[fluid.INTERSTITIUM], normal)
 
     assert sum(gained.values()) == pytest.approx(144.0, abs=1e-9)
-    carried = values["fluid.filtration_ml_min_mmHg"] * (outward(end) - outward(start))
-    assert carried == pytest.approx(0.6 * gained[fluid.INTERSTITIUM] / 144.0, rel=0.15)
-    assert carried == pytest.approx(60.0 * rates(end, values, crystalloid_ml=0.01)[fluid.INTERSTITIUM])
+    flow = values["fluid.filtration_ml_min_mmHg"] * (outward(end) - outward(start))
+    assert flow == pytest.approx(0.6 * gained[fluid.INTERSTITIUM] / 144.0, rel=0.15)
+    assert flow == pytest.approx(60.0 * rates(end, values, crystalloid_ml=0.01)[fluid.INTERSTITIUM])
 
 
 def test_bleeding_is_refilled_and_blood_thins():
@@ -320,9 +320,9 @@ def test_fluid_red_cells_and_protein_balance(inflows):
         gained[fluid.GIVEN] - gained[fluid.REMOVED] + gained[fluid.REFILLED], abs=1e-6
     )
     assert gained[fluid.INTERSTITIUM] == pytest.approx(-gained[fluid.REFILLED], abs=1e-6)
-    assert gained[fluid.RED_CELLS] == pytest.approx(gained[fluid.CELLS_MOVED], abs=1e-6)
-    protein = gained[fluid.PROTEIN] + gained[fluid.OUTSIDE_PROTEIN]
-    assert protein == pytest.approx(gained[fluid.PROTEIN_MOVED], abs=1e-9)
+    assert gained[fluid.RED_CELLS] == pytest.approx(gained[fluid.RED_CELLS_GIVEN], abs=1e-6)
+    protein = gained[fluid.PROTEIN] + gained[fluid.INTERSTITIAL_PROTEIN]
+    assert protein == pytest.approx(gained[fluid.PROTEIN_GIVEN], abs=1e-9)
     expected = 3600.0 * sum(v for k, v in inflows.items() if k != "bleed_ml")
     assert gained[fluid.GIVEN] == pytest.approx(expected)
     assert gained[fluid.REMOVED] == pytest.approx(200.0 + 3600.0 * inflows.get("bleed_ml", 0.0))

@@ -21,7 +21,7 @@ from eclsim.fluid.solutes import (
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.parameters.fluid import PARAMETERS, STORES_HOLD
+from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, PARAMETERS
 from eclsim.slow import INFLOWS
 
 LAW = SolutesLaw((Filter("crrt"),), gas=True)
@@ -73,14 +73,14 @@ def test_what_is_shown_at_the_start_is_what_the_case_says_in_its_units():
     said = {"urea": ("mmol/L", 31.0), "creatinine": ("umol/L", 410.0), "potassium": ("mmol/L", 5.1)}
     units = {"umol/L": "umol_l", "mmol/L": "mmol_l"}
     values = settings(**{f"{name}_{units[unit]}": value for name, (unit, value) in said.items()})
-    shown = {one.name: one for one in LAW.shown(LAW.start(values, {}), values)}
+    shown = {one.name: one for one in LAW.derived_quantities(LAW.start(values, {}), values)}
     assert {name: (shown[name].unit, shown[name].values.item()) for name in said} == {
         name: (unit, pytest.approx(value)) for name, (unit, value) in said.items()
     }
 
 
 def test_one_pool_decays_as_its_exponential(monkeypatch):
-    monkeypatch.setitem(module.BETWEEN_POOLS, "urea", 0.0)
+    monkeypatch.setitem(module.POOL_TRANSFER_ML_MIN, "urea", 0.0)
     values = settings(urea_generation_mmol_h=12.0)
     volume, cleared, made = 35000.0 / 3.0, 30.0 * 60.0, 12.0
     end = 1e3 * made / cleared
@@ -234,7 +234,7 @@ def test_stores_at_the_steady_pco2_leave_the_steady_state(regional):
     steady = steady_beat(Batch.of(patient), names).outputs()
     start = law.start(values, {k: np.array([steady[k]]) for k in law.reads})
     held = {key: float(value[0]) for key, value in law.in_effect(start, values).items()}
-    assert held[STORES_HOLD] == 1.0
+    assert held[CARBON_DIOXIDE_STORES_HOLD] == 1.0
     again = steady_beat(Batch.of(patient.with_values(held)), names).outputs()
     for name in names:
         assert again[name] == pytest.approx(steady[name], abs=1e-6), name
@@ -247,7 +247,7 @@ def test_stores_fill_with_what_the_blood_does_not_carry_away():
     law, values = law_of(patient), {k: np.array([v]) for k, v in patient.values.items()}
     names = (*law.reads, "PaCO2", "VCO2_oxygenator", "VCO2_lung", "VO2")
     steady = steady_beat(Batch.of(patient), names).outputs()
-    high = {STORES_HOLD: 1.0, "solutes.tissue_pco2_mmHg": steady["tissue_PCO2"] + 10.0}
+    high = {CARBON_DIOXIDE_STORES_HOLD: 1.0, "solutes.tissue_pco2_mmHg": steady["tissue_PCO2"] + 10.0}
     result = steady_beat(Batch.of(patient.with_values(high)), names).outputs()
     assert result["tissue_PCO2"] == pytest.approx(steady["tissue_PCO2"] + 10.0, abs=1e-7)
     removed = result["VCO2_oxygenator"] + result["VCO2_lung"]

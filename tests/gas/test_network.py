@@ -15,7 +15,7 @@ from eclsim.devices.ecmo import OXYGENATORS
 from eclsim.gas.network import gas_exchanges, gas_of
 from eclsim.orbit.model import model_of
 from eclsim.orbit.status import NoDerivativesError
-from eclsim.sensitivity.inputs import varied
+from eclsim.sensitivity.inputs import varied_inputs
 from eclsim.validation.gas_bench import single_pass
 
 VV = {
@@ -204,8 +204,8 @@ def test_derivatives_start_from_what_the_search_has_found(monkeypatch):
     found = jax.eval_shape(function.compute, numbers)
     assert found.shape == (len(function.quantities),)
     monkeypatch.setattr(gas.steady, "_searched", None)
-    assert function.again is not None
-    assert jax.eval_shape(function.again, numbers, found) == found
+    assert function.without_search is not None
+    assert jax.eval_shape(function.without_search, numbers, found) == found
     with pytest.raises(TypeError):
         jax.eval_shape(lambda x: function.compute(x), numbers)  # another function than the one traced above
 
@@ -219,7 +219,7 @@ INPUTS = (
 
 def test_gas_inputs_vary_within_what_is_allowed():
     case = read_mapping(VV).case
-    chosen = varied(case, model().values, parameters=("Rmc",), include=INPUTS)
+    chosen = varied_inputs(case, model().values, parameters=("Rmc",), include=INPUTS)
     ranges = {one.name: (one.low, one.high) for one in chosen.inputs}
     assert len(ranges) == 13
     assert ranges["ecmo.fdo2"] == (0.75, 1.0)

@@ -9,7 +9,7 @@ import pytest
 from eclsim.cases import read_case
 from eclsim.components.exchangers import dry_gas_pressure, stpd_of_btps
 from eclsim.gas.network import CONTENTS, Quantity, gas_of
-from eclsim.gas.transport import Held, balanced, mixtures
+from eclsim.gas.transport import HeldBlood, balanced, mixtures
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.measures import Measures, single
@@ -27,7 +27,7 @@ def test_a_compartment_is_washed_out_as_the_closed_form_says():
     before, length = np.array([VOLUME, 1e-9]), 0.05
     contents = jnp.array([[0.2, 0.0], [0.2, 0.0]])
     for n in range(1, 6):
-        held = Held(before / length, before / length, contents)
+        held = HeldBlood(before / length, before / length, contents)
         mixed = mixtures(balanced(flows_of(paths, [FLOW, FLOW]), held), [0], held=held)
         assert mixed.kept is not None
         contents = mixed.compartments @ jnp.array([[1.0, 3.0]]) + mixed.kept[0]
@@ -37,7 +37,7 @@ def test_a_compartment_is_washed_out_as_the_closed_form_says():
 
 def test_a_step_fills_compartments_as_it_is_said_and_keeps_what_they_held():
     paths = (("lung", "b", "a"), ("back", "a", "b"))
-    held = Held(np.array([9.0, 1.0]), np.array([8.0, 2.0]), np.array([[3.0, 0.0], [1.0, 0.0]]))
+    held = HeldBlood(np.array([9.0, 1.0]), np.array([8.0, 2.0]), np.array([[3.0, 0.0], [1.0, 0.0]]))
     flows = balanced(flows_of(paths, [1.2, 0.1]), held)
     np.testing.assert_allclose(flows.forward - flows.backward, [1.15, 0.15], atol=1e-8)
     mixed = mixtures(flows, [0], held=held)

@@ -14,16 +14,16 @@ from eclsim.cases.reading import read_case, read_mapping
 from eclsim.cases.writing import case_text
 from eclsim.cli import main
 from eclsim.course.plan import plan_weaning
-from eclsim.course.timeline import changed
+from eclsim.course.timeline import case_with_settings
 from eclsim.goals import search
 from eclsim.goals.goal import (
     Goal,
     GoalError,
     Setting,
-    possible,
+    implicit_goals,
+    is_kept_by_settings,
     read_goals,
     read_settings,
-    turned_for,
 )
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
@@ -180,19 +180,21 @@ def test_a_goal_out_of_reach_alone_ends_at_the_end_of_the_range():
 
 def test_bounds_beyond_which_no_patient_can_be_hold_unasked():
     outputs = ("MAP", "ejection_fraction_lv", "venous_pressure")
-    kept = possible(outputs, read_goals("MAP > 65", outputs), {}, {})
+    kept = implicit_goals(outputs, read_goals("MAP > 65", outputs), {}, {})
     assert {str(goal) for goal in kept} == {"ejection_fraction_lv 0..100", "venous_pressure > 0"}
     assert all(goal.because and goal.inside().because for goal in kept)
-    assert [g.output for g in possible(outputs, [Goal("venous_pressure", low=-2.0)], {}, {})] == [
+    assert [g.output for g in implicit_goals(outputs, [Goal("venous_pressure", low=-2.0)], {}, {})] == [
         "ejection_fraction_lv"
     ]
-    assert not [g for g in possible((*outputs, "caval_filling"), [], {}, {}) if g.output == "venous_pressure"]
+    assert not [
+        g for g in implicit_goals((*outputs, "caval_filling"), [], {}, {}) if g.output == "venous_pressure"
+    ]
 
 
 @pytest.mark.slow
 def test_a_pump_is_not_turned_up_beyond_what_veins_and_chambers_can_be():
     """A speed that reaches the goal exists, but with a ventricle emptier than empty."""
-    bled = changed(CASE, {"fluid.extra_volume_ml": -180.0}, CASE)
+    bled = case_with_settings(CASE, {"fluid.extra_volume_ml": -180.0}, CASE)
     beyond = simulate(model_of(bled).with_values({"ecmo.speed_rpm": 4500.0}))
     assert beyond.attrs["impossible"]
     assert float(beyond["PF"]) > 5.3
@@ -221,15 +223,15 @@ def test_a_search_that_runs_out_of_steps_presents_no_smallest_setting(monkeypatc
 
 
 def test_a_search_that_ends_where_no_beat_is_steady_is_no_answer(flow, monkeypatch):
-    point = search._Bedside.point
-    step = 5000.0 / (search.SCANNED[1] - 1)
+    point = search._PatientModel.point
+    step = 5000.0 / (search.SCAN_VALUES[1] - 1)
     edge = step * np.ceil(flow.values[0] / step) - 10.0
 
     def none_below(bedside, place, outputs):
         (speed,) = bedside.values_at(place[:, None])["ecmo.speed_rpm"]
         return None if speed < edge else point(bedside, place, outputs)
 
-    monkeypatch.setattr(search._Bedside, "point", none_below)
+    monkeypatch.setattr(search._PatientModel, "point", none_below)
     result = reach(CASE, FLOW)
     assert result.status == "not_converged"
     assert all(goal.met for goal in result.goals)
@@ -304,7 +306,7 @@ def test_the_slowest_pump_that_keeps_a_pressure_does_not_carry_blood_backwards()
     assert result.outputs["PF"] == pytest.approx(0.5, abs=1e-3)
     assert any(stop.goal.output == "PF" for stop in result.stops)
     assert "clots in the oxygenator" in result.message
-    open_label = possible(("PF",), [], {}, {})
+    open_label = implicit_goals(("PF",), [], {}, {})
     assert [(g.output, g.low) for g in open_label] == [("PF", 0.0)]
 
 
@@ -409,21 +411,21 @@ def test_a_limit_that_what_is_turned_cannot_keep_is_an_alarm_and_no_goal():
 def test_a_flow_is_kept_by_its_own_pump_alone():
     flow, gases = Goal("PF", low=0.5, gives_way=True), Goal("PaCO2", high=60.0, gives_way=True)
     speed, dose = Setting("ecmo.speed_rpm", 0.0, 5000.0), Setting("drugs.noradrenaline", 0.0, 1.0)
-    assert turned_for(flow, [dose, speed])
-    assert not turned_for(flow, [dose])
-    assert turned_for(gases, [dose])
-    assert turned_for(Goal("PF", low=0.5), [dose])
+    assert is_kept_by_settings(flow, [dose, speed])
+    assert not is_kept_by_settings(flow, [dose])
+    assert is_kept_by_settings(gases, [dose])
+    assert is_kept_by_settings(Goal("PF", low=0.5), [dose])
 
 
 def test_what_is_not_reached_says_how_much_of_the_ranges_was_not_seen(monkeypatch):
-    scan = search._Bedside.scan
+    scan = search._PatientModel.scan
 
     def without_two(bedside, outputs):
         places, values, beat = scan(bedside, outputs)
         values[:, :2] = np.nan
         return places, values, SimpleNamespace(status=beat.status, determined=np.arange(9) > 1)
 
-    monkeypatch.setattr(search._Bedside, "scan", without_two)
+    monkeypatch.setattr(search._PatientModel, "scan", without_two)
     found = reach(CASE, "PF > 9", vary="ecmo.speed_rpm")
     assert (found.reached, found.tried, found.without_beat) == (False, 9, 2)
     assert "2 of the 9 places over the ranges that were tried first had no steady beat" in found.message
@@ -431,7 +433,7 @@ def test_what_is_not_reached_says_how_much_of_the_ranges_was_not_seen(monkeypatc
 
 def test_a_start_without_derivatives_is_an_answer_and_no_error(monkeypatch, tmp_path):
     """The command ended without the JSON that was asked for."""
-    monkeypatch.setattr(search._Bedside, "point", lambda *_: None)
+    monkeypatch.setattr(search._PatientModel, "point", lambda *_: None)
     file, out = tmp_path / "case.toml", tmp_path / "settings.json"
     file.write_text(case_text(CASE))
     assert run_command("settings", file, "--goal", "MAP > 65", "--json", out) == 1

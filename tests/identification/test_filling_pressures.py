@@ -10,11 +10,11 @@ from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import relative_scale
 from eclsim.identification.settings import (
     FitSettings,
+    avoidable_assumptions,
     check_fit,
     checked_fit,
-    held_by_assumption,
-    held_volume,
-    told_by_pressures,
+    parameters_informed_by_pressures,
+    remarks_on_fixed_volume,
 )
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
@@ -112,8 +112,8 @@ def test_pressures_of_the_crrt_tell_the_bore_of_its_lines_and_how_clotted_the_fi
     fitted = [result.parameters[name].value for name in truth]
     np.testing.assert_allclose(fitted, list(truth.values()), rtol=2e-3)
     assert all(result.parameters[name].identifiable for name in ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil"))
-    assert told_by_pressures(case) == ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
-    assert told_by_pressures(result.case) == ()
+    assert parameters_informed_by_pressures(case) == ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
+    assert parameters_informed_by_pressures(result.case) == ()
 
 
 @pytest.mark.slow
@@ -171,16 +171,18 @@ def test_the_blood_volume_can_be_free_without_its_section():
 def test_a_held_blood_volume_is_said_with_what_follows_from_it():
     """An overloaded heart is fitted away by the others, to the last digit of the CVP (PCWP 4 for 29 mmHg)."""
     told, untold = without_fluid(MAP=70.0, CVP=3.1), without_fluid(MAP=70.0, MPAP=20.0)
-    (doubt,) = held_by_assumption(told, ("MAP", "CVP"), ("Rmc",))
+    (doubt,) = avoidable_assumptions(told, ("MAP", "CVP"), ("Rmc",))
     assert "PCWP, MPAP and the volumes of the heart follow from it" in doubt
     assert VOLUME in doubt
-    assert held_volume(told, ("MAP", "CVP"), ("Rmc",)) == []
-    (remark,) = held_volume(untold, ("MAP", "MPAP"), ("Rmc",))
+    assert remarks_on_fixed_volume(told, ("MAP", "CVP"), ("Rmc",)) == []
+    (remark,) = remarks_on_fixed_volume(untold, ("MAP", "MPAP"), ("Rmc",))
     assert "PCWP, CVP and the volumes of the heart follow from it" in remark
-    assert held_by_assumption(untold, ("MAP", "MPAP"), ("Rmc",)) == []
+    assert avoidable_assumptions(untold, ("MAP", "MPAP"), ("Rmc",)) == []
     given = read_mapping(RAW | {"fluid": {"extra_volume_ml": 300}}).case
     for case, free in ((told, (VOLUME,)), (given, ("Rmc",))):
-        assert held_volume(case, ("MAP",), free) == held_by_assumption(case, ("CVP",), free) == []
+        assert (
+            remarks_on_fixed_volume(case, ("MAP",), free) == avoidable_assumptions(case, ("CVP",), free) == []
+        )
 
 
 def test_a_fit_that_holds_the_volume_says_so():

@@ -18,7 +18,7 @@ from eclsim.identification import cohort
 from eclsim.identification.cohort import fit_cohort, r_squared, stem
 from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.files import fits_object, write_fit_figures, write_fits, write_fitted_case
-from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, fit_cases, held_against_its_beat
+from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, checked_by_simulation, fit_cases
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
 from eclsim.identification.posterior import PosteriorSettings, posterior
@@ -234,7 +234,7 @@ def without_times(results: list[dict]) -> list[dict]:
 
 
 def test_a_cohort_in_shards_or_stopped_and_resumed_is_the_same_and_fitted_once(points, tmp_path, monkeypatch):
-    monkeypatch.setattr(cohort, "GROUP", 1)
+    monkeypatch.setattr(cohort, "POINTS_PER_GROUP", 1)
     whole = fitted(points, tmp_path / "whole")
     assert whole[1]["outputs"]["CO"]["measured"] is None
     assert whole[1]["line"] == 3
@@ -311,7 +311,7 @@ def test_where_valves_stay_shut_at_all_explored_sets_the_fit_says_so(shut):
     settings = replace(QUICK, parameters=("Emaxlv",), bounds={"Emaxlv": (0.08, 0.18)})
     fit = fit_case(shut, settings=settings)
     assert fit.status is FitStatus.ONE_OF_MANY
-    assert fit.optimum.shut == fit.optimum.explored
+    assert fit.optimum.explored_one_of_many == fit.optimum.explored
     assert fit.verdict.level is Level.POOR
     assert "valves stay shut all beat" in fit.verdict.reasons[0].sentence
     point = fits_object([fit.as_object()], settings.as_object())["points"][0]
@@ -322,7 +322,7 @@ def test_where_valves_stay_shut_at_all_explored_sets_the_fit_says_so(shut):
 
 
 def test_a_fit_that_ends_where_valves_stay_shut_is_poor_and_trusted_nowhere(fit, shut):
-    sealed = held_against_its_beat(replace(fit, case=shut))
+    sealed = checked_by_simulation(replace(fit, case=shut))
     assert sealed.status is FitStatus.ONE_OF_MANY
     assert sealed.verdict.level is Level.POOR
     (reason,) = [r for r in sealed.verdict.doubts if r.aspect is Aspect.SEARCH]

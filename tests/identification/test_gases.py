@@ -15,7 +15,7 @@ from eclsim.identification.density import (
     NoSteadyBeatError,
     PosteriorDensity,
     Prior,
-    approximate,
+    gaussian_approximation,
 )
 from eclsim.identification.fit import fit
 from eclsim.identification.multi_start import FitStatus, MultiStart
@@ -24,10 +24,10 @@ from eclsim.identification.posterior import PosteriorSettings, posterior, predic
 from eclsim.identification.quantities import Scale, measurement_errors
 from eclsim.identification.settings import (
     FitSettings,
+    avoidable_assumptions,
     checked_fit,
     free_parameters,
-    held_by_assumption,
-    held_oxygenator,
+    remarks_on_unmeasured_oxygenator,
 )
 from eclsim.identification.tracking import Tracker, TrackSettings
 from eclsim.identification.verdict import Aspect
@@ -188,15 +188,17 @@ def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_w
     assert any(f"free {CLOTTED} as well" in reason.sentence for reason in held.verdict.doubts)
     without = measured(true, (*pressures, *gases))[0].model_copy(update={"parameters": {}})
     assert CLOTTED not in free_parameters(without)
-    (word,) = held_oxygenator(without, gases, ("Rmc",))
+    (word,) = remarks_on_unmeasured_oxygenator(without, gases, ("Rmc",))
     assert word.startswith("the oxygenator is held as it was new, which SaO2, PaO2, SpreO2 follow from")
-    assert held_oxygenator(without, ("MAP",), ("Rmc",)) == []
-    assert held_oxygenator(case, gases, ("Rmc",)) == []
-    (word,) = held_oxygenator(without, gases, (CLOTTED, "gas.shunt_fraction"))
+    assert remarks_on_unmeasured_oxygenator(without, ("MAP",), ("Rmc",)) == []
+    assert remarks_on_unmeasured_oxygenator(case, gases, ("Rmc",)) == []
+    (word,) = remarks_on_unmeasured_oxygenator(without, gases, (CLOTTED, "gas.shunt_fraction"))
     assert word.startswith("no gas behind the oxygenator was measured: SaO2, PaO2, SpreO2 hardly tell a clot")
-    assert held_oxygenator(without, (*gases, "PpostO2"), (CLOTTED, "gas.shunt_fraction")) == []
-    assert held_oxygenator(without.model_copy(update={"ecmo": None}), gases, ("Rmc",)) == []
-    (word,) = held_oxygenator(without, gases, ("Rmc",))
+    assert (
+        remarks_on_unmeasured_oxygenator(without, (*gases, "PpostO2"), (CLOTTED, "gas.shunt_fraction")) == []
+    )
+    assert remarks_on_unmeasured_oxygenator(without.model_copy(update={"ecmo": None}), gases, ("Rmc",)) == []
+    (word,) = remarks_on_unmeasured_oxygenator(without, gases, ("Rmc",))
     sicker = fit(without, settings=replace(settings, parameters=("gas.shunt_fraction", "Rmc")))
     assert word in [reason.sentence for reason in sicker.verdict.remarks]
 
@@ -248,19 +250,19 @@ def test_a_wrong_shunt_that_is_held_is_not_hidden_in_the_cardiac_output():
 
 def test_a_shunt_is_assumed_where_it_was_left_out_and_not_where_it_has_the_usual_value():
     case, values = measured(with_values(CASE, {"gas.shunt_fraction": 0.4}), ("MAP", "SaO2"))
-    assert held_by_assumption(case, values, ("Rmc",)) == []
+    assert avoidable_assumptions(case, values, ("Rmc",)) == []
     given = read_mapping(tomllib.loads(case_text(case))).case
-    assert held_by_assumption(given, values, ("Rmc",)) == []
+    assert avoidable_assumptions(given, values, ("Rmc",)) == []
     mapping = case.as_mapping()
     del mapping["gas"]["shunt_fraction"]
     left_out = read_mapping(mapping).case
-    assert "the shunt of the lungs is held" in held_by_assumption(left_out, values, ("Rmc",))[0]
+    assert "the shunt of the lungs is held" in avoidable_assumptions(left_out, values, ("Rmc",))[0]
     # Written and read again it is still assumed; what a fit has found is not.
     again = read_mapping(tomllib.loads(case_text(with_values(left_out, {"Rmc": 0.7})))).case
     assert again == with_values(left_out, {"Rmc": 0.7})
-    assert held_by_assumption(again, values, ("Rmc",))
+    assert avoidable_assumptions(again, values, ("Rmc",))
     found = read_mapping(tomllib.loads(case_text(with_values(left_out, {"gas.shunt_fraction": 0.4})))).case
-    assert held_by_assumption(found, values, ("Rmc",)) == []
+    assert avoidable_assumptions(found, values, ("Rmc",)) == []
 
 
 def test_draws_that_extract_nearly_all_their_oxygen_are_a_doubt():
@@ -311,13 +313,13 @@ def test_without_a_steady_gas_state_nothing_is_fitted_to_gases_and_pressures_sti
     settings = FitSettings(("Rmc",), weights="uncertainty", multi_start=MultiStart.quick(8))
     nothing = fit(lost, settings=settings)
     assert nothing.status is FitStatus.NO_STEADY_GASES
-    assert (nothing.optimum.gasless, nothing.optimum.dropped) == (8, 0)
+    assert (nothing.optimum.explored_without_gases, nothing.optimum.explored_without_beat) == (8, 0)
     assert "steady gas state" in nothing.verdict.reasons[0].sentence
     assert nothing.as_object()["parameters"]["Rmc"]["value"] is None
     box = Box.of(checked_fit(lost, settings).free)
     density = PosteriorDensity(model_of(lost), {"SaO2": 90.0}, {"SaO2": 2.0}, Prior.within(box))
     with pytest.raises(NoSteadyBeatError, match=r"gases were measured.* raise the ventilation or the sweep"):
-        approximate(density, box.start[None])
+        gaussian_approximation(density, box.start[None])
     pressures = lost.measurements.model_copy(update={"SaO2": None})
     tracker = Tracker(TrackSettings(settings))
     first = tracker.update("1", lost.model_copy(update={"measurements": pressures}))

@@ -11,7 +11,7 @@ from eclsim.identification.density import (
     NoSteadyBeatError,
     PosteriorDensity,
     Prior,
-    approximate,
+    gaussian_approximation,
 )
 from eclsim.identification.quantities import measurement_errors
 from eclsim.orbit.model import model_of
@@ -117,4 +117,4 @@ def test_a_highest_point_behind_shut_valves_is_refused():
     fixed = replace(fixed, model=fixed.model.with_values({"Emaxlv": 0.1, "ecmo.speed_rpm": 4500.0}))
     assert GradientEvaluator(fixed, np.zeros(1)).linear(np.zeros(1)) is None
     with pytest.raises(NoSteadyBeatError):
-        approximate(fixed, np.log([[1.5]]))
+        gaussian_approximation(fixed, np.log([[1.5]]))

@@ -141,11 +141,11 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     table = posterior_text(replace(result, predictions=(first, many)).as_object())
     assert "50 of 1000 draws have no steady heartbeat there and are not counted" in table
     assert table.count("NOT TO BE TRUSTED") == 1
-    gasless = replace(second, without_gases=0.05)
-    assert "50 of 1000 draws have no steady gas state" in gasless.doubts[0]
-    assert "intervals of gases speak of the others alone" in gasless.doubts[0]
+    explored_without_gases = replace(second, without_gases=0.05)
+    assert "50 of 1000 draws have no steady gas state" in explored_without_gases.doubts[0]
+    assert "intervals of gases speak of the others alone" in explored_without_gases.doubts[0]
     assert "there are no intervals of gases" in replace(second, without_gases=1.0).doubts[0]
-    table = posterior_text(replace(result, predictions=(first, gasless)).as_object())
+    table = posterior_text(replace(result, predictions=(first, explored_without_gases)).as_object())
     assert "50 of 1000 draws have no steady gas state there: gases of the others" in table
     outputs = result.weighted.outputs.copy()
     outputs[:3] = np.nan
@@ -193,8 +193,8 @@ def test_a_posterior_of_patients_that_cannot_be_is_not_trusted(result):
     first, second = result.predictions
     assert result.as_object()["predictions"][0]["draws_impossible"] == 0
     impossible = replace(first, impossible=0.05)
-    assert "50 of 1000 draws are beats that no patient can have" in impossible.beyond_patients[0]
-    assert not first.beyond_patients
+    assert "50 of 1000 draws are beats that no patient can have" in impossible.warning_of_impossible_beats[0]
+    assert not first.warning_of_impossible_beats
     table = posterior_text(replace(result, predictions=(first, replace(second, impossible=0.05))).as_object())
     assert "50 of 1000 draws are beats that no patient can have" in table
     assert table.count("NOT TO BE TRUSTED") == 1

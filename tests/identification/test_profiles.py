@@ -7,10 +7,10 @@ from eclsim.identification.least_squares import EXACT, Termination, polish, refi
 from eclsim.identification.objective import RISE_90, Box
 from eclsim.identification.profiles import (
     held_fits,
-    held_values,
     interval_90,
     profiles,
-    without_beat_beyond,
+    sides_without_beat,
+    values_to_hold,
 )
 from eclsim.identification.quantities import Scale
 from function_objective import FunctionObjective
@@ -87,7 +87,7 @@ def test_a_follower_of_an_undetermined_parameter_is_seen():
 def test_nothing_undetermined_needs_no_fit():
     (result,) = held_fits(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
     assert len(result.held) == 0
-    held, values = held_values(np.zeros(2), BOX, [1])
+    held, values = values_to_hold(np.zeros(2), BOX, [1])
     assert set(held) == {1}
     assert np.all(np.abs(values) > 0.5)
 
@@ -142,8 +142,8 @@ def test_an_interval_ends_where_there_is_no_steady_beat():
     costs = np.where(VALUES == 1.0, 4.9, 5.0)
     costs[7] = np.nan
     assert interval_90(VALUES, costs, LOG) == (VALUES[0], VALUES[7])
-    assert without_beat_beyond(costs) == ("upper",)
+    assert sides_without_beat(costs) == ("upper",)
     costs[3] = np.nan
     assert interval_90(VALUES, costs, LOG) == (VALUES[3], VALUES[7])
-    assert without_beat_beyond(costs) == ("lower", "upper")
-    assert without_beat_beyond(np.full(9, 5.0)) == ()
+    assert sides_without_beat(costs) == ("lower", "upper")
+    assert sides_without_beat(np.full(9, 5.0)) == ()

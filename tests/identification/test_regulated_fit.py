@@ -18,7 +18,7 @@ from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.regulation import GAIN, NORADRENALINE_SPREAD, sensitivity
-from eclsim.sensitivity.inputs import varied
+from eclsim.sensitivity.inputs import varied_inputs
 
 SENSITIVITY = sensitivity("noradrenaline")
 TRUTH = {GAIN: 0.4, SENSITIVITY: 1.7}
@@ -64,7 +64,7 @@ def test_the_prior_of_a_sensitivity_is_what_was_published():
 
 def test_both_are_inputs_of_an_analysis_within_what_is_allowed():
     own = case()
-    result = varied(own, model_of(own).values, (GAIN, SENSITIVITY)).inputs
+    result = varied_inputs(own, model_of(own).values, (GAIN, SENSITIVITY)).inputs
     assert [(one.low, one.high) for one in result] == [(0.75, 1.2), (0.75, 1.25)]
 
 

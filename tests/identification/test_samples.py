@@ -8,15 +8,17 @@ import pytest
 import xarray as xr
 
 from eclsim.cases.case import Case, Patient
-from eclsim.identification.samples import MOST, SamplesError, doubts_of, read_samples, write_samples
+from eclsim.identification.samples import MOST_SAMPLES, SamplesError, doubts_of, read_samples, write_samples
 
 
 def test_samples_are_read_and_thinned(tmp_path):
     file = tmp_path / "samples.csv"
-    file.write_text("Rmc, heart_rate_bpm\n" + "".join(f"{0.5 + k * 1e-4},90\n" for k in range(2 * MOST)))
+    file.write_text(
+        "Rmc, heart_rate_bpm\n" + "".join(f"{0.5 + k * 1e-4},90\n" for k in range(2 * MOST_SAMPLES))
+    )
     result = read_samples(file)
     assert set(result) == {"Rmc", "heart_rate_bpm"}
-    assert len(result["Rmc"]) == MOST
+    assert len(result["Rmc"]) == MOST_SAMPLES
     assert result["Rmc"][1] == pytest.approx(0.5002)
 
 
@@ -61,7 +63,7 @@ def test_a_decimal_comma_is_named(tmp_path):
 
 
 def test_what_is_written_is_read(tmp_path):
-    draws = np.random.default_rng(0).uniform(0.3, 0.7, (2 * MOST, 1))
+    draws = np.random.default_rng(0).uniform(0.3, 0.7, (2 * MOST_SAMPLES, 1))
     write_samples(("Rmc",), draws, tmp_path / "samples.csv")
     assert read_samples(tmp_path / "samples.csv")["Rmc"] == pytest.approx(draws[::2, 0].tolist(), rel=1e-7)
 

@@ -4,7 +4,12 @@ import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.identification.report import track_page
-from eclsim.identification.series import cleared, copied, series_of, series_parameters
+from eclsim.identification.series import (
+    copied_measurements,
+    falling_clotting,
+    series_of,
+    series_parameters,
+)
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import Innovation, Interval, TrackedPoint, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
@@ -164,17 +169,19 @@ def a_point(name: str, clotted: tuple[float, float, float], **measured: float) -
 def test_a_membrane_that_clears_was_exchanged_or_a_gas_is_wrong():
     """An exchange on the seventh morning was followed without a word."""
     old = a_point("1", (0.33, 0.36, 0.40))
-    message = cleared(old, a_point("2", (0.05, 0.10, 0.16)))
+    message = falling_clotting(old, a_point("2", (0.05, 0.10, 0.16)))
     assert message.startswith("the clotted share of the oxygenator fell from 0.36 (0.33 to 0.40) to 0.10")
     assert "exchanged, or a gas behind it is wrong" in message
-    assert not cleared(a_point("1", (0.05, 0.38, 0.80)), a_point("2", (0.04, 0.30, 0.75)))
-    assert not cleared(old, a_point("2", (0.40, 0.44, 0.48)))
+    assert not falling_clotting(a_point("1", (0.05, 0.38, 0.80)), a_point("2", (0.04, 0.30, 0.75)))
+    assert not falling_clotting(old, a_point("2", (0.40, 0.44, 0.48)))
 
 
 def test_measurements_that_are_copied_forward_count_twice():
     """Eight values the same to the last digit, five minutes later, were learnt from as new."""
     old = a_point("08:00", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.7)
-    word = copied(old, a_point("08:05", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.7))
+    word = copied_measurements(old, a_point("08:05", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.7))
     assert word.startswith("all 3 measurements are those of 08:00: copied forward they count twice")
-    assert not copied(old, a_point("08:05", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.8))
-    assert not copied(a_point("1", (0.1, 0.2, 0.3), MAP=82), a_point("2", (0.1, 0.2, 0.3), MAP=82))
+    assert not copied_measurements(old, a_point("08:05", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.8))
+    assert not copied_measurements(
+        a_point("1", (0.1, 0.2, 0.3), MAP=82), a_point("2", (0.1, 0.2, 0.3), MAP=82)
+    )

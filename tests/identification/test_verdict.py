@@ -194,8 +194,10 @@ def test_an_end_a_factor_of_six_further_out_is_said_though_widths_are_alike():
 
 
 def test_an_interval_that_no_heartbeat_was_found_beyond_has_no_limit_there():
-    bounds, beatless = {"Rmc": (0.05, 5.0)}, {"Rmc": ("upper",)}
-    (sentence,) = profile_reasons("Rmc", (0.52, 0.45, 0.6), (0.48, 0.55), bounds, beatless=beatless)
+    bounds, ends_without_beat = {"Rmc": (0.05, 5.0)}, {"Rmc": ("upper",)}
+    (sentence,) = profile_reasons(
+        "Rmc", (0.52, 0.45, 0.6), (0.48, 0.55), bounds, ends_without_beat=ends_without_beat
+    )
     assert "no steady heartbeat was found beyond the upper end of the latter" in sentence
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from eclsim.orbit.model import PATIENT_HELD, UnknownValueError
-from eclsim.outputs.registry import contract
+from eclsim.outputs.registry import leading_outputs
 from eclsim.outputs.results import derivatives, simulate, simulate_course, simulate_many
 from model_catalogue import model
 
@@ -22,7 +22,7 @@ def test_everything_has_a_unit_and_a_name(beat):
         assert variable.attrs["long_name"]
     assert beat.attrs["converged"] == 1
     assert beat.attrs["blood_volume_policy"] == "as_published"
-    assert all(entry.name in beat for entry in contract())
+    assert all(entry.name in beat for entry in leading_outputs())
 
 
 def test_derivatives_and_batches_carry_units_and_refuse_what_is_misspelt():

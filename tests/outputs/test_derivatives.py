@@ -85,9 +85,9 @@ def test_sums_that_nobody_asked_for_change_no_derivative(given, monkeypatch):
 def test_a_signal_that_several_sums_share_stands_in_as_many_places():
     circuit = model_of(read_mapping(GIVEN).case).circuit
     usual = derivatives.usual_sums(circuit)
-    signals, places = derivatives._rounded_up(("Pao", "Pao", "Qpas"), usual)
+    signals, places = derivatives._smallest_usual_list(("Pao", "Pao", "Qpas"), usual)
     assert signals == usual[0]
     assert [signals[k] for k in places] == ["Pao", "Pao", "Qpas"]
     assert len(set(places)) == 3
     unusual = ("Pao",) * 9
-    assert derivatives._rounded_up(unusual, usual) == (unusual, tuple(range(9)))
+    assert derivatives._smallest_usual_list(unusual, usual) == (unusual, tuple(range(9)))

@@ -6,15 +6,15 @@ import pytest
 from eclsim.cases.presets import PRESETS
 from eclsim.outputs.alarms import findings
 from eclsim.outputs.limits import (
-    OF_COURSES,
+    COURSE_LIMITS,
     all_limits,
     broken_limits,
+    gravest,
     level,
     levels,
     limits_of,
     place_levels,
     places_with_limits,
-    worst,
 )
 from eclsim.outputs.registry import all_outputs
 from eclsim.patient.anthropometry import SIZE
@@ -85,7 +85,7 @@ def test_a_compartment_takes_the_worst_of_its_outputs():
     assert place_levels({"MAP": 80.0, "pulse_pressure": 2.0})["ao"] == "warning"
     assert place_levels({"MAP": 80.0, "pulse_pressure": 2.0, "lvad_flow": 4.0})["ao"] == "ok"
     assert set(place_levels({}).values()) == {"ok"}
-    assert worst(["ok", "alarm", "warning"]) == "alarm"
+    assert gravest(["ok", "alarm", "warning"]) == "alarm"
 
 
 def test_gases_of_the_lower_body_have_limits_and_are_said_once():
@@ -117,7 +117,7 @@ def test_the_documented_table_is_the_table():
         for kind, cell in zip(kinds, cells, strict=True):
             for side, value in re.findall(r"(below|above) (−?[\d.]+)", cell):
                 result.add((name, kind, side, float(value.replace("−", "-"))))
-    limits = (*all_limits(), *OF_COURSES)
+    limits = (*all_limits(), *COURSE_LIMITS)
     assert result == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in limits}
 
 

@@ -18,7 +18,7 @@ from eclsim.outputs.registry import (
     UnknownOutputError,
     all_outputs,
     available,
-    contract,
+    leading_outputs,
     output,
     unavailable,
 )
@@ -87,7 +87,7 @@ def test_names_are_unique_and_all_are_described():
 
 
 def test_the_contract_comes_first_in_its_order():
-    names = [entry.name for entry in contract()]
+    names = [entry.name for entry in leading_outputs()]
     order = "SP DP MAP MPAP PCWP CO PF SPAP DPAP EDVLV ESVLV EDVRV ESVRV EDVLA ESVLA EDVRA ESVRA"
     assert names == order.split()
     assert list(OUTPUTS)[:17] == names

@@ -12,13 +12,13 @@ from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.devices.ecmo import ecmo
-from eclsim.identification.density import members_of
+from eclsim.identification.density import beats_of_members
 from eclsim.orbit.model import model_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.alarms import findings
 from eclsim.outputs.results import simulate, simulate_many
-from eclsim.outputs.sealed import SHUT_L_MIN, sealed
+from eclsim.outputs.sealed import CLOSED_VALVE_L_MIN, sealed
 from eclsim.outputs.steady_beat import measured, steady_beat
 from eclsim.patient.circulation import circulation
 from eclsim.reporting.beat_values import case_name
@@ -133,7 +133,7 @@ def test_analyses_of_many_take_no_number_from_it():
     runs = evaluator(changes, 2)
     assert [Status(k).word for k in runs.status] == ["converged", "one_of_many"]
     assert list(np.isfinite(runs.values[:, 0])) == [True, False]
-    draws = members_of(patient, {**patient.values, **changes}, 2, ("MAP",)).values.T
+    draws = beats_of_members(patient, {**patient.values, **changes}, 2, ("MAP",)).values.T
     assert list(np.isfinite(draws[:, 0])) == [True, False]
     with pytest.raises(NoDerivativesError, match="singular"):
         beat.linearise(("MAP",), ("Rmc",), 1)
@@ -173,6 +173,6 @@ def test_only_what_the_closed_valves_part_is_named():
 def test_one_closed_valve_shuts_nothing_in():
     for name in SHUT:
         assert sealed(dict.fromkeys(SHUT, 5.0) | {name: 0.0}, BARE) is None
-    assert sealed(dict.fromkeys(SHUT, 2.0 * SHUT_L_MIN), BARE) is None
+    assert sealed(dict.fromkeys(SHUT, 2.0 * CLOSED_VALVE_L_MIN), BARE) is None
     assert sealed({}, BARE) is None
     assert [f.quantity for f in findings(SHUT, {}, BARE)] == ["aortic_valve_flow", "Vrv"]

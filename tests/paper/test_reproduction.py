@@ -48,7 +48,7 @@ def bar(printed) -> float:
 @pytest.mark.slow
 def test_one_unstated_number_explains_what_differs():
     result = reproduce_crrt()
-    found = result.unstated
+    found = result.unprinted
     assert found.blood_volume_ml == pytest.approx(3247.0, abs=10.0)
     assert found.heart_rate_bpm == pytest.approx(118.0, abs=4.0)
     assert found.misfit < 0.6 < found.assumed_misfit

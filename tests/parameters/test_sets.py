@@ -1,6 +1,6 @@
 import pytest
 
-from eclsim.devices.registry import UnknownParameterError, find, parameters
+from eclsim.devices.registry import UnknownParameterError, find_parameter, parameters
 from eclsim.parameters import shi_hose2009, thiel2025
 from eclsim.parameters.thiel2025 import BOUNDS
 
@@ -59,14 +59,14 @@ def test_the_fitted_patient_lies_within_the_bounds():
 
 
 def test_lookups():
-    assert find("Rmc").value == 0.5
-    assert find("ηB") is find("etaB")
-    assert find("emaxLV").key == "Emaxlv"
-    assert find("Compliance of systemic artery").key == "Csart"
+    assert find_parameter("Rmc").value == 0.5
+    assert find_parameter("ηB") is find_parameter("etaB")
+    assert find_parameter("emaxLV").key == "Emaxlv"
+    assert find_parameter("Compliance of systemic artery").key == "Csart"
     with pytest.raises(UnknownParameterError, match="did you mean Emaxlv"):
-        find("Emaxl")
+        find_parameter("Emaxl")
     with pytest.raises(UnknownParameterError, match=r"unknown parameter 'qqqq'$"):
-        find("qqqq")
+        find_parameter("qqqq")
 
 
 def test_the_mapping_of_all_parameters_cannot_be_changed():

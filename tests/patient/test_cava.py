@@ -10,7 +10,7 @@ from eclsim.orbit.independent import AdaptiveBeats
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch, solve
 from eclsim.outputs.alarms import findings
-from eclsim.outputs.registry import contract
+from eclsim.outputs.registry import leading_outputs
 from eclsim.outputs.results import derivatives, simulate, simulate_many
 from eclsim.patient.circulation import Anatomy, circulation
 
@@ -85,7 +85,7 @@ def test_blood_that_is_given_is_given_whole():
 @pytest.mark.parametrize("sections", [{}, {"ecmo": VA | {"speed_rpm": 3000}}], ids=["no device", "V-A"])
 def test_numbers_of_a_filled_patient_stay(sections):
     one, other = (simulate(model_of(case(collapsible, **sections))) for collapsible in (False, True))
-    for entry in contract():
+    for entry in leading_outputs():
         if entry.name in one:
             bar = 0.05 if entry.name == "EDVRA" else 0.02
             assert float(other[entry.name]) == pytest.approx(float(one[entry.name]), rel=bar), entry.name

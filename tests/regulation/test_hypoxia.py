@@ -6,7 +6,7 @@ import pytest
 
 from eclsim.regulation.hypoxia import (
     LAG_S,
-    WANTED,
+    WANTED_RESISTANCE,
     HypoxicVasoconstriction,
     alveolar_po2,
     lung_law,
@@ -48,9 +48,9 @@ def test_rest_shunt_and_apnoea():
 
 def test_in_courses_it_begins_in_effect_and_follows_with_its_lag():
     law = HypoxicVasoconstriction()
-    state = law.start({}, {WANTED: np.array([1.0])})
+    state = law.start({}, {WANTED_RESISTANCE: np.array([1.0])})
     assert law.in_effect(state, {})["regulation.hypoxic_resistance"] == pytest.approx(1.0, rel=1e-12)
-    rate = law.rates(state, {}, {WANTED: np.array([1.4])}, {})[law.factor]
+    rate = law.rates(state, {}, {WANTED_RESISTANCE: np.array([1.4])}, {})[law.factor]
     assert rate * LAG_S == pytest.approx(np.log(1.4))
-    unknown = law.rates(state, {}, {WANTED: np.zeros(1)}, {})[law.factor]
+    unknown = law.rates(state, {}, {WANTED_RESISTANCE: np.zeros(1)}, {})[law.factor]
     assert not unknown.any()

@@ -35,7 +35,7 @@ def drained():
 
 
 def test_what_clinicians_ask_first_stands_in_the_table(capsys, monkeypatch):
-    monkeypatch.setattr(summary, "_WIDTH_OF_PIPES", 80)
+    monkeypatch.setattr(summary, "_WIDTH_WITHOUT_TERMINAL", 80)
     result = simulated(ecmo=ECMO, parameters={"Emaxlv": 0.6})
     text = shown(capsys, [result])
     for name, symbol in summary._SYMBOLS.items():

@@ -24,8 +24,8 @@ from eclsim.sensitivity.analysis import (
     state_values,
 )
 from eclsim.sensitivity.identifiability import identifiability
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, InputError, Uncertainty, varied
-from eclsim.sensitivity.results import conclude
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, InputError, Uncertainty, varied_inputs
+from eclsim.sensitivity.results import indices_of_runs
 from eclsim.validation.reference_cases import DATA
 
 CASE = """
@@ -112,7 +112,7 @@ def test_a_negative_value_is_varied_like_any_other(case, value, message):
     """It is outside of its range, or not; a percentage of it varies it all the same."""
     base = {"P0svn": value}
     with pytest.raises(InputError, match=message):
-        varied(case, base, ("P0svn",))
+        varied_inputs(case, base, ("P0svn",))
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
     stopped = result.status == Status.ONE_OF_MANY
     rows = stopped.reshape(8, -1).any(axis=1)
     assert 2 <= (~rows).sum() < 8
-    indices = conclude(plan.design, plan.evaluator.outputs, result).indices
+    indices = indices_of_runs(plan.design, plan.evaluator.outputs, result).indices
     assert {run.run for run in indices.failed} == set(np.flatnonzero(result.status))
     assert {run.status for run in indices.failed} == {"one_of_many"}
     assert indices.union() == []
@@ -201,11 +201,11 @@ def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
     assert indices.rows_used == (result.status == 0).reshape(8, -1).all(axis=1).sum()
     # What a failed run computed changes nothing: its row is left out of every estimate.
     absurd = replace(result, values=np.where(result.status[:, None] == 0, result.values, 1e6))
-    again = conclude(plan.design, plan.evaluator.outputs, absurd).indices
+    again = indices_of_runs(plan.design, plan.evaluator.outputs, absurd).indices
     np.testing.assert_array_equal(again.estimates.ST, indices.estimates.ST)
     kept = replace(result, status=np.zeros_like(result.status), values=absurd.values)
     assert not np.array_equal(
-        conclude(plan.design, plan.evaluator.outputs, kept).indices.estimates.ST, indices.estimates.ST
+        indices_of_runs(plan.design, plan.evaluator.outputs, kept).indices.estimates.ST, indices.estimates.ST
     )
 
 

@@ -17,7 +17,7 @@ from eclsim.sensitivity.analysis import Analysis, SobolSettings, merge_shards, r
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.failures import failed_region
 from eclsim.sensitivity.inputs import Categorical, Continuous
-from eclsim.sensitivity.results import SensitivityResult, conclude
+from eclsim.sensitivity.results import SensitivityResult, indices_of_runs
 from eclsim.sensitivity.runs import DESIGN, SAMPLES, Runs, SteadyBeatEvaluator
 from eclsim.simulation.single import simulate_many
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
@@ -205,7 +205,7 @@ def test_failed_runs_take_their_rows_along_and_are_named(plan):
     lost = [3, 5 * design.runs_per_row + 4, 5 * design.runs_per_row + 7, 900 * design.runs_per_row]
     values[lost], status[lost] = np.nan, 2
     broken = replace(runs, values=values, status=status)
-    indices = conclude(design, plan.evaluator.outputs, broken).indices
+    indices = indices_of_runs(design, plan.evaluator.outputs, broken).indices
     assert [f.run for f in indices.failed] == lost
     assert [f.row for f in indices.failed] == [0, 5, 5, 900]
     assert [f.point for f in indices.failed] == ["AB x3", "BA x1", "B", "A"]
@@ -215,7 +215,7 @@ def test_failed_runs_take_their_rows_along_and_are_named(plan):
     # The same as a design that never had these rows.
     rows = np.delete(values.reshape(4096, design.runs_per_row, 2), [0, 5, 900], axis=0)
     without = Runs.of(rows.reshape(-1, 2))
-    again = conclude(design, plan.evaluator.outputs, without).indices
+    again = indices_of_runs(design, plan.evaluator.outputs, without).indices
     assert np.array_equal(indices.estimates.ST, again.estimates.ST)
 
 
@@ -225,7 +225,7 @@ def with_failures(plan: Analysis, failed) -> SensitivityResult:
     unit = design.unit()
     lost = failed(*(i.table_column(unit[:, k]) for k, i in enumerate(design.inputs)))
     runs = Runs.joined([plan.block(b) for b in range(design.blocks)])
-    return conclude(design, plan.evaluator.outputs, replace(runs, status=np.where(lost, 2, 0)))
+    return indices_of_runs(design, plan.evaluator.outputs, replace(runs, status=np.where(lost, 2, 0)))
 
 
 def test_it_is_said_where_among_the_inputs_runs_failed(plan):
@@ -290,7 +290,7 @@ def test_when_every_row_has_failed_it_says_so(plan):
     result = plan.block(0)
     broken = replace(result, status=np.ones_like(result.status))
     with pytest.raises(ValueError, match="256 of 256 rows have a failed run"):
-        conclude(replace(plan.design, samples=256), plan.evaluator.outputs, broken)
+        indices_of_runs(replace(plan.design, samples=256), plan.evaluator.outputs, broken)
 
 
 def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
@@ -324,7 +324,7 @@ def test_runs_that_no_patient_can_have_are_counted_and_said():
     alone = simulate_many(patient, settings, ["MAP"])
     expected = ((alone["impossible"] == 1) & (alone["status"] == "converged")).to_numpy()
     np.testing.assert_array_equal(runs.impossible & (runs.status == 0), expected & (runs.status == 0))
-    indices = conclude(plan.design, ("MAP",), runs).indices
+    indices = indices_of_runs(plan.design, ("MAP",), runs).indices
     assert indices.as_object()["impossible"] == indices.impossible > 0
     assert any(f"{indices.impossible} of the runs that count" in text for text in indices.doubts)
     assert not any("no patient" in text for text in replace(indices, impossible=0).doubts)

@@ -14,13 +14,13 @@ from eclsim.simulation.sweep import (
     SweepError,
     as_table,
     parse_sweep,
-    stops_short,
+    remarks_on_last_values,
     sweep_cases,
     sweep_object,
     write_csv,
     write_netcdf,
 )
-from eclsim.simulation.target_flow import speed_found
+from eclsim.simulation.target_flow import solved_speed_of
 
 CASE = read_mapping(
     {
@@ -132,7 +132,7 @@ def test_another_circuit_and_a_key_without_effect_are_refused(key, values, text)
 
 def test_a_flow_is_solved_for_at_each_value_and_what_is_out_of_reach_is_blank(flows):
     assert [bool(result.attrs["converged"]) for result in flows.results] == [True, True, False]
-    speeds = [speed_found(result).speed_rpm for result in flows.results[:2]]
+    speeds = [solved_speed_of(result).speed_rpm for result in flows.results[:2]]
     assert 1000 < speeds[0] < speeds[1] < 5000
     table = as_table(flows)
     np.testing.assert_allclose(table["PF"], [2.0, 4.0, np.nan], atol=1e-6)
@@ -148,7 +148,7 @@ def test_the_files_hold_the_reason_and_no_number_without_a_beat(flows, tmp_path)
     assert written["sweep"]["failed"] == [9.0]
     assert [case["swept"] for case in written["cases"]] == [{"ecmo.flow_l_min": v} for v in (2.0, 4.0, 9.0)]
     assert written["cases"][2]["outputs"] == {}
-    assert written["cases"][1]["solved"]["ecmo.speed_rpm"] == speed_found(flows.results[1]).speed_rpm
+    assert written["cases"][1]["solved"]["ecmo.speed_rpm"] == solved_speed_of(flows.results[1]).speed_rpm
     write_csv(flows, tmp_path / "sweep.csv")
     rows = pd.read_csv(tmp_path / "sweep.csv")
     assert list(rows["ecmo.flow_l_min [L/min]"]) == [2.0, 4.0, 9.0]
@@ -184,9 +184,13 @@ def test_an_impossible_beat_has_hollow_markers(flows):
 
 
 def test_a_range_that_misses_its_last_value_is_said():
-    (message,) = stops_short("Rmc=0.5:0.8:0.2,1")
+    (message,) = remarks_on_last_values("Rmc=0.5:0.8:0.2,1")
     assert message == "--sweep: 0.5:0.8:0.2 ends at 0.7: 0.8 is no whole number of steps away"
-    assert stops_short("ecmo.speed_rpm=2000:4500:250") == stops_short("Rmc=0.1:0.7:0.1") == []
+    assert (
+        remarks_on_last_values("ecmo.speed_rpm=2000:4500:250")
+        == remarks_on_last_values("Rmc=0.1:0.7:0.1")
+        == []
+    )
 
 
 @pytest.mark.slow

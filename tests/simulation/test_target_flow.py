@@ -16,7 +16,7 @@ from eclsim.simulation.single import NOT_REACHED, simulate, simulate_transient
 from eclsim.simulation.target_flow import (
     TOLERANCE_L_MIN,
     FlowNotReachedError,
-    speed_found,
+    solved_speed_of,
     speeds_for_flows,
     with_speed,
 )
@@ -58,7 +58,7 @@ def test_the_public_function_solves_for_the_speed_of_a_file(tmp_path):
     file.write_text(case_text(case()), encoding="utf-8")
     beat = eclsim.simulate(file)
     assert float(beat["PF"]) == pytest.approx(4.0, abs=TOLERANCE_L_MIN)
-    assert speed_found(beat) == speed_found(simulate(case())) == with_speed(case())[1]
+    assert solved_speed_of(beat) == solved_speed_of(simulate(case())) == with_speed(case())[1]
     assert eclsim.simulate(model_of(with_speed(case())[0]))["MAP"] == beat["MAP"]
 
 
@@ -129,7 +129,7 @@ def test_a_fit_refuses_a_target_in_one_sentence():
 # --- the search itself, on functions whose answer is known ----------------------------------------
 
 
-def told(function):
+def with_messages(function):
     def flows(members, speeds):
         result = function(speeds)
         return result, ["settled" if np.isfinite(flow) else "no steady beat" for flow in result]
@@ -139,7 +139,7 @@ def told(function):
 
 @pytest.mark.parametrize("power", [1, 3, 9])
 def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
-    curve = told(lambda s: 6.0 * (s / 5000.0) ** power)
+    curve = with_messages(lambda s: 6.0 * (s / 5000.0) ** power)
     expected = np.array([2.0, 6.0, 1.0, 7.0])
     speeds, reasons = speeds_for_flows(curve, expected, (1000.0, 5000.0))
     within = [not reason for reason in reasons]
@@ -160,7 +160,7 @@ def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
     ],
 )
 def test_what_cannot_be_found_is_said(function, expected, text):
-    (speed,), (reason,) = speeds_for_flows(told(function), np.array([expected]), (1000.0, 5000.0))
+    (speed,), (reason,) = speeds_for_flows(with_messages(function), np.array([expected]), (1000.0, 5000.0))
     assert np.isnan(speed)
     assert text in reason
 
@@ -176,7 +176,7 @@ def test_each_variant_has_a_speed_of_its_own_and_the_flow():
     assert "highest flow reached" in str(result["message"].values[2])
     for member, flow in ((0, 4.0), (1, 3.0)):
         single = simulate(apply_settings(case(flow), [f"Rmc={resistances[member]}"]))
-        solved = speed_found(single)
+        solved = solved_speed_of(single)
         assert solved is not None
         assert float(result["ecmo.speed_rpm"][member]) == pytest.approx(solved.speed_rpm, rel=1e-7)
         assert float(result["MAP"][member]) == pytest.approx(float(single["MAP"]), rel=1e-8)
@@ -204,7 +204,7 @@ def test_derivatives_hold_the_flow():
             slope = (float(high[name][0]) - float(low[name][0])) / (2.0 * step)
             assert float(exact.sel(output=name)[k]) == pytest.approx(slope, rel=2e-3, abs=2e-3)
     assert float(exact.sel(output="PF", parameter="Rmc")) == pytest.approx(0.0, abs=1e-12)
-    assert speed_found(exact) == with_speed(case())[1]
+    assert solved_speed_of(exact) == with_speed(case())[1]
     with pytest.raises(UnknownValueError, match="follows from the flow"):
         eclsim.derivatives(case(), names, ("ecmo.speed_rpm",))
     with pytest.raises(FlowNotReachedError, match="highest flow"):

@@ -10,9 +10,9 @@ from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import CANNULAE
 from eclsim.validation.reference_cases import (
     DATA,
-    OF_RANGE,
     PAPER_PATIENT,
     QUICK,
+    SHARE_OF_RANGE,
     WAVEFORM_ABSOLUTE,
     case_names,
     expected_results,
@@ -83,7 +83,9 @@ def tolerance(statistic: str) -> tuple[float, float]:
     """Expected number of a statistic of a waveform, and its tolerance."""
     case, signal, kind = statistic.split()
     numbers = expected_results()[case]["waveforms"][signal]
-    return numbers[kind], max(OF_RANGE * (numbers["max"] - numbers["min"]), WAVEFORM_ABSOLUTE[signal[0]])
+    return numbers[kind], max(
+        SHARE_OF_RANGE * (numbers["max"] - numbers["min"]), WAVEFORM_ABSOLUTE[signal[0]]
+    )
 
 
 @pytest.mark.parametrize("row", table("published_laws.csv"), ids=lambda row: row["statistic"])

@@ -69,7 +69,7 @@ def test_share_refilled_by_the_trials_haemoglobin_is_that_of_its_means():
 
 def test_a_course_of_the_validation_takes_other_rates_later_and_keeps_water():
     man = fluid.Patient(fluid.healthy("heldt2010"))
-    rates = {"albumin_ml": 1.0, fluid.UF: 0.5}
+    rates = {"albumin_ml": 1.0, fluid.ULTRAFILTRATION_KEY: 0.5}
     _, states = man.course(1.0, rates, then=(600.0, {"bleed_ml": 0.1}))
     given, removed = (states[name][-1] for name in (GIVEN, REMOVED))
     assert given == pytest.approx(600.0, rel=1e-6)

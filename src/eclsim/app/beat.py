@@ -25,20 +25,20 @@ from eclsim.outputs.limits import levels, place_levels
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.reporting.saturation import colour_of, letters_on
+from eclsim.reporting.saturation import colour_of, text_colour_on
 from eclsim.reporting.schematic_layout import dead_ends
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
-    from eclsim.course.beats import PassingBeat
+    from eclsim.course.beats import TransientBeat
 
 
 def page_circuit(case: Case, at_rest: bool = True) -> tuple[Circuit, dict[str, float]]:
     """Circuit and values of a case.
 
     Args:
-        case: `PageState.computed`.
+        case: `PageState.computed_case`.
         at_rest: whether the resting pressures that open set points refer to are computed; else they are NaN.
 
     Where all movable lines of a device are at positions of one other device, they are chosen by a value; else
@@ -58,7 +58,7 @@ def _same(circuit: Circuit) -> Circuit:
 
 
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
-"""What is shown of blood: %, mmHg, mmHg, -, and contents [mL/dL]."""
+"""Quantities of blood shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
 POINTS = 200
 """Points of a waveform on the page: 5 ms at 60 beats a minute."""
 
@@ -79,7 +79,7 @@ class Beat:
         message: in words.
         gas_status: how the search for its steady gas state ended; None where gases are not computed.
         gases: of the blood everywhere, where there is a steady gas state.
-        passing: whether it is one beat of many that follow each other, settled or not.
+        transient: whether it is one of many beats that follow each other, settled or not.
         effort: beats that the search computed; many where it began far away.
     """
 
@@ -94,7 +94,7 @@ class Beat:
     message: str
     gas_status: GasStatus | None = None
     gases: PlaceGases | None = None
-    passing: bool = False
+    transient: bool = False
     effort: int = 0
 
     @property
@@ -141,9 +141,9 @@ def compute_beat(
     Args:
         state: case and blood volume policy.
         start: where the search begins, if it is a beat of the same circuit.
-        begins: is told which program computes it, before that may have to be compiled.
+        begins: called with the program that computes it, before this may have to be compiled.
     """
-    circuit, values = page_circuit(state.computed)
+    circuit, values = page_circuit(state.computed_case)
     return beat_of(state, circuit, values, start, begins)
 
 
@@ -178,7 +178,7 @@ def beat_of(
     )  # fmt: skip
 
 
-def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
+def transient_beat(state: PageState, moment: TransientBeat) -> Beat:
     """A beat of a course beat by beat; the gases of compartments are not listed."""
     series = dict(zip(moment.signals, moment.waves.T, strict=True))
     waves = _evenly(series, moment.phases, moment.circuit, moment.values)
@@ -186,7 +186,7 @@ def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
     gas = GasStatus.STEADY if state.case.gas is not None else None
     return Beat(
         moment.circuit, moment.values, moment.period, waves, means, moment.outputs, tuple(moment.findings),
-        Status.CONVERGED, text("timeline_passing"), gas, passing=True,
+        Status.CONVERGED, text("timeline_passing"), gas, transient=True,
     )  # fmt: skip
 
 
@@ -215,7 +215,7 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "places": beat.place_levels(),
         "possible": beat.possible,
         "converged": beat.converged,
-        "passing": beat.passing,
+        "transient": beat.transient,
         "status": beat.status.word,
         "message": with_minus(beat.message),
         "gas": _plain_gases(beat),
@@ -228,11 +228,11 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         return None
     result: dict[str, Any] = {"message": with_minus(beat.gas_status.message), "places": {}, "exchanged": {}}
     if beat.gases is None:
-        steady = beat.converged and not beat.passing
+        steady = beat.converged and not beat.transient
         return (
             result
             if steady
-            else result | {"message": text("gases_passing") if beat.passing else beat.message}
+            else result | {"message": text("gases_passing") if beat.transient else beat.message}
         )
     without = dead_ends(beat.circuit)  # a balloon holds no blood of the patient
     for place, blood in beat.gases.places.items():
@@ -244,7 +244,7 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         percent = 100.0 * float(blood.saturation)
         numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)
         values = {name: float(number) for name, number in zip(GAS_COLUMNS, numbers, strict=True)}
-        colours = {"colour": colour_of(percent), "letters": letters_on(percent)}
+        colours = {"colour": colour_of(percent), "letters": text_colour_on(percent)}
         result["places"][place] = {"values": finite(values, digits=5), **colours}
     result["exchanged"] = finite({at: list(pair) for at, pair in beat.gases.exchanged.items()}, digits=6)
     return result

@@ -32,7 +32,7 @@ from eclsim.files import finite
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
-from eclsim.parameters.fluid import says_start
+from eclsim.parameters.fluid import sets_initial_value
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.slow import INFLOWS
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from eclsim.app.beat import Beat
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
-    from eclsim.course.beats import Marched
-    from eclsim.course.course import Followed
+    from eclsim.course.beats import BeatByBeatCourse
+    from eclsim.course.course import SteadyBeatCourse
 
 
 BEATS = (2, 10, 30)
@@ -53,7 +53,7 @@ HOURS = (60, 360, 720, 1440, 4320)
 LENGTHS = (*BEATS, *HOURS)
 MOST_EVENTS = 60
 MOST_ALARMS = 40
-MOST_LATE = 4
+MOST_LATE_EVENTS = 4
 
 
 @dataclass(frozen=True)
@@ -61,12 +61,12 @@ class PageCourse:
     """A computed course of a state."""
 
     state: PageState
-    followed: Followed | Marched
+    computed: SteadyBeatCourse | BeatByBeatCourse
 
     @property
     def times(self) -> list[float]:
         """Minutes of its moments, as the browser knows them."""
-        return [float(f"{minute:.7g}") for minute in np.asarray(self.followed.result["time_min"])]
+        return [float(f"{minute:.7g}") for minute in np.asarray(self.computed.result["time_min"])]
 
     @property
     def end(self) -> float:
@@ -75,12 +75,12 @@ class PageCourse:
 
     def beat(self, minute: float) -> Beat:
         """The beat at a minute, not behind the end: the steady one, or beat by beat the one that passes."""
-        from eclsim.app.beat import beat_of, passing_beat
-        from eclsim.course.beats import PassingBeat
+        from eclsim.app.beat import beat_of, transient_beat
+        from eclsim.course.beats import TransientBeat
 
-        moment = self.followed.at(minute)
-        if isinstance(moment, PassingBeat):
-            return passing_beat(self.state, moment)
+        moment = self.computed.at(minute)
+        if isinstance(moment, TransientBeat):
+            return transient_beat(self.state, moment)
         return beat_of(self.state, *moment)
 
 
@@ -97,15 +97,15 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
         CaseError: an event lies after its end, or connects the circuit in another way beat by beat.
     """
     from eclsim.course.alarms import clock_time
-    from eclsim.course.beats import marched
-    from eclsim.course.course import followed
+    from eclsim.course.beats import beat_by_beat_course
+    from eclsim.course.course import steady_beat_course
 
-    if late := [event.at_min for event in state.case.events if event.at_min >= minutes]:
+    if events_too_late := [event.at_min for event in state.case.events if event.at_min >= minutes]:
         beats = minutes in BEATS
-        times = ", ".join(clock_time(at, beats) for at in late[:MOST_LATE])
+        times = ", ".join(clock_time(at, beats) for at in events_too_late[:MOST_LATE_EVENTS])
         raise CaseError([Mistake("", text("timeline_late", times=times, end=clock_time(minutes, beats)))])
-    follow = marched if minutes in BEATS else followed
-    return PageCourse(state, follow(state.computed, minutes, state.policy))
+    compute = beat_by_beat_course if minutes in BEATS else steady_beat_course
+    return PageCourse(state, compute(state.computed_case, minutes, state.policy))
 
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
 
     Lanes that are seen unasked have gaps where no patient can have the beat.
     """
-    result = course.followed.result
+    result = course.computed.result
     alarms = json.loads(result.attrs["alarms"])
     impossible = impossible_moments(result)
     broken = [one | {"sentence": with_minus(one["sentence"])} for one in alarms if one["kind"] != CAUTION]
@@ -162,7 +162,9 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
         {"key": kind, "give": True, "label": text(f"give_{kind}"), "unit": "mL", "value": 300.0}
         for kind in INFLOWS
     ]
-    knobs = [k for k in controls(case) if isinstance(k, Knob) and k.key != VOLUME and not says_start(k.key)]
+    knobs = [
+        k for k in controls(case) if isinstance(k, Knob) and k.key != VOLUME and not sets_initial_value(k.key)
+    ]
     known = {knob.key for knob in knobs}
     labels = {one.key: one.label for one in case.instances()}
     entries = [
@@ -200,14 +202,14 @@ def with_event(case: Case, event: object) -> Case:
     events = list(raw.get("events", []))
     if not isinstance(event, dict) or len(events) >= MOST_EVENTS:
         raise CaseError([Mistake("events", text("course_full", most=MOST_EVENTS))])
-    added = _read(case, {key: event[key] for key in KEYS if key in event})
+    added = _with_numbers(case, {key: event[key] for key in KEYS if key in event})
     at = added.get("at_min")
     minute = float(at) if is_number(at) else 0.0
     raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])
     return read_mapping(raw).case
 
 
-def _read(case: Case, event: Mapping[str, Any]) -> dict[str, Any]:
+def _with_numbers(case: Case, event: Mapping[str, Any]) -> dict[str, Any]:
     """An event with numbers where somebody typed them; 0 minutes are left out: at once, a bolus.
 
     Raises:
@@ -256,12 +258,12 @@ def with_turn(case: Case, key: str, value: object, minute: float) -> Case:
 
 def case_at(case: Case, minute: float) -> Case:
     """The case as events have left it at a minute; without them."""
-    from eclsim.course.timeline import changed
+    from eclsim.course.timeline import case_with_settings
 
     start = now = case.model_copy(update={"events": ()})
     for event in case.events:
         if event.set and event.at_min <= minute + 1e-6:
-            now = changed(now, event.set, start)
+            now = case_with_settings(now, event.set, start)
     return now
 
 

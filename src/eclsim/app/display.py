@@ -18,7 +18,7 @@ from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
 from eclsim.patient.anthropometry import SIZE
-from eclsim.reporting.saturation import STOPS, letters_on
+from eclsim.reporting.saturation import COLOUR_STOPS, text_colour_on
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -90,7 +90,7 @@ _COLOURS = (
     "#FF8A70", "#F0E442", "#6CC3F5", "#3BD3A5", "#FFB733", "#E4E7EC", "#E7A6CC", "#B5D334", "#BFA0EE",
     "#FF9A5C", "#58CFE6",
 )  # fmt: skip
-"""Of traces on the dark ground of the monitor: the patient's, then those of devices."""
+"""Colours of traces on the dark ground of the monitor: the patient's, then those of devices."""
 _INKS = 4
 """Colours of devices in the style sheet."""
 _UNITS = {"C": "°C", "cm2": "cm²"}
@@ -107,13 +107,13 @@ def ink(group: str) -> str:
 
 def waves_of(case: Case) -> tuple[str, ...]:
     """Waveforms that the browser draws."""
-    return (*(trace.signal for _, views in _shown(case) for trace in views.traces), *LOOPS)
+    return (*(trace.signal for _, views in _displays(case) for trace in views.traces), *LOOPS)
 
 
 def curves_of(case: Case) -> list[tuple[int, Curve]]:
     """Curves of the ramp, each with a number that tells its colour and dash, the same for every circuit."""
-    shown = _shown(case)
-    firsts = _firsts(shown, lambda views: views.curves)
+    shown = _displays(case)
+    firsts = _numbered_by_device(shown, lambda views: views.curves)
     return [
         (first + k, c)
         for first, (_, views) in zip(firsts, shown, strict=True)
@@ -143,7 +143,7 @@ def sweep_of(case: Case) -> Sweep | None:
 
 def display(case: Case) -> dict[str, Any]:
     """Groups of knobs, traces, key figures and outputs to compare, for the browser."""
-    shown = _shown(case)
+    shown = _displays(case)
     return {
         "groups": _groups(case),
         "traces": _plain_traces(shown),
@@ -152,13 +152,13 @@ def display(case: Case) -> dict[str, Any]:
         "compared": compared_of(case),
         "samples": [vars(s) | {"outputs": dict(s.outputs)} for _, v in shown for s in v.samples],
         "exchangers": _exchangers(circuit_of(case)),
-        "saturations": [[percent, colour, letters_on(percent)] for percent, colour in STOPS],
+        "saturations": [[percent, colour, text_colour_on(percent)] for percent, colour in COLOUR_STOPS],
     }
 
 
 def figures_of(case: Case) -> list[KeyFigure]:
     """The numbers that are always in sight, in their order."""
-    return _in_order([figure for _, views in _shown(case) for figure in views.figures])
+    return _in_order([figure for _, views in _displays(case) for figure in views.figures])
 
 
 def _exchangers(circuit: Circuit) -> dict[str, str]:
@@ -171,7 +171,7 @@ def _exchangers(circuit: Circuit) -> dict[str, str]:
     return result
 
 
-def _shown(case: Case) -> list[tuple[str, Views]]:
+def _displays(case: Case) -> list[tuple[str, Views]]:
     """What is shown of the patient (key "") and of each device."""
     return [("", PATIENT), *((instance.device.key, instance.views()) for instance in case.instances())]
 
@@ -180,7 +180,9 @@ def _order(key: str) -> int:
     return list(devices()).index(key)
 
 
-def _firsts(shown: Sequence[tuple[str, Views]], items: Callable[[Views], Sequence[object]]) -> list[int]:
+def _numbered_by_device(
+    shown: Sequence[tuple[str, Views]], items: Callable[[Views], Sequence[object]]
+) -> list[int]:
     """A number for the first item of each device, the same for every circuit; two of a kind differ."""
     lengths = {key: len(items(device.views)) for key, device in devices().items()}
     firsts, known = [], []
@@ -208,7 +210,7 @@ def group_name(section: str) -> str:
 
 
 def _plain_traces(shown: Sequence[tuple[str, Views]]) -> list[dict[str, Any]]:
-    firsts = _firsts(shown, lambda views: views.traces)
+    firsts = _numbered_by_device(shown, lambda views: views.traces)
     return [
         asdict(trace) | {"colour": _COLOURS[(first + k) % len(_COLOURS)]}
         for first, (_, views) in zip(firsts, shown, strict=True)
@@ -270,7 +272,7 @@ def panel_of(case: Case) -> list[dict[str, Any]]:
 
 def compared_of(case: Case) -> list[str]:
     """Outputs that states are compared by."""
-    return [output for _, views in _shown(case) for output in views.compared]
+    return [output for _, views in _displays(case) for output in views.compared]
 
 
 # --- usual ranges and limits --------------------------------------------------------------------

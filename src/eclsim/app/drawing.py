@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from eclsim.reporting.schematic_layout import Attachment, Bridge, Layout, Plan, Wire
     from eclsim.reporting.schematic_routes import Path
 
-WIDER_MM = 1.5
+BOX_MARGIN_MM = 1.5
 """Boxes are wider by this on either side than those of the printed figure."""
-TALLNESS = 1.35
+HEIGHT_OVER_WIDTH = 1.35
 """Height over width that the page's pane has: with few devices the rows move apart until it is filled."""
 MOST_STRETCH = 1.7
-ASIDE_MM, LABEL_MM = 40.0, 30.0
+TITLE_SHIFT_MM, LABEL_MM = 40.0, 30.0
 """How far left of the middle a title stands where a line is so near to the middle."""
-NARROWER = 0.75
+WIDTH_WITHOUT_DEVICES = 0.75
 """Without lines of devices the patient's ring is drawn narrower, and so larger."""
 _FIRST_ROW_MM, _LAST_ROW_MM = (2.5, 0.0), (0.0, 3.5)
 """Space [mm] above and below that larger letters take beyond the printed figure's, in each frame's first row
@@ -79,12 +79,14 @@ def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
     page, sides = arrange(plan, rows), FRAME
     bronchial = any(wire.name == "bronchial" for wire in plan.wires)
     if not (plan.lines or plan.bridges or plan.spare or bronchial or LOWER_BODY in plan.heights):
-        half = NARROWER * (MIDDLE - 30.0) + 0.5 * BOX_WIDTH + WIDER_MM + 2.0
+        half = WIDTH_WITHOUT_DEVICES * (MIDDLE - 30.0) + 0.5 * BOX_WIDTH + BOX_MARGIN_MM + 2.0
         sides = (MIDDLE - half, MIDDLE + half)
-    stretch = min(max(TALLNESS * (sides[1] - sides[0]) / page.height, 1.0), MOST_STRETCH)
+    stretch = min(max(HEIGHT_OVER_WIDTH * (sides[1] - sides[0]) / page.height, 1.0), MOST_STRETCH)
     page = arrange(plan, {row: (stretch * up, stretch * down) for row, (up, down) in rows.items()})
     if sides is not FRAME:
-        page.places = {n: (MIDDLE + NARROWER * (x - MIDDLE), y) for n, (x, y) in page.places.items()}
+        page.places = {
+            n: (MIDDLE + WIDTH_WITHOUT_DEVICES * (x - MIDDLE), y) for n, (x, y) in page.places.items()
+        }
     return page, sides
 
 
@@ -120,7 +122,7 @@ def _title_side(plan: Plan, page: Layout, group: str) -> float:
     from eclsim.reporting.schematic_routes import stub_middle
 
     lines = [stub_middle(page, line)[0] for line in plan.lines if line.frame == group]
-    return MIDDLE - ASIDE_MM if any(abs(x - MIDDLE) < LABEL_MM for x in lines) else MIDDLE
+    return MIDDLE - TITLE_SHIFT_MM if any(abs(x - MIDDLE) < LABEL_MM for x in lines) else MIDDLE
 
 
 def _title_height(plan: Plan, page: Layout, group: str) -> float:
@@ -149,7 +151,7 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
             "position": positions.get(compartment.name, ""),
             "text": label, "short": ENGLISH.get(f"box_{place}", _short(names, place) or label),
             "ink": ink(compartment.group),
-            "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
+            "x": left - BOX_MARGIN_MM, "y": -top, "w": right - left + 2 * BOX_MARGIN_MM, "h": top - bottom,
         })  # fmt: skip
     return result
 
@@ -164,7 +166,7 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     from eclsim.reporting.schematic_layout import MIDDLE
     from eclsim.reporting.schematic_routes import detour
 
-    way = detour(plan, page, wire, WIDER_MM)
+    way = detour(plan, page, wire, BOX_MARGIN_MM)
     path = way.path if way else list(_between(page.box(wire.source), page.box(wire.target)))
     start, stop = path[0], path[-1]
     x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("eclsim.app")
 T = TypeVar("T")
-GRACE_S = 4.0
+FIRST_PAGE_GRACE_S = 4.0
 """After the start only the first patient's circuit is compiled for so long: the first page comes first."""
-QUIET_S = 1.5
+IDLE_BEFORE_WARMING_S = 1.5
 """Presets are compiled only when no beat was asked for during this time."""
 SLOW_RATE_BPM = 60.0
 """A heart rate at which the finer grid of slow hearts is needed."""
@@ -65,7 +65,7 @@ class Engine:
 
         return await self._in(self._beats, lambda: self._beat(state, start, is_new))
 
-    async def near(self, state: PageState, beat: Beat) -> None:
+    async def prepare_nearby_searches(self, state: PageState, beat: Beat) -> None:
         """Compute what searches that begin at this beat need of it: a Jacobian, which is then kept."""
         await self.study(lambda: self._beat(state, beat))
 
@@ -114,12 +114,12 @@ class Engine:
     def _warm_all(self, first: PageState) -> None:
         self._warm_one(first)
         gc.freeze()  # what is loaded stays: to look through all of it again would stop every page for 0.1 s
-        if self._stopped.wait(GRACE_S):
+        if self._stopped.wait(FIRST_PAGE_GRACE_S):
             return
         for k, state in enumerate(states := _warm_states()):
             if k == len(states) // 2:
                 self.fits.prepare()
-            while time.monotonic() - self._wanted_at < QUIET_S:
+            while time.monotonic() - self._wanted_at < IDLE_BEFORE_WARMING_S:
                 if self._stopped.wait(0.2):
                     return
             if self._stopped.is_set():

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 LARGEST_FILE = 5_000_000
-SIZE = "5 MB"
+LARGEST_FILE_TEXT = "5 MB"
 MOST_LINES = 12
 MOST_ROWS = 2000
 MEMORY_BYTES = 1_500_000_000
@@ -44,14 +44,14 @@ KINDS = ("case", "outputs", "waveforms", "svg", "png", "study", "course")
 
 
 @dataclass(frozen=True)
-class Opened:
+class OpenedFile:
     """What a file held.
 
     Args:
         name: of the file.
         cases: name and case of each data point; one of a case file.
         remarks: doubts and refused rows.
-        fit: what a case file says of the fit that gave its parameters.
+        fit: verdict of a case file on the fit that gave its parameters.
     """
 
     name: str
@@ -67,22 +67,22 @@ class ExportError(ValueError):
 # --- in the process of the page ------------------------------------------------------------------
 
 
-def read_file(name: str, content: bytes) -> Opened:
-    """As `parse_file`, in a process of its own.
+def read_file(name: str, content: bytes) -> OpenedFile:
+    """`parse_file` in a process of its own.
 
     Raises:
         CaseError: With everything that is wrong, also where the file takes too much memory or time.
     """
     from eclsim.cases.case import Case
 
-    plain = _read_apart("file", name, content)
+    plain = _read_in_own_process("file", name, content)
     cases = tuple((label, Case.model_validate(case)) for label, case in plain["cases"])
     fit = FitMark(**plain["fit"]) if plain["fit"] else None
-    return Opened(plain["name"], cases, tuple(plain["remarks"]), fit)
+    return OpenedFile(plain["name"], cases, tuple(plain["remarks"]), fit)
 
 
 def read_posterior_file(name: str, content: bytes) -> PosteriorDraws:
-    """As `parse_posterior`, in a process of its own.
+    """`parse_posterior` in a process of its own.
 
     Raises:
         CaseError: As above.
@@ -91,14 +91,14 @@ def read_posterior_file(name: str, content: bytes) -> PosteriorDraws:
 
     from eclsim.app.posterior import PosteriorDraws
 
-    plain = _read_apart("posterior", name, content)
+    plain = _read_in_own_process("posterior", name, content)
     draws = np.array(plain["draws"], dtype=float)
     return PosteriorDraws(
         tuple(plain["names"]), draws, plain["base"], plain["method"], tuple(plain["doubts"])
     )
 
 
-def _read_apart(kind: str, name: str, content: bytes) -> dict[str, Any]:
+def _read_in_own_process(kind: str, name: str, content: bytes) -> dict[str, Any]:
     command = [sys.executable, "-m", "eclsim.app.files", kind, name.replace("\0", "")]
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     too_much = CaseError([Mistake("", text("takes_too_much"), file=shown_name(name))])
@@ -117,7 +117,7 @@ def _read_apart(kind: str, name: str, content: bytes) -> dict[str, Any]:
     return reply
 
 
-def with_speeds(opened: Opened) -> Opened:
+def with_speeds(opened: OpenedFile) -> OpenedFile:
     """The same with the speed of the pump where the one case gives a flow.
 
     Raises:
@@ -142,7 +142,7 @@ def shown_name(name: str) -> str:
     return Path(printed.replace("\\", "/")).name[:80] or "file"
 
 
-def brief(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
+def shortened(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
     """The first lines, and how many more there are."""
     more = [f"… {len(lines) - most} more"] if len(lines) > most else []
     return [*map(with_minus, lines[:most]), *more]
@@ -151,7 +151,7 @@ def brief(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
 # --- in the process that reads -------------------------------------------------------------------
 
 
-def parse_file(name: str, content: bytes) -> Opened:
+def parse_file(name: str, content: bytes) -> OpenedFile:
     """A case file or a cohort as it stands, without computing anything.
 
     Raises:
@@ -165,7 +165,7 @@ def parse_file(name: str, content: bytes) -> Opened:
             cases, remarks, fit = _case(path) if suffix == ".toml" else _cohort(path)
         except CaseError as error:
             raise CaseError([replace(m, file=shown) for m in error.mistakes]) from None
-    return Opened(shown, cases, tuple(str(replace(m, file=shown)) for m in remarks), fit)
+    return OpenedFile(shown, cases, tuple(str(replace(m, file=shown)) for m in remarks), fit)
 
 
 def parse_posterior(name: str, content: bytes) -> PosteriorDraws:
@@ -209,7 +209,7 @@ def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple
     if not content:
         raise _refused(text("empty_file", name=shown))
     if len(content) > LARGEST_FILE:
-        raise _refused(text("too_large", name=shown, size=SIZE))
+        raise _refused(text("too_large", name=shown, size=LARGEST_FILE_TEXT))
     return shown, suffix
 
 
@@ -272,13 +272,13 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
 
 
 def _as_shown(state: PageState) -> Case:
-    """The case with the policy of its beat; its id says how it was fitted and that it was changed by hand."""
+    """The case with the policy of its beat; its id names the fit's verdict and changes by hand."""
     case = state.case
     if case.volume_policy != state.policy:
         case = case.with_volume_policy(state.policy)
     if state.changed:
         case = _with_set_points(
-            state.computed.model_copy(update={"blood_volume_policy": case.blood_volume_policy})
+            state.computed_case.model_copy(update={"blood_volume_policy": case.blood_volume_policy})
         )
     person = case.patient.model_copy(update={"id": marked_id(state, kind_of(state))})
     case = case.model_copy(update={"patient": person})
@@ -330,7 +330,7 @@ def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
 
     try:
         minutes = minutes or usual_length(state.case)
-        result = compute_course(state, minutes).followed.result
+        result = compute_course(state, minutes).computed.result
     except CaseError as error:
         raise ExportError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="eclsim-") as place:

@@ -33,10 +33,10 @@ _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weig
     (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
 """Options of `eclsim identify` in the reasons of a verdict, and the page's words for them."""
 _OPTION = re.compile(r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*")
-LOOKING = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
+PAGE_SEARCH = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
 """A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
-PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0, "polishing": 0}
-PATIENCE_S = 20.0
+COMPILING_SEARCH = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0, "polishing": 0}
+LONGEST_CANCEL_S = 20.0
 """A fit that was cancelled and has not stopped by itself after so long is ended with its process."""
 NICENESS = 5
 FAILED = {"fit": "fit_failed", "posterior": "posterior_failed"}
@@ -127,7 +127,7 @@ class FitProcess:
                 if stop.is_set() and cancelled_at == math.inf:
                     cancelled_at = time.monotonic()
                     quit_now.set()
-                if time.monotonic() - cancelled_at > PATIENCE_S:
+                if time.monotonic() - cancelled_at > LONGEST_CANCEL_S:
                     self.stop()
                     raise CancelledError
                 if pipe.poll(0.1):
@@ -135,13 +135,13 @@ class FitProcess:
                     if kind == "report":
                         report(content)
                     else:
-                        return _answered(kind, content)
+                        return _result_or_error(kind, content)
         except (EOFError, OSError):
             self._process = None
             raise FitError(text("fit_failed")) from None
 
 
-def _answered(kind: str, content: Any) -> dict[str, Any]:
+def _result_or_error(kind: str, content: Any) -> dict[str, Any]:
     if kind == "cancelled":
         raise CancelledError
     if kind == "failed":
@@ -153,12 +153,12 @@ def _serve(pipe: Connection, quit_now: Event) -> None:
     """The process: prepare, then fit what comes through the pipe, until its other end is closed."""
     with contextlib.suppress(OSError, AttributeError):
         os.nice(NICENESS)
-    with contextlib.suppress(Exception):  # what cannot be prepared is told when it is fitted
+    with contextlib.suppress(Exception):  # an error comes again with the fit
         _prepare(pipe)
     while True:
         try:
             job, case, policy, free = pipe.recv()
-            pipe.send(_done(job, case, policy, free, lambda message: _report(pipe, quit_now, message)))
+            pipe.send(_run_job(job, case, policy, free, lambda message: _report(pipe, quit_now, message)))
         except (EOFError, OSError):
             return
 
@@ -177,26 +177,26 @@ def _prepare(pipe: Connection) -> None:
     raw = preset.case().as_mapping()
     raw["measurements"] = {"SP": 83.0, "DP": 76.0, "MAP": 80.0, "MPAP": 11.0, "CO": 1.4, "PF": 3.5}
     for sections in (raw, {k: v for k, v in raw.items() if k not in preset.often}):
-        _fit(sections, "as_published", PREPARING, lambda _: _give_way(pipe))
+        _fit(sections, "as_published", COMPILING_SEARCH, lambda _: _lower_priority(pipe))
 
 
-def _give_way(pipe: Connection) -> None:
+def _lower_priority(pipe: Connection) -> None:
     if pipe.poll():
         raise CancelledError
 
 
 def _fit(
-    raw: Mapping[str, Any], policy: VolumePolicy, looking: Mapping[str, int], report: Callable[[str], None]
+    raw: Mapping[str, Any], policy: VolumePolicy, search: Mapping[str, int], report: Callable[[str], None]
 ) -> FitResult:
     from eclsim.identification.fit import fit
     from eclsim.identification.multi_start import MultiStart
 
-    case, settings = to_fit(raw, policy)
-    settings = replace(settings, multi_start=MultiStart(**looking))
+    case, settings = prepared_for_fit(raw, policy)
+    settings = replace(settings, multi_start=MultiStart(**search))
     return fit(case, settings=settings, progress=lambda step: report(str(step)))
 
 
-def to_fit(
+def prepared_for_fit(
     raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str] = ()
 ) -> tuple[Case, FitSettings]:
     """The case, and what is free: what is worth fitting; with CVP the blood volume too.
@@ -206,7 +206,11 @@ def to_fit(
         policy: blood volume policy.
         free: parameters, where they are known already.
     """
-    from eclsim.identification.settings import FitSettings, free_parameters, told_of_crrt
+    from eclsim.identification.settings import (
+        FitSettings,
+        crrt_parameters_informed_by_pressures,
+        free_parameters,
+    )
 
     settings = FitSettings(volume_policy=policy)
     usual = settings.parameters
@@ -214,7 +218,7 @@ def to_fit(
         raw = {**raw, "fluid": raw.get("fluid", {})}
         usual = (*usual, EXTRA_VOLUME)
     case = _with_assumed_shunt(read_mapping(raw).case)
-    usual = (*usual, *told_of_crrt(case))
+    usual = (*usual, *crrt_parameters_informed_by_pressures(case))
     return case, replace(settings, parameters=tuple(free) or free_parameters(case, usual, policy))
 
 
@@ -227,7 +231,7 @@ def _with_assumed_shunt(case: Case) -> Case:
     return case.model_copy(update={"gas": Gas.model_construct(given, **gas.model_dump())})
 
 
-def _done(
+def _run_job(
     job: str, raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str], report: Callable[[str], None]
 ) -> tuple[str, Any]:
     from eclsim.app.posterior import plain_posterior
@@ -236,7 +240,7 @@ def _done(
     try:
         if job == "posterior":
             return "done", plain_posterior(raw, policy, report, free)
-        return "done", plain_fit(_fit(raw, policy, LOOKING, report))
+        return "done", plain_fit(_fit(raw, policy, PAGE_SEARCH, report))
     except CancelledError:
         return "cancelled", None
     except CaseError as error:
@@ -253,7 +257,7 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     result = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
     result["message"] = with_minus(result["message"])
     result["headline"] = headline(result["verdict"])
-    result["verdict"]["reasons"] = [on_the_page(reason) for reason in result["verdict"]["reasons"]]
+    result["verdict"]["reasons"] = [in_page_words(reason) for reason in result["verdict"]["reasons"]]
     for name, parameter in result["parameters"].items():
         known = quantity(name)
         assert known is not None  # whatever is fitted is a number of a case
@@ -265,15 +269,15 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     return result
 
 
-def on_the_page(reason: Mapping[str, Any]) -> dict[str, Any]:
+def in_page_words(reason: Mapping[str, Any]) -> dict[str, Any]:
     """A reason of a verdict in the words of the page, which has none of the command line's options."""
     sentence = reason["sentence"]
     for option, key in _OPTIONS:
         sentence = sentence.replace(option, text(key))
-    elsewhere = text("fit_option_elsewhere")
+    instead = text("fit_option_elsewhere")
 
-    def words(found: re.Match[str]) -> str:
-        return elsewhere if found[0].startswith("(") else elsewhere.strip("()")
+    def words(match: re.Match[str]) -> str:
+        return instead if match[0].startswith("(") else instead.strip("()")
 
     return {**reason, "sentence": with_minus(_OPTION.sub(words, sentence))}
 
@@ -292,7 +296,7 @@ def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
 
     more = interval_agreement(fit["parameters"], others, "posterior")
     reasons = [
-        on_the_page(
+        in_page_words(
             {"aspect": str(r.aspect), "level": str(r.level), "about": r.about, "sentence": r.sentence}
         )
         for r in more

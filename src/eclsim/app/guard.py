@@ -89,20 +89,20 @@ class Guard:
             await self.app(scope, receive, send)
             return
         headers = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
-        path = self._rooted(scope)
+        path = self._with_root_path(scope)
         refusal = self._refusal(scope, headers, path)
         if refusal is not None:
             await _refuse(scope, receive, send, *refusal)
         elif path == SIGN_IN:
             await self._sign_in(scope, receive, send, headers)
         elif self._must_sign_in(headers):
-            await self._ask(scope, receive, send, path)
+            await self._show_sign_in(scope, receive, send, path)
         elif scope["type"] == "http":
             await self._http(scope, receive, send)
         else:
             await self.app(scope, receive, send)
 
-    def _rooted(self, scope: Scope) -> str:
+    def _with_root_path(self, scope: Scope) -> str:
         """Put the root path where Starlette looks for it, whether the proxy took it off or not."""
         root, path = self.rules.root_path, scope["path"]
         inner = path[len(root) :] if root and (path == root or path.startswith(root + "/")) else path
@@ -115,7 +115,7 @@ class Guard:
         host = _host_name(headers.get("host", ""))
         if host not in self.rules.hosts:
             return 400, "unknown host name; see --allow-host"
-        if self._foreign(scope, headers, path):
+        if self._is_cross_site(scope, headers, path):
             return 403, "another site may not use this page"
         if path not in OPEN_PATHS and not path.startswith(OPEN_PREFIX):
             return 404, "not found"
@@ -128,7 +128,7 @@ class Guard:
             return 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB"
         return None
 
-    def _foreign(self, scope: Scope, headers: dict[str, str], path: str) -> bool:
+    def _is_cross_site(self, scope: Scope, headers: dict[str, str], path: str) -> bool:
         """Whether the request comes from a page of another site, and is no link that somebody followed."""
         socket = scope["type"] == "websocket" or path.startswith(SOCKET_PREFIX)
         writes = socket or scope["method"] not in ("GET", "HEAD")
@@ -158,9 +158,9 @@ class Guard:
 
     def _must_sign_in(self, headers: dict[str, str]) -> bool:
         signed_in = self.rules.signed_in
-        return signed_in is not None and not signed_in.knows(_cookie(headers.get("cookie", "")))
+        return signed_in is not None and not signed_in.is_signed_in(_cookie(headers.get("cookie", "")))
 
-    async def _ask(self, scope: Scope, receive: Receive, send: Send, path: str) -> None:
+    async def _show_sign_in(self, scope: Scope, receive: Receive, send: Send, path: str) -> None:
         if scope["type"] == "http" and path == "/":
             await _redirect(send, self.rules.root_path + SIGN_IN)
         else:
@@ -285,10 +285,10 @@ async def _answer(
     await send({"type": "http.response.body", "body": body})
 
 
-SHORTEST = 10
-LASTS_S = 12 * 3600.0
+SHORTEST_PASSWORD = 10
+SESSION_LASTS_S = 12 * 3600.0
 MOST_SESSIONS = 1000
-MOST_FAILURES, WITHIN_S = 10, 60.0
+MOST_FAILURES, FAILURES_WITHIN_S = 10, 60.0
 MOST_ADDRESSES = 1000
 
 
@@ -312,8 +312,10 @@ def read_password(path: str) -> str:
     if mode & 0o077 and os.name == "posix":  # elsewhere the mode says nothing about who may read
         raise PasswordFileError(f"{path}: others may read it; allowed: chmod 600")
     password = written.split("\n")[0].rstrip("\r")
-    if len(password) < SHORTEST:
-        raise PasswordFileError(f"{path}: the first line is no password of at least {SHORTEST} characters")
+    if len(password) < SHORTEST_PASSWORD:
+        raise PasswordFileError(
+            f"{path}: the first line is no password of at least {SHORTEST_PASSWORD} characters"
+        )
     return password
 
 
@@ -332,7 +334,7 @@ class SignIns:
         self._sessions: dict[str, float] = {}
         self._failures: dict[str, deque[float]] = {}
 
-    def knows(self, token: str) -> bool:
+    def is_signed_in(self, token: str) -> bool:
         """Whether a cookie is that of somebody who signed in and has not been away too long."""
         ends = self._sessions.get(hashlib.sha256(token.encode()).hexdigest()) if token else None
         return ends is not None and self._clock() < ends
@@ -346,7 +348,7 @@ class SignIns:
         """
         now = self._clock()
         failures = self._failures.get(address, ())
-        if len(failures) == MOST_FAILURES and now - failures[0] < WITHIN_S:
+        if len(failures) == MOST_FAILURES and now - failures[0] < FAILURES_WITHIN_S:
             return None, 429, text("too_many")
         try:
             typed = parse_qs(body.decode(), max_num_fields=5, strict_parsing=True).get("password", [""])[0]
@@ -358,7 +360,7 @@ class SignIns:
         return self._new_session(now), 303, ""
 
     def _remember_failure(self, address: str, now: float) -> None:
-        recent = {k: times for k, times in self._failures.items() if now - times[-1] < WITHIN_S}
+        recent = {k: times for k, times in self._failures.items() if now - times[-1] < FAILURES_WITHIN_S}
         if address not in recent and len(recent) >= MOST_ADDRESSES:
             del recent[next(iter(recent))]
         recent.setdefault(address, deque(maxlen=MOST_FAILURES)).append(now)
@@ -369,7 +371,7 @@ class SignIns:
         if len(self._sessions) >= MOST_SESSIONS:
             del self._sessions[next(iter(self._sessions))]
         token = secrets.token_urlsafe(32)
-        self._sessions[hashlib.sha256(token.encode()).hexdigest()] = now + LASTS_S
+        self._sessions[hashlib.sha256(token.encode()).hexdigest()] = now + SESSION_LASTS_S
         return token
 
     def _hashed(self, password: str) -> bytes:

@@ -12,13 +12,13 @@ from nicegui import events, ui
 from eclsim.app.files import (
     KINDS,
     LARGEST_FILE,
-    SIZE,
+    LARGEST_FILE_TEXT,
     ExportError,
-    Opened,
-    brief,
+    OpenedFile,
     export,
     read_file,
     read_posterior_file,
+    shortened,
     shown_name,
     with_speeds,
 )
@@ -82,16 +82,16 @@ class OpenDialog:
 
     Args:
         engine: reads files beside the event loop.
-        use: takes the name of the file, the case and what the file says of its fit.
+        use: called with the name of the file, the case and the file's verdict on its fit.
         use_members: takes the name of the file and the members of a posterior.
     """
 
     def __init__(self, engine: Engine, use: Use, use_members: Callable[[str, PosteriorDraws], None]):
         self.engine, self.use, self.use_members = engine, use, use_members
-        self.opened: Opened | None = None
+        self.opened: OpenedFile | None = None
         with labelled(ui.dialog(), text("open_title")) as self.dialog, ui.card().classes("ecl-dialog"):
             ui.label(text("open_title")).classes("ecl-dialog-title")
-            ui.label(text("open_text", size=SIZE))
+            ui.label(text("open_text", size=LARGEST_FILE_TEXT))
             upload = ui.upload(
                 label=text("open_drop"), auto_upload=True, max_file_size=LARGEST_FILE, max_files=1,
                 on_upload=self._read, on_rejected=self._rejected,
@@ -128,19 +128,19 @@ class OpenDialog:
             parsed = await self.engine.read(lambda: read_file(name, content))
             opened = await self.engine.study(lambda: with_speeds(parsed))
         except CaseError as error:
-            self._show(None, [text("refused"), *brief([str(m) for m in error.mistakes])])
+            self._show(None, [text("refused"), *shortened([str(m) for m in error.mistakes])])
             return
         finally:
             self.upload.reset()  # else another file is one too many
-        remarks = [text("warnings"), *brief(opened.remarks)] if opened.remarks else []
+        remarks = [text("warnings"), *shortened(opened.remarks)] if opened.remarks else []
         self._show(opened, remarks)
         if len(opened.cases) == 1 and not remarks:
             self._use()
 
     def _rejected(self) -> None:
-        self._show(None, [text("refused"), text("rejected", size=SIZE)])
+        self._show(None, [text("refused"), text("rejected", size=LARGEST_FILE_TEXT)])
 
-    def _show(self, opened: Opened | None, messages: list[str]) -> None:
+    def _show(self, opened: OpenedFile | None, messages: list[str]) -> None:
         self.opened = opened
         self.messages.clear()
         with self.messages:

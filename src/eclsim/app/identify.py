@@ -138,7 +138,7 @@ class Identification:
         self.send("form", form)
 
     def check(self, typed: Mapping[str, Any]) -> bool:
-        """Say what is wrong or doubtful, field by field; whether it can be fitted."""
+        """Report mistakes and doubts field by field; whether the form can be fitted."""
         checked = checked_form(fitted_case(self.session.state), typed)
         self.send("form_check", {
             "mistakes": _by_field(checked.mistakes), "warnings": _by_field(checked.warnings),
@@ -157,7 +157,7 @@ class Identification:
         result = ended.pop("found", None)
         if result is not None:
             case = result.pop("case")
-            ended = {"fit": result | {"seconds": ended["seconds"], "of": _of(raw, state)}}
+            ended = {"fit": result | {"seconds": ended["seconds"], "of": _subject_and_devices(raw, state)}}
             if result["usable"]:
                 ended["fit"]["link"] = self._keep_fit(case, policy, subject, result)
         ended["subject"] = subject
@@ -184,7 +184,7 @@ class Identification:
                 self._fitted[subject] = replace(state, posterior=self.bands.new_key())
         return self._fitted.get(subject)
 
-    async def find_posterior(self, link: str = "", fit: Mapping[str, Any] | None = None) -> None:
+    async def compute_posterior(self, link: str = "", fit: Mapping[str, Any] | None = None) -> None:
         """The posterior of the fitted patient; its bands are there as soon as that patient is in use.
 
         Args:
@@ -204,11 +204,11 @@ class Identification:
                 tuple(posterior["doubts"]),
             ).of(case)  # fmt: skip
             ended = {"posterior": posterior | members.as_object() | {"seconds": ended["seconds"]}}
-            ended |= self._judge(fitted, fit, posterior["parameters"])
+            ended |= self._update_verdict(fitted, fit, posterior["parameters"])
             self.bands.add(fitted.posterior, members)
         self.send("posterior_ended", ended | {"subject": subject_of(fitted)})
 
-    def _judge(
+    def _update_verdict(
         self, fitted: PageState, result: Mapping[str, Any] | None, others: Mapping[str, Any]
     ) -> dict[str, Any]:
         """The verdict on the fit now that the posterior's intervals are known; the fitted patient has it."""
@@ -229,7 +229,7 @@ class Identification:
             self._stop = None
 
     def use(self, link: str = "") -> bool:
-        """Show the fitted patient in all views; `link` as for `find_posterior`."""
+        """Show the fitted patient in all views; `link` as for `compute_posterior`."""
         fitted = self._fit_of(link)
         if fitted is None:
             return False
@@ -286,8 +286,8 @@ def verdict_of(fit: Mapping[str, Any]) -> str:
     return str(verdict.get("level", ""))
 
 
-def _of(raw: Mapping[str, Any], state: PageState) -> str:
-    """Whose fit it is, and with which devices."""
+def _subject_and_devices(raw: Mapping[str, Any], state: PageState) -> str:
+    """The patient's id and the devices of a fit, for its title."""
     return text("fit_of", name=raw["patient"]["id"], circuit=fitted_with(state))
 
 

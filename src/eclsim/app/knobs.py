@@ -38,14 +38,14 @@ _CONSUMPTION = "gas.vo2_ml_min"
 _SWITCH = MappingProxyType({"true": True, "false": False})
 _SWITCHED_ON = MappingProxyType({"regulation": {"baroreflex": 1.0}, "physiology": {"regional": True}})
 """What a section holds when it is switched on; all others have their defaults."""
-LUNGS_ALONE = MappingProxyType(
+LUNGS_WITHOUT_ECMO = MappingProxyType(
     {"haemoglobin_g_dl": 14.0, "alveolar_ventilation_l_min": 4.4, "shunt_fraction": 0.05, "fio2": 0.21}
 )
 """Blood and lungs [g/dL, L/min, 1, 1] of a patient whom no oxygenator helps: sound ones, breathing air.
 
 Those of a case file are of a patient on ECMO, whose lungs rest: alone they leave nobody alive for long.
 """
-ASSUMED_SHUNTS = (Gas().shunt_fraction, LUNGS_ALONE["shunt_fraction"])
+ASSUMED_SHUNTS = (Gas().shunt_fraction, LUNGS_WITHOUT_ECMO["shunt_fraction"])
 """Shunts that the page sets where nobody gives one: a fit calls them assumed."""
 _FILLED = ("svn", "pvn")
 """Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
@@ -54,7 +54,7 @@ START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
 VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 
 
-def _of_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
+def _cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
     """The function with its result kept as long as its case lives: a turn asks for the same many times."""
     kept: dict[int, tuple[weakref.ref[Case], T]] = {}
 
@@ -69,35 +69,36 @@ def _of_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
     return result_of
 
 
-@_of_case
+@_cached_by_case
 def _instances(case: Case) -> dict[str, Instance]:
     return {instance.key: instance for instance in case.instances()}
 
 
-_resolved = _of_case(resolve_parameters)
+_resolved = _cached_by_case(resolve_parameters)
 
 
-@_of_case
+@_cached_by_case
 def controls(case: Case) -> list[Control]:
     """What can be turned for a case, in the order of the panel."""
     offered: list[Control] = [
         Knob(key, text(key), unit, low, high, step, key.startswith("parameters"), group)
-        for key, group, unit, low, high, step in _OF_THE_PATIENT
+        for key, group, unit, low, high, step in _PATIENT_CONTROLS
     ]
     sites = case.sites()
     for instance in case.instances():
         of_device = (
-            _offered(control, sites) for control in instance.device.controls(instance.section, sites)
+            _with_available_sites(control, sites)
+            for control in instance.device.controls(instance.section, sites)
         )
         offered += [
             replace(control, key=f"{instance.key}.{control.key}", group=instance.key)
             for control in of_device
             if isinstance(control, Picker) or not control.needs or getattr(case, control.needs) is not None
         ]
-    return [*offered, *_of_sections(case)]
+    return [*offered, *_section_controls(case)]
 
 
-def _of_sections(case: Case) -> list[Control]:
+def _section_controls(case: Case) -> list[Control]:
     """The fields of the optional sections of the patient that the case has and that have a value."""
     offered: list[Control] = []
     for kind in PATIENT_SECTIONS:
@@ -117,8 +118,8 @@ def _has_effect(case: Case, key: str) -> bool:
     return regional or key != physiology.UPPER_SHARE
 
 
-def _left_out(case: Case, section: str, name: str) -> float | None:
-    """What a number that is left out counts as; None where nothing but a typed number says so."""
+def _value_if_omitted(case: Case, section: str, name: str) -> float | None:
+    """Value of a number that is left out; None where there is none without a typed number."""
     instance = _instances(case).get(section)
     if instance is not None:
         return _resolved(case).get(instance.parameter(f"{instance.device.key}.{name}"))
@@ -129,7 +130,7 @@ def _left_out(case: Case, section: str, name: str) -> float | None:
     return 0.0 if kind.fields()[name].minimum == 0.0 else None
 
 
-def _offered(control: Control, sites: Mapping[str, str]) -> Control:
+def _with_available_sites(control: Control, sites: Mapping[str, str]) -> Control:
     """A choice without the compartments that this patient does not have."""
     if isinstance(control, Knob):
         return control
@@ -137,7 +138,7 @@ def _offered(control: Control, sites: Mapping[str, str]) -> Control:
     return replace(control, options=options)
 
 
-_OF_THE_PATIENT = (
+_PATIENT_CONTROLS = (
     ("patient.heart_rate_bpm", "heart", "bpm", 40, 180, 1),
     ("parameters.Emaxlv", "heart", "mmHg/mL", 0.2, 6.0, 0.01),
     ("parameters.Emaxrv", "heart", "mmHg/mL", 0.05, 2.0, 0.005),
@@ -149,7 +150,7 @@ _OF_THE_PATIENT = (
 """Key, group, unit, both ends of the slider and its step; that of a parameter is logarithmic."""
 
 
-@_of_case
+@_cached_by_case
 def knobs_of(case: Case) -> dict[str, float | str | None]:
     """Where all knobs of a case stand, by their keys."""
     return {control.key: value_of(case, control.key) for control in controls(case)}
@@ -169,7 +170,7 @@ def value_of(case: Case, key: str) -> float | str | None:
         else instance.device.shown(instance.section, name)
     )
     if value is None:
-        return _left_out(case, section, name)
+        return _value_if_omitted(case, section, name)
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str) and value in SAME_IN_REGIONS and value not in case.sites():
@@ -263,11 +264,11 @@ def _switched_on(case: Case, key: str) -> Mapping[str, Any]:
     if key != "gas":
         return _SWITCHED_ON.get(key, {})
     of_devices = [naming_of(exchange.group) for exchange in gas_exchanges(circuit_of(case))]
-    return {} if any(of_devices) else LUNGS_ALONE
+    return {} if any(of_devices) else LUNGS_WITHOUT_ECMO
 
 
 def as_written(value: object) -> object:
-    """A number that was typed, with its digits; any other text as it is, so that the check can say why.
+    """A number that was typed, with its digits; any other text as it is, for the check to refuse.
 
     A decimal comma is read as a point where it can be nothing else: "3,425" may be meant as thousands.
     """

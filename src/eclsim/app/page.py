@@ -14,7 +14,7 @@ from nicegui.element import Element
 from eclsim._version import __version__
 from eclsim.app.course import LENGTHS
 from eclsim.app.display import output_specs
-from eclsim.app.files import brief
+from eclsim.app.files import shortened
 from eclsim.app.header import Header, notify
 from eclsim.app.identify import Identification, fields
 from eclsim.app.provenance import title_of
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 WEB = Path(__file__).parent / "web"
 STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views", "gases", "timeline", "print")]
-SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
+SKIP_TO_KNOBS = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
 """To the knobs without a change of the address, whose part behind # is the patient of a link."""
 VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")
 
@@ -51,7 +51,7 @@ class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB /
 
 
 def _component(script: str) -> Callable[..., Element]:
-    """Makes elements that are drawn by a script of web/ and told through the bridge what to show."""
+    """Makes elements that a script of web/ draws, with data that it gets through the bridge."""
 
     class Component(Element, component=WEB / f"{script}.js"):
         def __init__(self, **properties: object):
@@ -104,7 +104,7 @@ class BedsidePage:
         for style in STYLES:
             ui.add_css(style)
         skip = ui.link(text("skip"), "#knobs").classes("ecl-skip")
-        skip.on("click", js_handler=SKIP)
+        skip.on("click", js_handler=SKIP_TO_KNOBS)
         ui.dark_mode(None)  # as the reader prefers
         with ui.element("div").classes("ecl-page"):
             with ui.element("header").classes("ecl-header"):
@@ -122,11 +122,11 @@ class BedsidePage:
                 self._views()
             with ui.element("div").classes("ecl-notice").props("role=note"):
                 ui.label(text("notice"))
-        self.bridge.on("hello", lambda e: self._hello(e.args))
+        self.bridge.on("hello", lambda e: self._browser_connected(e.args))
         self.bridge.on("link", lambda e: self._open_link(e.args))
         self.bridge.on("shortcut", lambda e: self._shortcut(e.args))
         self.bridge.on("ask", lambda: self.bridge.publish("alive", True))
-        self.bridge.on("take_back", lambda e: self._take_back(e.args))
+        self.bridge.on("take_back", lambda e: self._roll_back(e.args))
 
     def _knobs(self) -> None:
         knobs = ELEMENTS["knobs"]()
@@ -177,7 +177,7 @@ class BedsidePage:
         form.on("cancel", self.identification.cancel)
         form.on(
             "posterior",
-            lambda e: self.identification.find_posterior(_link(e.args), _typed(e.args).get("fit")),
+            lambda e: self.identification.compute_posterior(_link(e.args), _typed(e.args).get("fit")),
         )
         form.on("use", lambda e: self._use_fit(_link(e.args)))
 
@@ -185,13 +185,13 @@ class BedsidePage:
         if self.identification.use(link):
             notify(text("fit_used"))
 
-    def _hello(self, args: Message) -> None:
+    def _browser_connected(self, args: Message) -> None:
         """The browser is there: its link wins over what its tab kept, and that over the first patient."""
         link, tab, last = (str(args.get(key) or "") for key in ("link", "tab", "last"))
         restored = bool(tab or last) and self._restore(tab, last)
         if not restored and not link and (tab or last or args.get("again") is True):
             notify(text("tab_lost", name=title_of(self.session.state)), "negative")
-        if link and (state := self._linked(link)) is not None:
+        if link and (state := self._state_of_link(link)) is not None:
             if restored:
                 self.session.history.change(state, "", 0.0)
             else:
@@ -221,24 +221,24 @@ class BedsidePage:
         notify(message, "info")
         return True
 
-    def _linked(self, link: str) -> PageState | None:
-        """The state of a link; one that cannot be used is said and changes nothing."""
+    def _state_of_link(self, link: str) -> PageState | None:
+        """The state of a link; one that cannot be used gives a message and changes nothing."""
         try:
             return state_of(link)
         except CaseError as error:
-            reasons = "; ".join(brief([str(mistake) for mistake in error.mistakes], MOST_REASONS))
+            reasons = "; ".join(shortened([str(mistake) for mistake in error.mistakes], MOST_REASONS))
             shown = title_of(self.session.state)
             notify(text("link_refused", reason=reasons, name=shown), "negative")
             return None
 
-    def _take_back(self, args: Message) -> None:
+    def _roll_back(self, args: Message) -> None:
         """The page had no answer for too long, and shows a state before: it is the one that holds."""
-        if self.session.take_back(str(args.get("of") or ""), str(args.get("link") or "")):
+        if self.session.roll_back(str(args.get("of") or ""), str(args.get("link") or "")):
             notify(text("taken_back"), "warning")
 
     def _open_link(self, args: Message) -> None:
         """A link was put into the address of the open page."""
-        state = self._linked(str(args.get("link") or ""))
+        state = self._state_of_link(str(args.get("link") or ""))
         if state is not None:
             self.session.load(state)
             notify(text("link_opened", name=title_of(state)), "info")

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.fitting import to_fit
+from eclsim.app.fitting import prepared_for_fit
 from eclsim.app.texts import text
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, resolve_parameters
-from eclsim.identification.density import PosteriorDensity, Prior, approximate
+from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import Scale, measurement_errors
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from eclsim.cases.case import Case
 
-MEMBERS = 128
+BAND_MEMBERS = 128
 """Draws that bands are made of."""
 MOST_VALUES = 2_000_000
 LONGEST_DOUBT = 300
@@ -91,7 +91,7 @@ class PosteriorDraws:
         return read_mapping(with_values(case, self.base).as_mapping()).case
 
     def as_object(self) -> dict[str, Any]:
-        """What the page says of them."""
+        """Plain data for the page."""
         return {
             "method": text(METHODS[self.method]) if self.method in METHODS else self.method,
             "trusted": not self.doubts, "doubts": list(self.doubts), "checked": self.method != "gaussian",
@@ -150,7 +150,7 @@ def _read(name: str, data: xr.Dataset) -> PosteriorDraws:
     doubts = str(data.attrs.get("doubts", ""))[:LONGEST_DOUBT]
     if not int(data.attrs.get("trusted", 0)) and not doubts:
         doubts = text("posterior_unchecked")
-    chosen = np.random.default_rng(0).permutation(len(draws))[:MEMBERS]
+    chosen = np.random.default_rng(0).permutation(len(draws))[:BAND_MEMBERS]
     result = PosteriorDraws(
         names, draws[chosen], {}, str(data.attrs.get("sampler", ""))[:40], (doubts,) if doubts else ()
     )
@@ -169,14 +169,14 @@ SEED = 0
 
 
 @dataclass(frozen=True)
-class _Reporting(PosteriorDensity):
-    """A density that says how many beats it has computed, and so can be stopped by what it tells."""
+class _ReportingDensity(PosteriorDensity):
+    """A density that reports how many beats it has computed; the report may raise to stop it."""
 
     report: Callable[[str], None] = print
     done: list[int] = field(default_factory=list)
 
     def simulate(self, z: np.ndarray, centre: np.ndarray | None = None) -> np.ndarray:
-        """As `PosteriorDensity.simulate`."""
+        """Outputs as `PosteriorDensity.simulate` returns them."""
         self.report(text("posterior_draws", count=sum(self.done)))
         result = super().simulate(z, centre)
         self.done.append(len(z))
@@ -199,10 +199,10 @@ def plain_posterior(
     """
     report(text("posterior_preparing"))
     posterior, start = _density(raw, policy, report, free)
-    weighted = importance_sample(posterior, approximate(posterior, start[None]), seed=SEED)
+    weighted = importance_sample(posterior, gaussian_approximation(posterior, start[None]), seed=SEED)
     names = posterior.prior.names
     shown = posterior.prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
-    chosen = np.random.default_rng(SEED).permutation(weighted.resample(MEMBERS, SEED))
+    chosen = np.random.default_rng(SEED).permutation(weighted.resample(BAND_MEMBERS, SEED))
     members = posterior.prior.values_of(weighted.z[chosen])
     quantiles = np.quantile(shown, (0.05, 0.5, 0.95), axis=0).T.tolist()
     return {
@@ -218,11 +218,11 @@ def plain_posterior(
 
 def _density(
     raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None], free: Sequence[str]
-) -> tuple[_Reporting, np.ndarray]:
+) -> tuple[_ReportingDensity, np.ndarray]:
     """The density of a fitted case's parameters, and the coordinates of their fitted values."""
-    case, settings = to_fit(raw, policy, free)
+    case, settings = prepared_for_fit(raw, policy, free)
     checked = checked_fit(case, settings)
     prior = Prior.within(Box.of(checked.free))
     model = model_of(case).with_values(dict(checked.fixed))
     errors = measurement_errors(checked.targets)
-    return _Reporting(model, dict(checked.targets), errors, prior, policy, report), prior.start
+    return _ReportingDensity(model, dict(checked.targets), errors, prior, policy, report), prior.start

@@ -39,24 +39,24 @@ def provenance(state: PageState) -> dict[str, Any]:
     """
     kind, measured = kind_of(state), state.start.case.measurements
     badge = kind
-    source = _brief(state.source) or text("provenance_no_file")
+    source = _shortened(state.source) or text("provenance_no_file")
     sentences = [text(f"provenance_{kind}", source=source)]
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
         sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
-    before, unsaid = was_changed(state.start.case), kind == "parameters" and measured is not None
-    if kind == "fit" and (others := held(state.start.case)):
+    before, not_stated = was_changed(state.start.case), kind == "parameters" and measured is not None
+    if kind == "fit" and (others := held_parameters(state.start.case)):
         sentences[0] += " " + text("provenance_held", what=", ".join(others))
     if kind == "fit" and state.source:
         sentences[0] += " " + text("provenance_read", source=source)
-    if unsaid:
-        sentences.append(text("provenance_unsaid"))
+    if not_stated:
+        sentences.append(text("provenance_not_stated"))
     if before:
         sentences.append(text("provenance_changed_before"))
     if state.changed:
         sentences.append(text("provenance_changed", what=", ".join(changes(state))))
     doubted = kind in ("unfitted", "posterior") or (kind == "fit" and state.verdict != "good")
-    doubted |= unsaid or before
+    doubted |= not_stated or before
     return {
         "title": title_of(state), "badge": _badge(badge, state.changed),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
@@ -65,8 +65,8 @@ def provenance(state: PageState) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _brief(source: str) -> str:
-    """Both ends of a long name of a file: what is said behind it stays in sight."""
+def _shortened(source: str) -> str:
+    """Both ends of a long file name, so that the text after it stays in sight."""
     return source if len(source) <= LONGEST_SOURCE else f"{source[:30]}…{source[-29:]}"
 
 
@@ -117,7 +117,7 @@ def fitted_with(state: PageState) -> str:
             words = ", ".join([*(f"{name} {shown(value)}" for name, value in settings.items()), *assumed])
             sections.append(f"{group_name(kind.section)} ({words})" if words else group_name(kind.section))
     policy = [f"{text('policy')} {text(state.policy)}"] if state.policy != POLICIES[0] else []
-    return "; ".join([circuit_text(case), *sections, *held(case), *policy])
+    return "; ".join([circuit_text(case), *sections, *held_parameters(case), *policy])
 
 
 def fitted_case(state: PageState) -> Case:
@@ -129,7 +129,7 @@ def fitted_case(state: PageState) -> Case:
     return case.model_copy(update={"parameters": of_devices})
 
 
-def held(case: Case) -> list[str]:
+def held_parameters(case: Case) -> list[str]:
     """Parameters of a case that fits do not search, in words."""
     others = {name: value for name, value in case.parameters.items() if name not in BOUNDS}
     start = [others.pop(name) for name in START_PRESSURES if name in others]

@@ -22,7 +22,7 @@ log = logging.getLogger("eclsim.app")
 SLOWEST_HEADERS_S = 15.0
 LARGEST_MESSAGE = 1_000_000
 MOST_CONNECTIONS = 400
-MOST_WAITING = 8
+MOST_UNCONNECTED = 8
 """Pages that were asked for and have not connected: one more, and the oldest is dropped."""
 
 
@@ -49,7 +49,7 @@ class Options:
     most_sessions: int = 40
 
 
-class ImpatientProtocol(H11Protocol):
+class TimeoutProtocol(H11Protocol):
     """Closes connections whose first request does not arrive in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:
@@ -62,7 +62,7 @@ class ImpatientProtocol(H11Protocol):
             transport.close()
 
 
-class Visitors:
+class OpenPages:
     """Open pages: those that a browser shows, and those that were asked for and have never connected.
 
     Only the first count as sessions, so that requests without a browser keep nobody out.
@@ -81,7 +81,7 @@ class Visitors:
         """Whether there is no place for another session."""
         return len(self.shown) >= self.most
 
-    def welcome(self, client: Client, page: BedsidePage) -> None:
+    def add(self, client: Client, page: BedsidePage) -> None:
         """Keep a page until its browser has gone, or until too many others wait that never connected."""
 
         def connected() -> None:
@@ -89,7 +89,7 @@ class Visitors:
                 self.waiting.remove(client)
                 self.shown.add(client)
 
-        def gone() -> None:
+        def disconnected() -> None:
             self.shown.discard(client)
             if client in self.waiting:
                 self.waiting.remove(client)
@@ -97,21 +97,21 @@ class Visitors:
 
         self.waiting.append(client)
         client.on_connect(connected)
-        client.on_delete(gone)
-        while len(self.waiting) > MOST_WAITING:
+        client.on_delete(disconnected)
+        while len(self.waiting) > MOST_UNCONNECTED:
             self.waiting[0].delete()
 
 
 def application(options: Options, engine: Engine) -> App:
     """The ASGI application behind its guard."""
-    visitors = Visitors(options.most_sessions)
+    visitors = OpenPages(options.most_sessions)
 
     @ui.page("/", title=text("title"))
     async def page() -> None:
         if visitors.full:
             ui.label(text("full", most=options.most_sessions)).props("role=alert")
             return
-        visitors.welcome(ui.context.client, BedsidePage(engine, options.state))
+        visitors.add(ui.context.client, BedsidePage(engine, options.state))
 
     nicegui_app.on_startup(lambda: engine.warm(options.state))
     nicegui_app.on_shutdown(engine.stop)
@@ -130,7 +130,7 @@ def serve(options: Options) -> None:
     engine = Engine()
     config = uvicorn.Config(
         application(options, engine),  # pyright: ignore[reportArgumentType]  # likewise
-        host=options.host, port=options.port, http=ImpatientProtocol, lifespan="on", log_level="warning",
+        host=options.host, port=options.port, http=TimeoutProtocol, lifespan="on", log_level="warning",
         access_log=False, ws_max_size=LARGEST_MESSAGE, timeout_graceful_shutdown=2, timeout_keep_alive=15,
         limit_concurrency=MOST_CONNECTIONS, server_header=False,
     )  # fmt: skip

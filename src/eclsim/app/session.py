@@ -19,9 +19,9 @@ from eclsim.app.course import (
     without_event,
 )
 from eclsim.app.display import display, panel_of, shape_of, waves_of
-from eclsim.app.kept import Kept, computed_again, knobs_at
 from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import provenance, title_of
+from eclsim.app.shown_beat import ShownBeat, knobs_at, recomputed
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 log = logging.getLogger("eclsim.app")
-KEEP_AFTER_S = 0.5
+STORE_AFTER_S = 0.5
 """The browser gets a snapshot to keep when nothing was changed for so long."""
-FAR = 12
+BEATS_WORTH_A_CLOSER_START = 12
 """Beats of a search from which on the next ones begin nearer: at 25 each turn would need a Jacobian."""
 Send = Callable[[str, Any], None]
 Listener = Callable[["Session"], None]
@@ -66,9 +66,9 @@ class Session:
         self.send = send
         self.history = History(state)
         self.shown: tuple[PageState, Beat] | None = None
-        self.later: Kept | None = None
-        self.pinned: Kept | None = None
-        self.saved: list[Kept] = []
+        self.later: ShownBeat | None = None
+        self.pinned: ShownBeat | None = None
+        self.saved: list[ShownBeat] = []
         self.base: tuple[PageState, Beat] | None = None
         self.listeners: list[Listener] = []
         self.view = "monitor"
@@ -79,7 +79,7 @@ class Session:
         self._requested: tuple[PageState, int] = (state, 0)
         self._running = False
         self._anchor: Beat | None = None
-        self._nearing: asyncio.Task[None] | None = None
+        self._preparing_start: asyncio.Task[None] | None = None
         self._drawn: object = None
         self._panel: object = None
         self._display: object = None
@@ -98,9 +98,9 @@ class Session:
         return self.shown[1] if self.shown else None
 
     @property
-    def seen(self) -> Kept | None:
+    def seen(self) -> ShownBeat | None:
         """What the page shows: the beat of the state, or that of a later minute of its course."""
-        return self.later or (Kept(*self.shown) if self.shown else None)
+        return self.later or (ShownBeat(*self.shown) if self.shown else None)
 
     def start(self) -> None:
         """Tell the browser everything, and compute the first beat."""
@@ -178,7 +178,7 @@ class Session:
     def show_moment(self, state: PageState, beat: Beat, minute: float) -> None:
         """Show the beat of a later minute of the course; knobs stay those of its start."""
         if state == self.state and not self.closed:
-            self.later = Kept(state, beat, Moment(minute, self.minutes))
+            self.later = ShownBeat(state, beat, Moment(minute, self.minutes))
             self._send_beat(state, beat, self._requested[1], minute)
 
     def show_start(self) -> None:
@@ -232,7 +232,7 @@ class Session:
         self._request(0)
 
     def judge(self, old: PageState, new: PageState) -> None:
-        """More is known of a patient as opened: all states that go back to it say so."""
+        """Replace a patient as opened by one with a later verdict, in all states that go back to it."""
 
         def rejudged(state: PageState) -> PageState:
             if state.start != old:
@@ -262,7 +262,7 @@ class Session:
             self.show_state()
             self._request(0)
 
-    def take_back(self, of: str, link: str = "") -> bool:
+    def roll_back(self, of: str, link: str = "") -> bool:
         """Back to the state that the page shows, where that had no answer to what was changed since.
 
         Args:
@@ -319,7 +319,7 @@ class Session:
 
     def _send_saved(self) -> None:
         self.send("saved", [kept.plain() for kept in self.saved])
-        self._keep_soon()
+        self._store_snapshot_soon()
 
     def _send_pinned(self) -> None:
         self.send("pinned", self.pinned.plain() if self.pinned else None)
@@ -392,7 +392,7 @@ class Session:
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         self.shown = (state, beat)
-        self._begin_nearer(state, beat)
+        self._update_search_start(state, beat)
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
         if not self.minute:  # else the course follows, and with it the beat of the minute that is shown
@@ -400,16 +400,18 @@ class Session:
         self._complete_soon()
         self._notify()
 
-    def _begin_nearer(self, state: PageState, beat: Beat) -> None:
-        """Let searches begin at this beat where they begin too far away, once that costs no turn any time."""
+    def _update_search_start(self, state: PageState, beat: Beat) -> None:
+        """Let searches start from this beat if they start too far away, while no knob waits for it."""
         known = self._anchor is not None and self._anchor.circuit is beat.circuit
-        idle = self._nearing is None or self._nearing.done()
-        if beat.converged and idle and not (known and beat.effort <= FAR):
-            self._nearing = asyncio.get_running_loop().create_task(self._near(state, beat))
-            self._nearing.add_done_callback(_report)
+        idle = self._preparing_start is None or self._preparing_start.done()
+        if beat.converged and idle and not (known and beat.effort <= BEATS_WORTH_A_CLOSER_START):
+            self._preparing_start = asyncio.get_running_loop().create_task(
+                self._prepare_search_start(state, beat)
+            )
+            self._preparing_start.add_done_callback(_report)
 
-    async def _near(self, state: PageState, beat: Beat) -> None:
-        await self.engine.near(state, beat)
+    async def _prepare_search_start(self, state: PageState, beat: Beat) -> None:
+        await self.engine.prepare_nearby_searches(state, beat)
         self._anchor = beat
 
     def _complete_soon(self) -> None:
@@ -436,11 +438,11 @@ class Session:
     async def _compute_restored(self, snapshot: Snapshot) -> None:
         moments = snapshot.saved_at or [START] * len(snapshot.saved)
         saved = [
-            await computed_again(self.engine, state, moment)
+            await recomputed(self.engine, state, moment)
             for state, moment in zip(snapshot.saved, moments, strict=True)
         ]
         if snapshot.pinned is not None and self.pinned is None:
-            self.pinned = await computed_again(self.engine, snapshot.pinned, snapshot.pinned_at)
+            self.pinned = await recomputed(self.engine, snapshot.pinned, snapshot.pinned_at)
         self._restored = None
         self.saved = [*saved, *self.saved][:MOST_SAVED]
         self._send_pinned()
@@ -489,21 +491,21 @@ class Session:
             "undo": bool(self.history.past), "redo": bool(self.history.future),
             "changed": state.changed, "pinned": self.pinned is not None,
         })  # fmt: skip
-        self._keep_soon()
+        self._store_snapshot_soon()
 
     def _values(self, state: PageState | None = None) -> dict[str, Any]:
         """Where the knobs stand, or stood in a state whose beat comes when they have moved on."""
         case = (state or self.state).case
         return knobs_at(case, self.minute if self.recording else 0.0)
 
-    def _keep_soon(self) -> None:
+    def _store_snapshot_soon(self) -> None:
         """Have the browser keep this tab, when nothing is changed for a while."""
         if self._keep_timer is not None:
             self._keep_timer.cancel()
         if self._restored is None and not self.closed:
-            self._keep_timer = asyncio.get_running_loop().call_later(KEEP_AFTER_S, self._keep)
+            self._keep_timer = asyncio.get_running_loop().call_later(STORE_AFTER_S, self._store_snapshot)
 
-    def _keep(self) -> None:
+    def _store_snapshot(self) -> None:
         pinned, pinned_at = (self.pinned.state, self.pinned.moment) if self.pinned else (None, START)
         states, moments = (tuple(getattr(kept, of) for kept in self.saved) for of in ("state", "moment"))
         snapshot = Snapshot(self.history, pinned, states, pinned_at, moments)

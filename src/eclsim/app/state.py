@@ -67,7 +67,7 @@ class PageState:
         return self.opened or self
 
     @property
-    def computed(self) -> Case:
+    def computed_case(self) -> Case:
         """The case; set points of reflexes that it leaves open are those of the patient as opened."""
         left_open = self.case.regulation is not None and self.case.regulation.open_set_points
         if self.opened is None or not left_open:
@@ -94,7 +94,7 @@ class PageState:
         return replace(self, case=case, policy=policy, opened=start)
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data."""
+        """Plain data of the state."""
         result = {"case": self.case.as_mapping(), "policy": self.policy}
         result |= {name: getattr(self, name) for name in _NAMES if getattr(self, name)}
         if self.opened is None or self.origin in PRESETS:  # presets are known without
@@ -103,7 +103,7 @@ class PageState:
 
 
 _NAMES = ("origin", "source", "verdict", "subject")
-"""What a state says of itself in words."""
+"""Fields of a state that are texts."""
 
 
 def preset_state(key: str) -> PageState:
@@ -170,10 +170,10 @@ def read_state(data: object) -> PageState:
 
 
 def _read_names(data: dict[str, Any]) -> dict[str, str]:
-    """What a state says of itself; nothing unknown is left out or taken for something else.
+    """Texts of a state; an unknown one is an error, never left out or replaced.
 
     Raises:
-        CaseError: It says what this page does not know.
+        CaseError: A text that this page does not know.
     """
     if data.keys() - {"case", "policy", "opened", *_NAMES}:
         raise refused_link("of another version")
@@ -224,7 +224,7 @@ def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
 
 
 def refused_link(reason: str) -> CaseError:
-    """What is said of a link that cannot be used."""
+    """Message about a link that cannot be used."""
     return CaseError([Mistake("", f"the link is {reason}", allowed="a link copied from this page")])
 
 
@@ -318,7 +318,7 @@ class Snapshot:
     saved_at: tuple[Moment, ...] = ()
 
     def packed(self) -> str:
-        """As a text for the browser's storage: each state once, and numbers that refer to it."""
+        """Text for the browser's storage: each state once, and numbers that refer to it."""
         states: list[PageState] = []
 
         def numbers(of: Iterable[PageState]) -> list[int]:

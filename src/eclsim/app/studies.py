@@ -19,7 +19,7 @@ from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import beat_program
 from eclsim.circuit.assembly import assemble
 from eclsim.files import finite
-from eclsim.identification.density import SETTLED
+from eclsim.identification.density import DENSITY_OPTIONS
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import impossible, stays_closed
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from eclsim.circuit import Circuit
 
 SPEEDS = 15
-VALVE = ("aortic_valve_flow", "peak_aortic_valve_flow")
-"""Outputs that tell whether the aortic valve opens: what a ramp of a pump beside the heart is made for."""
+VALVE_OUTPUTS = ("aortic_valve_flow", "peak_aortic_valve_flow")
+"""Outputs that show whether the aortic valve opens, the purpose of a ramp of an assist pump."""
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:
@@ -47,14 +47,14 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     sweep = sweep_of(state.case)
     if sweep is None:
         return None
-    circuit, values = page_circuit(state.computed)
+    circuit, values = page_circuit(state.computed_case)
     speeds = np.unique([*np.linspace(sweep.low, sweep.high, SPEEDS), sweep.present])
     members = values | {sweep.key: speeds}
     resolution = int(np.max(needed_resolution(assemble(circuit), members)))
     batch = Batch(circuit, members, len(speeds), state.policy)
     shown = [curve.output for _, curve in curves_of(state.case) if curve.output in output_names(circuit)]
     judged, watched = _judging(circuit)
-    valve = [n for n in VALVE if n in output_names(circuit)]
+    valve = [n for n in VALVE_OUTPUTS if n in output_names(circuit)]
     names = list(dict.fromkeys([*shown, *judged, *valve]))
     result = steady_beat(batch, names, waveforms=watched, start=values, resolution=resolution)
     possible = np.array([not impossible(result.findings(k)) for k in range(len(speeds))])
@@ -79,9 +79,9 @@ def _judging(circuit: Circuit) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def schemes(state: PageState) -> dict[str, Any] | None:
     """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
-    from eclsim.crrt_study.beats import nine_at_own_speed
+    from eclsim.crrt_study.beats import line_pressures_of_nine_schemes
 
-    result = nine_at_own_speed(state.case, state.policy)
+    result = line_pressures_of_nine_schemes(state.case, state.policy)
     return None if result is None else {"of": key_of(state), **result}
 
 
@@ -97,9 +97,9 @@ CENTRAL_90 = (0.05, 0.95)
 POINTS = 100
 RAMP_MEMBERS = 64
 LOOP_POINTS = 60
-LOOPS = 24
+MOST_LOOPS = 24
 """Loops drawn of a ventricle: a band has no meaning where a curve closes on itself."""
-FEWEST = 10
+FEWEST_DRAWS = 10
 """Below so many draws that are left there is no band."""
 VENTRICLES = ("lv", "rv")
 LOOP_WAVES = frozenset(kind + place for place in VENTRICLES for kind in "VP")
@@ -132,7 +132,7 @@ class Solved:
 
 def beat_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> dict[str, Any] | None:
     """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
-    circuit, values = page_circuit(state.computed)
+    circuit, values = page_circuit(state.computed_case)
     count = len(members.draws)
     signals = tuple(n for n in waves_of(state.case) if n in beat_program(circuit).signals)
     solved = solve(
@@ -151,7 +151,7 @@ def beat_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
         "waves": {},
         "loops": {},
     }
-    if solved.count < FEWEST:
+    if solved.count < FEWEST_DRAWS:
         return result
     even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
     result["outputs"] = {n: plain_curve(np.quantile(v, CENTRAL_90)) for n, v in solved.outputs.items()}
@@ -169,7 +169,7 @@ def ramp_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
     sweep = sweep_of(state.case)
     if sweep is None:
         return None
-    circuit, values = page_circuit(state.computed)
+    circuit, values = page_circuit(state.computed_case)
     names = tuple(c.output for _, c in curves_of(state.case) if c.output in output_names(circuit))
     count = min(RAMP_MEMBERS, len(members.draws))
     speeds = np.linspace(sweep.low, sweep.high, (SPEEDS + 1) // 2)
@@ -185,7 +185,7 @@ def ramp_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
         lost, impossible = max(lost, solved.lost), max(impossible, solved.impossible)
         fewest = min(fewest, solved.count)
         for n in names:
-            enough = solved.count >= FEWEST
+            enough = solved.count >= FEWEST_DRAWS
             bands[n].append(np.quantile(solved.outputs[n], CENTRAL_90) if enough else (np.nan, np.nan))
     curves = {n: [plain_curve(side) for side in np.array(b).T] for n, b in bands.items()}
     return {
@@ -222,7 +222,7 @@ def solve(
         batch = Batch(circuit, chunk, part.stop - first, policy)
         beat = steady_beat(
             batch, tuple(dict.fromkeys((*names, *judged))), waveforms=recorded,
-            keep=None if signals else (), options=SETTLED, start=start, resolution=resolution,
+            keep=None if signals else (), options=DENSITY_OPTIONS, start=start, resolution=resolution,
             execution=Execution(threads=1, width=SIDE_BY_SIDE),
         )  # fmt: skip
         steady = np.flatnonzero(beat.determined & ~beat.without_gases)
@@ -245,6 +245,6 @@ def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:
         middle = np.median(wave, axis=1, keepdims=True)
         spread = np.maximum(np.median(np.abs(wave - middle), axis=1, keepdims=True), 1e-3)
         away = np.maximum(away, (np.abs(wave - middle) / spread).max(axis=0))
-    central = np.flatnonzero(away <= np.quantile(away, 0.9))[:LOOPS]
+    central = np.flatnonzero(away <= np.quantile(away, 0.9))[:MOST_LOOPS]
     even = np.linspace(0.0, 1.0, LOOP_POINTS)
     return [[plain_curve(np.interp(even, solved.phases, wave[:, m])) for wave in sides] for m in central]

@@ -59,7 +59,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "provenance_verdict": "Fit: {verdict}.",
         "provenance_held": "Not fitted, but as set: {what}.",
         "provenance_read": "Read from {source}.",
-        "provenance_unsaid": "Whether they were fitted to the measurements in it, it does not say.",
+        "provenance_not_stated": "Whether they were fitted to the measurements in it, it does not say.",
         "provenance_changed_before": "Changed by hand before it was saved.",
         "provenance_no_file": "the case",
         "provenance_connected": "{device} connected",

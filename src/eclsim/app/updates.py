@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("eclsim.app")
 PAUSE_S = 0.3
 """Bands are computed when no knob was turned for so long: a beat must not wait for them."""
-MOST_KEPT = 6
+MOST_POSTERIORS = 6
 BANDS = {"ramp": "ramp_bands"} | dict.fromkeys(("monitor", "loops", "gases", "outputs"), "bands")
 """Views that show bands, and the topic under which these are sent."""
 
@@ -120,7 +120,7 @@ class CourseStudy(_OneAtATime):
 
     def __call__(self, _: Session | None = None) -> None:
         """The session has a new beat."""
-        self._start(self._wanted(), self._run)
+        self._start(self._next_job(), self._run)
 
     def show(self, minute: float) -> None:
         """Show the beat of a minute, 0: that of the state; of several that wait only the last.
@@ -137,12 +137,12 @@ class CourseStudy(_OneAtATime):
         elif self._moment is None or self._moment.done():
             self._moment = asyncio.get_running_loop().create_task(self._show())
 
-    def _wanted(self) -> tuple[PageState, int] | None:
+    def _next_job(self) -> tuple[PageState, int] | None:
         job = self.session.state, self.minutes
         return job if self.minutes and not self.session.closed and job != self._done else None
 
     async def _run(self) -> None:
-        while job := self._wanted():
+        while job := self._next_job():
             self._done, self.course = job, None
             state, minutes = job
             self.session.send("course_busy", key_of(state))
@@ -192,7 +192,7 @@ class PosteriorBands(_OneAtATime):
         self._posteriors: dict[str, PosteriorDraws] = {}
         self._keys = 0
         self._done: dict[str, tuple[Any, PosteriorDraws]] = {}
-        self._told: PosteriorDraws | None = None
+        self._sent_members: PosteriorDraws | None = None
 
     def new_key(self) -> str:
         """What a patient's state calls its posterior, whether it is there yet or not."""
@@ -202,7 +202,7 @@ class PosteriorBands(_OneAtATime):
     def add(self, key: str, members: PosteriorDraws) -> None:
         """A posterior was found, or loaded."""
         self._posteriors[key] = members
-        for old in list(self._posteriors)[:-MOST_KEPT]:
+        for old in list(self._posteriors)[:-MOST_POSTERIORS]:
             del self._posteriors[old]
         self()
 
@@ -221,8 +221,8 @@ class PosteriorBands(_OneAtATime):
     def __call__(self, _: Session | None = None) -> None:
         """The session has a new beat, another view or another posterior."""
         members = self._members()
-        if members is not self._told:
-            self._told = members
+        if members is not self._sent_members:
+            self._sent_members = members
             self.session.send("posterior", members.as_object() if members else None)
         self._start(self._job(), self._run)
 
@@ -248,14 +248,14 @@ class PosteriorBands(_OneAtATime):
             if job is None or job[0] is not before:
                 continue
             shown, members, topic = job
-            if not self._newest(shown):
+            if not self._is_newest(shown):
                 return  # the beat that is on its way calls again
             self._done[topic] = shown, members
             bands = await self._bands(shown, members, topic)
-            if self.on and self._newest(shown):
+            if self.on and self._is_newest(shown):
                 self.session.send(topic, bands or {"of": key_of(shown[0])})
 
-    def _newest(self, shown: tuple[PageState, Beat]) -> bool:
+    def _is_newest(self, shown: tuple[PageState, Beat]) -> bool:
         """Whether a beat is still the one that is seen, and no knob was turned since."""
         one = self.session
         return not one.closed and one.shown is shown and one.state == shown[0]
@@ -267,7 +267,7 @@ class PosteriorBands(_OneAtATime):
             from eclsim.app import studies
 
             compute = studies.ramp_bands if topic == "ramp_bands" else studies.beat_bands
-            return compute(shown[0], members, lambda: self._newest(shown))
+            return compute(shown[0], members, lambda: self._is_newest(shown))
 
         try:
             return await self.engine.study(work)

@@ -113,42 +113,42 @@ class StoredProgram:
         file = _file(self.key, shapes, self.modules)
         if file is None:
             return self.function
-        return _load(file) or _save(file, _compiled_afresh(self.function.lower(*arguments)))
+        return _load(file) or _save(file, _compiled_without_cache(self.function.lower(*arguments)))
 
 
-class Described(NamedTuple):
-    """All there is to say of a part of a key, and the modules whose code it stands for."""
+class KeyDescription(NamedTuple):
+    """Text that determines a part of a key, and the modules whose code it depends on."""
 
     text: str
     modules: frozenset[str]
 
 
 @lru_cache(maxsize=1024)
-def _described(part: Hashable) -> Described | None:
+def _described(part: Hashable) -> KeyDescription | None:
     """A part of a key in words; None if something in it is not eclsim's own."""
     modules = set[str]()
     try:
-        return Described(_text(part, modules), frozenset(modules))
+        return KeyDescription(_text(part, modules), frozenset(modules))
     except _ForeignError:
         return None
 
 
 class _ForeignError(Exception):
-    """A value whose text does not say all about it."""
+    """A value that its text does not determine."""
 
 
 def _text(value: object, modules: set[str]) -> str:
     """A value and everything in it; adds the modules that its classes and functions are of."""
     kind = type(value)
     if isinstance(value, FunctionType):
-        modules.add(_ours(value.__module__))
+        modules.add(_module_of_package(value.__module__))
         if getattr(sys.modules[value.__module__], value.__qualname__, None) is not value:
             raise _ForeignError  # a function within another knows more than its name says
         return f"{value.__module__}.{value.__qualname__}"
     if value is None or (isinstance(value, (str, int, float)) and not isinstance(value, Enum)):
         return repr(value)
     if kind not in (tuple, list):
-        modules.add(_ours(kind.__module__))
+        modules.add(_module_of_package(kind.__module__))
     name = f"{kind.__module__}.{kind.__qualname__}"
     if isinstance(value, Enum):
         return f"{name}.{value.name}"
@@ -160,7 +160,7 @@ def _text(value: object, modules: set[str]) -> str:
     return f"{name}({', '.join([f'{field}={_text(entry, modules)}' for field, entry in entries])})"
 
 
-def _ours(module: str) -> str:
+def _module_of_package(module: str) -> str:
     """The name of a module of eclsim's own."""
     if module.partition(".")[0] != "eclsim":
         raise _ForeignError
@@ -216,7 +216,7 @@ def _file_of(module: str) -> Path | None:
 _COMPILING = threading.Lock()
 
 
-def _compiled_afresh(lowered: Lowered) -> Compiled:
+def _compiled_without_cache(lowered: Lowered) -> Compiled:
     """Compile past JAX's own cache: what comes from there lacks its kernels when it is written again."""
     with _COMPILING:
         jax.config.update("jax_enable_compilation_cache", False)

@@ -26,7 +26,7 @@ LARGEST_ANGLE = 0.7
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
 FINEST = 32
 """Finest resolution that may be asked for: a beat of 12,800 steps."""
-STEPS_OF_A_DRIVE = 40.0
+STEPS_PER_DRIVE = 40.0
 """Steps that a movement from outside takes at least, such as that of a balloon in diastasis."""
 
 
@@ -80,7 +80,7 @@ def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
 
 
 def _driven(assembly: Assembly, values: Values) -> list[np.ndarray]:
-    """Resolution at which each movement from outside takes `STEPS_OF_A_DRIVE` steps wherever it happens."""
+    """Resolution at which each movement from outside takes `STEPS_PER_DRIVE` steps wherever it happens."""
     result = []
     for compartment in assembly.circuit.compartments:
         driven = compartment.component.driven(values)
@@ -90,7 +90,7 @@ def _driven(assembly: Assembly, values: Values) -> list[np.ndarray]:
         for end, blocks in SEGMENTS:
             step = (end - start) / (blocks * STEPS_PER_BLOCK)
             there = (begin < end) & (begin + length > start)
-            result.append(np.where(there, step * STEPS_OF_A_DRIVE / length, 0.0))
+            result.append(np.where(there, step * STEPS_PER_DRIVE / length, 0.0))
             start = end
     return result
 

@@ -38,7 +38,7 @@ RecordedBeat = Callable[[States, States], tuple[jax.Array, jax.Array]]
 
 
 class StepConstants(NamedTuple):
-    """What is constant while the step size is: one entry per compartment or connection."""
+    """Constants while the step size is constant: one entry per compartment or connection."""
 
     weight: Number
     compliance_load: list[Number]
@@ -63,8 +63,8 @@ class Linearised(NamedTuple):
     around: list[Number]
 
 
-class Tables(NamedTuple):
-    """What differs from step to step; along the first axes blocks and steps.
+class StepTables(NamedTuple):
+    """Values that differ from step to step; along the first axes blocks and steps.
 
     Attributes:
         activations: at both stages, (2, curves).
@@ -78,7 +78,7 @@ class Tables(NamedTuple):
 
 
 class Carry(NamedTuple):
-    """What goes from step to step: volumes and flows, weighted sums of signals, readings of controllers."""
+    """State carried through steps: volumes and flows, weighted sums of signals, readings of controllers."""
 
     volumes: list[Number]
     flows: list[Number]
@@ -136,19 +136,19 @@ class BeatProgram:
         given, constants, period = self._in_effect(state, packed)
         recorder, readings = Recorder(self.assembly, signals), Readings(self.assembly)
 
-        def block(carry: Carry, inputs: tuple[Number, Tables]) -> tuple[Carry, jax.Array | None]:
+        def block(carry: Carry, inputs: tuple[Number, StepTables]) -> tuple[Carry, jax.Array | None]:
             length, tables = inputs
             steps = self._step_constants(GAMMA * period * length, constants)
 
-            def step(carry: Carry, now: Tables) -> tuple[Carry, jax.Array | None]:
+            def step(carry: Carry, now: StepTables) -> tuple[Carry, jax.Array | None]:
                 volumes, flows, means = self._step(carry, now.activations, steps, constants)
                 moment = Moment(volumes, flows, now.activations[1], constants, period, means)
                 picked = recorder.pick(moment)
-                gathered = readings.gathered(carry.readings, moment, now.readings)
+                updated = readings.updated(carry.readings, moment, now.readings)
                 if now.weights is None:
-                    return Carry(volumes, flows, carry.sums, gathered), picked
+                    return Carry(volumes, flows, carry.sums, updated), picked
                 sums = [total + now.weights[k] * picked[k] for k, total in enumerate(carry.sums)]
-                return Carry(volumes, flows, sums, gathered), None
+                return Carry(volumes, flows, sums, updated), None
 
             return jax.lax.scan(step, carry, tables)
 
@@ -156,7 +156,7 @@ class BeatProgram:
         zero = jnp.zeros_like(volumes[0])
         sums: list[Number] = [] if weights is None else [zero] * len(signals)
         inputs = jnp.asarray(self.grid.block_steps), self._tables(weights, readings)
-        carry = Carry(volumes, flows, sums, readings.none(zero))
+        carry = Carry(volumes, flows, sums, readings.initial(zero))
         carry, recorded = jax.lax.scan(block, carry, inputs)
         following = self.assembly.next_control_states(state, carry.readings, period, given)
         inertial = (carry.flows[j] for j in self.assembly.inertial)
@@ -187,17 +187,17 @@ class BeatProgram:
 
     @cached_property
     def _activations(self) -> np.ndarray:
-        """Of both stages of each step, shape (steps, 2, curves)."""
+        """Activations at both stages of each step, shape (steps, 2, curves)."""
         nodes = self.grid.phases
         stages = np.stack([nodes[:-1] + GAMMA * np.diff(nodes), nodes[1:]], axis=1)
         curves = [a.at(stages, np) for a in self.assembly.activations]
         return np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
 
-    def _tables(self, weights: States | None, readings: Readings) -> Tables:
-        """What differs from step to step, in blocks of steps."""
+    def _tables(self, weights: States | None, readings: Readings) -> StepTables:
+        """Values that differ from step to step, in blocks of steps."""
         blocks, activations = (len(self.grid.block_steps), STEPS_PER_BLOCK), self._activations
         of_readings = readings.weights(np.diff(self.grid.phases))
-        return Tables(
+        return StepTables(
             jnp.asarray(activations.reshape(*blocks, *activations.shape[1:])),
             None if weights is None else weights.reshape(*blocks, weights.shape[1]),
             None if of_readings is None else jnp.asarray(of_readings.reshape(*blocks, -1)),
@@ -283,11 +283,11 @@ class BeatProgram:
         """Solve V = base_v + k dV/dt, Q = base_q + k dQ/dt for volumes and flows."""
         assembly = self.assembly
         flows = list(guess)
-        volumes = self._moved(base_v, flows, steps, constants)
+        volumes = self._volumes_after(base_v, flows, steps, constants)
         first = self._linearised(volumes, activations, steps, constants)
         for j in assembly.sweep:
             self._solve(j, flows, first, base_q, steps, constants)
-        volumes = self._moved(base_v, flows, steps, constants)
+        volumes = self._volumes_after(base_v, flows, steps, constants)
         again = self._linearised(volumes, activations, steps, constants)
         fixed = (c.component.constant_stiffness for c in assembly.circuit.compartments)
         both = zip(first.pressures, again.pressures, fixed, strict=True)
@@ -295,7 +295,7 @@ class BeatProgram:
         for j in assembly.sweep:
             if assembly.touches_chamber(j):
                 self._solve(j, flows, again, base_q, steps, constants)
-        return self._moved(base_v, flows, steps, constants), flows
+        return self._volumes_after(base_v, flows, steps, constants), flows
 
     def _solve(
         self,
@@ -349,7 +349,7 @@ class BeatProgram:
         outlets = self.assembly.outlets(volumes, constants)
         return Linearised(pressures, loads, outlets, [steps.weight * slope for _, slope in around])
 
-    def _moved(
+    def _volumes_after(
         self, base: Sequence[Number], flows: Sequence[Number], steps: StepConstants, constants: Constants
     ) -> list[Number]:
         """Volumes after the flows have run for the stage's weight."""

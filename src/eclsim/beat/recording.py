@@ -1,4 +1,4 @@
-"""What to write down while a beat runs."""
+"""Recording of signals while a beat runs."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ class Recorder:
 
 
 class Readings:
-    """What the controllers of a circuit read off a beat, gathered step by step."""
+    """Inputs of the controllers of a circuit over a beat, accumulated step by step."""
 
     def __init__(self, assembly: Assembly):
         reads = [reading for control in assembly.circuit.controllers for reading in control.reads]
@@ -181,7 +181,7 @@ class Readings:
         names = [name + MEAN if moved else name for name, moved in zip(names, self._moved, strict=True)]
         self._recorder = Recorder(assembly, tuple(names))
 
-    def none(self, zero: Number) -> list[Number]:
+    def initial(self, zero: Number) -> list[Number]:
         """Before the first step."""
         first = {Statistic.MEAN: 0.0, Statistic.MAXIMUM: -jnp.inf, Statistic.MINIMUM: jnp.inf}
         return [first[statistic] + zero for statistic in self.statistics]
@@ -190,7 +190,7 @@ class Readings:
         """Weight of each step in a mean, shape (steps, readings); None where nothing is read."""
         return step_weights(widths, self._moved) if self._moved else None
 
-    def gathered(self, readings: list[Number], moment: Moment, weights: States | None) -> list[Number]:
+    def updated(self, readings: list[Number], moment: Moment, weights: States | None) -> list[Number]:
         """The readings after one more step, with the weight of each reading in this step."""
         if weights is None:
             return readings

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
 
 ITERATIONS = 10
-"""Of Newton's method; six suffice between 1 and 300 mmHg."""
+"""Iterations of Newton's method; six suffice between 1 and 300 mmHg."""
 
 
 def carbon_dioxide_solubility(temperature: Array = 37.0) -> Array:
@@ -62,7 +62,10 @@ def ph_of(pco2: Array, blood: Blood, saturation_at: Callable[[Array], Array]) ->
         return ph - value / slope
 
     start = jnp.full(jnp.shape(excess(7.4)), 7.4)
-    found = jax.lax.fori_loop(0, ITERATIONS, lambda _, ph: improved(ph), jax.lax.stop_gradient(start))
+    solution = jax.lax.fori_loop(0, ITERATIONS, lambda _, ph: improved(ph), jax.lax.stop_gradient(start))
     # From the solution, one more step carries its derivative exactly, without those of the way there.
-    value, slope = excess(jax.lax.stop_gradient(found)), jax.jvp(excess, (found,), (jnp.ones_like(found),))[1]
-    return jax.lax.stop_gradient(found) - value / jax.lax.stop_gradient(slope)
+    value, slope = (
+        excess(jax.lax.stop_gradient(solution)),
+        jax.jvp(excess, (solution,), (jnp.ones_like(solution),))[1],
+    )
+    return jax.lax.stop_gradient(solution) - value / jax.lax.stop_gradient(slope)

@@ -22,7 +22,7 @@ PLASMA_WATER, CELL_WATER = 0.94, 0.65
 DONNAN = 0.69
 """Hydrogen ions in plasma over those in red cells [-]."""
 GRAMS_PER_MOLE = 64100.0
-"""Of haemoglobin."""
+"""Molar mass of haemoglobin."""
 HAEMOGLOBIN_IN_CELLS = 150.0 / 0.45
 """Grams in a litre of red cells."""
 ML_DL_PER_MOL_L = 2240.0

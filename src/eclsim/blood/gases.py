@@ -14,13 +14,13 @@ import numpy as np
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
 from eclsim.blood.acid_base import bicarbonate, ph_of
-from eclsim.blood.types import Array, Blood, Given, refuse
+from eclsim.blood.types import Array, Blood, Given, refuse_arguments
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
 STEPS = 60
-"""Of the damped Newton iteration from contents to pressures; most need fewer than ten."""
-SETTLED = 1e-9
+"""Steps of the damped Newton iteration from contents to pressures; most need fewer than ten."""
+STEP_TOLERANCE = 1e-9
 """Largest of the last steps at which the iteration ends, in the logarithm of a partial pressure."""
 LARGEST_STEP = 1.0
 """In the logarithm of a partial pressure."""
@@ -49,7 +49,7 @@ class BloodGases(NamedTuple):
 
 
 _Pair = tuple[jax.Array, jax.Array]
-"""Of oxygen, then of carbon dioxide."""
+"""Values of oxygen, then of carbon dioxide."""
 
 
 class _Search(NamedTuple):
@@ -80,7 +80,7 @@ def gases(
         ValueError: the law is unknown or does not read an argument, or values are beyond any in these units;
             with all of them.
     """
-    refuse({"po2": po2, "pco2": pco2, **of}, law)
+    refuse_arguments({"po2": po2, "pco2": pco2, **of}, law)
     blood = Blood(**of)
     return _at_pressures(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
 
@@ -92,7 +92,7 @@ def gases_with_contents(
 
     Other arguments and errors as in `gases`.
     """
-    refuse({**of}, law)
+    refuse_arguments({**of}, law)
     blood = Blood(**of)
     first, second = (_common(oxygen, carbon_dioxide, blood, each) for each in (oxygen, carbon_dioxide))
     start = np.full(first.shape, math.log(40.0)), np.full(first.shape, math.log(45.0))
@@ -106,7 +106,7 @@ def gases_with_saturation(
 
     Other arguments and errors as in `gases`.
     """
-    refuse({"saturation": saturation, "pco2": pco2, **of}, law)
+    refuse_arguments({"saturation": saturation, "pco2": pco2, **of}, law)
     blood = Blood(**of)
     wanted, pco2 = _common(saturation, pco2, blood, saturation), _common(saturation, pco2, blood, pco2)
     return _at_saturation(wanted, pco2, blood, law)
@@ -142,14 +142,14 @@ def _at_contents(start: _Pair, wanted: _Pair, blood: Blood, law: str) -> BloodGa
     """Newton's method on the logarithms of both pressures, elementwise."""
     fixed = jax.lax.stop_gradient((wanted, blood))
 
-    def missing(at: _Pair, to: _Pair, blood: Blood) -> _Pair:
-        found = equilibrium(jnp.exp(at[0]), jnp.exp(at[1]), blood, law)
-        return found.oxygen - to[0], found.carbon_dioxide - to[1]
+    def residual(at: _Pair, to: _Pair, blood: Blood) -> _Pair:
+        solution = equilibrium(jnp.exp(at[0]), jnp.exp(at[1]), blood, law)
+        return solution.oxygen - to[0], solution.carbon_dioxide - to[1]
 
     def newton(at: _Pair, to: _Pair, blood: Blood) -> _Pair:
         one, none = jnp.ones_like(at[0]), jnp.zeros_like(at[0])
-        value, (a, c) = jax.jvp(lambda x: missing(x, to, blood), (at,), ((one, none),))
-        _, (b, d) = jax.jvp(lambda x: missing(x, to, blood), (at,), ((none, one),))
+        value, (a, c) = jax.jvp(lambda x: residual(x, to, blood), (at,), ((one, none),))
+        _, (b, d) = jax.jvp(lambda x: residual(x, to, blood), (at,), ((none, one),))
         determinant = a * d - b * c
         return (d * value[0] - b * value[1]) / determinant, (a * value[1] - c * value[0]) / determinant
 
@@ -163,7 +163,7 @@ def _at_contents(start: _Pair, wanted: _Pair, blood: Blood, law: str) -> BloodGa
         return _Search((at[0], at[1]), search.steps + 1, size)
 
     def unfinished(search: _Search) -> jax.Array:
-        return (search.steps < STEPS) & ~(search.error < SETTLED)  # not a number is not settled either
+        return (search.steps < STEPS) & ~(search.error < STEP_TOLERANCE)  # not a number is not settled either
 
     begun = _Search(start, jnp.array(0), jnp.array(jnp.inf))
     at = jax.lax.stop_gradient(jax.lax.while_loop(unfinished, improved, begun).at)
@@ -179,7 +179,7 @@ def _at_saturation(wanted: jax.Array, pco2: jax.Array, blood: Blood, law: str) -
     """Newton's method on the logarithm of PO2, elementwise."""
     chosen = law_named(law)
 
-    def missing(log_po2: Array) -> Array:
+    def residual(log_po2: Array) -> Array:
         po2 = jnp.exp(log_po2)
         ph = ph_of(pco2, blood, lambda _: wanted)
         reached = chosen.saturation(po2, pco2, ph, blood)
@@ -188,12 +188,14 @@ def _at_saturation(wanted: jax.Array, pco2: jax.Array, blood: Blood, law: str) -
     log_po2 = jnp.log(standard.severinghaus_pressure(wanted))
 
     def improved(_: int, at: jax.Array) -> jax.Array:
-        value, slope = jax.jvp(missing, (at,), (jnp.ones_like(at),))
+        value, slope = jax.jvp(residual, (at,), (jnp.ones_like(at),))
         return at - jnp.clip(value / slope, -LARGEST_STEP, LARGEST_STEP)
 
-    found = jax.lax.stop_gradient(jax.lax.fori_loop(0, 20, improved, jax.lax.stop_gradient(log_po2)))
-    slope = jax.jvp(missing, (found,), (jnp.ones_like(found),))[1]
-    return equilibrium(jnp.exp(found - missing(found) / jax.lax.stop_gradient(slope)), pco2, blood, law)
+    solution = jax.lax.stop_gradient(jax.lax.fori_loop(0, 20, improved, jax.lax.stop_gradient(log_po2)))
+    slope = jax.jvp(residual, (solution,), (jnp.ones_like(solution),))[1]
+    return equilibrium(
+        jnp.exp(solution - residual(solution) / jax.lax.stop_gradient(slope)), pco2, blood, law
+    )
 
 
 def _common(first: Array, second: Array, blood: Blood, chosen: Array) -> np.ndarray | jax.Array:

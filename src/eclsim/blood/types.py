@@ -70,14 +70,14 @@ ALLOWED = {
     "dpg": Allowed(0.0, 30.0, "mmol/L", "in red cells, 4.65 is usual"),
 }
 """Bounds that no blood leaves, wide enough for any computation with it; contents have none."""
-UNREAD = {
+UNUSED_ARGUMENTS = {
     "severinghaus1979": {"dpg": "its curve is of usual 2,3-diphosphoglycerate; law='dash2016' reads it"},
     "dash2016": {"oxygen_capacity": "four molecules for each haemoglobin are 1.398 mL/g in this law"},
 }
 """By law, what it does not depend on, and why."""
 
 
-def refuse(given: Mapping[str, object], law: str) -> None:
+def refuse_arguments(given: Mapping[str, object], law: str) -> None:
     """Raise `ValueError` for what a law cannot compute with, all of it at once.
 
     These are values that cannot be in the unit meant, and arguments that would have no effect.
@@ -86,7 +86,7 @@ def refuse(given: Mapping[str, object], law: str) -> None:
         given: arguments by name; what JAX traces and what is not a number is left alone.
         law: name of the set of equations.
     """
-    wrong = [f"{name}: {why}" for name, why in UNREAD.get(law, {}).items() if name in given]
+    wrong = [f"{name}: {why}" for name, why in UNUSED_ARGUMENTS.get(law, {}).items() if name in given]
     for name, value in given.items():
         if name not in ALLOWED or isinstance(value, Tracer):
             continue

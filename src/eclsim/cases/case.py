@@ -65,7 +65,7 @@ class Case(PublishedDevices):
     as_written: Case | None = Field(default=None, exclude=True, repr=False)
     """The case of the file where settings were put over it; what open set points of reflexes refer to."""
     fit_mark: FitMark | None = Field(default=None, exclude=True, repr=False)
-    """What its file says of the fit that gave its parameters."""
+    """Verdict of its file on the fit that gave its parameters."""
 
     @model_validator(mode="before")
     @classmethod
@@ -87,7 +87,7 @@ class Case(PublishedDevices):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What results of it are to say of the fit that gave its parameters, where that is not good."""
+        """Doubts about the fit that gave its parameters, for its results; empty where it is good."""
         mark = self.fit_mark
         return () if mark is None or mark.level == "good" else (mark.sentence,)
 

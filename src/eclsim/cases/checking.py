@@ -8,7 +8,7 @@ from typing import Any
 
 from eclsim.cases.events import check_events
 from eclsim.cases.plausibility import check_plausibility
-from eclsim.cases.quantities import PARAMETERS, place_of
+from eclsim.cases.quantities import PARAMETERS, section_and_key
 from eclsim.cases.resolve import blood_volume_ml
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,
@@ -149,7 +149,7 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     Args:
         raw: The [parameters] section.
         connected: Sections of the devices connected, by key; the parameters of others do nothing.
-        remarks: Gets what there is to say.
+        remarks: Collects mistakes, warnings and notes.
 
     Returns:
         Values in the tables' units by canonical key.
@@ -162,7 +162,7 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     for written, value in _flat(raw):
         key = thiel2025.ALIASES.get(written, written)
         parameter = parameter_of(key, connected)
-        if (place := place_of(key)) is not None and place[0] != PARAMETERS:
+        if (place := section_and_key(key)) is not None and place[0] != PARAMETERS:
             where = ".".join(place)
             message = f"is set in the section [{place[0]}], not here"
             remarks.error(

@@ -23,7 +23,7 @@ from eclsim.cases.cohort_rows import (
     when,
 )
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.sections import MEASURED, MEASURED_BESIDES, MEASURED_GASES, Gas, sections
+from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED, MEASURED_GASES, Gas, sections
 from eclsim.devices.description import Columns
 from eclsim.devices.registry import devices
 from eclsim.files import unguarded
@@ -37,19 +37,22 @@ if TYPE_CHECKING:
 ID, MEASUREMENT = "patient_id", "measurement"
 _ABOUT_PATIENT = ("sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
 _WITH_COLUMNS = [device for device in devices().values() if device.columns != Columns()]
-_UNSAID = {"measurements.CO", *(f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.usual)}
+_OMITTED_NOTES = {
+    "measurements.CO",
+    *(f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.usual),
+}
 """Keys whose notes are left out: they would be there for every row."""
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
     {ID: "patient.id"}
     | {name: f"patient.{name}" for name in _ABOUT_PATIENT}
-    | {name: f"measurements.{name}" for name in MEASURED[: MEASURED.index(MEASURED_BESIDES[0])]}
+    | {name: f"measurements.{name}" for name in MEASURED[: MEASURED.index(FURTHER_MEASUREMENTS[0])]}
     | {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.needed.items()}
 )
 """Columns that a cohort has, besides `measurement`, and the key of a case file that each one is."""
 OPTIONAL: MappingProxyType[str, str] = MappingProxyType(
     {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.optional.items()}
     | {key: f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.settings}
-    | {name: f"measurements.{name}" for name in MEASURED_BESIDES + MEASURED_GASES}
+    | {name: f"measurements.{name}" for name in FURTHER_MEASUREMENTS + MEASURED_GASES}
     | {name: f"{Gas.section}.{name}" for name in Gas.fields()}
 )
 """Columns that a cohort may have; without those of its sites ECMO is V-A with the usual ones, and gases are
@@ -145,14 +148,14 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
 
 
 class _Rows:
-    """Checks the rows of one table and collects what there is to say."""
+    """Checks the rows of one table and collects mistakes, warnings and notes."""
 
     def __init__(self, table: Table):
         self.table = table
         self.refused: list[Mistake] = []
         self.warnings: list[Mistake] = []
         self.notes: list[Mistake] = []
-        self.said: set[tuple[str, Mistake]] = set()  # once: of [gas] in a table, all else of a patient
+        self.reported: set[tuple[str, Mistake]] = set()  # once: of [gas] in a table, all else of a patient
 
     def check_header(self) -> None:
         """All mistakes of the header at once."""
@@ -179,9 +182,9 @@ class _Rows:
         if wrong:
             raise CaseError([m.at(self.table.file, None) for m in wrong])
         for name in extra:
-            self._say_extra(name)
+            self._warn_of_extra_column(name)
 
-    def _say_extra(self, name: str) -> None:
+    def _warn_of_extra_column(self, name: str) -> None:
         place = self.table.header.index(name)
         cells = (row[place] for _, row in self.table.rows[:50] if place < len(row))
         private = any(looks_identifiable(cell) for cell in cells)
@@ -235,8 +238,8 @@ class _Rows:
                 name = reading.case.patient.id
                 for m in reading.notes:
                     about = ("" if m.key.startswith(Gas.section) else name, m)
-                    if m.key not in _UNSAID and about not in self.said:
-                        self.said.add(about)
+                    if m.key not in _OMITTED_NOTES and about not in self.reported:
+                        self.reported.add(about)
                         self.notes.append(self._in_columns(m).at("", line))
                 return CohortPoint(name, row[MEASUREMENT], line, reading.case)
         self.refused += [m.at("", line) for m in wrong]

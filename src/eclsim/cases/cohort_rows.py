@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.sections import sections
 from eclsim.devices.registry import devices
-from eclsim.inputs.files import decoded, read_bytes, refused
+from eclsim.inputs.files import decoded, file_error, read_bytes
 from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.units import MMHG_PER_KPA, known_unit
 
@@ -27,7 +27,7 @@ MAXIMUM_BYTES = 50_000_000
 MAXIMUM_ROWS = 100_000
 MAXIMUM_COLUMNS = 200
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
-_STATED = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNORECASE)
+_DELIMITER_LINE = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNORECASE)
 """How Excel has the delimiter in a line before the header."""
 
 
@@ -62,23 +62,25 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     data = read_bytes(file, MAXIMUM_BYTES, "a table", "split the file")
     lines = decoded(data, file, "text in UTF-8 (in Excel: CSV UTF-8)")
     if not lines.strip():
-        raise refused(file, "empty: no patients")
+        raise file_error(file, "empty: no patients")
     lines, delimiter = _delimited(lines)
     if not lines.strip():
-        raise refused(file, "the first line says how columns are separated, and nothing follows: no patients")
+        raise file_error(
+            file, "the first line says how columns are separated, and nothing follows: no patients"
+        )
     table = Table(file, [], [], hashlib.sha256(data).hexdigest())
     if delimiter != ",":
         table.notes.append(Mistake("", f"columns are separated by {_DELIMITERS[delimiter]}", file=file))
     _read_rows(lines, delimiter, table)
     if not table.rows and not table.mistakes:
-        raise refused(file, "the first line is the header, and no rows follow: no patients")
+        raise file_error(file, "the first line is the header, and no rows follow: no patients")
     return table
 
 
 def _delimited(text: str) -> tuple[str, str]:
     """A table without the line of a spreadsheet that says its delimiter, and the delimiter."""
     first = next(line for line in text.split("\n") if line.strip())
-    if stated := _STATED.fullmatch(first.strip(" ")):
+    if stated := _DELIMITER_LINE.fullmatch(first.strip(" ")):
         return text.replace(first, "", 1), stated["delimiter"].replace("\\t", "\t")
     return text, max(_DELIMITERS, key=first.count)
 
@@ -104,16 +106,20 @@ def _read_rows(text: str, delimiter: str, table: Table) -> None:
             if not table.header:
                 table.header = [cell.strip() for cell in cells]
                 if len(cells) > MAXIMUM_COLUMNS:
-                    raise refused(table.file, f"{len(cells)} columns", f"at most {MAXIMUM_COLUMNS} columns")
+                    raise file_error(
+                        table.file, f"{len(cells)} columns", f"at most {MAXIMUM_COLUMNS} columns"
+                    )
                 continue
             if len(table.rows) == MAXIMUM_ROWS:
-                raise refused(table.file, "too many rows", f"at most {MAXIMUM_ROWS:,} rows; split the file")
+                raise file_error(
+                    table.file, "too many rows", f"at most {MAXIMUM_ROWS:,} rows; split the file"
+                )
             table.rows.append((line, cells))
     except csv.Error as error:
         unclosed = "unexpected end" in str(error)
         message = "a quote that is opened here is never closed" if unclosed else f"no valid CSV: {error}"
         if not table.header:
-            raise refused(table.file, message) from None
+            raise file_error(table.file, message) from None
         table.mistakes.append(
             Mistake("", f"{message}; rows from here on are not read", file=table.file, line=begins)
         )
@@ -124,7 +130,7 @@ def _read_rows(text: str, delimiter: str, table: Table) -> None:
 
 _PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 _GASES = ("PaO2", "PaCO2", "PpostO2", "PexhaustCO2")
-_ENOUGH_ROWS = 4
+_FEWEST_ROWS = 4
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
 
 
@@ -162,11 +168,11 @@ def is_units_row(row: Mapping[str, str]) -> bool:
 
 
 def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRemarks]:
-    """Lines that other rows make unusable, and everything there is to say."""
+    """Lines that other rows make unusable, with mistakes and warnings."""
     remarks = RowRemarks()
     lines = _repeats(rows, remarks) | _in_kilopascal(rows, remarks)
-    _alike(rows, remarks)
-    _one_patient(rows, remarks)
+    _warn_of_similar_ids(rows, remarks)
+    _warn_of_changed_patients(rows, remarks)
     return lines, remarks
 
 
@@ -231,8 +237,8 @@ def _repeats(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[
     return set(repeated)
 
 
-def _alike(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
-    """Ids that a reader would take for the same."""
+def _warn_of_similar_ids(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
+    """Warn of ids that a reader would take for the same."""
     first: dict[str, tuple[str, int]] = {}
     text = set()
     for line, row in rows.items():
@@ -244,8 +250,8 @@ def _alike(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
             remarks.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
 
 
-def _one_patient(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
-    """What does not change between the measurements of one adult, and yet does in the rows of an id."""
+def _warn_of_changed_patients(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
+    """Warn of rows of one id that differ in what an adult does not change, such as height."""
     first: dict[tuple[str, str], tuple[str, int]] = {}
     for line, row in rows.items():
         name = unicodedata.normalize("NFC", row["patient_id"])
@@ -262,10 +268,12 @@ def _one_patient(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> 
 
 def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
     """Rows whose pressures are all smaller than those of the others by the factor from mmHg to kPa."""
-    return _smaller_together(rows, _PRESSURES, remarks) | _smaller_together(rows, _GASES, remarks)
+    return _refuse_rows_in_kilopascal(rows, _PRESSURES, remarks) | _refuse_rows_in_kilopascal(
+        rows, _GASES, remarks
+    )
 
 
-def _smaller_together(
+def _refuse_rows_in_kilopascal(
     rows: Mapping[int, Mapping[str, str]], names: Sequence[str], remarks: RowRemarks
 ) -> set[int]:
     usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in names}
@@ -284,7 +292,7 @@ def _smaller_together(
 
 def _median(values: Iterable[float | None]) -> float | None:
     known = [v for v in values if v is not None and v > 0]
-    return statistics.median(known) if len(known) >= _ENOUGH_ROWS else None
+    return statistics.median(known) if len(known) >= _FEWEST_ROWS else None
 
 
 def _number(text: str) -> float | None:

@@ -9,14 +9,14 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 from pydantic import Field as Default
 
-from eclsim.cases.quantities import place_of
-from eclsim.cases.settings import in_place_of, put_in, unknown_key
-from eclsim.devices.registry import usual_setting
+from eclsim.cases.quantities import section_and_key
+from eclsim.cases.settings import keys_replaced_by, put_in, unknown_key
+from eclsim.devices.registry import example_setting
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, is_number, read_number
 from eclsim.inputs.sections import Raw, short
-from eclsim.parameters.fluid import says_start
+from eclsim.parameters.fluid import sets_initial_value
 from eclsim.slow import INFLOWS
 from eclsim.spelling import did_you_mean
 
@@ -35,10 +35,10 @@ _AMOUNT = number("Volume", "mL", 0, LARGEST_ML, 500)
 KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
 Path = tuple[str, str]
 """Section and key of a setting."""
-BODY = {("patient", name) for name in ("sex", "age_years", "height_cm", "weight_kg")}
+BODY_KEYS = {("patient", name) for name in ("sex", "age_years", "height_cm", "weight_kg")}
 """What a patient's blood volume at the start follows from."""
 FILLING = "P0"
-"""How names of the pressures begin that say how much blood each compartment holds at the start."""
+"""Beginning of the names of start pressures, which set the blood in each compartment at the start."""
 Check = Callable[[Raw], Remarks]
 
 
@@ -68,7 +68,7 @@ class Event(BaseModel):
         return ", ".join(changes + gifts)
 
     def as_object(self) -> dict[str, Any]:
-        """As a case file holds it."""
+        """The event as a case file holds it."""
         content = {"at_min": self.at_min}
         content |= {"set": dict(self.set), "ramp_min": self.ramp_min} if self.set else {}
         return content | ({"give": dict(self.give), "over_min": self.over_min} if self.give else {})
@@ -82,7 +82,7 @@ def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, r
         case: the case without events, as mappings.
         blood_ml: of the patient before anything is given or taken; None where unknown.
         check: of a case as mappings.
-        remarks: gets what there is to say.
+        remarks: collects mistakes, warnings and notes.
 
     Returns:
         Events as far as they are right.
@@ -90,7 +90,7 @@ def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, r
     if not isinstance(raw, Sequence) or isinstance(raw, str):
         remarks.error("events", "a list of events belongs here", shown(raw), "[[events]], in double brackets")
         return []
-    checks = _Checks(case, check, remarks)
+    checks = _EventChecker(case, check, remarks)
     events = [checks.event(f"events[{n}]", table) for n, table in enumerate(raw, start=1)]
     right = [event for event in events if event]
     _check_order(raw, remarks)
@@ -103,8 +103,8 @@ def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, r
 _TEMPERATURE = "gas.temperature_c"
 
 
-class _Checks:
-    """Checks events one after the other; each finds the case as the ones before left it."""
+class _EventChecker:
+    """Checks events one after the other, each with the case as the earlier ones left it."""
 
     def __init__(self, case: Raw, check: Check, remarks: Remarks):
         self.case, self.check, self.remarks = dict(case), check, remarks
@@ -171,21 +171,21 @@ class _Checks:
     def _settings(self, place: str, raw: object, ramped: bool) -> dict[str, Any]:
         values: dict[str, Any] = {}
         if not isinstance(raw, Mapping) or not raw:
-            allowed = f'{{ "{usual_setting()}" = 3600 }}'
+            allowed = f'{{ "{example_setting()}" = 3600 }}'
             self.remarks.error(place, "values by key belong here", shown(raw), allowed)
             return values
         # The temperature last: what consumption goes with it is known then.
         for written, value in sorted(_flat(raw), key=lambda pair: pair[0] == _TEMPERATURE):
-            path, key = place_of(written), f"{place}.{short(written)}"
+            path, key = section_and_key(written), f"{place}.{short(written)}"
             if path is None:
                 mistake = unknown_key(written, shown(value))
                 self.remarks.error(key, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "changes nothing that a course reads", shown(value))
-            elif says_start(".".join(path)) or path in BODY or path[1].startswith(FILLING):
+            elif sets_initial_value(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):
                 message = "is a value at the start of the course, which computes how it goes on"
                 self.remarks.error(key, message, shown(value), "give = { ... } changes blood and fluid")
-            elif path[1] == "flow_l_min" and "speed_rpm" in in_place_of(*path):
+            elif path[1] == "flow_l_min" and "speed_rpm" in keys_replaced_by(*path):
                 self.remarks.error(
                     key, "a course keeps the pump's speed, not its flow; set the speed", shown(value)
                 )
@@ -193,11 +193,11 @@ class _Checks:
                 self.remarks.error(key, "only numbers change over ramp_min", shown(value))
             elif self._allowed(key, path, value):
                 values[path[1] if path[0] == "parameters" else ".".join(path)] = value
-        self._warm(place, values)
+        self._check_temperature(place, values)
         return values
 
-    def _warm(self, place: str, values: Mapping[str, Any]) -> None:
-        """Another temperature beside a consumption that is given and stays."""
+    def _check_temperature(self, place: str, values: Mapping[str, Any]) -> None:
+        """Warn of another temperature beside a consumption that is given and does not follow it."""
         given = self.case.get("gas", {}).get("vo2_ml_min") is not None
         if _TEMPERATURE in values and given and "gas.vo2_ml_min" not in values:
             message = "consumption does not follow the temperature: set gas.vo2_ml_min too"
@@ -230,7 +230,7 @@ def _flat(raw: Raw, before: str = "") -> list[tuple[str, object]]:
     """Keys and values, also where `ecmo.speed_rpm` was written without quotes."""
     result: list[tuple[str, object]] = []
     for key, value in raw.items():
-        inner = isinstance(value, Mapping) and place_of(f"{before}{key}") is None
+        inner = isinstance(value, Mapping) and section_and_key(f"{before}{key}") is None
         result += _flat(value, f"{before}{key}.") if inner else [(f"{before}{key}", value)]
     return result
 
@@ -253,7 +253,7 @@ def _check_overlap(events: Sequence[Raw], remarks: Remarks) -> None:
     for event in events:
         begin = event["at_min"]
         for key in event.get("set", {}):
-            path = place_of(key)
+            path = section_and_key(key)
             assert path is not None
             start, end = last.get(path, (-1.0, -1.0))
             if begin == start or start < begin < end:

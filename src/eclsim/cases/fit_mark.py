@@ -1,4 +1,4 @@
-"""What a case file says of the fit that gave its parameters: comments in its first lines.
+"""Verdict of a case file on the fit that gave its parameters: comments in its first lines.
 
 Whoever reads the file may ignore them. A number in the mark tells whether patient, measurements, devices or
 parameters were changed since: the verdict is on what was fitted.
@@ -25,9 +25,9 @@ _WORDS = {
 LEVELS = tuple(_WORDS)
 _MARK = re.compile(rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \(of what has the mark ([0-9a-f]{{8}})\)")
 DOUBTS = "doubts"
-"""Column of a table that says why none of its numbers is to be trusted; there where that is so."""
+"""Column with the reason why no number of a table is to be trusted; only where there is one."""
 POSTERIOR = "posterior: "
-"""Begins what results say of the posterior whose draws they are computed from."""
+"""Begins a result's warnings of the posterior whose draws it is computed from."""
 NOT_STUDIED = "nothing is studied of such a fit"
 _HEAD = 40
 """Lines in which a mark is looked for."""
@@ -58,14 +58,14 @@ class FitMark:
 
 
 def untrusted(sentences: Iterable[object]) -> list[str]:
-    """Those of a result's warnings that hold for every number of it: of its fit, or of its posterior."""
+    """Warnings of a result that make all its numbers doubtful: those of its fit or its posterior."""
     return [text for text in map(str, sentences) if text.startswith((*_WORDS.values(), POSTERIOR))]
 
 
 def with_doubts(table: pd.DataFrame, sentences: Iterable[object]) -> pd.DataFrame:
     """A table with the column `DOUBTS`, where a result's warnings say that none of its numbers is trusted."""
-    said = "; ".join(untrusted(sentences))
-    return table.assign(**{DOUBTS: said}) if said else table
+    doubts = "; ".join(untrusted(sentences))
+    return table.assign(**{DOUBTS: doubts}) if doubts else table
 
 
 def with_mark(text: str, level: str, headline: str) -> str:
@@ -76,8 +76,8 @@ def with_mark(text: str, level: str, headline: str) -> str:
         level: of the verdict.
         headline: the verdict in one sentence.
     """
-    said = " ".join(headline.split())
-    return f"# eclsim identify: {level} fit (of what has the mark {_digest(text)})\n# {said}\n{text}"
+    headline = " ".join(headline.split())
+    return f"# eclsim identify: {level} fit (of what has the mark {_digest(text)})\n# {headline}\n{text}"
 
 
 def read_mark(text: str) -> FitMark | None:
@@ -85,13 +85,13 @@ def read_mark(text: str) -> FitMark | None:
     for line in text.splitlines()[:_HEAD]:
         if not line.startswith("#"):
             return None
-        if found := _MARK.fullmatch(line.strip()):
-            return FitMark(found[1], found[2] != _digest(text))
+        if match := _MARK.fullmatch(line.strip()):
+            return FitMark(match[1], match[2] != _digest(text))
     return None
 
 
 def _digest(text: str) -> str:
-    """Of all that a fit depends on: neither comments nor events nor the patient's id."""
+    """Digest of all that a fit depends on: neither comments nor events nor the patient's id."""
     content = tomllib.loads(text)
     content.pop("events", None)
     patient = {key: value for key, value in content.get("patient", {}).items() if key != "id"}

@@ -24,7 +24,7 @@ BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.5
 """For each kg of weight, mL and mL/mmHg; sources with the parameters."""
 
 USUAL_BICARBONATE = 24.0
-"""Bicarbonate [mmol/L] where nothing is said of it."""
+"""Bicarbonate [mmol/L] where a case does not give it."""
 SAME_BASE = 1.0
 """Base excesses [mmol/L] that analysers' formulas may differ by."""
 
@@ -102,7 +102,7 @@ class Solutes(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Say what becomes of a bicarbonate beside a base excess: both state the same base."""
+        """Warn of a bicarbonate beside a base excess: both state the same base."""
         bicarbonate, gas = sections.get(cls.section, {}).get("bicarbonate_mmol_l"), sections.get("gas")
         if bicarbonate is None or gas is None:
             return

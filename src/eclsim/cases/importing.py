@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
 from eclsim.cases.cohort_rows import read_table
 from eclsim.cases.observations import (
-    ABOUT,
     BY_CODE,
     LOINC,
+    PATIENT_COLUMNS,
     SNOMED,
     Imported,
     Observation,
+    are_different_units,
     data_points,
-    differ,
 )
 from eclsim.cases.sections import Gas
 from eclsim.files import csv_text
@@ -32,15 +32,15 @@ from eclsim.units import known_unit
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-WITHIN = timedelta(minutes=5)
-LONG = ("patient", "time", "code", "value", "unit")
+DEFAULT_WINDOW = timedelta(minutes=5)
+LONG_TABLE_COLUMNS = ("patient", "time", "code", "value", "unit")
 """Columns of a long table."""
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _HEAD = ("patient_id", MEASUREMENT, *(c for c in COLUMNS if c != "patient_id"), *OPTIONAL)
 
 
 def import_cohort(
-    path: str | os.PathLike[str], base: Case | None = None, within: timedelta = WITHIN
+    path: str | os.PathLike[str], base: Case | None = None, within: timedelta = DEFAULT_WINDOW
 ) -> Imported:
     """Read a FHIR bundle (.json) or a long table into rows of a cohort.
 
@@ -103,7 +103,7 @@ def _fill(result: Imported, base: Case, file: str) -> None:
 def read_long_table(
     path: str | os.PathLike[str],
 ) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
-    """Observations of a table, what it says of each patient, and everything there was to say.
+    """Observations of a table, data of each patient, with mistakes, warnings and notes.
 
     Codes are LOINC or SNOMED CT codes or names of cohort columns (SP, heart_rate_bpm ...); `sex` and
     `age_years` are read as well.
@@ -113,17 +113,17 @@ def read_long_table(
     """
     table = read_table(path)
     wrong = []
-    for name in LONG:
+    for name in LONG_TABLE_COLUMNS:
         if table.header.count(name) != 1:
-            suggestion = did_you_mean(name, [h for h in table.header if h and h not in LONG])
+            suggestion = did_you_mean(name, [h for h in table.header if h and h not in LONG_TABLE_COLUMNS])
             message = (
                 "more than one column of this name" if name in table.header else "this column is missing"
             )
-            wrong.append(Mistake(name, message, allowed=", ".join(LONG), suggestion=suggestion))
+            wrong.append(Mistake(name, message, allowed=", ".join(LONG_TABLE_COLUMNS), suggestion=suggestion))
     if wrong:
         raise CaseError([m.at(table.file, None) for m in wrong])
     result, values, about = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), [], {}
-    place = {name: table.header.index(name) for name in LONG}
+    place = {name: table.header.index(name) for name in LONG_TABLE_COLUMNS}
     for line, cells in table.rows:
         if len(cells) != len(table.header):
             message = f"{len(cells)} cells where the header has {len(table.header)}"
@@ -132,14 +132,14 @@ def read_long_table(
         row = {name: cells[k].strip() for name, k in place.items()}
         if not row["patient"]:
             result.mistakes.append(Mistake("patient", "empty", line=line))
-        elif row["code"] in ABOUT:
-            _say_about(row, about.setdefault(row["patient"], {}), line, result)
+        elif row["code"] in PATIENT_COLUMNS:
+            _collect_patient_data(row, about.setdefault(row["patient"], {}), line, result)
         else:
             values += _observation(row, line, result)
     return values, about, result
 
 
-def _say_about(row: dict[str, str], cells: dict[str, str], line: int, result: Imported) -> None:
+def _collect_patient_data(row: dict[str, str], cells: dict[str, str], line: int, result: Imported) -> None:
     unit = known_unit(row["unit"]) or row["unit"]
     if unit not in ("", "1", *(["years"] if row["code"] == "age_years" else [])):
         allowed = "years" if row["code"] == "age_years" else "no unit"
@@ -172,7 +172,7 @@ _NOT_VALID = ("entered-in-error", "cancelled")
 def read_bundle(
     path: str | os.PathLike[str],
 ) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
-    """Observations of a bundle, what it says of each patient, and everything there was to say.
+    """Observations of a bundle, data of each patient, with mistakes, warnings and notes.
 
     Names, addresses and birth dates are not kept: of a birth date the age at the first observation is.
 
@@ -201,14 +201,14 @@ def read_bundle(
 
 
 def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
-    """That a bundle is one page of several, or holds less than was found."""
+    """Mistakes of a bundle that is one page of several, or holds fewer entries than its total."""
     if any(_mapping(link).get("relation") == "next" for link in _list(bundle.get("link"))):
         message = "one page of several: the patients and values of the pages after it are not here"
         yield Mistake("link", message, "next", "all pages in one bundle")
-    found = [e for e in bundle["entry"] if _mapping(_mapping(e).get("search")).get("mode") != "include"]
+    matches = [e for e in bundle["entry"] if _mapping(_mapping(e).get("search")).get("mode") != "include"]
     total = bundle.get("total")
-    if isinstance(total, int) and total > len(found):
-        yield Mistake("total", f"{len(found)} entries are here: the others are missing", str(total))
+    if isinstance(total, int) and total > len(matches):
+        yield Mistake("total", f"{len(matches)} entries are here: the others are missing", str(total))
 
 
 def _patients(
@@ -320,7 +320,7 @@ def _value(
         result.mistakes.append(Mistake(key, "a limit, not a value", f"{quantity['comparator']}{value}"))
         return []
     coded, written = str(quantity.get("code") or ""), str(quantity.get("unit") or "")
-    if differ(coded, written):
+    if are_different_units(coded, written):
         message = "its unit is coded as one and written as another: which one is right?"
         result.mistakes.append(Mistake(key, message, f"{value:g} {coded}, {value:g} {written}"))
         return []

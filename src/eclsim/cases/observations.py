@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from types import MappingProxyType
 
-from eclsim.cases.sections import MEASURED_BESIDES, MEASURED_GASES, Measurements
+from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.units import convert, known_unit, quantity_of
@@ -50,7 +50,7 @@ MEASURABLES = (
     Measurable("CO", "L/min", "8741-1"),
     Measurable("PF", "L/min", "", "251288004"),
     Measurable("CVP", "mmHg", "60985-9", "71420008"),
-    *(Measurable(name, "mmHg") for name in MEASURED_BESIDES if name != "CVP"),
+    *(Measurable(name, "mmHg") for name in FURTHER_MEASUREMENTS if name != "CVP"),
     Measurable("SaO2", "%", "2708-6"),
     Measurable("PaO2", "mmHg", "2703-7"),
     Measurable("PaCO2", "mmHg", "2019-8"),
@@ -105,7 +105,7 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
     return converted, f"{value:g} {known} = {converted:g} {kind.unit}"
 
 
-def differ(one: str, other: str) -> bool:
+def are_different_units(one: str, other: str) -> bool:
     """Whether two spellings are of two units of one quantity, such as "mm[Hg]" and "kPa"."""
     known, also = _known(one), _known(other)
     same_quantity = known and also and quantity_of(known) == quantity_of(also)
@@ -119,8 +119,8 @@ def _known(unit: str) -> str | None:
 # --- observations -----------------------------------------------------------------------------------
 
 
-ABOUT = ("sex", "age_years")
-SIZE = ("height_cm", "weight_kg")
+PATIENT_COLUMNS = ("sex", "age_years")
+SIZE_COLUMNS = ("height_cm", "weight_kg")
 """What is measured once and belongs to every data point of the patient."""
 
 
@@ -269,12 +269,12 @@ def _with_size(
 
     Times at which nothing but these was measured are no data points.
     """
-    for name in SIZE:
+    for name in SIZE_COLUMNS:
         known = [(when, row[name], row["measurement"]) for when, row in rows if name in row]
         for when, row in rows:
-            if known and name not in row and not {*row} <= {*other, *SIZE}:
+            if known and name not in row and not {*row} <= {*other, *SIZE_COLUMNS}:
                 _, row[name], time = max((k for k in known if k[0] <= when), default=known[0])
                 message = f"{row[name]}, measured {time}"
                 result.notes.append(Mistake(f"{patient} {row['measurement']} {name}", message))
-    measured = [row for _, row in rows if not {*row} <= {*other, *SIZE}]
+    measured = [row for _, row in rows if not {*row} <= {*other, *SIZE_COLUMNS}]
     return measured or [row for _, row in rows]

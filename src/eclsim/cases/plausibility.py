@@ -28,7 +28,7 @@ _VESSELS = ("ao", "sart", "svn", "pas", "part", "pvn")
 _CHAMBERS = ("ra", "rv", "la", "lv")
 _LARGEST_SHARE = 0.5
 _LEAST_VENOUS_ML = 20.0
-_UNLIKE_SATURATION = 15.0
+_LARGEST_SATURATION_DIFFERENCE = 15.0
 """Difference [%] between a saturation and the one of its PO2 that pH and temperature hardly explain."""
 
 
@@ -38,7 +38,7 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
     Args:
         case: What is right of the case.
         parameters: Overrides of parameters.
-        remarks: Has what was refused already, which is not missing; gets what there is to say.
+        remarks: Has what was refused already, which is not missing; collects mistakes, warnings and notes.
     """
     _check_patient(case.patient, remarks.refused(), remarks)
     _note_size(case, remarks)
@@ -74,7 +74,7 @@ def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
             continue
         percent, mmhg = measured[saturation], measured[pressure]
         converted, doubt = mmhg * MMHG_PER_KPA, abs(_saturation(mmhg) - percent)
-        if doubt < _UNLIKE_SATURATION:
+        if doubt < _LARGEST_SATURATION_DIFFERENCE:
             continue
         usual = f"{_saturation(mmhg):.0f} %"
         message = f"{saturation} = {percent:g} % does not go with it, which is one of about {usual}"
@@ -90,7 +90,7 @@ def _saturation(po2: float) -> float:
     return 100.0 / (1.0 + 23400.0 / (po2**3 + 150.0 * po2))
 
 
-_MISSING = {
+_PARTS_MISSING = {
     "regional": "regions", "collapsible_veins": "veins that collapse", "pericardium": "pericardium",
 }  # fmt: skip
 
@@ -106,9 +106,8 @@ def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: R
     for name in parameters:
         needed = physiology.NEEDS.get(name, "")
         if needed and not section.get(needed, False):
-            message = (
-                f"without effect: the patient has no {_MISSING[needed]}; add [{SECTION}] {needed} = true"
-            )
+            missing = _PARTS_MISSING[needed]
+            message = f"without effect: the patient has no {missing}; add [{SECTION}] {needed} = true"
             remarks.warning(f"parameters.{name}", message, shown(parameters[name]))
     for key, values in case.devices.items():
         for name, site in values.items():
@@ -151,7 +150,7 @@ def _check_body_size(height: float, weight: float, remarks: Remarks) -> None:
 
 
 def _note_size(case: CaseValues, remarks: Remarks) -> None:
-    """Say which limits of oxygen delivery a patient of another size has, where gases are computed."""
+    """Note the limits of oxygen delivery of a patient of another size, where gases are computed."""
     height, weight = (case.patient.get(name) for name in ("height_cm", "weight_kg"))
     if "gas" not in case.physiology or height is None or weight is None:
         return

@@ -24,7 +24,7 @@ PARAMETERS = "parameters"
 HEART_RATE = "heart_rate_bpm"
 
 
-def place_of(name: str) -> tuple[str, str] | None:
+def section_and_key(name: str) -> tuple[str, str] | None:
     """Section and key of a number, such as ("lvad.left", "speed_rpm"); None for what no case holds."""
     if name == HEART_RATE:
         return Patient.section, name
@@ -46,7 +46,7 @@ def quantity(name: str) -> Parameter | None:
     """
     if (known := _in_tables(name)) is not None:
         return known
-    place = place_of(name)
+    place = section_and_key(name)
     kind = None if place is None else section_of(place[0])
     field = None if place is None or kind is None else kind.fields()[place[1]]
     if field is None or field.kind != "number" or field.read is not None:
@@ -67,7 +67,7 @@ def _in_tables(name: str) -> Parameter | None:
 
 def stated(case: Case, name: str) -> float | None:
     """The value that a case itself gives a number; None where it leaves it to a default."""
-    place = place_of(name)
+    place = section_and_key(name)
     if place is None:
         return None
     value = case.parameters.get(place[1]) if place[0] == PARAMETERS else case.setting(*place)
@@ -86,7 +86,7 @@ def with_values(case: Case, values: Mapping[str, float]) -> Case:
     """
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():
-        place = place_of(name)
+        place = section_and_key(name)
         if place is None:
             raise ValueError(f"{name}: no number of a case")
         changes.setdefault(place[0], {})[place[1]] = value

@@ -15,7 +15,7 @@ from eclsim.cases.case import Case
 from eclsim.cases.checking import check_case
 from eclsim.cases.fit_mark import read_mark
 from eclsim.cases.sections import POLICY_KEY
-from eclsim.cases.settings import PLACE, merge_settings, parse_settings, texts_of
+from eclsim.cases.settings import SETTING_SOURCE, merge_settings, parse_settings, texts_of
 from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.numbers import number_meant
@@ -134,7 +134,7 @@ def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set
     section = within[1] if len(within) > 1 else within[0]
     only_set = section not in lines and any(key.startswith(f"{section}.") for key in set_keys)
     if mistake.key in set_keys or only_set:
-        return mistake.at(PLACE, None)
+        return mistake.at(SETTING_SOURCE, None)
     return mistake.at(file, next((lines[key] for key in within if key in lines), None))
 
 
@@ -172,13 +172,13 @@ def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
     number = int(place[1])
     lines = text.split("\n")
     written = lines[number - 1].strip() if number <= len(lines) else ""
-    suggestion = _meant(written)
+    suggestion = _suggestion(written)
     return Mistake(
         "", message, shown(written)[1:-1] if written else "", suggestion=suggestion, file=file, line=number
     )
 
 
-def _meant(written: str) -> str:
+def _suggestion(written: str) -> str:
     key = written.partition("=")[0].strip()
     if result := _COMMA_VALUE.search(written):
         return f"{key} = {result[1]}.{result[2]} (a decimal point)"

@@ -12,7 +12,7 @@ from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters import regulation
 from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 
-BY_GASES = (
+GAS_RESPONSES = (
     "chemoreflex", "hypoxic_vasodilation", "hypoxic_vasoconstriction", "carbon_dioxide_response",
 )  # fmt: skip
 """Keys of what answers to dissolved gases, and so needs a section [gas]."""
@@ -99,11 +99,11 @@ class Regulation(_Settings):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Say what is without effect or does not go together."""
+        """Warn of what is without effect, refuse what contradicts."""
         if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
             message = f"acts on the firing rate of nerves, which {values['model']} does not model"
             remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')
-        if "baroreflex" not in raw and not any(name in values for name in BY_GASES):
+        if "baroreflex" not in raw and not any(name in values for name in GAS_RESPONSES):
             message = "left out, so nothing is regulated; 1 is the published reflex"
             remarks.warning(f"{key}.baroreflex", message)
         if "venous_set_point_mmHg" in values and values.get("model", "ursino1998") == "ursino1998":
@@ -130,21 +130,21 @@ class Regulation(_Settings):
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
         """Warn of what answers to gases that nothing computes."""
-        for name in BY_GASES:
+        for name in GAS_RESPONSES:
             stated = sections.get(cls.section, {}).get(name)
             if stated is not None and "gas" not in sections:
                 message = "without effect: no gases are computed that it could answer to; add a section [gas]"
                 remarks.warning(f"{cls.section}.{name}", message, shown(stated))
 
 
-_MEANT = {
+_UNIT_MISTAKES = {
     "ug/kg/min": ((1000.0, "{meant:g}: {given:g} ug/kg/min are {meant:g} mg/kg/min"),),
     "U/min": (
         (60.0, "{meant:g}: {given:g} U/h are {meant:g} U/min"),
         (1000.0, "{meant:g}: {given:g} mU/min are {meant:g} U/min"),
     ),
 }
-"""By how much a dose may be too large, and what was meant then."""
+"""Factors by which a dose in another unit is too large, and the hint for each."""
 
 
 def _read_dose(value: object, field: Field) -> float:
@@ -153,7 +153,7 @@ def _read_dose(value: object, field: Field) -> float:
     except RefusedValueError as error:
         mistake = error.mistake
         given = float(value) if isinstance(value, int | float) else 0.0
-        for factor, template in _MEANT[field.unit]:
+        for factor, template in _UNIT_MISTAKES[field.unit]:
             if field.maximum < given <= factor * field.typical:
                 meant = template.format(given=given, meant=given / factor)
                 raise RefusedValueError(mistake.message, mistake.allowed, meant) from None

@@ -84,10 +84,10 @@ def circuit_of(case: Case) -> Circuit:
     for instance in case.instances():
         nodes |= instance.sites()
         circuit += instance.circuit()
-    return with_sites(_thickened(circuit, case), nodes)
+    return with_sites(_with_viscosity(circuit, case), nodes)
 
 
-def _thickened(circuit: Circuit, case: Case) -> Circuit:
+def _with_viscosity(circuit: Circuit, case: Case) -> Circuit:
     """The circuit with resistances that follow the haematocrit, where the case follows its fluid."""
     if case.fluid is None:
         return circuit
@@ -117,7 +117,7 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
         choices = {line: Choice(tuple(sites.values()), f"{instance.device.key}.{line}") for line in at}
         switched += replace(instance, section=instance.section.model_copy(update=choices)).circuit()
         chosen |= {names[line]: float(list(sites).index(site)) for line, site in at.items()}
-    return with_sites(_thickened(circuit + switched, case), nodes), chosen
+    return with_sites(_with_viscosity(circuit + switched, case), nodes), chosen
 
 
 def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:

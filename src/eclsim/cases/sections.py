@@ -19,7 +19,7 @@ from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 
 GRAMS_PER_MMOL = 1.6114
 """Haemoglobin [g/dL] of 1 mmol/L of its monomer."""
-NORMAL_C, FELT_C = 37.0, 1.5
+NORMAL_C, TEMPERATURE_DOUBT_C = 37.0, 1.5
 """Temperature of the body, and by how much it may be another before consumption is doubted [C]."""
 LOW_HAEMOGLOBIN = 7.0
 """Haemoglobin [g/dL] below which the number may be in mmol/L."""
@@ -57,17 +57,19 @@ class Gas(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Say which defaults are used and what they do not follow; doubt gases that nothing computes."""
+        """Note the defaults in use and what they do not follow; warn of gases that nothing computes."""
         stated = sections.get(cls.section, {})
         temperature = stated.get("temperature_c", NORMAL_C)
-        if abs(temperature - NORMAL_C) > FELT_C and stated.get("vo2_ml_min") is None:
+        if abs(temperature - NORMAL_C) > TEMPERATURE_DOUBT_C and stated.get("vo2_ml_min") is None:
             message = (
                 "consumption is that of 37 C and does not follow the temperature (it falls by 6 to 10 % for "
                 "each degree of cooling): give vo2_ml_min"
             )
             remarks.warning(f"{cls.section}.temperature_c", message, shown(temperature))
-        elsewhere = "base_excess_mmol_l" if "bicarbonate_mmol_l" in sections.get(Solutes.section, {}) else ""
-        known = {*sections.get(cls.section, cls.fields()), "vo2_ml_min", "lung_volume_ml", elsewhere}
+        given_by_solutes = (
+            "base_excess_mmol_l" if "bicarbonate_mmol_l" in sections.get(Solutes.section, {}) else ""
+        )
+        known = {*sections.get(cls.section, cls.fields()), "vo2_ml_min", "lung_volume_ml", given_by_solutes}
         refused = {key.removeprefix(PREFIX) for key in remarks.refused()}
         if left_out := [name for name in cls.fields() if name not in known | refused]:
             used = (f"{name} = {PARAMETERS[PREFIX + name].value:g}" for name in left_out)
@@ -191,8 +193,8 @@ PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drug
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""
 MEASURED_GASES = MEASURED[MEASURED.index("SaO2") :]
-"""Those of gas exchange."""
-MEASURED_BESIDES = MEASURED[MEASURED.index("CVP") : MEASURED.index("SaO2")]
+"""Names of measurements of gas exchange."""
+FURTHER_MEASUREMENTS = MEASURED[MEASURED.index("CVP") : MEASURED.index("SaO2")]
 """Pressures that the paper does not fit: they may be zero or negative."""
 
 

@@ -8,9 +8,9 @@ from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
 from eclsim.arguments import written
-from eclsim.cases.quantities import place_of
+from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
-from eclsim.devices.registry import device_of, parameters, usual_setting
+from eclsim.devices.registry import device_of, example_setting, parameters
 from eclsim.inputs.files import too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.spelling import did_you_mean
@@ -18,7 +18,7 @@ from eclsim.spelling import did_you_mean
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-PLACE = "--set"
+SETTING_SOURCE = "--set"
 
 
 def texts_of(settings: Iterable[str]) -> list[str]:
@@ -52,17 +52,17 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
     mistakes, notes = [], []
     for setting in settings:
         name, equals, text = setting.partition("=")
-        path = place_of(name.strip())
+        path = section_and_key(name.strip())
         if not equals or not name.strip():
-            allowed = f"KEY=VALUE, such as {usual_setting()}=3000 or Rmc=0.8"
-            mistakes.append(Mistake("", "no setting", shown(setting), allowed, file=PLACE))
+            allowed = f"KEY=VALUE, such as {example_setting()}=3000 or Rmc=0.8"
+            mistakes.append(Mistake("", "no setting", shown(setting), allowed, file=SETTING_SOURCE))
         elif path is None:
             mistakes.append(unknown_key(name.strip(), text))
         else:
             value = _value_of(text.strip())
             if path in result and result[path] != value:
                 message = f"given more than once: wins over the earlier {shown(result[path])}"
-                notes.append(Mistake(".".join(path), message, shown(value), file=PLACE))
+                notes.append(Mistake(".".join(path), message, shown(value), file=SETTING_SOURCE))
             result[path] = value
     if mistakes:
         raise CaseError(mistakes)
@@ -88,13 +88,13 @@ def put_in(
         target = merged.setdefault(section, {}) if section == "parameters" else within(merged, section)
         if not isinstance(target, dict):
             continue
-        for other in in_place_of(section, key):
+        for other in keys_replaced_by(section, key):
             if other in target and (section, other) not in values:
                 message = f"takes the place of {other} = {shown(target.pop(other))} of {file}"
-                notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
+                notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
         if key in target and target[key] != value:
             message = f"wins over {shown(target[key])} of {file}"
-            notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
+            notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
         target[key] = value
     return merged, notes
 
@@ -108,7 +108,9 @@ def _refuse_without_instance(raw: Mapping[str, Any], values: Mapping[tuple[str, 
         if named:
             message = f"the case has {' and '.join(f'[{section}.{name}]' for name in named)}"
             meant = " or ".join(f"{section}.{name}.{key}" for name in named)
-            mistakes.append(Mistake(f"{section}.{key}", message, shown(value), suggestion=meant, file=PLACE))
+            mistakes.append(
+                Mistake(f"{section}.{key}", message, shown(value), suggestion=meant, file=SETTING_SOURCE)
+            )
     if mistakes:
         raise CaseError(mistakes)
 
@@ -126,11 +128,11 @@ def apply_settings(case: Case, settings: Iterable[str]) -> Case:
     from eclsim.cases.reading import read_mapping
 
     merged, _ = merge_settings(case.as_mapping(), settings)
-    return read_mapping(merged, file=PLACE).case
+    return read_mapping(merged, file=SETTING_SOURCE).case
 
 
-def in_place_of(section: str, key: str) -> list[str]:
-    """Keys that setting one takes away, since the section has either."""
+def keys_replaced_by(section: str, key: str) -> list[str]:
+    """Keys that setting a key removes, since the section has only one of them."""
     kind = section_of(section)
     pairs = () if kind is None else kind.exclusive
     return [pair[1 - pair.index(key)] for pair in pairs if key in pair]
@@ -154,4 +156,4 @@ def unknown_key(name: str, text: str) -> Mistake:
     if name == POLICY_KEY:
         hint = "the option --volume-policy"
     allowed = "section.key of a case file, or a parameter (eclsim parameters lists them)"
-    return Mistake(name[:64], "unknown key", shown(text.strip()), allowed, hint, file=PLACE)
+    return Mistake(name[:64], "unknown key", shown(text.strip()), allowed, hint, file=SETTING_SOURCE)

@@ -32,7 +32,7 @@ class End(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """What the laws compute once from the parameters; `weights` choose among the sites of an end."""
+    """Constants of the laws, by the parameters alone; `weights` choose among the sites of an end."""
 
     storages: tuple[object, ...]
     paths: tuple[object, ...]
@@ -60,7 +60,7 @@ class Assembly:
 
     @cached_property
     def layout(self) -> StateLayout:
-        """What the numbers of the state are."""
+        """Layout of the state."""
         return layout_of(
             [c.name for c in self.circuit.compartments],
             [self.circuit.connections[j].name for j in self.inertial],
@@ -142,7 +142,7 @@ class Assembly:
         return result
 
     def outlet(self, connection: int, outlets: list[Number] | None, constants: Constants) -> Number | None:
-        """That of one connection; None where no compartment that it may begin at has any."""
+        """Outlet of one connection; None where no compartment that it may begin at has any."""
         source = self.ends[connection][0]
         if outlets is None or not set(source.positions) & set(self.narrowing):
             return None
@@ -297,11 +297,11 @@ def sweep_order(circuit: Circuit) -> tuple[int, ...]:
     order: list[int] = []
     for group in sorted(groups, key=lambda g: (-len(groups[g]), g)):
         inside = {name for name, of in own.items() if of == group}
-        order += [place[name] for name in _with_the_flow(groups[group], inside)]
+        order += [place[name] for name in _in_flow_order(groups[group], inside)]
     return tuple(order)
 
 
-def _with_the_flow(connections: dict[str, Connection], inside: set[str]) -> list[str]:
+def _in_flow_order(connections: dict[str, Connection], inside: set[str]) -> list[str]:
     """Names of the connections of a group, each behind one that ends where it begins if there is one."""
     ends = {name: set(sites_of(c.target)) & inside for name, c in connections.items()}
     begins = {name: set(sites_of(c.source)) & inside for name, c in connections.items()}

@@ -1,4 +1,4 @@
-"""What the numbers of a circuit's state are: named blocks, one after the other.
+"""Layout of the numbers of a circuit's state: named blocks, one after the other.
 
 Every solver gets at a state through its layout, so that a new kind of state is a new block here and nothing
 else changes.

@@ -33,7 +33,7 @@ HEART_RATE = "heart_rate_bpm"
 BLOOD_VOLUME = "total_blood_volume_ml"
 """The patient's blood [mL]; shares of it are start volumes."""
 SHARED_PARAMETERS = ("etaB", "rhoB", *BLOOD)
-"""What the blood of all circuits has in common: these parameters keep their names under a prefix."""
+"""Parameters of the blood of all circuits: they keep their names under a prefix."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Connection:
 
 
 class Statistic(Enum):
-    """What is read off a signal over a beat."""
+    """Statistic of a signal over a beat."""
 
     MEAN = "mean"
     MAXIMUM = "maximum"
@@ -321,7 +321,10 @@ class Circuit:
         ]
         lines = ["compartments", *stores, "connections", *paths]
         if self.controllers:
-            lines += ["controllers", *(f"  {c.name:<12} {c.group:<8} {_wiring(c)}" for c in self.controllers)]
+            lines += [
+                "controllers",
+                *(f"  {c.name:<12} {c.group:<8} {_reads_and_acts_on(c)}" for c in self.controllers),
+            ]
         if self.exchanges:
             lines += [
                 "exchanges",
@@ -354,7 +357,7 @@ class Circuit:
         return tuple(dict.fromkeys(name for entry in entries for name in entry.content_names()))
 
     def without_exchanges(self) -> Circuit:
-        """What the beat needs of the circuit."""
+        """Structure of the circuit for the beat."""
         return self._of_beat
 
     @cached_property
@@ -466,6 +469,6 @@ def site_text(site: Site) -> str:
     return f"{{{' | '.join(site.sites)} by {site.parameter}}}" if isinstance(site, Choice) else site
 
 
-def _wiring(control: Control) -> str:
-    """What a controller reads and acts on, for print."""
+def _reads_and_acts_on(control: Control) -> str:
+    """Inputs and outputs of a controller, for print."""
     return f"{', '.join(map(str, control.reads))} -> {', '.join(control.acts_on)}  {control.component}"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Kind(Enum):
-    """What a signal measures; the value is the letter that its name begins with."""
+    """Kind of quantity of a signal; the value is the letter that its name begins with."""
 
     PRESSURE = "P"
     FLOW = "Q"
@@ -28,7 +28,7 @@ class Form(Enum):
     RATE = "'"
     """Change per unit of phase at the end of each step."""
     MEAN = "~"
-    """Of a flow: mean over the step that ends here, what moved, whatever a valve did meanwhile."""
+    """Mean of a flow over the step that ends here: what moved, whatever a valve did meanwhile."""
 
 
 class Signal(NamedTuple):

@@ -89,7 +89,7 @@ def filled_to(component: Storage, pressure: Number, values: Values) -> Number:
 
 @lru_cache(maxsize=256)
 def _filled_to(component: Storage, given: tuple[tuple[str, tuple[int, ...], bytes], ...]) -> Number:
-    """As `filled_to`, of pressure and parameters: a course asks for the same volume beat by beat."""
+    """`filled_to` of pressure and parameters, cached: a course asks for the same volume beat by beat."""
     pressure, *numbers = (np.frombuffer(b, dtype).reshape(shape) for dtype, shape, b in given)
     own = dict(zip(component.parameter_names(), numbers, strict=True))
     constants = component.constants({name: np.real(value) for name, value in own.items()})

@@ -166,14 +166,14 @@ def run(arguments: Sequence[str] | None = None) -> None:
         _flush()
         os._exit(stopped.status)
     except BrokenPipeError:
-        _silence(sys.stdout)
+        _redirect_to_null(sys.stdout)
         raise SystemExit(1) from None
     except ImportError as error:
         if "pip install" not in str(error):
             raise
         fail(error)
     except OSError as error:
-        _silence(sys.stdout)
+        _redirect_to_null(sys.stdout)
         fail(f"{error.filename or 'standard output'}: {error.strerror or error}")
     finally:
         _flush()
@@ -189,11 +189,11 @@ class _StoppedError(SystemExit):
 
 def _stop_cleanly_on_signals() -> None:
     """Ctrl-C and SIGTERM unwind the stack, so that temporary files go and finished ones stay."""
-    usual, said, raised = sys.unraisablehook, set[int](), Event()
+    usual, reported, raised = sys.unraisablehook, set[int](), Event()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if number not in said:
-            said.add(number)
+        if number not in reported:
+            reported.add(number)
             say(_STOPPED_BY[signal.Signals(number).name])
         while frame is not None and frame.f_code is not raise_again.__code__:
             frame = frame.f_back
@@ -234,15 +234,15 @@ def _flush() -> None:
         try:
             stream.flush()
         except BrokenPipeError:
-            _silence(stream)
+            _redirect_to_null(stream)
         except OSError as error:
-            _silence(stream)
+            _redirect_to_null(stream)
             fail(f"cannot write: {error.strerror}")
         except ValueError:
             continue
 
 
-def _silence(stream: TextIO) -> None:
+def _redirect_to_null(stream: TextIO) -> None:
     """Send what a stream still holds nowhere, so that the interpreter's last flush cannot fail."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -1,4 +1,4 @@
-"""Reading the case files and tables of a command line, with everything there is to say about them."""
+"""Reading the case files and tables of a command line, with mistakes, warnings and notes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TABLES = (".csv", ".tsv")
 def read_all(
     files: Sequence[str], settings: Sequence[str], volume_policy: str | None = None
 ) -> list[CaseReading]:
-    """Read every case; with any mistake in any of them say all and leave with exit status 2.
+    """Read every case; report all mistakes and leave with exit status 2.
 
     `settings` and `volume_policy` win over the files, and a note says so.
     """
@@ -49,7 +49,7 @@ def read_each(
 
     Args:
         sources: files, settings and blood volume policies, as `read_case` takes them.
-        renamed: what a mistake is said as.
+        renamed: names to use in mistakes.
     """
     from eclsim.cases import CaseError, read_case
 
@@ -111,8 +111,8 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
     return solved
 
 
-def warn_of_results(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:
-    """Say what there is to say of results, but what was said where their case was read."""
+def warn_of_new_findings(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:
+    """Show warnings of results, but for doubts that were shown when their case was read."""
     warn(f"{reading.file}{at}: {line}" for line in lines if line not in reading.case.doubts)
 
 

@@ -73,10 +73,10 @@ def list_parameters(options: ListOptions) -> None:
 
 def explain(options: ExplainOptions) -> None:
     """Show all that is known of one parameter, and its bounds when it is fitted."""
-    from eclsim.devices.registry import UnknownParameterError, find
+    from eclsim.devices.registry import UnknownParameterError, find_parameter
 
     try:
-        parameter = find(options.name)
+        parameter = find_parameter(options.name)
     except UnknownParameterError as error:
         fail(f"{error} (eclsim parameters lists all)")
     lines = [

@@ -1,4 +1,4 @@
-"""What commands say on standard error, their exit statuses, and the progress of long ones."""
+"""Messages of commands on standard error, their exit statuses, and the progress of long ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def say(text: object) -> None:
 
 
 def fail(*lines: object) -> NoReturn:
-    """Say what is wrong, a line each, and leave with the exit status of bad input."""
+    """Write mistakes, a line each, and leave with the exit status of bad input."""
     for line in lines:
         say(f"error: {line}")
     raise SystemExit(BAD_INPUT)
@@ -51,18 +51,18 @@ def mistakes_in(checks: Mapping[str, Callable[[], object]]) -> list[str]:
 
 
 def warn(lines: Iterable[object], label: str = "warning") -> None:
-    """Say doubts that do not stop a command."""
+    """Write doubts that do not stop a command."""
     for line in lines:
         say(f"{label}: {line}")
 
 
 def note(lines: Iterable[object]) -> None:
-    """Say what was assumed or changed."""
+    """Write what was assumed or changed."""
     warn(lines, "note")
 
 
 class Progress:
-    """What a long command is doing, on standard error.
+    """Progress of a long command, on standard error.
 
     One line that changes on a terminal; in a log a line at most every ten seconds. What it is called with is
     shown as text; a number of finished tasks (`done`, `total`) moves the bar.

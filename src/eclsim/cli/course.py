@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_results, with_speeds
+from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_new_findings, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, say, warn
-from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
+from eclsim.cli.destination import (
+    Destinations,
+    Target,
+    explaining_resume,
+    reporting_write_errors,
+    write_json_output,
+)
 from eclsim.cli.options import CaseChanges, Distributed, argument, option
 
 if TYPE_CHECKING:
@@ -73,12 +79,12 @@ class CourseOptions(CaseChanges, Distributed):
         return 60.0 * self.hours if self.until is None else self.until
 
     @property
-    def many(self) -> bool:
+    def has_several_patients(self) -> bool:
         """Whether there may be more than one patient."""
-        return len(self.files) > 1 or _holds_many(self.files[0])
+        return len(self.files) > 1 or _is_table_or_folder(self.files[0])
 
 
-def _holds_many(file: str) -> bool:
+def _is_table_or_folder(file: str) -> bool:
     return Path(file).suffix.lower() in TABLES or Path(file).is_dir()
 
 
@@ -89,24 +95,24 @@ def course(options: CourseOptions) -> None:
     groups, to which --resume, --shard and --dask apply. Exit status: 0 all courses reached their end, 1 a
     moment has no steady beat (everything before it is written), 2 bad input.
     """
-    follow = _cohort if options.many else _band if options.posterior else _single
+    follow = _cohort if options.has_several_patients else _band if options.posterior else _single
     if not follow(options):
         raise typer.Exit(INCOMPLETE)
 
 
 def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
-    """What was read, each case with its events and its speed, and whether a row of a table is refused."""
+    """Cases read, each with its events and its speed, and whether a row of a table is refused."""
     from eclsim.cases import CaseError
     from eclsim.cases.reading import CaseReading
     from eclsim.cases.settings import apply_settings
-    from eclsim.identification.cohort import named
+    from eclsim.identification.cohort import with_name
 
     tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
     if tables and len(o.files) > 1:
         fail(f"{tables[0]}: a table stands alone; allowed: one table, one folder, or case files")
     if tables:
         reading = read_table(o.files[0])
-        cases, refused = [named(p.case, p.name) for p in reading.points], bool(reading.refused)
+        cases, refused = [with_name(p.case, p.name) for p in reading.points], bool(reading.refused)
         try:
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
         except CaseError as error:
@@ -115,7 +121,10 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
     else:
         files = [name for file in o.files for name in case_files_in(file)]
         readings = read_all(files, o.settings, o.volume_policy)
-        solved, refused = readings if o.many else with_speeds(readings, o.volume_policy), False
+        solved, refused = (
+            readings if o.has_several_patients else with_speeds(readings, o.volume_policy),
+            False,
+        )
     if o.events is None:
         return solved, refused
     followed = _with_events(solved, o.events, refuses_rows=bool(tables))
@@ -147,16 +156,16 @@ def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool)
             for doubt in (doubt for doubt in checked.warnings if doubt.key.startswith("events[")):
                 doubtful.setdefault(str(doubt), []).append(case.patient.id)
             followed.append(replace(reading, case=case.model_copy(update={"events": events})))
-    lines = [f"{message} (for {_named(names)})" for message, names in wrong.items()]
+    lines = [f"{message} (for {_names_text(names)})" for message, names in wrong.items()]
     if lines and not (refuses_rows and followed):
         fail(*lines)
     for line in lines:
         say(f"refused: {line}")
-    warn(f"{message} (for {_named(names)})" for message, names in doubtful.items())
+    warn(f"{message} (for {_names_text(names)})" for message, names in doubtful.items())
     return followed
 
 
-def _named(names: Sequence[str]) -> str:
+def _names_text(names: Sequence[str]) -> str:
     more = len(names) - MOST_NAMED
     return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
@@ -166,7 +175,7 @@ def _destinations(o: CourseOptions) -> Destinations:
     from eclsim.course.beats import LONGEST_MIN
     from eclsim.course.course import MOST_MOMENTS
 
-    tasks = o.many or o.posterior is not None
+    tasks = o.has_several_patients or o.posterior is not None
     places = Destinations(
         force=o.force, resume=o.continues if tasks else None, inputs=[*o.files, o.events, o.posterior]
     )
@@ -180,7 +189,7 @@ def _destinations(o: CourseOptions) -> Destinations:
         )
     if o.beats and tasks:
         places.mistakes.append("--beats: of one patient, without --posterior")
-    if o.many and o.posterior is not None:
+    if o.has_several_patients and o.posterior is not None:
         places.mistakes.append("--posterior: for a case file; it has the draws of one patient")
     if not tasks and (o.continues or o.dask):
         places.mistakes.append("--resume, --shard, --dask: for several patients or --posterior")
@@ -208,7 +217,7 @@ def _late_events(o: CourseOptions, cases: Sequence[Case]) -> None:
         try:
             Timeline(case, o.minutes * MINUTE)
         except CaseError as error:
-            place = o.events or (case.patient.id if o.many else o.files[0])
+            place = o.events or (case.patient.id if o.has_several_patients else o.files[0])
             wrong |= dict.fromkeys(str(mistake.at(place, None)) for mistake in error.mistakes)
     refuse(wrong)
 
@@ -241,14 +250,14 @@ def _single(o: CourseOptions) -> bool:
                 result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
     except CaseError as error:
         fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
-    with writing():
+    with reporting_write_errors():
         if folder is not None:
             files.write_tables(result, folder)
         if figures is not None and result.sizes["time_min"]:
             files.write_figure(result, figures)
-        if hand_over(files.course_object(result), target):
+        if write_json_output(files.course_object(result), target):
             typer.echo(_text(result))
-    warn_of_results(reading, result.attrs["warnings"])
+    warn_of_new_findings(reading, result.attrs["warnings"])
     return bool(result.attrs["converged"])
 
 
@@ -273,7 +282,7 @@ def _band(o: CourseOptions) -> bool:
     target, distribution = _checked(o, places)
     _late_events(o, [case])
     try:
-        with resumable(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
+        with explaining_resume(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
             band = course_band(
                 case, samples[0], minutes=o.minutes, every_min=o.every, draws=o.draws,
                 folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
@@ -282,14 +291,14 @@ def _band(o: CourseOptions) -> bool:
         fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
     doubts = doubts_of(o.posterior or "", case)
     band = band.assign_attrs(warnings=[*doubts, *band.attrs["warnings"]])
-    with writing():
+    with reporting_write_errors():
         if folder is not None:
             files.write_band_tables(band, folder)
         if figures is not None:
             files.write_figure(band, figures)
-        if hand_over(band_object(band), target):
+        if write_json_output(band_object(band), target):
             typer.echo(_band_text(band))
-    warn_of_results(reading, band.attrs["warnings"])
+    warn_of_new_findings(reading, band.attrs["warnings"])
     return bool(band.attrs["converged"])
 
 
@@ -299,7 +308,7 @@ def _band(o: CourseOptions) -> bool:
 def _cohort(o: CourseOptions) -> bool:
     """Follow several patients; whether all reached their end and no row was refused."""
     from eclsim.course import files
-    from eclsim.course.band import approximated
+    from eclsim.course.band import approximations_of_draws
     from eclsim.course.cohort import PRELOAD, course_cohort
     from eclsim.inputs.mistakes import CaseError
 
@@ -312,7 +321,7 @@ def _cohort(o: CourseOptions) -> bool:
     target, distribution = _checked(o, places)
     _late_events(o, cases)
     try:
-        with resumable(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
+        with explaining_resume(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
             results = course_cohort(
                 readings, minutes=o.minutes, every_min=o.every, volume_policy=o.volume_policy,
                 hand_over=not o.steady_only,
@@ -320,25 +329,25 @@ def _cohort(o: CourseOptions) -> bool:
             )  # fmt: skip
     except CaseError as error:
         fail(*error.mistakes)
-    with writing(o.out):
+    with reporting_write_errors(o.out):
         content = files.cohort_object(results) if folder is None else files.write_courses(results, folder)
         for stem, one in zip(stems, results, strict=True):
             if figures is not None and one.sizes["time_min"]:
                 files.write_figure(one, figures, stem)
-        if hand_over(content, target):
+        if write_json_output(content, target):
             typer.echo(_cohort_text(content))
     lost = [f"{one['id']}: {one['message']}" for one in content["courses"] if not one["converged"]]
-    warn([*lost, *approximated(results, "patients")])
+    warn([*lost, *approximations_of_draws(results, "patients")])
     return not (lost or refused)
 
 
 # --- as text --------------------------------------------------------------------------------------
 
-SHOWN = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "DO2")
-ROWS = 25
-BAND_SHOWN = ("MAP", "PF", "drainage_pressure", "DO2")
+SHOWN_OUTPUTS = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "DO2")
+MOST_ROWS = 25
+BAND_OUTPUTS = ("MAP", "PF", "drainage_pressure", "DO2")
 _DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
-"""Of a unit in tables, so that a column's digits stand below each other; others have one."""
+"""Decimals of a unit in tables, so that a column's digits stand below each other; others have one."""
 
 
 def _text(result: xr.Dataset) -> str:
@@ -346,14 +355,14 @@ def _text(result: xr.Dataset) -> str:
     import json
 
     from eclsim.course.result import impossible_moments, spans_in_words
-    from eclsim.outputs.alarms import NO_PATIENT
+    from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
     from eclsim.reporting.numbers import number, text_table
 
     if not result.sizes["time_min"]:
         return "no moment of this course has a steady beat"
     spans = spans_in_words(result)
     seconds = bool(result.attrs["beat_by_beat"] or spans)
-    names = [name for name in SHOWN if name in result]
+    names = [name for name in SHOWN_OUTPUTS if name in result]
     impossible = impossible_moments(result)
     rows = [
         (
@@ -373,7 +382,7 @@ def _text(result: xr.Dataset) -> str:
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
     if any(impossible):
-        words = f"* a beat {NO_PATIENT}: its numbers are not to be read\n\n{words}"
+        words = f"* a beat {IMPOSSIBLE_BEAT}: its numbers are not to be read\n\n{words}"
     if spans:
         words += f"\n{spans}, where an event left the circulation no time to settle"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
@@ -388,7 +397,7 @@ def _rows(result: xr.Dataset, seconds: bool = False) -> dict[int, str]:
     from eclsim.course.alarms import clock_time
 
     count, minute = result.sizes["time_min"], result["time_min"].to_numpy().tolist()
-    places = sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
+    places = sorted({*range(0, count, -(-count // MOST_ROWS)), count - 1}) if count else []
     times = {k: clock_time(minute[k], seconds) for k in places}
     same = len(set(times.values())) < len(places)
     return {k: clock_time(minute[k], True) for k in places} if same else times
@@ -399,7 +408,7 @@ def _band_text(band: xr.Dataset) -> str:
     from eclsim.course.alarms import clock_time
     from eclsim.reporting.numbers import number, text_table
 
-    names = [name for name in BAND_SHOWN if name in band]
+    names = [name for name in BAND_OUTPUTS if name in band]
 
     def cell(name: str, k: int) -> str:
         decimals = _decimals(band[name])
@@ -417,7 +426,7 @@ def _band_text(band: xr.Dataset) -> str:
 
 
 def _cohort_text(content: Mapping[str, Any]) -> str:
-    """What became of each patient, and the first alarm, as a table."""
+    """Table of each patient's outcome and first alarm."""
     from eclsim.course.alarms import clock_time
     from eclsim.reporting.numbers import text_table
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_results, with_speeds
+from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_new_findings, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, say, warn
-from eclsim.cli.destination import Destinations, Target, resumable, writing
+from eclsim.cli.destination import Destinations, Target, explaining_resume, reporting_write_errors
 from eclsim.cli.options import Distributed, argument, option
-from eclsim.paper.reproduction import USUAL_EXPLORE
+from eclsim.paper.reproduction import DEFAULT_EXPLORE
 
 if TYPE_CHECKING:
     from eclsim.cases import Case
@@ -79,7 +79,7 @@ class CrrtStudyOptions(Distributed):
         None, "Write report.html, study.json, study.nc, CSV tables and SVG figures here.", metavar="DIR"
     )
     explore: int = option(
-        USUAL_EXPLORE,
+        DEFAULT_EXPLORE,
         "Parameter sets explored per free parameter in the fits of COHORT.csv; `eclsim identify` uses 1000.",
         minimum=2,
     )
@@ -134,7 +134,7 @@ def _write(
     """Write the files and the JSON that are wanted; whether standard output is free for text."""
     from eclsim.files import write_text
 
-    with writing():
+    with reporting_write_errors():
         if o.out is not None:
             files(Path(o.out))
         if target is not None:
@@ -157,13 +157,13 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     (reading,) = with_speeds(readings, _first_policy(o))
     target, samples = _check_case(o, reading.case)
     study = _compute(o, reading.case, samples)
-    warn_of_results(reading, study.warnings)
+    warn_of_new_findings(reading, study.warnings)
     from eclsim.crrt_study import files, report
-    from eclsim.crrt_study.beats import not_known
+    from eclsim.crrt_study.beats import missing_beats_text
 
     if _write(o, target, lambda folder: files.write_study(study, folder), lambda: files.study_json(study)):
         report.show(study)
-    return () if study.converged else not_known(study)
+    return () if study.converged else missing_beats_text(study)
 
 
 def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:
@@ -219,12 +219,12 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     reading = None if Path(o.file).is_dir() else read_table(o.file)
     try:
         with (
-            resumable(o.out),
-            writing(o.out),
+            explaining_resume(o.out),
+            reporting_write_errors(o.out),
             distribution.running(PRELOAD) as executor,
             Progress() as progress,
         ):
-            fitted = _from_folder(o) if reading is None else _fitted(o, reading, executor, progress)
+            fitted = _cases_of_folder(o) if reading is None else _fitted(o, reading, executor, progress)
             folder = None if o.out is None else Path(o.out)
             study = crrt_cohort(fitted, _options(o), folder=folder, executor=executor, progress=progress)
     except StudyError as error:
@@ -255,11 +255,11 @@ def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
     return target, distribution
 
 
-def _from_folder(o: CrrtStudyOptions) -> FittedCases:
-    from eclsim.identification.cohort import as_they_are
+def _cases_of_folder(o: CrrtStudyOptions) -> FittedCases:
+    from eclsim.identification.cohort import cases_as_given
 
     readings = with_speeds(read_all(case_files_in(o.file), []), _first_policy(o))
-    return as_they_are(readings, "case files")
+    return cases_as_given(readings, "case files")
 
 
 def _fitted(

@@ -136,7 +136,7 @@ def _is_same(first: Path, second: Path) -> bool:
         return False
 
 
-def hand_over(content: object, target: Target) -> bool:
+def write_json_output(content: object, target: Target) -> bool:
     """Write JSON where it is wanted; whether standard output is free for text."""
     if target is not None:
         write_json(content, target)
@@ -144,8 +144,8 @@ def hand_over(content: object, target: Target) -> bool:
 
 
 @contextmanager
-def writing(place: object = "output") -> Iterator[None]:
-    """Say which file cannot be written, and leave with exit status 2."""
+def reporting_write_errors(place: object = "output") -> Iterator[None]:
+    """Report a file that cannot be written, and leave with exit status 2."""
     try:
         yield
     except BrokenPipeError:
@@ -155,8 +155,8 @@ def writing(place: object = "output") -> Iterator[None]:
 
 
 @contextmanager
-def resumable(folder: str | os.PathLike[str] | None) -> Iterator[None]:
-    """Hold a command whose finished tasks are kept: where Ctrl-C or SIGTERM stops it, say how to go on.
+def explaining_resume(folder: str | os.PathLike[str] | None) -> Iterator[None]:
+    """Hold a command whose finished tasks are kept: after Ctrl-C or SIGTERM, explain how to go on.
 
     Where the tasks cannot run, or the folder holds others, leave with exit status 2.
     """
@@ -183,7 +183,7 @@ def locked(folder: str | os.PathLike[str] | None, shard: str = "") -> Iterator[N
         shard: of an analysis whose shards are run side by side into one folder, such as "3/16".
     """
     if folder is None or not _can_be_folder(folder := Path(folder)):
-        yield  # what is wrong with it is said by the command
+        yield  # the command reports what is wrong with it
         return
     made = not folder.exists()
     try:
@@ -192,7 +192,7 @@ def locked(folder: str | os.PathLike[str] | None, shard: str = "") -> Iterator[N
     except OSError as error:
         fail(f"--out {folder}: cannot be written: {error.strerror or error}")
     with file:
-        _say_who(file)
+        _write_holder(file)
         try:
             yield
         finally:
@@ -213,15 +213,18 @@ def _opened(path: Path) -> IO[str]:
     """The file with its lock; the one that stands under the path, which a process before may have removed."""
     while True:
         file = path.open("a+", encoding="utf-8")
-        if not _take(file):
+        if not _acquire(file):
             with file:
-                fail(f"--out {path.parent}: in use by {_holder(file)}; wait for it, or choose another folder")
+                fail(
+                    f"--out {path.parent}: in use by {_read_holder(file)}; wait for it, or choose another "
+                    "folder"
+                )
         if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
             return file
         file.close()
 
 
-def _take(file: IO[str]) -> bool:
+def _acquire(file: IO[str]) -> bool:
     """Whether this process has the lock now."""
     try:
         if sys.platform == "win32":
@@ -238,7 +241,7 @@ def _take(file: IO[str]) -> bool:
     return True
 
 
-def _say_who(file: IO[str]) -> None:
+def _write_holder(file: IO[str]) -> None:
     file.seek(0)
     file.truncate()
     command = " ".join(["eclsim", *sys.argv[1:2]])
@@ -246,7 +249,7 @@ def _say_who(file: IO[str]) -> None:
     file.flush()
 
 
-def _holder(file: IO[str]) -> str:
+def _read_holder(file: IO[str]) -> str:
     try:
         file.seek(0)
         return file.read(200).strip() or "another eclsim command"

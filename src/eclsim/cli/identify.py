@@ -12,9 +12,9 @@ import typer
 
 from eclsim.cli.cases import TABLES, names_of, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, say, warn
-from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, Target, hand_over, resumable
+from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, Target, explaining_resume, write_json_output
 from eclsim.cli.options import (
-    MEASURED_BESIDES,
+    REASON_FOR_FURTHER_FREE,
     CaseChanges,
     Distributed,
     Force,
@@ -100,7 +100,7 @@ def identify(options: IdentifyOptions) -> None:
     cohort = Path(options.file).suffix.lower() in TABLES
     target, distribution = _checked_json(options, cohort)
     content, refused = _fit_cohort(options, distribution) if cohort else (_fit_case(options), False)
-    if hand_over(content, target):
+    if write_json_output(content, target):
         from eclsim.identification.report import fits_text
 
         typer.echo(fits_text(content))
@@ -141,7 +141,7 @@ def fit_settings(
     weights: Literal["relative", "uncertainty"] = "relative",
     seed: int = 0,
 ) -> FitSettings:
-    """Settings from options as they were written; with any mistake say all and leave with exit status 2."""
+    """Settings from options as they were written; report all mistakes and leave with exit status 2."""
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings, read_bounds
     from eclsim.parameters.thiel2025 import BOUNDS
@@ -168,7 +168,7 @@ def fit_settings(
     return FitSettings(names, limits, weights, uncertainties, MultiStart(seed=seed), policy)
 
 
-def place_of(mistake: Mistake, settings: FitSettings, file: str, line: int | None = None) -> Mistake:
+def source_of_mistake(mistake: Mistake, settings: FitSettings, file: str, line: int | None = None) -> Mistake:
     """A mistake with the option or the file that it stands in."""
     if mistake.key in settings.bounds:
         return mistake.at("--bounds", None)
@@ -194,11 +194,11 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
 
     (reading,) = read_all([o.file], o.settings, o.volume_policy)
     settings = fit_settings(o, policy=reading.case.volume_policy, weights=o.weights, seed=o.seed)
-    settings = settings if o.parameters is not None else _with_what_they_tell(reading.case, settings)
+    settings = settings if o.parameters is not None else _with_informed_parameters(reading.case, settings)
     predictions = _predictions(o, settings.names)
     checked = checked_fit(reading.case, settings)
     unmeasured = unmeasured_uncertainties([reading.case], settings)
-    refuse([place_of(m, settings, o.file) for m in (*checked.mistakes, *unmeasured)])
+    refuse([source_of_mistake(m, settings, o.file) for m in (*checked.mistakes, *unmeasured)])
     warn(checked.warnings)
     note(line for line in checked.notes if not line.key.startswith("measurements."))
 
@@ -235,15 +235,15 @@ def _write_fit(
     return content, write_fit_page(folder, content, fit.case, folder / "figures")
 
 
-def _with_what_they_tell(case: Case, settings: FitSettings) -> FitSettings:
-    """The settings with what is worth fitting to what was measured besides, which is said."""
-    from eclsim.identification.settings import free_parameters, ready, told_by_pressures
+def _with_informed_parameters(case: Case, settings: FitSettings) -> FitSettings:
+    """The settings with the parameters that further measurements can determine, named in a note."""
+    from eclsim.identification.settings import case_to_fit, free_parameters, parameters_informed_by_pressures
 
-    usual = (*settings.parameters, *told_by_pressures(case))
-    case = ready(case, replace(settings, parameters=usual))
+    usual = (*settings.parameters, *parameters_informed_by_pressures(case))
+    case = case_to_fit(case, replace(settings, parameters=usual))
     names = free_parameters(case, usual, settings.volume_policy)
     if names != settings.parameters:
-        note([f"{MEASURED_BESIDES}: free are {', '.join(names)} (--parameters names others)"])
+        note([f"{REASON_FOR_FURTHER_FREE}: free are {', '.join(names)} (--parameters names others)"])
     return replace(settings, parameters=names)
 
 
@@ -259,10 +259,10 @@ def _with_profiles(fit: FitResult, folder: Path, progress: Progress) -> FitResul
 
 
 def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, Case]]:
-    """The case at the settings of every --predict; all mistakes are told before anything is computed."""
+    """The case at the settings of every --predict; all mistakes are reported before anything is computed."""
     from eclsim.cases import CaseError, read_case
     from eclsim.cases.settings import parse_settings
-    from eclsim.devices.registry import usual_setting
+    from eclsim.devices.registry import example_setting
 
     if o.posterior and o.posterior_method == "nuts" and find_spec("numpyro") is None:
         fail("--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
@@ -271,7 +271,7 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
     for written in o.predict:
         changes = names_of(written)
         if not changes:
-            wrong.append(f"--predict: empty; allowed: KEY=VALUE,... such as {usual_setting()}=4000")
+            wrong.append(f"--predict: empty; allowed: KEY=VALUE,... such as {example_setting()}=4000")
             continue
         try:
             case = read_case(o.file, [*o.settings, *changes]).case
@@ -299,7 +299,7 @@ def _with_posterior(
     folder: Path,
     progress: Progress,
 ) -> tuple[FitResult, dict[str, Any]]:
-    """The fit judged by its draws, and what the JSON says of them."""
+    """The fit judged by its draws, and these for JSON."""
     from eclsim.identification.verdict import interval_agreement
 
     posterior = _sample(o, fit, predictions, folder, progress)
@@ -349,7 +349,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     from eclsim.identification.report import write_fit_page
 
     folder = Path(o.out)
-    with resumable(folder), distribution.running(PRELOAD) as executor, Progress() as progress:
+    with explaining_resume(folder), distribution.running(PRELOAD) as executor, Progress() as progress:
         results = fit_cohort(
             reading.points, settings, digest=reading.digest, folder=folder, executor=executor,
             progress=progress,
@@ -382,11 +382,11 @@ def _check_points(reading: CohortReading, settings: FitSettings, file: str) -> N
     for point in reading.points:
         checked = checked_fit(point.case, settings)
         for mistake in checked.mistakes:
-            mistakes.setdefault(place_of(mistake, settings, file, point.line), []).append(point.line)
+            mistakes.setdefault(source_of_mistake(mistake, settings, file, point.line), []).append(point.line)
         doubts |= dict.fromkeys(str(w.at(file, point.line)) for w in checked.warnings)
     refuse([_in_rows(m, lines, len(reading.points)) for m, lines in mistakes.items()])
     unmeasured = unmeasured_uncertainties([point.case for point in reading.points], settings)
-    refuse([place_of(mistake, settings, file) for mistake in unmeasured])
+    refuse([source_of_mistake(mistake, settings, file) for mistake in unmeasured])
     warn(doubts)
 
 

@@ -29,7 +29,7 @@ Value = TypeVar("Value")
 VolumePolicy = Literal["as_published", "patient_held"]
 _SHOWN = "shown on the command line as"
 MERGE, COMMAND = "merge", "command.json"
-WHERE = ("out", "folder", "json", "workers", "dask", "shard", "resume", "force")
+EXECUTION_OPTIONS = ("out", "folder", "json", "workers", "dask", "shard", "resume", "force")
 """Options that change no result: each shard has its own."""
 
 
@@ -79,9 +79,13 @@ class Command(TyperCommand):
 
     def get_help(self, ctx: Context) -> str:
         """The help, with keys of devices for {setting}, {target} and {lines}."""
-        from eclsim.devices.registry import line_keys, usual_setting, usual_target
+        from eclsim.devices.registry import example_setting, example_target, line_keys
 
-        keys = {"{setting}": usual_setting(), "{target}": usual_target(), "{lines}": ", ".join(line_keys())}
+        keys = {
+            "{setting}": example_setting(),
+            "{target}": example_target(),
+            "{lines}": ", ".join(line_keys()),
+        }
         for shown in self.params:
             if isinstance(shown, TyperOption) and shown.help:
                 for placeholder, key in keys.items():
@@ -99,14 +103,14 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
 
     def command(**written: object) -> None:
         options = kind(**written)
-        with locked(*options.held) if isinstance(options, ResultsFolder) else nullcontext():
+        with locked(*options.locked_folder) if isinstance(options, ResultsFolder) else nullcontext():
             if not isinstance(options, Distributed):
                 function(options)
                 return
             try:
                 function(options)
             except ShardDone as done:
-                say(f"{done}; when all shards are done: eclsim merge {options.held[0]}")
+                say(f"{done}; when all shards are done: eclsim merge {options.locked_folder[0]}")
             options.record(function.__name__)
 
     only = inspect.Parameter.KEYWORD_ONLY
@@ -128,12 +132,12 @@ def _own_first(kind: type) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class ResultsFolder:
-    """Of a command that holds the folder of its results while it runs."""
+    """Option of a command that locks the folder of its results while it runs."""
 
     out: str | None
 
     @property
-    def held(self) -> tuple[str | None, str]:
+    def locked_folder(self) -> tuple[str | None, str]:
         """The folder, and the shard where several commands may run side by side."""
         return self.out, ""
 
@@ -147,14 +151,14 @@ class Force:
 
 @dataclass(frozen=True, kw_only=True)
 class Json(Force):
-    """Where the JSON goes."""
+    """File of the JSON output."""
 
     json: str | None = option(None, "Write results as JSON; - for standard output.", "--json", metavar="FILE")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaseChanges:
-    """What wins over a case file."""
+    """Options that win over a case file."""
 
     settings: list[str] = option(
         [],
@@ -170,13 +174,13 @@ class CaseChanges:
     )
 
 
-MEASURED_BESIDES = "blood gases, CVP or pressures of the CRRT were measured"
+REASON_FOR_FURTHER_FREE = "blood gases, CVP or pressures of the CRRT were measured"
 """Why others than the paper's seven parameters are free where nobody named any."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FreeParameters:
-    """What is fitted, in which bounds, to measurements how certain."""
+    """Free parameters, their bounds, and uncertainties of measurements."""
 
     parameters: str | None = option(
         None,
@@ -203,7 +207,7 @@ class FreeParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class Resumable(Json):
-    """Of a command whose finished tasks are kept."""
+    """Options of a command whose finished tasks are kept."""
 
     resume: bool = option(False, "Continue from the results in --out.", "--resume")
 
@@ -223,7 +227,7 @@ class Distributed(Resumable, ResultsFolder):
     )
 
     @property
-    def held(self) -> tuple[str | None, str]:
+    def locked_folder(self) -> tuple[str | None, str]:
         """Shards run side by side."""
         return self.out, "" if self.merges else self.shard or ""
 
@@ -241,7 +245,7 @@ class Distributed(Resumable, ResultsFolder):
         """Where tasks run, and which; adds to the mistakes what cannot be."""
         from eclsim.execution import Distribution, ExecutionError, Shard
 
-        if self.held[0] is None and self.continues:
+        if self.locked_folder[0] is None and self.continues:
             mistakes.append("--resume and --shard need --out DIR")
         try:
             if self.merges:
@@ -260,12 +264,12 @@ class Distributed(Resumable, ResultsFolder):
 
         from eclsim.files import write_json
 
-        folder, _ = self.held
+        folder, _ = self.locked_folder
         if folder is None or self.shard is None:
             return
         file = Path(folder) / COMMAND
         if self.merges:
             file.unlink(missing_ok=True)
             return
-        own_options = {name: value for name, value in asdict(self).items() if name not in WHERE}
+        own_options = {name: value for name, value in asdict(self).items() if name not in EXECUTION_OPTIONS}
         write_json({"command": command, "options": own_options}, file)

@@ -11,9 +11,15 @@ import typer
 
 from eclsim.cli.cases import names_of, read_table
 from eclsim.cli.console import Progress, fail, say
-from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
+from eclsim.cli.destination import (
+    Destinations,
+    Target,
+    explaining_resume,
+    reporting_write_errors,
+    write_json_output,
+)
 from eclsim.cli.options import Distributed, argument, option
-from eclsim.paper.reproduction import INDEX, PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
+from eclsim.paper.reproduction import DEFAULT_EXPLORE, DEFAULT_SAMPLES, INDEX, PARTS, ReproductionSettings
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -35,10 +41,10 @@ class ReproduceOptions(Distributed):
         metavar="LIST",
     )
     samples: int = option(
-        USUAL_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper uses 2048.", minimum=2
+        DEFAULT_SAMPLES, "Rows N of the sensitivity analyses, a power of two; the paper uses 2048.", minimum=2
     )
     explore: int = option(
-        USUAL_EXPLORE,
+        DEFAULT_EXPLORE,
         "Parameter sets explored per free parameter in the fits of the cohort; `eclsim identify` uses 1000.",
         minimum=2,
     )
@@ -51,9 +57,9 @@ class ReproduceOptions(Distributed):
     force: bool = option(False, "Overwrite existing files and start again.", "--force")
 
     @property
-    def held(self) -> tuple[str | None, str]:
+    def locked_folder(self) -> tuple[str | None, str]:
         """Either of the two names the folder; shards run side by side."""
-        return self.out if self.out is not None else self.folder, super().held[1]
+        return self.out if self.out is not None else self.folder, super().locked_folder[1]
 
 
 def reproduce(options: ReproduceOptions) -> None:
@@ -73,11 +79,11 @@ def reproduce(options: ReproduceOptions) -> None:
     settings = ReproductionSettings(options.samples, options.explore, cohort)
     if options.cohort is not None:
         read_table(options.cohort)
-    with resumable(folder), writing(folder), Progress() as progress:
+    with explaining_resume(folder), reporting_write_errors(folder), Progress() as progress:
         folder.mkdir(exist_ok=True)
         result = recompute(folder / RUNS, settings, parts, progress, distribution)
         write_reproduction(result, folder, progress)
-    if hand_over(as_object(result), target):
+    if write_json_output(as_object(result), target):
         _show(result)
     say(f"all figures and tables: {folder / INDEX}")
 
@@ -88,7 +94,7 @@ def _checked(o: ReproduceOptions) -> tuple[Path, Target, Sequence[str], Distribu
     if o.folder is not None and o.out is not None:
         fail(f"{o.folder} and --out {o.out}: two folders; give one of them")
     places = Destinations(force=o.force, resume=o.continues)
-    folder = places.folder("--out", o.held[0], (*file_names(), RUNS))
+    folder = places.folder("--out", o.locked_folder[0], (*file_names(), RUNS))
     target = places.target("--json", o.json)
     distribution = o.distribution(places.mistakes)
     if folder is None:
@@ -156,7 +162,7 @@ def demo(options: DemoOptions) -> None:
     places.check()
     if folder is None:
         return
-    from eclsim.devices.registry import usual_setting
+    from eclsim.devices.registry import example_setting
     from eclsim.outputs.results import simulate
     from eclsim.simulation import files
     from eclsim.simulation.figures import write_case_figures
@@ -169,7 +175,7 @@ def demo(options: DemoOptions) -> None:
         f"\nsteady beat found after {result.attrs['beats']} beats, residual {result.attrs['residual']:.1e}"
     )
     case = folder / f"{PAPER_PATIENT}.toml"
-    with writing(folder):
+    with reporting_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         case.write_bytes((DATA / "cases" / case.name).read_bytes())
         files.write_json([result], folder / "results.json")
@@ -180,7 +186,7 @@ def demo(options: DemoOptions) -> None:
         f"written to {folder}: {case.name}, results.json, results.nc and {len(figures)} figures, such as"
     )
     typer.echo("\n".join(f"  {path}" for path in figures if path.suffix == f".{formats[-1]}"))
-    typer.echo(f"\nnext: eclsim simulate {case} --set {usual_setting()}=4000")
+    typer.echo(f"\nnext: eclsim simulate {case} --set {example_setting()}=4000")
 
 
 def _demo_table(rows: Sequence[Row]) -> str:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.cases import read_all, warn_of_results, with_speeds
+from eclsim.cli.cases import read_all, warn_of_new_findings, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, warn
-from eclsim.cli.destination import Destinations, hand_over, writing
+from eclsim.cli.destination import Destinations, reporting_write_errors, write_json_output
 from eclsim.cli.options import CaseChanges, Json, argument, option
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ class PlanOptions(CaseChanges, Json):
     )
     vary: str | None = option(
         None,
-        "With --wean, setting that may change to keep the goals: drugs.noradrenaline=0..1. Left out, it is "
-        "only said which speeds keep them.",
+        "With --wean, setting that may change to keep the goals: drugs.noradrenaline=0..1. Left out, "
+        "only the speeds that keep them are named.",
         metavar="NAME",
     )
     hours: float = option(72.0, "With --remove-ml, longest time allowed [h].", minimum=0.5, maximum=744.0)
@@ -93,10 +93,10 @@ def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     with Progress() as progress:
         progress(f"removing {options.remove_ml:g} mL at many rates")
         result = plan_removal(reading.case, options.remove_ml, options.keep, hours=options.hours)
-    with writing():
-        if hand_over(_with_case(reading, result.as_object()), target):
+    with reporting_write_errors():
+        if write_json_output(_with_case(reading, result.as_object()), target):
             typer.echo(f"{result.id}: {result.message}")
-    warn_of_results(reading, result.warnings, f", at {result.rate_ml_h:.0f} mL/h")
+    warn_of_new_findings(reading, result.warnings, f", at {result.rate_ml_h:.0f} mL/h")
     return result.possible
 
 
@@ -111,19 +111,19 @@ def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
         "id": reading.case.patient.id, "keep": options.keep, "vary": options.vary,
         "steps": [step._asdict() for step in steps],
     }  # fmt: skip
-    with writing():
-        if hand_over(_with_case(reading, content), target):
+    with reporting_write_errors():
+        if write_json_output(_with_case(reading, content), target):
             typer.echo(_table(steps, options.vary))
     warn(_warnings(steps, reading.case.doubts))
     return all(step.reached for step in steps)
 
 
 def _speeds(text: str) -> list[float]:
-    from eclsim.devices.registry import usual_setting
+    from eclsim.devices.registry import example_setting
     from eclsim.simulation.sweep import SweepError, parse_sweep
 
     try:
-        return [float(value) for value in parse_sweep(f"{usual_setting()}={text}")[1]]
+        return [float(value) for value in parse_sweep(f"{example_setting()}={text}")[1]]
     except (SweepError, ValueError):
         fail(
             f"--wean {text}: allowed: FIRST:LAST:STEP, such as 3500:1500:-500, or speeds with commas between"
@@ -148,9 +148,9 @@ def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
 
 
 def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:
-    """What there is to say about the beats: of the last speed of which it is said, with the others.
+    """Warnings of the beats, each at the last speed that has it, with the other speeds named.
 
-    Doubts of the case were said where it was read.
+    Doubts of the case were shown when it was read.
     """
     from eclsim.course.alarms import NUMBER
 
@@ -158,11 +158,11 @@ def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:
     for step in steps:
         for sentence in (sentence for sentence in step.warnings if sentence not in doubts):
             kinds.setdefault(NUMBER.sub("", sentence), []).append((f"{step.speed_rpm:g}", sentence))
-    found = []
+    lines = []
     for *before, (last, sentence) in kinds.values():
         also = f" (likewise at {', '.join(at for at, _ in before)})" if before else ""
-        found.append(f"at {last} rpm{also}: {sentence}")
-    return found
+        lines.append(f"at {last} rpm{also}: {sentence}")
+    return lines
 
 
 # --- the smallest settings that reach goals ---------------------------------------------------------
@@ -204,10 +204,10 @@ def settings(options: SettingsOptions) -> None:
             result = reach(reading.case, options.goal, vary=options.vary)
     except GoalError as error:
         fail(*error.mistakes)
-    with writing():
-        if hand_over(_with_case(reading, result.as_object()), target):
+    with reporting_write_errors():
+        if write_json_output(_with_case(reading, result.as_object()), target):
             typer.echo(_text(result))
-    warn_of_results(reading, result.warnings)
+    warn_of_new_findings(reading, result.warnings)
     if not result.reached:
         raise typer.Exit(INCOMPLETE)
 

@@ -11,9 +11,15 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.cases import names_of, read_all, warn_of_results, with_speeds
+from eclsim.cli.cases import names_of, read_all, warn_of_new_findings, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, refuse, say, warn
-from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
+from eclsim.cli.destination import (
+    Destinations,
+    Target,
+    explaining_resume,
+    reporting_write_errors,
+    write_json_output,
+)
 from eclsim.cli.options import MERGE, CaseChanges, Distributed, Json, argument, option
 
 if TYPE_CHECKING:
@@ -77,17 +83,17 @@ def sensitivity(options: SensitivityOptions) -> None:
     merges = MERGE in (options.case_file, options.shard)
     if options.case_file == MERGE:
         warn([f"eclsim sensitivity merge will be removed: use eclsim merge {options.out}"])
-    with _mistakes(options), resumable(options.out):
-        results, said = (_merged(options), ()) if merges else _analysed(options, distribution)
+    with _refuse_mistakes(options), explaining_resume(options.out):
+        results, reported = (_merged(options), ()) if merges else _analysed(options, distribution)
     pairs = bool(options.second_order)
     states = {state: indices.as_object(pairs) for state, indices in results.items()}
     if "" in results:
-        _show(options, states[""], results, target, said)
+        _show(options, states[""], results, target, reported)
     else:
         from eclsim.sensitivity.analysis import union_over
 
         union = union_over([indices.union() for indices in results.values()])
-        _show(options, {"states": states, "union": union}, results, target, said)
+        _show(options, {"states": states, "union": union}, results, target, reported)
     if any(indices.failed for indices in results.values()):
         raise typer.Exit(INCOMPLETE)
 
@@ -108,12 +114,12 @@ def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
 
 
 @contextmanager
-def _mistakes(o: SensitivityOptions) -> Iterator[None]:
-    """Say what cannot be, and leave with the exit status of bad input."""
+def _refuse_mistakes(o: SensitivityOptions) -> Iterator[None]:
+    """Report all mistakes in the options, and leave with the exit status of bad input."""
     from eclsim.sensitivity.inputs import InputError
 
     try:
-        with writing(o.out):
+        with reporting_write_errors(o.out):
             yield
     except InputError as error:
         fail(*error.mistakes)
@@ -124,7 +130,7 @@ def _mistakes(o: SensitivityOptions) -> Iterator[None]:
 def _analysed(
     o: SensitivityOptions, distribution: Distribution
 ) -> tuple[Mapping[str, Indices], Collection[str]]:
-    """Indices of the analysis, or of one around each state; and what was said where the case was read."""
+    """Indices of the analysis, or of one around each state; and the warnings shown when the case was read."""
     from eclsim.sensitivity.analysis import PRELOAD
     from eclsim.sensitivity.analysis import sensitivity as analyse
 
@@ -189,13 +195,13 @@ def _show(
     content: object,
     results: Mapping[str, Indices],
     target: Target,
-    said: Collection[str],
+    reported: Collection[str],
 ) -> None:
     from eclsim.sensitivity.results import doubts, indices_text, pairs_text
 
     for state, indices in results.items():
-        warn(doubts(indices, state, said))
-    if not hand_over(content, target):
+        warn(doubts(indices, state, reported))
+    if not write_json_output(content, target):
         return
     for state, indices in results.items():
         typer.echo(indices_text(indices, state))
@@ -255,12 +261,12 @@ def identifiability(options: IdentifiabilityOptions) -> None:
         _write_json({"id": error.name, "status": error.word, "message": reason}, target, folder)
         warn([f"{reading.file}: {reason}"])
         raise typer.Exit(INCOMPLETE) from None
-    warn_of_results(reading, result.warnings)
+    warn_of_new_findings(reading, result.warnings)
     shown = _write_json(result.as_object(), target, folder)
     if folder is not None:
         from eclsim.sensitivity.figures import write_identifiability_figures
 
-        with writing(folder):
+        with reporting_write_errors(folder):
             write_identifiability_figures(result, folder / "figures")
     if shown:
         from eclsim.sensitivity.identifiability import identifiability_text
@@ -281,8 +287,8 @@ def _checked_places(o: IdentifiabilityOptions) -> tuple[Target, Path | None]:
 def _write_json(content: object, target: Target, folder: Path | None) -> bool:
     from eclsim.files import write_json
 
-    with writing():
+    with reporting_write_errors():
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             write_json(content, folder / "identifiability.json")
-        return hand_over(content, target)
+        return write_json_output(content, target)

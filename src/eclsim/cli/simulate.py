@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.cases import names_of, read_all, read_each, warn_of_results
+from eclsim.cli.cases import names_of, read_all, read_each, warn_of_new_findings
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
-from eclsim.cli.destination import NETCDF, Destinations, Target, hand_over, writing
+from eclsim.cli.destination import NETCDF, Destinations, Target, reporting_write_errors, write_json_output
 from eclsim.cli.options import CaseChanges, Json, argument, option
 from eclsim.files import file_stems
 from eclsim.spelling import spelling_hint
@@ -67,7 +67,7 @@ class SimulateOptions(CaseChanges, Json):
 
 
 @dataclass(frozen=True)
-class Places:
+class OutputPlaces:
     """Where results go; `stems` are the beginnings of file names, one per case."""
 
     json: Target
@@ -86,10 +86,12 @@ def simulate(options: SimulateOptions) -> None:
     if options.sweep:
         results = _sweep(options)
     elif options.compare:
-        readings, labels = _both(options)
-        results = _each(options, readings, labels)
+        readings, labels = _compared_cases(options)
+        results = _simulate_each(options, readings, labels)
     else:
-        results = _each(options, read_all(options.case_files, options.settings, options.volume_policy))
+        results = _simulate_each(
+            options, read_all(options.case_files, options.settings, options.volume_policy)
+        )
     if not all(result.attrs["converged"] for result in results):
         raise typer.Exit(INCOMPLETE)
 
@@ -108,11 +110,11 @@ def _check_modes(o: SimulateOptions) -> None:
     refuse(wrong)
 
 
-def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> Places:
+def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> OutputPlaces:
     """Where results of the cases with these ids go; with anything wrong leave with exit status 2."""
     stems = file_stems(ids)
     places = Destinations(force=o.force, inputs=o.case_files)
-    result = Places(
+    result = OutputPlaces(
         json=places.target("--json", o.json),
         out=places.file("--out", o.out, NETCDF),
         figures=places.folder("--figures", o.figures, stems=stems),
@@ -125,7 +127,7 @@ def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("ou
     return result
 
 
-def _each(
+def _simulate_each(
     o: SimulateOptions, readings: Sequence[CaseReading], labels: Sequence[str] | None = None
 ) -> Sequence[xr.Dataset]:
     """The beat of each case, written and shown; labels say what is before and what after a change."""
@@ -148,7 +150,7 @@ def _each(
         if o.transient
     ]
     _write(places, cases, results, courses, names, labels)
-    _say_doubts(readings, results)
+    _warn_of_doubts(readings, results)
     return results
 
 
@@ -173,7 +175,7 @@ def _waveforms(o: SimulateOptions, cases: Sequence[Case]) -> tuple[str, ...] | N
 
 
 def _write(
-    places: Places,
+    places: OutputPlaces,
     cases: Sequence[Case],
     results: Sequence[xr.Dataset],
     courses: Sequence[xr.Dataset | None],
@@ -184,7 +186,7 @@ def _write(
     from eclsim.simulation.files import results_object
 
     change = _change(results) if labels else None
-    with writing():
+    with reporting_write_errors():
         if places.out is not None:
             files.write_netcdf(results, courses, places.out, names)
         if places.csv is not None:
@@ -194,32 +196,32 @@ def _write(
         content = {} if places.json is None else results_object(results)
         if labels:
             content["compare"] = {"before": labels[0], "after": labels[1], "change": change}
-        shown = hand_over(content, places.json)
+        shown = write_json_output(content, places.json)
     if shown and labels:
         typer.echo(f"before: {labels[0]}\nafter:  {labels[1]}")
     if shown:
         summary.show(results, change)
 
 
-def _say_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
+def _warn_of_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
     """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
     from eclsim.simulation.single import NOT_REACHED
-    from eclsim.simulation.target_flow import speed_found
+    from eclsim.simulation.target_flow import solved_speed_of
 
     for reading, result in zip(readings, results, strict=True):
-        if solved := speed_found(result):
+        if solved := solved_speed_of(result):
             note([f"{reading.file}: {solved}"])
         lines = list(result.attrs.get("warnings", ()))
         if not result.attrs["converged"]:
             kind = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
             lines.insert(0, f"{kind}{result.attrs.get('message', '')}")
-        warn_of_results(reading, lines)
+        warn_of_new_findings(reading, lines)
 
 
 # --- before and after a change --------------------------------------------------------------------
 
 
-def _both(o: SimulateOptions) -> tuple[Sequence[CaseReading], Sequence[str]]:
+def _compared_cases(o: SimulateOptions) -> tuple[Sequence[CaseReading], Sequence[str]]:
     """The two cases and what to call them; anything but two leaves with exit status 2."""
     if len(o.case_files) == 2:
         return read_all(o.case_files, o.settings, o.volume_policy), o.case_files
@@ -269,14 +271,14 @@ def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
     except SweepError as error:
         fail(f"--sweep {error}")
     (stem,) = places.stems
-    with writing():
+    with reporting_write_errors():
         if places.out is not None:
             write_netcdf(sweep, places.out)
         if places.csv is not None:
             write_csv(sweep, places.csv / f"{stem}.csv")
         if places.figures is not None:
             write_figure(sweep, places.figures / stem)
-        if hand_over(sweep_object(sweep), places.json):
+        if write_json_output(sweep_object(sweep), places.json):
             typer.echo(sweep_text(sweep))
     warn(f"{o.case_files[0]}: {line}" for line in sweep_doubts(sweep))
     return sweep.results
@@ -296,10 +298,10 @@ class Readings:
 
 
 def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None = None) -> Readings:
-    """The cases of a sweep; with anything wrong say all of it and leave with exit status 2."""
+    """The cases of a sweep; report all mistakes and leave with exit status 2."""
     from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
-    from eclsim.simulation.sweep import SweepError, parse_sweep, stops_short
+    from eclsim.simulation.sweep import SweepError, parse_sweep, remarks_on_last_values
 
     try:
         key, texts = parse_sweep(text)
@@ -312,7 +314,7 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
         fail(f"--sweep {key}: changes nothing that the simulation reads; sweep a setting or a parameter")
     if (section, name) in _set_keys(settings):
         fail(f"--sweep {key}: --set gives it a value too; leave one of the two out")
-    note(stops_short(text))
+    note(remarks_on_last_values(text))
     readings = _swept(file, settings, key, texts, policy)
     cases = {_value(reading.case, section, name): reading.case for reading in readings}
     if all(isinstance(value, float) for value in cases):
@@ -322,7 +324,7 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
 
 
 def _set_keys(settings: Sequence[str]) -> Collection[tuple[str, str]]:
-    """Section and name of each setting; mistakes in them are said where the case is read."""
+    """Section and name of each setting; mistakes in them are reported when the case is read."""
     from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
 
@@ -336,18 +338,18 @@ def _swept(
     file: str, settings: Sequence[str], key: str, texts: Sequence[str], policy: str | None
 ) -> list[CaseReading]:
     wanted = [(file, [*settings, f"{key}={text}"], policy) for text in texts]
-    readings = read_each(wanted, lambda mistake: _of_sweep(mistake, key))
-    warn(dict.fromkeys(str(_of_sweep(m, key)) for r in readings for m in r.warnings))
-    note(dict.fromkeys(str(m) for m in readings[0].notes if not _is_of(m, key)))
+    readings = read_each(wanted, lambda mistake: _for_swept_key(mistake, key))
+    warn(dict.fromkeys(str(_for_swept_key(m, key)) for r in readings for m in r.warnings))
+    note(dict.fromkeys(str(m) for m in readings[0].notes if not _is_about(m, key)))
     return readings
 
 
-def _is_of(mistake: Mistake, key: str) -> bool:
+def _is_about(mistake: Mistake, key: str) -> bool:
     return mistake.key.removeprefix("parameters.") == key.removeprefix("parameters.")
 
 
-def _of_sweep(mistake: Mistake, key: str) -> Mistake:
-    return replace(mistake, file="--sweep") if _is_of(mistake, key) else mistake
+def _for_swept_key(mistake: Mistake, key: str) -> Mistake:
+    return replace(mistake, file="--sweep") if _is_about(mistake, key) else mistake
 
 
 def _value_without_sweep(file: str, settings: Sequence[str], section: str, name: str) -> Value | None:

@@ -12,10 +12,10 @@ import typer
 
 from eclsim.cli.cases import TABLES, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
-from eclsim.cli.destination import Destinations, hand_over
-from eclsim.cli.identify import Prior, fit_settings, place_of
+from eclsim.cli.destination import Destinations, write_json_output
+from eclsim.cli.identify import Prior, fit_settings, source_of_mistake
 from eclsim.cli.options import (
-    MEASURED_BESIDES,
+    REASON_FOR_FURTHER_FREE,
     FreeParameters,
     Json,
     ResultsFolder,
@@ -80,9 +80,9 @@ def track(options: TrackOptions) -> None:
     settings = _settings(options)
     each = _settings_of_each(options, series, settings)
     _check_points(series, each)
-    timed = {patient: _has_times(patient, points) for patient, points in series.items()}
+    timed = {patient: _names_are_times(patient, points) for patient, points in series.items()}
     _note_assumed([p for p, known in timed.items() if not known and len(series[p]) > 1], options.interval)
-    _note_left_out({p: sum(lost) for p, lost in left_out.items() if not timed[p]}, options.interval)
+    _note_refused_rows({p: sum(lost) for p, lost in left_out.items() if not timed[p]}, options.interval)
 
     from eclsim.identification.files import write_tracks
     from eclsim.identification.report import series_text
@@ -102,13 +102,13 @@ def track(options: TrackOptions) -> None:
         asked = {**settings.as_object(), "parameters": free}
         content = {"series": tracks, "refused": refused, "settings": asked}
         write_tracks(Path(options.out), content)
-    if hand_over(content, target):
+    if write_json_output(content, target):
         typer.echo("\n".join(map(series_text, tracks)))
-    if refused or any(_unusable(point) for followed in tracks for point in followed["points"]):
+    if refused or any(_is_unusable(point) for followed in tracks for point in followed["points"]):
         raise typer.Exit(INCOMPLETE)
 
 
-def _unusable(point: Mapping[str, Any]) -> bool:
+def _is_unusable(point: Mapping[str, Any]) -> bool:
     """A point that could not be followed, or a first estimate that is a poor fit."""
     return point["failed"] or (point["verdict"] or {}).get("level") == "poor"
 
@@ -117,7 +117,7 @@ def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
     """Points of each patient, why rows were refused, and how many of a patient's before each point."""
     tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
     if not tables:
-        _check_each_once(o.files)
+        _refuse_duplicates(o.files)
         readings = read_all(o.files, (), o.volume_policy)
         _check_one_patient([(r.file, r.case.patient.id) for r in readings])
         return {readings[0].case.patient.id: [(Path(r.file).stem, r.case) for r in readings]}, [], {}
@@ -139,7 +139,7 @@ def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
     return series, [str(mistake) for mistake in reading.refused], left_out
 
 
-def _check_each_once(files: Sequence[str]) -> None:
+def _refuse_duplicates(files: Sequence[str]) -> None:
     """A measurement that is counted twice would make the filter too sure."""
     repeated = [file for file in dict.fromkeys(files) if files.count(file) > 1]
     refuse([f"{file}: given {files.count(file)} times; a measurement counts once" for file in repeated])
@@ -156,11 +156,11 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
         listed = "; ".join(f"'{same[0][1]}' in {', '.join(f for f, _ in same)}" for same in by_id.values())
         fail(
             f"patient.id: files of {len(by_id)} patients: {listed}. Give the case files of one patient, or a "
-            "table with a row for each time, in which patients are told apart"
+            "table with a row for each time, which distinguishes patients"
         )
 
 
-def _has_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
+def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
     """Whether the names of a patient's measurements are times, in their order."""
     from eclsim.identification.tracking import elapsed_hours
     from eclsim.inputs.mistakes import CaseError
@@ -181,8 +181,8 @@ def _note_assumed(patients: Sequence[str], interval: float) -> None:
         note([line])
 
 
-def _note_left_out(rows: Mapping[str, int], interval: float) -> None:
-    """That rows which were refused stand for time all the same."""
+def _note_refused_rows(rows: Mapping[str, int], interval: float) -> None:
+    """Warn that refused rows count as time all the same."""
     note(
         f"{patient}: {count} refused between others, for which {interval:g} h each are counted all the same"
         for patient, count in rows.items()
@@ -200,7 +200,7 @@ def _settings(o: TrackOptions) -> TrackSettings:
 
 
 def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) -> dict[str, TrackSettings]:
-    """Settings by patient: where no parameters were named, what the measurements of any time tell of."""
+    """Settings by patient; left out, parameters are those that measurements at any time inform on."""
     from eclsim.identification.series import series_parameters
 
     usual = settings.fit.parameters
@@ -211,7 +211,7 @@ def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) 
     result = {}
     for patient, own in names.items():
         if own != usual:
-            note([f"{patient}: {MEASURED_BESIDES}: free are {', '.join(own)} (--parameters)"])
+            note([f"{patient}: {REASON_FOR_FURTHER_FREE}: free are {', '.join(own)} (--parameters)"])
         bounds = {n: limits for n, limits in settings.fit.bounds.items() if n in own or n not in free}
         result[patient] = replace(settings, fit=replace(settings.fit, parameters=own, bounds=bounds))
     return result
@@ -229,7 +229,9 @@ def _check_points(series: Series, settings: Mapping[str, TrackSettings]) -> None
         fit, before = settings[patient].fit, f"{patient}: " if len(series) > 1 else ""
         for name, case in points:
             case, checked = common[patient].checked(case)
-            wrong |= {before + str(place_of(m, fit, f"{patient}/{name}")): None for m in checked.mistakes}
+            wrong |= {
+                before + str(source_of_mistake(m, fit, f"{patient}/{name}")): None for m in checked.mistakes
+            }
             unread = [
                 str(w) for w in checked.warnings if w.key.startswith("measurements.") or w.key in fit.names
             ]

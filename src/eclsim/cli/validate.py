@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.console import INCOMPLETE, Progress, say
-from eclsim.cli.destination import Destinations, hand_over, resumable, writing
+from eclsim.cli.destination import Destinations, explaining_resume, reporting_write_errors, write_json_output
 from eclsim.cli.options import Distributed, Json, option
 from eclsim.spelling import spelling_hint
 
@@ -74,10 +74,10 @@ def validate(options: ValidateOptions) -> None:
     from eclsim.validation.suite import validation_markdown, validation_object, verdict_text
 
     quiet = "-" in (target, page)
-    with resumable(options.out), writing(options.out):
+    with explaining_resume(options.out), reporting_write_errors(options.out):
         checks = _run(options, distribution, quiet)
-    with writing():
-        hand_over(validation_object(checks), target)
+    with reporting_write_errors():
+        write_json_output(validation_object(checks), target)
         if page is not None:
             write_text(validation_markdown(checks), page)
     if not quiet:
@@ -125,7 +125,7 @@ def benchmark(options: BenchmarkOptions) -> None:
         say(f"measured: {measurement.name}")
     about = timing.machine()
     content = {"machine": about, "measurements": [figure.as_object() for figure in measurements]}
-    if hand_over(content, target):
+    if write_json_output(content, target):
         typer.echo(measurements_text(measurements))
         typer.echo("\n" + ", ".join(f"{key} {value}" for key, value in about.items()))
     if not all(figure.holds for figure in measurements):

@@ -235,7 +235,7 @@ class Path(Component, ABC, Generic[Constants]):
     linear: ClassVar[bool] = False
     """Whether the drop is resistance * flow with a resistance that is constant over the beat."""
     one_way: ClassVar[bool] = False
-    """Whether it opens and shuts: then its flow at the ends of steps does not say what moved meanwhile."""
+    """Whether it opens and shuts: its mean flow then does not follow from the flow at the ends of steps."""
     leaks: ClassVar[bool] = False
     """Whether blood passes it backwards although it is one-way: what lies behind it is never shut in."""
     given_flow: ClassVar[bool] = False

@@ -66,7 +66,7 @@ class VentricularSystole(Activation):
 
 
 @dataclass(frozen=True)
-class PhaseItself(Activation):
+class PhaseAsActivation(Activation):
     """The phase as it is, for a law whose times are parameters; its pressure is the same at 0 and 1."""
 
     def at(self, phase: Number, xp: ModuleType) -> Number:
@@ -249,7 +249,7 @@ class Balloon(Chamber[BalloonConstants]):
     inflation: Key
     ramp: float = 0.08
     stiffness: float = 1e6
-    timing: Activation = field(default_factory=PhaseItself)
+    timing: Activation = field(default_factory=PhaseAsActivation)
     constant_stiffness: ClassVar = True
     not_negative: ClassVar = ("gas",)
 

@@ -31,22 +31,24 @@ REST_ML, BUCKLING_ML, EMPTYING_ML = 130.0, 50.0, 8.0
 """V0, Vmin and D_xv of Lu: volumes over which the vein is filled, buckles and empties."""
 EMPTYING_MMHG = 2.0
 """K_xv, pressure scale of emptying."""
-ROUNDING = 0.04
+BLENDING_WIDTH = 0.04
 """Width over which both branches are blended, as a share of the rest volume; Lu's have a kink there."""
-FURTHEST = 40.0
+LARGEST_EXPONENT = 40.0
 """Widths beyond the rest volume at which the buckling branch no longer counts (its weight is e^-40)."""
-EMPTY = 0.01
+SMALLEST_VOLUME_SHARE = 0.01
 """Share of the emptying volume below which its pressure (-200 mmHg there) goes on as a straight line."""
 
 
 def emptying(volume: Number, scale: Number) -> tuple[Number, Number]:
     """Pressure [mmHg] by which walls that touch resist, 2 / (exp(V / scale) - 1), and its slope."""
     relative = volume / scale
-    inside = jnp.where(relative.real > EMPTY, relative, EMPTY)
-    grown = jnp.expm1(jnp.where(inside.real > FURTHEST, FURTHEST, inside))
+    inside = jnp.where(relative.real > SMALLEST_VOLUME_SHARE, relative, SMALLEST_VOLUME_SHARE)
+    grown = jnp.expm1(jnp.where(inside.real > LARGEST_EXPONENT, LARGEST_EXPONENT, inside))
     pressure = EMPTYING_MMHG / grown
     slope = -pressure * (1.0 + 1.0 / grown)
-    return pressure + slope * jnp.where(relative.real > EMPTY, 0.0, relative - EMPTY), slope / scale
+    return pressure + slope * jnp.where(
+        relative.real > SMALLEST_VOLUME_SHARE, 0.0, relative - SMALLEST_VOLUME_SHARE
+    ), slope / scale
 
 
 class VeinConstants(NamedTuple):
@@ -100,10 +102,10 @@ class CollapsibleVein(Storage[VeinConstants]):
     def pressure(self, volume: Number, activation: Number, constants: VeinConstants) -> tuple[Number, Number]:
         """Pressure [mmHg] and stiffness [mmHg/mL]."""
         rest, low = constants.rest_volume, constants.collapse_pressure
-        beyond, width, buckling = volume - rest, ROUNDING * rest, BUCKLING_ML / REST_ML * rest
+        beyond, width, buckling = volume - rest, BLENDING_WIDTH * rest, BUCKLING_ML / REST_ML * rest
         steps = beyond / width
-        near = jnp.where(steps.real > FURTHEST, FURTHEST, steps)
-        share = 1.0 / (1.0 + jnp.exp(-jnp.where(near.real < -FURTHEST, -FURTHEST, near)))
+        near = jnp.where(steps.real > LARGEST_EXPONENT, LARGEST_EXPONENT, steps)
+        share = 1.0 / (1.0 + jnp.exp(-jnp.where(near.real < -LARGEST_EXPONENT, -LARGEST_EXPONENT, near)))
         depth = (REST_PRESSURE_MMHG - low) * jnp.exp(near * width / buckling)
         buckled, filled = low + depth, REST_PRESSURE_MMHG + constants.stiffness * beyond
         touching, slope = emptying(volume, EMPTYING_ML / REST_ML * rest)
@@ -114,7 +116,7 @@ class CollapsibleVein(Storage[VeinConstants]):
 
     def outlet(self, volume: Number, constants: VeinConstants) -> Number:
         """R(V) [mmHg s/mL]; the same below what an empty vein holds."""
-        least = EMPTY * EMPTYING_ML / REST_ML * constants.rest_volume
+        least = SMALLEST_VOLUME_SHARE * EMPTYING_ML / REST_ML * constants.rest_volume
         held = jnp.where(volume > least, volume, least)
         return constants.resistance * (constants.reference_volume / held) ** 2
 
@@ -144,7 +146,7 @@ class CollapsibleChamber(Storage[ChamberConstants]):
 
     @property
     def activation(self) -> Activation | None:
-        """That of the chamber."""
+        """Activation of the chamber."""
         return self.chamber.activation
 
     @property
@@ -172,7 +174,7 @@ class CollapsibleChamber(Storage[ChamberConstants]):
         return CollapsibleChamber(self.chamber.renamed(parameter), renamed(self.emptying, parameter))
 
     def constants(self, values: Values) -> ChamberConstants:
-        """Those of the chamber, and Ve."""
+        """Constants of the chamber, and Ve."""
         return ChamberConstants(self.chamber.constants(values), value_of(values, self.emptying))
 
     def pressure(

@@ -31,7 +31,7 @@ from jax import Array
 
 from eclsim.blood.acid_base import bicarbonate, carbon_dioxide_solubility
 from eclsim.components.base import Exchanger, Renaming, Values
-from eclsim.components.exchangers import BLOOD, ENTERING, TEMPERATURE, GasExchanger, Points
+from eclsim.components.exchangers import BLOOD, INLET_WEIGHTS, TEMPERATURE, GasExchanger, Points
 
 PLASMA_WATER = 0.93
 """Share of plasma that is water; proteins take up the rest (textbook value)."""
@@ -116,7 +116,7 @@ class Hemofilter(Exchanger):
         return replace(self, settings=tuple(map(parameter, self.settings)))
 
 
-class Carried(NamedTuple):
+class PlasmaCarbonDioxide(NamedTuple):
     """Carbon dioxide of plasma [mmol/L].
 
     Attributes:
@@ -128,7 +128,7 @@ class Carried(NamedTuple):
     dissolved: Array
 
     @classmethod
-    def of(cls, pco2: Array, ph: Array, temperature: Array) -> Carried:
+    def of(cls, pco2: Array, ph: Array, temperature: Array) -> PlasmaCarbonDioxide:
         """By Henderson and Hasselbalch from PCO2 [mmHg], pH and temperature [C]."""
         held = jnp.asarray(bicarbonate(pco2, ph, temperature))
         return cls(held, jnp.asarray(carbon_dioxide_solubility(temperature) * pco2))
@@ -174,10 +174,10 @@ class Settings(NamedTuple):
         """Flows [mL/min]."""
         return Fluids(*(flow / 60.0 for flow in self[:4]))
 
-    def plasma(self, own: Carried) -> Carried:
+    def plasma(self, own: PlasmaCarbonDioxide) -> PlasmaCarbonDioxide:
         """Carbon dioxide of the plasma that enters: as it is set, or the blood's own."""
         given = self.plasma_bicarbonate
-        return Carried(
+        return PlasmaCarbonDioxide(
             jnp.where(given > 0.0, given, own.bicarbonate), jnp.where(given > 0.0, 0.0, own.dissolved)
         )
 
@@ -239,7 +239,7 @@ def performance(numbers: Array) -> Array:
         solute = settings.solute(name)
         return clearance(solute.water_flow(blood, haematocrit), fluids, solute)
 
-    carbon_dioxide, base = _lost(blood, settings, Carried.of(pco2, ph, temperature))
+    carbon_dioxide, base = _losses(blood, settings, PlasmaCarbonDioxide.of(pco2, ph, temperature))
     dose = 1e-3 * settings.citrate * blood
     plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
     urea_water = settings.solute("urea").water_flow(blood, haematocrit)
@@ -266,7 +266,7 @@ def performance(numbers: Array) -> Array:
     return jnp.stack(jnp.broadcast_arrays(*result))
 
 
-def _lost(blood: Array, settings: Settings, own: Carried) -> tuple[Array, Array]:
+def _losses(blood: Array, settings: Settings, own: PlasmaCarbonDioxide) -> tuple[Array, Array]:
     """Carbon dioxide and bicarbonate that a patient loses [mmol/min]; blood flow in mL/min.
 
     Fluids bring bicarbonate, and hardly any dissolved carbon dioxide. What leaves with the water that carried
@@ -274,7 +274,7 @@ def _lost(blood: Array, settings: Settings, own: Carried) -> tuple[Array, Array]
     """
     solute, plasma = settings.solute("carbon_dioxide"), settings.plasma(own)
     cleared = clearance(solute.water_flow(blood, settings.haematocrit), settings.fluids, solute)
-    base = removed(cleared, plasma.bicarbonate, settings.fluid_bicarbonate, settings.fluids.net)
+    base = solute_removed(cleared, plasma.bicarbonate, settings.fluid_bicarbonate, settings.fluids.net)
     base = base - 1e-3 * settings.fluids.net * plasma.bicarbonate
     return base + 1e-3 * (cleared - settings.fluids.net) * plasma.dissolved, base
 
@@ -299,7 +299,7 @@ class DialysedBlood(GasExchanger):
 
     @property
     def collocation(self) -> tuple[int, np.ndarray]:  # noqa: D102  (see the base class; so below)
-        return 1, ENTERING
+        return 1, INLET_WEIGHTS
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the filter's parameters and of those of the blood."""
@@ -311,8 +311,8 @@ class DialysedBlood(GasExchanger):
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         settings = Settings(*(jnp.asarray(values[name]) for name in self.filter.settings))
-        own = Carried.of(inside.pressure[1], inside.ph, jnp.asarray(values[TEMPERATURE]))
-        lost, _ = _lost(1000.0 * jnp.asarray(flow), settings, own)
+        own = PlasmaCarbonDioxide.of(inside.pressure[1], inside.ph, jnp.asarray(values[TEMPERATURE]))
+        lost, _ = _losses(1000.0 * jnp.asarray(flow), settings, own)
         gained = jnp.where(jnp.isfinite(lost), -CARBON_DIOXIDE_ML_PER_MMOL * lost, 0.0)
         return jnp.stack([jnp.zeros_like(gained), gained])
 
@@ -365,7 +365,7 @@ def filtration_fraction(blood: Array, haematocrit: Array, fluids: Fluids) -> Arr
     return fluids.ultrafiltrate / (blood * (1.0 - haematocrit) + fluids.before)
 
 
-def removed(cleared: Array, plasma: Array, fluid: Array, net: Array) -> Array:
+def solute_removed(cleared: Array, plasma: Array, fluid: Array, net: Array) -> Array:
     """What a patient loses of a solute [mmol/min] that is in all fluids too.
 
     Were blood and fluids alike, the patient would lose it with the net ultrafiltrate alone; what blood has

@@ -30,14 +30,14 @@ AIR_CARBON_DIOXIDE = 4e-4
 """Fraction of carbon dioxide in inspired gas."""
 AIR_OXYGEN = 0.2095
 """Fraction of oxygen in air."""
-USED_UP, USED_UP_ML_MIN = 0.05, 2.0
+USED_UP_SHARE, USED_UP_ML_MIN = 0.05, 2.0
 """Share and flow of the sweep gas below which what is left of it loses its contact with the blood."""
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
-MIXED = np.ones((1, 1))
-"""Of a place whose blood is mixed: the rate is that of the blood which leaves."""
-ENTERING = np.array([[0.0, 0.0], [1.0, 0.0]])
-"""Of a place where the rate is that of the blood which enters, the first of two points."""
+MIXED_WEIGHTS = np.ones((1, 1))
+"""Weights of a place whose blood is mixed: the rate is that of the blood which leaves."""
+INLET_WEIGHTS = np.array([[0.0, 0.0], [1.0, 0.0]])
+"""Weights of a place where the rate is that of the blood which enters, the first of two points."""
 
 HAEMOGLOBIN, OXYGEN_CAPACITY = "gas.haemoglobin_g_dl", "gas.oxygen_capacity_ml_g"
 TEMPERATURE = "gas.temperature_c"
@@ -95,7 +95,7 @@ class GasExchanger(Exchanger, ABC):
     @property
     def collocation(self) -> tuple[int, np.ndarray]:
         """Number of cells from inlet to outlet, and the weights of the rates in each."""
-        return 1, MIXED
+        return 1, MIXED_WEIGHTS
 
     @property
     def points(self) -> int:
@@ -152,19 +152,19 @@ class Tissue(GasExchanger):
     held: Key = 0.0
     stored: Key = 0.0
 
-    def wanted(self, values: Values) -> Number:
-        """Oxygen that this tissue wants [mL/min STPD]."""
+    def oxygen_demand(self, values: Values) -> Number:
+        """Oxygen that this tissue uses where it is supplied [mL/min STPD]."""
         return value_of(values, self.share) * value_of(values, self.demand)
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102  (see the base class)
         met = -jnp.expm1(-((inside.pressure[0] / self.critical) ** 2))
-        consumed = self.wanted(values) * met
+        consumed = self.oxygen_demand(values) * met
         given_off = value_of(values, self.quotient) * consumed
         if self.held != 0.0:
             # As much as blood takes up for the difference in PCO2, some 0.5 mL/dL for each mmHg.
-            apart = 5.0 * flow * (inside.pressure[1] - value_of(values, self.stored))
+            stored_difference = 5.0 * flow * (inside.pressure[1] - value_of(values, self.stored))
             held = value_of(values, self.held)
-            given_off = (1.0 - held) * given_off + held * (inside.gained[1] - apart)
+            given_off = (1.0 - held) * given_off + held * (inside.gained[1] - stored_difference)
         return jnp.stack([-consumed, given_off])
 
 
@@ -270,7 +270,7 @@ class MembraneLung(GasExchanger):
         supplied = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
         left = gas - inside.gained[0] - inside.gained[1]
         # Gas that is used up exchanges nothing more: the last of it, `least`, loses its contact smoothly.
-        least = USED_UP * gas + USED_UP_ML_MIN
+        least = USED_UP_SHARE * gas + USED_UP_ML_MIN
         rest = jnp.maximum(left / least, 0.0)
         contact = jnp.where(rest < 1.0, rest * (2.0 - rest), 1.0)
         mixture = jnp.where(rest < 1.0, least / (2.0 - rest), left)

@@ -108,7 +108,7 @@ class LeakingValve(Path[LeakingConstants]):
     leaks: ClassVar = True
 
     def constants(self, values: Values) -> LeakingConstants:
-        """Of both orifices."""
+        """Constants of both orifices."""
         return LeakingConstants(*(4.0 / value_of(values, key) ** 2 for key in (self.coefficient, self.leak)))
 
     def pressure_drop(self, flow: Number, constants: LeakingConstants) -> Number:

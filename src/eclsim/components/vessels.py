@@ -86,14 +86,14 @@ class Resistance(Path[Number]):
         return pressure_difference / (constants + load)
 
 
-class Inertial(NamedTuple):
+class InertialConstants(NamedTuple):
     """Resistance [mmHg s/mL] and inertance [mmHg s^2/mL]."""
 
     resistance: Number
     inertance: Number
 
 
-class InertialResistance(Path[Inertial]):
+class InertialResistance(Path[InertialConstants]):
     """Friction and inertia in series, L dQ/dt = dp - R Q."""
 
     linear: ClassVar = True
@@ -103,19 +103,19 @@ class InertialResistance(Path[Inertial]):
         """The flow is a state."""
         return True
 
-    def inertance(self, constants: Inertial) -> Number:
+    def inertance(self, constants: InertialConstants) -> Number:
         """L [mmHg s^2/mL]."""
         return constants.inertance
 
-    def resistance(self, constants: Inertial) -> Number:
+    def resistance(self, constants: InertialConstants) -> Number:
         """R [mmHg s/mL]."""
         return constants.resistance
 
-    def pressure_drop(self, flow: Number, constants: Inertial) -> Number:
+    def pressure_drop(self, flow: Number, constants: InertialConstants) -> Number:
         """R Q [mmHg]."""
         return constants.resistance * flow
 
-    def flow(self, pressure_difference: Number, load: Number, constants: Inertial) -> Number:
+    def flow(self, pressure_difference: Number, load: Number, constants: InertialConstants) -> Number:
         """dp / (R + load) [mL/s]; the load carries the inertia of the step."""
         return pressure_difference / (constants.resistance + load)
 
@@ -137,18 +137,18 @@ class Artery(InertialResistance):
     inertia: Key
     not_negative: ClassVar = ("ohmic", "inertia")
 
-    def constants(self, values: Values) -> Inertial:
+    def constants(self, values: Values) -> InertialConstants:
         """R and L."""
-        return Inertial(value_of(values, self.ohmic), value_of(values, self.inertia))
+        return InertialConstants(value_of(values, self.ohmic), value_of(values, self.inertia))
 
 
 # --- tubes and cannulae -----------------------------------------------------------------------------
 
 
 CUBIC_METRE_PER_ML = 1e-6
-ALL_BUT_CLOSED = 1e-9
+SMALLEST_OPENING = 1e-9
 """Keeps the resistance of a closed clamp finite: some 0.001 mL/s leak."""
-TINY = 1e-12
+SMALLEST_LOAD = 1e-12
 """Keeps the square root differentiable at zero flow; far below the rounding of a flow [mmHg^2 s^2/mL^2]."""
 
 
@@ -175,14 +175,14 @@ class Tube(InertialResistance):
     density: Key = "rhoB"
     above_zero: ClassVar = ("length", "diameter", "viscosity", "density")
 
-    def constants(self, values: Values) -> Inertial:
+    def constants(self, values: Values) -> InertialConstants:
         """R and L."""
         metres = value_of(values, self.length) / 100.0
         bore = value_of(values, self.diameter) / 100.0
         to_mmhg_ml = CUBIC_METRE_PER_ML / PA_PER_MMHG
         resistance = 128.0 * value_of(values, self.viscosity) * metres / (math.pi * bore**4) * to_mmhg_ml
         density = value_of(values, self.density) / CUBIC_METRE_PER_ML
-        return Inertial(resistance, density * metres / (math.pi / 4.0 * bore**2) * to_mmhg_ml)
+        return InertialConstants(resistance, density * metres / (math.pi / 4.0 * bore**2) * to_mmhg_ml)
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ class Cannula(Path[Number]):
             resistance = resistance * value_of(values, self.viscosity)
         if self.clamp == 0.0:
             return resistance
-        return resistance / ((1.0 - value_of(values, self.clamp)) ** 2 + ALL_BUT_CLOSED)
+        return resistance / ((1.0 - value_of(values, self.clamp)) ** 2 + SMALLEST_OPENING)
 
     def pressure_drop(self, flow: Number, constants: Number) -> Number:
         """R Q |Q| [mmHg]."""
@@ -236,5 +236,5 @@ class Cannula(Path[Number]):
 
     def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
         """Flow [mL/s] in either direction."""
-        root = jnp.sqrt(load * load + 4.0 * constants * jnp.abs(pressure_difference) + TINY)
+        root = jnp.sqrt(load * load + 4.0 * constants * jnp.abs(pressure_difference) + SMALLEST_LOAD)
         return 2.0 * pressure_difference / (load + root)

@@ -12,16 +12,16 @@ import numpy as np
 from eclsim.course.timeline import BEFORE_S, MINUTE
 from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding
 from eclsim.outputs.alarms import breach
-from eclsim.outputs.limits import OF_COURSES, group_of
+from eclsim.outputs.limits import COURSE_LIMITS, group_of
 from eclsim.outputs.registry import UnknownOutputError, output
 
 if TYPE_CHECKING:
-    from eclsim.slow import Shown
+    from eclsim.slow import DerivedQuantity
 
 
-Limits = tuple[str, str, str]
-"""What tells limits apart: kind, output or waveform, and the sentence without its numbers."""
-Broken = dict[int, "Finding"]
+LimitKey = tuple[str, str, str]
+"""Key of a limit: kind, output or waveform, and the sentence without its numbers."""
+FindingsByMoment = dict[int, "Finding"]
 """The finding of each moment at which a limit is broken."""
 KINDS = (*GRAVEST_FIRST, CAUTION)
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
@@ -62,7 +62,7 @@ def alarms(
     outputs: Mapping[str, np.ndarray],
     minute: np.ndarray,
     by_beat: np.ndarray | None = None,
-    shown: Sequence[Shown] = (),
+    shown: Sequence[DerivedQuantity] = (),
 ) -> list[Alarm]:
     """Alarms of one patient, the gravest first and then by time.
 
@@ -75,42 +75,49 @@ def alarms(
     """
     named = {quantity.name: (quantity.description, quantity.unit) for quantity in shown}
     by_beat = np.zeros(len(minute), dtype=bool) if by_beat is None else by_beat
-    by_limit: dict[Limits, Broken] = {}
+    by_limit: dict[LimitKey, FindingsByMoment] = {}
     for k, of_moment in enumerate(findings):
         for finding in of_moment:
             wording = NUMBER.sub("", finding.sentence) if finding.kind in GRAVEST_FIRST else ""
             by_limit.setdefault((finding.kind, finding.quantity, wording), {})[k] = finding
-    found = []
-    for broken in _with_hidden(by_limit, outputs):
+    candidates = []
+    for broken in _with_equivalent_breaches(by_limit, outputs):
         values = outputs.get(next(iter(broken.values())).quantity)
-        found += [_alarm(run, broken, minute, values, by_beat, named) for run in _runs(sorted(broken))]
-    found.sort(key=lambda alarm: (KINDS.index(alarm.kind), alarm.at_min))
+        candidates += [
+            _alarm(run, broken, minute, values, by_beat, named) for run in _consecutive_runs(sorted(broken))
+        ]
+    candidates.sort(key=lambda alarm: (KINDS.index(alarm.kind), alarm.at_min))
     return [
         alarm
-        for k, alarm in enumerate(found)
-        if not any(_covers(one, alarm) and (j < k or not _covers(alarm, one)) for j, one in enumerate(found))
+        for k, alarm in enumerate(candidates)
+        if not any(
+            _makes_redundant(one, alarm) and (j < k or not _makes_redundant(alarm, one))
+            for j, one in enumerate(candidates)
+        )
     ]
 
 
-def findings_of_shown(shown: Sequence[Shown], moments: int) -> list[list[Finding]]:
-    """What is followed in courses alone and breaks a limit, at each moment; the gravest limit of each.
+def findings_of_derived_quantities(shown: Sequence[DerivedQuantity], moments: int) -> list[list[Finding]]:
+    """Limits that derived quantities break at each moment; the gravest of each quantity.
 
     Args:
         shown: quantities with their values at the moments.
         moments: number of these.
     """
-    found: list[list[Finding]] = [[] for _ in range(moments)]
+    result: list[list[Finding]] = [[] for _ in range(moments)]
     for quantity in shown:
-        limits = [limit for limit in OF_COURSES if limit.quantity == quantity.name]
+        limits = [limit for limit in COURSE_LIMITS if limit.quantity == quantity.name]
         limits.sort(key=lambda limit: GRAVEST_FIRST.index(limit.kind))
         for k, value in enumerate(quantity.values):
             limit = next((limit for limit in limits if limit.broken_by(float(value))), None)
             if limit is not None:
-                found[k].append(breach(limit, float(value), quantity.description, quantity.unit))
-    return found
+                result[k].append(breach(limit, float(value), quantity.description, quantity.unit))
+    return result
 
 
-def _with_hidden(by_limit: Mapping[Limits, Broken], outputs: Mapping[str, np.ndarray]) -> list[Broken]:
+def _with_equivalent_breaches(
+    by_limit: Mapping[LimitKey, FindingsByMoment], outputs: Mapping[str, np.ndarray]
+) -> list[FindingsByMoment]:
     """Where each limit is broken, also where a beat's findings name another output that says the same."""
     groups: dict[str, set[int]] = {}
     for (kind, quantity, _), broken in by_limit.items():
@@ -128,8 +135,8 @@ def _with_hidden(by_limit: Mapping[Limits, Broken], outputs: Mapping[str, np.nda
     return result
 
 
-def _covers(one: Alarm, other: Alarm) -> bool:
-    """Whether an alarm says all that another does: graver or at the same limit, of what says the same."""
+def _makes_redundant(one: Alarm, other: Alarm) -> bool:
+    """Whether an alarm makes another redundant: at least as grave and as long, of equivalent outputs."""
     if CAUTION in (one.kind, other.kind) or one is other:
         return False
     gravity = KINDS.index(other.kind) - KINDS.index(one.kind)
@@ -144,7 +151,7 @@ def _covers(one: Alarm, other: Alarm) -> bool:
     )
 
 
-def _runs(places: list[int]) -> list[list[int]]:
+def _consecutive_runs(places: list[int]) -> list[list[int]]:
     """Places in rows without a gap."""
     runs: list[list[int]] = []
     for place in places:
@@ -193,7 +200,7 @@ def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: n
 def _sentence(
     finding: Finding, begin: str, end: str, worst: float, named: Mapping[str, tuple[str, str]]
 ) -> str:
-    """Such as "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
+    """Sentence: "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
     when = f"at {begin}" + (f", until {end}" if end else "")
     try:
         long_name, unit = named.get(finding.quantity) or _words_of(finding.quantity)
@@ -217,7 +224,7 @@ def _words_of(name: str) -> tuple[str, str]:
 
 
 def _at_worst(finding: Finding, worst: float) -> str:
-    """What became of the number that a sentence gives for its first moment; nothing where it stayed."""
+    """Worst value after the number that a sentence gives for its first moment; empty where it stayed."""
     if not (np.isfinite(worst) and np.isfinite(finding.value)) or finding.kind not in GRAVEST_FIRST:
         return ""
     stayed = abs(worst - finding.value) <= 0.05 * max(abs(worst), abs(finding.value))

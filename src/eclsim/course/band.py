@@ -16,7 +16,7 @@ from eclsim.arguments import WholeNumber, number_of
 from eclsim.cases.samples import as_samples, check_samples
 from eclsim.course.alarms import NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
-from eclsim.course.course import refuse_unknown, shown_every
+from eclsim.course.course import checked_interval_min, refuse_unknown
 from eclsim.course.result import IMPOSSIBLE, TIME
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION
@@ -30,8 +30,8 @@ from eclsim.simulation.target_flow import with_speed
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Median, and the ends of the intervals that hold 50 % and 90 % of the draws."""
-USUAL_DRAWS = 200
-REASONS = 3
+DEFAULT_DRAWS = 200
+MOST_REASONS = 3
 
 
 def course_band(
@@ -41,7 +41,7 @@ def course_band(
     minutes: float,
     every_min: float | None = None,
     volume_policy: str | None = None,
-    draws: int = USUAL_DRAWS,
+    draws: int = DEFAULT_DRAWS,
     folder: Path | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -77,7 +77,7 @@ def course_band(
     solved = with_speed(as_case(case), volume_policy)[0]
     refuse_unknown(Timeline(solved, minutes * MINUTE), samples)
     check_samples(samples, samples)
-    compute = CourseGroup(minutes, shown_every(every_min, minutes), volume_policy, hand_over=False)
+    compute = CourseGroup(minutes, checked_interval_min(every_min, minutes), volume_policy, hand_over=False)
     chosen = _thinned(samples, draws)
     courses = courses_of_draws(solved, chosen, compute, folder, executor, progress)
     band = band_of(courses, tuple(chosen))
@@ -102,7 +102,7 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     time = max((course[TIME].to_numpy() for course in finished), key=len)
     first = max(courses, key=lambda course: course.sizes[TIME])
     names = [str(n) for n, v in first.data_vars.items() if v.dtype.kind == "f"]
-    columns = [_on(time, course, names) for course in courses]
+    columns = [_values_at(time, course, names) for course in courses]
     followed = np.array([np.isin(time, course[TIME].to_numpy()) for course in courses])
     data: dict[str, xr.Variable] = {}
     for k, name in enumerate(names):
@@ -112,7 +112,7 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
         TIME, followed.sum(axis=0), long_name="draws followed so far", units="1"
     )
     unreadable = [
-        (name, words, np.array([_marked(course, time, key, mark) for course in courses]))
+        (name, words, np.array([_has_mark(course, time, key, mark) for course in courses]))
         for name, key, mark, words in _UNREADABLE
     ]
     for name, words, marked in unreadable:
@@ -133,13 +133,14 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     }
     return xr.Dataset(data, coordinates).assign_attrs(
         about, draws=len(courses), failed=len(failed), parameters=list(parameters), alarms="[]",
-        converged=int(not failed), message=_ended(failed, len(courses)),
-        warnings=[_ended(failed, len(courses))] * bool(failed) + approximated(courses, "draws")
-        + [_counted(marked, time, words) for _, words, marked in unreadable if marked.any()],
+        converged=int(not failed), message=_early_ends_text(failed, len(courses)),
+        warnings=[_early_ends_text(failed, len(courses))] * bool(failed)
+        + approximations_of_draws(courses, "draws")
+        + [_count_text(marked, time, words) for _, words, marked in unreadable if marked.any()],
     )  # fmt: skip
 
 
-def _on(time: np.ndarray, course: xr.Dataset, names: Sequence[str]) -> np.ndarray:
+def _values_at(time: np.ndarray, course: xr.Dataset, names: Sequence[str]) -> np.ndarray:
     """A course's values at moments; NaN where it has none, shape (names, moments)."""
     moments = course[TIME].to_numpy()
     values = np.full((len(names), len(time)), np.nan)
@@ -185,7 +186,7 @@ def _alarm_probability(
         _, quantity, side, limit = key
         for k, course in enumerate(courses):
             if fixed[key] and quantity in course:
-                (values,) = _on(time, course, [quantity])
+                (values,) = _values_at(time, course, [quantity])
                 draws[k] |= followed[k] & (values < limit if side == "below" else values > limit)
     counts = np.maximum(followed.sum(axis=0), 1)
     shares = {key: draws.sum(axis=0) / counts for key, draws in broken.items() if draws.any()}
@@ -193,7 +194,7 @@ def _alarm_probability(
 
 
 def _label(kind: str, quantity: str, side: str, limit: float) -> str:
-    """Such as "MAP below 65 mmHg (warning)" or "right atrium, Vra (collapse)"."""
+    """A label such as "MAP below 65 mmHg (warning)" or "right atrium, Vra (collapse)"."""
     try:
         unit = output(quantity).unit
     except UnknownOutputError:
@@ -203,12 +204,12 @@ def _label(kind: str, quantity: str, side: str, limit: float) -> str:
     return f"{quantity}{bound} ({kind})"
 
 
-def _ended(failed: Sequence[xr.Dataset], count: int) -> str:
+def _early_ends_text(failed: Sequence[xr.Dataset], count: int) -> str:
     """How many draws ended early, and why."""
     if not failed:
         return ""
     reasons = Counter(str(course.attrs["message"]).partition(": ")[2].partition(" (")[0] for course in failed)
-    named = "; ".join(f"{reason} ({number})" for reason, number in reasons.most_common(REASONS))
+    named = "; ".join(f"{reason} ({number})" for reason, number in reasons.most_common(MOST_REASONS))
     return f"{len(failed)} of {count} draws ended early and count as far as they went: {named}"
 
 
@@ -219,20 +220,20 @@ _UNREADABLE = (
         "no valve opens all beat, so that volumes and pressures of the heart are not determined",
     ),
 )  # fmt: skip
-"""Name of a count of draws whose numbers are not to be read, the variable and its value that say so, why."""
+"""Name of a count of draws whose numbers are not valid, the variable and value that mark them, the reason."""
 
 
 _COUNTS = tuple(name for name, *_ in _UNREADABLE)
 
 
-def _marked(one: xr.Dataset, time: np.ndarray, key: str, mark: object) -> np.ndarray:
+def _has_mark(one: xr.Dataset, time: np.ndarray, key: str, mark: object) -> np.ndarray:
     """At which moments a variable of a course has some value."""
     if key not in one:
         return np.zeros(len(time), dtype=bool)
     return np.isin(time, one[TIME].to_numpy()[one[key].to_numpy() == mark])
 
 
-def _counted(marked: np.ndarray, time: np.ndarray, words: str) -> str:
+def _count_text(marked: np.ndarray, time: np.ndarray, words: str) -> str:
     """In how many draws, and at most when; shape (draws, moments)."""
     most = int(marked.sum(axis=0).argmax())
     return (
@@ -241,20 +242,20 @@ def _counted(marked: np.ndarray, time: np.ndarray, words: str) -> str:
     )
 
 
-def approximated(courses: Sequence[xr.Dataset], of: str) -> list[str]:
+def approximations_of_draws(courses: Sequence[xr.Dataset], of: str) -> list[str]:
     """Where steady beats stand for what takes time, of one course for each kind, and in how many.
 
-    What courses say of the fluid that is given likewise.
+    Remarks of courses on the fluid that is given likewise.
 
     Args:
         courses: as `eclsim.course_many` gives them.
         of: what they are, such as "draws".
     """
     kinds: dict[str, list[str]] = {}
-    said_by_each = ([*one.attrs["approximations"], *one.attrs.get("cautions", ())] for one in courses)
-    for sentence in (sentence for said in said_by_each for sentence in said):
+    remarks_of_each = ([*one.attrs["approximations"], *one.attrs.get("cautions", ())] for one in courses)
+    for sentence in (sentence for remarks in remarks_of_each for sentence in remarks):
         kinds.setdefault(NUMBER.sub("", sentence), []).append(sentence)
-    return [f"in {len(said)} of {len(courses)} {of}, such as {said[0]}" for said in kinds.values()]
+    return [f"in {len(alike)} of {len(courses)} {of}, such as {alike[0]}" for alike in kinds.values()]
 
 
 def band_object(band: xr.Dataset) -> dict[str, Any]:

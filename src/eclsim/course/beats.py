@@ -24,15 +24,9 @@ from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms
-from eclsim.course.gases import Gases, GasesInTime
+from eclsim.course.gases import GasDynamics, Gases
 from eclsim.course.laws import Laws, laws_of
-from eclsim.course.result import (
-    IMPOSSIBLE,
-    attributes_of,
-    balance_of,
-    impossible_among,
-    labelled_course,
-)
+from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
 from eclsim.course.timeline import MINUTE, START, Timeline
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
@@ -47,22 +41,22 @@ from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names, watched_waveforms
-from eclsim.outputs.steady_beat import judging_outputs, steady_beat
+from eclsim.outputs.steady_beat import status_outputs, steady_beat
 from eclsim.parameters.regulation import UNSTRESSED, local_resistance
 from eclsim.simulation.target_flow import with_speed
 from eclsim.slow import INFLOWS
 
 LONGEST_MIN = 120.0
-SHOWN = 1200
-"""Beats that are shown at most besides those behind events, unless it is said how often."""
-BEHIND_EVENT_S = 15.0
-"""So long after an event every beat is shown."""
-ACTED = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
-LATE = {name: local_resistance(bed) for bed, name in LOCAL_OUTPUTS.items()}
-"""Outputs of what answers to gases with a lag, and the parameters in effect."""
-ALIKE, ALIKE_S, STANDS_ML = 0.05, 10.0, 0.1
-"""Share of the time since an event, and seconds, for which one beat may stand where gases alone still move;
-what compartments may gain and lose in it [mL], all together: 1.5 mL to go at 20 s a time constant."""
+MOST_SHOWN_BEATS = 1200
+"""Beats that are shown at most besides those after events, unless an interval is given."""
+EVERY_BEAT_AFTER_EVENT_S = 15.0
+"""Time after an event for which every beat is shown."""
+PARAMETERS_IN_EFFECT = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
+LAGGED_PARAMETERS = {name: local_resistance(bed) for bed, name in LOCAL_OUTPUTS.items()}
+"""Outputs that follow the gases with a lag, and the parameters that hold their value in effect."""
+REPEATED_SHARE, LONGEST_REPEAT_S, LARGEST_REPEATED_SHIFT_ML = 0.05, 10.0, 0.1
+"""One beat is repeated, where gases alone still change, for at most this share of the time since an event and
+so many seconds, while all compartments together gain and lose less than so much in it [mL]."""
 SETTLED_ML = 1.0
 """Shift to the steady beat at which the circulation has settled."""
 
@@ -95,17 +89,17 @@ def course_beats(
     if every_min is not None:
         FiniteNumber(above=0.0, unit="min")("every_min", every_min)
     outputs = None if outputs is None else as_names(outputs, "outputs")
-    return marched(case, minutes, volume_policy, every_min=every_min, outputs=outputs).result
+    return beat_by_beat_course(case, minutes, volume_policy, every_min=every_min, outputs=outputs).result
 
 
-def marched(
+def beat_by_beat_course(
     case: CaseSource,
     minutes: float,
     policy: str | None = None,
     *,
     every_min: float | None = None,
     outputs: Sequence[str] | None = None,
-) -> Marched:
+) -> BeatByBeatCourse:
     """A course beat by beat, kept for more questions; see `course_beats`."""
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
@@ -117,12 +111,12 @@ def marched(
     measured, beat_findings = marching.measured(beats)
     result = marching.dataset(beats, measured, beat_findings)
     result.attrs["seconds"] = clock.perf_counter() - began
-    return Marched(
+    return BeatByBeatCourse(
         result, marching, [beat._replace(series=beat.series[:0]) for beat in beats], measured, beat_findings
     )
 
 
-class PassingBeat(NamedTuple):
+class TransientBeat(NamedTuple):
     """One beat of a course, settled or not.
 
     Attributes:
@@ -148,7 +142,7 @@ class PassingBeat(NamedTuple):
     findings: Sequence[Finding]
 
 
-class Marched(NamedTuple):
+class BeatByBeatCourse(NamedTuple):
     """A course beat by beat with what its beats can be recorded from again.
 
     Attributes:
@@ -161,19 +155,19 @@ class Marched(NamedTuple):
 
     result: xr.Dataset
     marching: BeatMarch
-    beats: Sequence[KeptBeat]
+    beats: Sequence[RecordedBeat]
     measured: Mapping[str, np.ndarray]
     findings: Sequence[Sequence[Finding]]
 
-    def at(self, minute: float) -> PassingBeat:
+    def at(self, minute: float) -> TransientBeat:
         """The last beat that is shown and begins at or before a minute, recorded once more."""
         times = [beat.time for beat in self.beats]
         k = max(int(np.searchsorted(times, minute * MINUTE + 1e-6, side="right")) - 1, 0)
         outputs = {name: float(column[k]) for name, column in self.measured.items()}
-        return self.marching.again(self.beats[k], outputs, self.findings[k])
+        return self.marching.recorded_again(self.beats[k], outputs, self.findings[k])
 
 
-class KeptBeat(NamedTuple):
+class RecordedBeat(NamedTuple):
     """A beat: its state before, signals, parameters, what acts on them, slow states, gases at its end.
 
     Signals begin with the point before.
@@ -185,13 +179,13 @@ class KeptBeat(NamedTuple):
     series: np.ndarray
     lowest: np.ndarray
     values: Mapping[str, float]
-    acted: Mapping[str, float]
+    in_effect: Mapping[str, float]
     slow: np.ndarray
     gases: Mapping[Quantity, float] | None
 
 
-class Steady(NamedTuple):
-    """A steady beat that beats come from or go to.
+class SteadyState(NamedTuple):
+    """The state of a steady beat.
 
     Attributes:
         state: of the circuit.
@@ -202,8 +196,8 @@ class Steady(NamedTuple):
     coupled: Mapping[str, float]
 
 
-class Moving(NamedTuple):
-    """Where a march is between two beats.
+class MarchState(NamedTuple):
+    """State of a march between two beats.
 
     Attributes:
         time: [s].
@@ -234,29 +228,31 @@ class ShownBeats:
         events: moments of events [s].
     """
 
-    def __init__(self, every: float | None, most: int = SHOWN, events: Sequence[float] | np.ndarray = ()):
+    def __init__(
+        self, every: float | None, most: int = MOST_SHOWN_BEATS, events: Sequence[float] | np.ndarray = ()
+    ):
         self.every, self.most, self.events = every, most, np.asarray(events, dtype=float)
         self._next, self._stride, self._count = 0.0, 1, 0
-        self._spread, self._behind_events = list[KeptBeat](), list[KeptBeat]()
-        self._last: KeptBeat | None = None
+        self._spread, self._after_events = list[RecordedBeat](), list[RecordedBeat]()
+        self._last: RecordedBeat | None = None
 
     @property
-    def beats(self) -> list[KeptBeat]:
+    def beats(self) -> list[RecordedBeat]:
         """In their order."""
-        return sorted([*self._spread, *self._behind_events], key=lambda beat: beat.time)
+        return sorted([*self._spread, *self._after_events], key=lambda beat: beat.time)
 
     @property
-    def to_the_last(self) -> list[KeptBeat]:
+    def with_last(self) -> list[RecordedBeat]:
         """The same and the last beat, if that is another."""
         shown = self.beats
         return shown if self._last is None or shown[-1] is self._last else [*shown, self._last]
 
-    def offer(self, time: float, beat: KeptBeat) -> None:
+    def add_if_due(self, time: float, beat: RecordedBeat) -> None:
         """Keep a beat if it is one to be shown."""
         self._last = beat
         since = time - self.events
-        if self.every is None and bool(((since > -1e-9) & (since < BEHIND_EVENT_S)).any()):
-            self._behind_events.append(beat)
+        if self.every is None and bool(((since > -1e-9) & (since < EVERY_BEAT_AFTER_EVENT_S)).any()):
+            self._after_events.append(beat)
             return
         due = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
         self._count += 1
@@ -290,13 +286,13 @@ class BeatMarch:
         self.names = tuple(output_names(self.circuit) if outputs is None else outputs)
         self.reads, exchanging = self.laws.reads, GASES in self.circuit.content_names()
         flows = tuple("Q" + c.name for c in self.circuit.connections) if exchanging else ()
-        self.judged = tuple(dict.fromkeys((*self.names, *judging_outputs(self.circuit))))
+        self.judged = tuple(dict.fromkeys((*self.names, *status_outputs(self.circuit))))
         self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.judged, *self.reads))), flows)
         self.watched = watched_waveforms(self.circuit)
         self.stopped = ""
-        self.in_time = GasesInTime(self.circuit, self.signals, start) if exchanging else None
+        self.in_time = GasDynamics(self.circuit, self.signals, start) if exchanging else None
 
-    def begin(self) -> Moving:
+    def begin(self) -> MarchState:
         """The steady beat at the start."""
         settings = _columns(self.timeline.start[1])
         batch = Batch(self.circuit, settings, 1, self.policy)
@@ -307,19 +303,21 @@ class BeatMarch:
         read = {name: beat.output(name) for name in self.laws.reads}
         slow, state = self.laws.start(settings, read), beat.orbits.states[:, 0]
         coupled = {name: float(np.asarray(beat.batch.values[name])[0]) for name in beat.coupled}
-        return self.from_steady(0.0, Steady(state, coupled), slow[:, 0], START)
+        return self.from_steady(0.0, SteadyState(state, coupled), slow[:, 0], START)
 
-    def from_steady(self, time: float, beat: Steady, slow: np.ndarray, segment: int) -> Moving:
+    def from_steady(self, time: float, beat: SteadyState, slow: np.ndarray, segment: int) -> MarchState:
         """On from a steady beat at a time in a segment of the timeline."""
         settings = _columns({**self.timeline.settings(segment, time), **beat.coupled})
         before = self.steady_laws.in_effect(slow[:, None], settings)
-        return Moving(time, beat.state, slow[:, None], before, None, self._steady_gases(beat.state, before))
+        return MarchState(
+            time, beat.state, slow[:, None], before, None, self._steady_gases(beat.state, before)
+        )
 
     def _steady_gases(self, state: np.ndarray, values: Mapping[str, np.ndarray]) -> Gases | None:
         if self.in_time is None:
             return None
         program, plain = self._program(values), _numbers(values)
-        recorded = _traced(program, self.signals, state, plain)[1]
+        recorded = _recorded_beat(program, self.signals, state, plain)[1]
         return self.in_time.begin(whole_beat(recorded), program.grid.phases, plain)
 
     def volumes(self, state: np.ndarray) -> dict[str, float]:
@@ -327,31 +325,30 @@ class BeatMarch:
         names = (c.name for c in self.circuit.compartments)
         return dict(zip(names, state[self.assembly.layout.volumes.where].tolist(), strict=True))
 
-    def steady(self, time: float, beat: Steady, slow: np.ndarray) -> Moving:
+    def steady(self, time: float, beat: SteadyState, slow: np.ndarray) -> MarchState:
         """A steady beat at a time with the settings and some slow states of then."""
         return self.from_steady(time, beat, slow, self._segment(time))
 
-    def apart(self, at: Moving, goal: Moving) -> float:
+    def distance(self, at: MarchState, goal: MarchState) -> float:
         """How far a moment is from the steady one, in what counts as settled."""
         shift = shift_ml(self.volumes(at.state), self.volumes(goal.state)) / SETTLED_ML
         if self.in_time is None or at.gases is None or goal.gases is None:
             return shift
-        return max(shift, self.in_time.apart(at.gases, goal.gases))
+        return max(shift, self.in_time.distance(at.gases, goal.gases))
 
-    def alveolar_mmhg(self, at: Moving) -> np.ndarray:
+    def alveolar_mmhg(self, at: MarchState) -> np.ndarray:
         """PO2 of the gas that each lung holds; none where gases are not followed."""
-        return (
-            np.zeros(0) if self.in_time is None or at.gases is None else self.in_time.alveolar_mmhg(at.gases)
-        )
+        gases, in_time = at.gases, self.in_time
+        return np.zeros(0) if in_time is None or gases is None else in_time.alveolar_mmhg(gases)
 
-    def behind_mmhg(self, at: Moving, goal: Moving) -> float:
+    def pco2_lag_mmhg(self, at: MarchState, goal: MarchState) -> float:
         """Arterial PCO2 of a moment above that of the steady one; 0 where gases are not followed."""
         if at.gases is None or goal.gases is None:
             return 0.0
         place = Quantity("PCO2", "in", artery_of(self.circuit))
         return at.gases.state[place] - goal.gases.state[place]
 
-    def follow(self, at: Moving, until: float, shown: ShownBeats, every_beat: bool = True) -> Moving:
+    def follow(self, at: MarchState, until: float, shown: ShownBeats, every_beat: bool = True) -> MarchState:
         """Beats from a moment on, up to the last that begins before another.
 
         Args:
@@ -370,59 +367,64 @@ class BeatMarch:
             ramped = self.timeline.ramped(segment, at.time)
             for key, value in ramped.items():
                 settings[key] = np.array([value])
-            alike = 0.0 if every_beat or ramped else self._alike_s(at, segment, until)
+            alike = 0.0 if every_beat or ramped else self._repeat_duration_s(at, segment, until)
             at = self._beat(at, settings, program, shown, alike)
         return at
 
-    def _alike_s(self, at: Moving, segment: int, until: float) -> float:
+    def _repeat_duration_s(self, at: MarchState, segment: int, until: float) -> float:
         """For how long [s] beats may be alike: a share of the time since the last event."""
         breaks = self.timeline.breaks
         if self.in_time is None or self.in_time.answers or at.last is None:
             return 0.0
         return min(
-            ALIKE * (at.time - breaks[segment]), ALIKE_S, breaks[segment + 1] - at.time, until - at.time
+            REPEATED_SHARE * (at.time - breaks[segment]),
+            LONGEST_REPEAT_S,
+            breaks[segment + 1] - at.time,
+            until - at.time,
         )
 
     def _beat(
         self,
-        at: Moving,
+        at: MarchState,
         settings: dict[str, np.ndarray],
         program: BeatProgram,
         shown: ShownBeats,
-        alike_s: float,
-    ) -> Moving:
+        repeat_s: float,
+    ) -> MarchState:
         """One beat, or as many alike as fit into some seconds; the march stops where it is not finite."""
         values = self._values(at, settings)
-        state = at.state + self._given(at.before, values)
+        state = at.state + self._blood_given(at.before, values)
         plain = _numbers(values)
         effective = self.assembly.in_effect(plain, state)
         period = 60.0 / float(effective[HEART_RATE])
-        after, everything = _traced(program, (*self.signals, *self.watched), state, plain)
+        after, everything = _recorded_beat(program, (*self.signals, *self.watched), state, plain)
         recorded, watched = np.split(everything, [len(self.signals)], axis=1)
         if not np.isfinite(after).all():
             self.stopped = Status.NOT_FINITE.message
             return at
         series = np.concatenate([recorded[-1:] if at.last is None else at.last[None], recorded])
-        acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
+        in_effect = {
+            key: float(np.asarray(effective[key])) for key in PARAMETERS_IN_EFFECT if key in effective
+        }
         lowest, gases, gas_state, alike = watched.min(axis=0), at.gases, None, 1
         if self.in_time is not None and gases is not None:
             where = self.assembly.layout.volumes.where
             ends = state[where], after[where]
-            if np.abs(ends[1] - ends[0]).sum() < STANDS_ML:
-                alike = max(1, int(alike_s / period))
+            if np.abs(ends[1] - ends[0]).sum() < LARGEST_REPEATED_SHIFT_ML:
+                alike = max(1, int(repeat_s / period))
             gases = self.in_time.after(gases, series, program.grid.phases, plain, ends, alike * period)
-            self.stopped, gas_state = self.in_time.trouble(gases), gases.state
+            self.stopped, gas_state = self.in_time.reason_without_gases(gases), gases.state
             if self.stopped:
                 return at
-        beat = KeptBeat(at.time, state, series, lowest, plain, acted, at.slow[:, 0].copy(), gas_state)
-        slow = self._moved(at, settings, beat, program, alike * period)
+        beat = RecordedBeat(at.time, state, series, lowest, plain, in_effect, at.slow[:, 0].copy(), gas_state)
+        slow = self._slow_states_after(at, settings, beat, program, alike * period)
         end = at.time + alike * period
         if alike > 1:  # the last of them is shown, at whose end gases are what they are
             beat = beat._replace(time=end - period, slow=(slow - (slow - at.slow) / alike)[:, 0])
-        shown.offer(beat.time, beat)
-        return Moving(end, after, slow, values, recorded[-1], gases)
+        shown.add_if_due(beat.time, beat)
+        return MarchState(end, after, slow, values, recorded[-1], gases)
 
-    def _values(self, at: Moving, settings: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def _values(self, at: MarchState, settings: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Parameters of the beat that begins at a moment."""
         values = self.laws.in_effect(at.slow, settings)
         if self.in_time is None or at.gases is None:
@@ -440,7 +442,7 @@ class BeatMarch:
         level = needed_resolution(self.assembly, _numbers(values))
         return beat_program(self.circuit, int(np.asarray(level).flat[0]))
 
-    def _given(self, before: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> np.ndarray:
+    def _blood_given(self, before: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> np.ndarray:
         """Blood that joined the circuit since the last beat, as a change of its state.
 
         A setting that changes how much the circulation holds at the start changes it, as for steady beats.
@@ -450,11 +452,11 @@ class BeatMarch:
         change[self.assembly.layout.volumes.where] = started
         return change
 
-    def _moved(
+    def _slow_states_after(
         self,
-        at: Moving,
+        at: MarchState,
         settings: dict[str, np.ndarray],
-        recorded: KeptBeat,
+        recorded: RecordedBeat,
         program: BeatProgram,
         period: float,
     ) -> np.ndarray:
@@ -465,20 +467,20 @@ class BeatMarch:
         return at.slow + period * self.laws.rates(at.slow, settings, beat, inflows)
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
-        """What is given between two times [mL]."""
+        """Volumes given between two times [mL]."""
         amounts = {str(kind): 0.0 for kind in INFLOWS}
-        for gift in self.timeline.gifts:
+        for gift in self.timeline.constant_inflows:
             shared = max(0.0, min(end, gift.end) - max(begin, gift.begin))
             for kind, rate in gift.rates.items():
                 amounts[kind] += rate * shared
         return amounts
 
     def _measured(
-        self, names: Sequence[str], beats: Sequence[KeptBeat], program: BeatProgram
+        self, names: Sequence[str], beats: Sequence[RecordedBeat], program: BeatProgram
     ) -> dict[str, np.ndarray]:
         """Outputs of recorded beats, shape (beats,) each."""
         series = np.stack([beat.series for beat in beats], axis=-1)
-        values, acted = [beat.values for beat in beats], [beat.acted for beat in beats]
+        values, in_effect = [beat.values for beat in beats], [beat.in_effect for beat in beats]
         states = [beat.gases for beat in beats if beat.gases is not None]
         gases = {q: np.array([state[q] for state in states]) for q in states[0]} if states else None
         double = series.shape[-1] == 1
@@ -493,43 +495,43 @@ class BeatMarch:
         measures = Measures(waves, program.grid.phases, self.circuit, parameters, gases, len(beats))
         result: dict[str, np.ndarray] = {}
         for name in names:
-            column = self._acted(name, values, acted)
+            column = self._lagged_output(name, values, in_effect)
             if column is None:
                 column = np.asarray(output(name).compute(measures))[: len(values)]
             result[name] = column
         return result
 
-    def _acted(
-        self, name: str, values: Sequence[Mapping[str, float]], acted: Sequence[Mapping[str, float]]
+    def _lagged_output(
+        self, name: str, values: Sequence[Mapping[str, float]], in_effect: Sequence[Mapping[str, float]]
     ) -> np.ndarray | None:
-        """What reflex and drugs have in effect in a beat, with their lag; None for other outputs."""
+        """Effects of reflex and drugs in a beat, with their lag; None for other outputs."""
         if name == "heart_rate":
-            return np.array([of_beat[HEART_RATE] for of_beat in acted])
+            return np.array([of_beat[HEART_RATE] for of_beat in in_effect])
         if name == "unstressed_volume":
-            return np.array([of_beat[UNSTRESSED] for of_beat in acted])
-        if name in LATE:
-            return np.array([of_beat[LATE[name]] for of_beat in values])
+            return np.array([of_beat[UNSTRESSED] for of_beat in in_effect])
+        if name in LAGGED_PARAMETERS:
+            return np.array([of_beat[LAGGED_PARAMETERS[name]] for of_beat in values])
         key = FACTORS.get(name)
         if key is None:
             return None
-        return np.array([a.get(key, v[key]) / v[key] for v, a in zip(values, acted, strict=True)])
+        return np.array([a.get(key, v[key]) / v[key] for v, a in zip(values, in_effect, strict=True)])
 
-    def again(
-        self, beat: KeptBeat, outputs: Mapping[str, float], beat_findings: Sequence[Finding]
-    ) -> PassingBeat:
+    def recorded_again(
+        self, beat: RecordedBeat, outputs: Mapping[str, float], beat_findings: Sequence[Finding]
+    ) -> TransientBeat:
         """A beat of the march with all its waveforms."""
         program, signals = self._program(_columns(beat.values)), all_signals(self.assembly)
         names, phases = needed_signals(self.circuit, (), signals), program.grid.phases
-        _, series = _traced(program, names, beat.state, beat.values)
+        _, series = _recorded_beat(program, names, beat.state, beat.values)
         points = np.concatenate([series[:1], series])[..., None]
         waves = {name: points[:, k] for k, name in enumerate(names)}
         measures = Measures(waves, phases, self.circuit, {})
         means = np.concatenate([measures.mean(name) for name in signals])
-        columns, period = [names.index(name) for name in signals], 60.0 / beat.acted[HEART_RATE]
+        columns, period = [names.index(name) for name in signals], 60.0 / beat.in_effect[HEART_RATE]
         recorded = series[:, columns], phases[1:], means
-        return PassingBeat(self.circuit, beat.values, period, signals, *recorded, outputs, beat_findings)
+        return TransientBeat(self.circuit, beat.values, period, signals, *recorded, outputs, beat_findings)
 
-    def measured(self, beats: Sequence[KeptBeat]) -> tuple[dict[str, np.ndarray], list[list[Finding]]]:
+    def measured(self, beats: Sequence[RecordedBeat]) -> tuple[dict[str, np.ndarray], list[list[Finding]]]:
         """Outputs of beats by name, shape (beats,), and the findings of each."""
         columns: dict[str, list[np.ndarray]] = {name: [] for name in self.judged}
         for points, group in groupby(beats, key=lambda beat: len(beat.series)):
@@ -550,7 +552,7 @@ class BeatMarch:
 
     def dataset(
         self,
-        beats: Sequence[KeptBeat],
+        beats: Sequence[RecordedBeat],
         outputs: Mapping[str, np.ndarray],
         beat_findings: Sequence[Sequence[Finding]],
     ) -> xr.Dataset:
@@ -570,7 +572,7 @@ class BeatMarch:
         return result.assign_attrs(about, alarms=as_json, settling_s=0.0, beat_by_beat=1, steps=len(beats))
 
 
-def _traced(
+def _recorded_beat(
     program: BeatProgram, signals: tuple[str, ...], state: np.ndarray, values: Mapping[str, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """State after a beat, and its signals (points, signals)."""

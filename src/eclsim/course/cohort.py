@@ -15,11 +15,11 @@ import xarray as xr
 from eclsim.arguments import number_of, written
 from eclsim.cases.case import Case
 from eclsim.cases.writing import case_text
-from eclsim.course.course import course_many, shown_every
+from eclsim.course.course import checked_interval_min, course_many
 from eclsim.course.engine import CourseOptions
 from eclsim.course.result import attributes_of
 from eclsim.course.timeline import MINUTE, Timeline
-from eclsim.devices.registry import own_files
+from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import (
     Distribution,
     Executor,
@@ -34,7 +34,7 @@ from eclsim.execution.tasks import in_process
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
 
-GROUP = 32
+MEMBERS_PER_GROUP = 32
 """Members that march side by side; what an interruption costs at most."""
 PRELOAD = ("eclsim.course.cohort", "eclsim.outputs.steady_beat")
 """What a worker needs before its first group."""
@@ -74,13 +74,17 @@ class CourseGroup:
         announce(f"{len(members.cases)} patients" if not members.changes else "draws of a patient")
         reasons = [members.reason(k) or self._unreachable(case) for k, case in enumerate(members.cases)]
         begun = [case for case, reason in zip(members.cases, reasons, strict=True) if not reason]
-        courses = iter(self._followed(begun, members.changes) if begun else ())
+        courses = iter(self._followed_members(begun, members.changes) if begun else ())
         if not any(reasons):
             return [course.to_dict() for course in courses]
         each = zip(members.cases, reasons, strict=True)
-        return [(self._not_begun(c, refusal) if refusal else next(courses)).to_dict() for c, refusal in each]
+        return [
+            (self._refused_course(c, refusal) if refusal else next(courses)).to_dict() for c, refusal in each
+        ]
 
-    def _followed(self, cases: list[Case], changes: Mapping[str, tuple[float, ...]]) -> list[xr.Dataset]:
+    def _followed_members(
+        self, cases: list[Case], changes: Mapping[str, tuple[float, ...]]
+    ) -> list[xr.Dataset]:
         return course_many(
             cases,
             changes,
@@ -98,7 +102,7 @@ class CourseGroup:
             return str(error)
         return ""
 
-    def _not_begun(self, case: Case, reason: str) -> xr.Dataset:
+    def _refused_course(self, case: Case, reason: str) -> xr.Dataset:
         timeline, policy = Timeline(case, self.minutes * MINUTE), self.volume_policy or case.volume_policy
         message = f"not begun: {reason}"
         about = attributes_of(timeline, policy, message, {}, [message])
@@ -145,11 +149,15 @@ def course_cohort(
     patients = tuple(as_case(source) for source in cases)
     for case in patients:
         Timeline(case, minutes * MINUTE)
-    compute = CourseGroup(minutes, shown_every(every_min, minutes), volume_policy, hand_over)
+    compute = CourseGroup(minutes, checked_interval_min(every_min, minutes), volume_policy, hand_over)
     poor = tuple(case.refusal for case in patients)
     groups = [
-        Members(patients[k : k + GROUP], {}, poor[k : k + GROUP] if any(poor[k : k + GROUP]) else ())
-        for k in range(0, len(patients), GROUP)
+        Members(
+            patients[k : k + MEMBERS_PER_GROUP],
+            {},
+            poor[k : k + MEMBERS_PER_GROUP] if any(poor[k : k + MEMBERS_PER_GROUP]) else (),
+        )
+        for k in range(0, len(patients), MEMBERS_PER_GROUP)
     ]
     inputs: dict[str, object] = {
         "cases": {f"{n} {case.patient.id}": _digests(case) for n, case in enumerate(patients, start=1)}
@@ -169,8 +177,8 @@ def courses_of_draws(
     """Courses of one case with each draw of its parameters; see `course_cohort`."""
     count = len(next(iter(samples.values())))
     groups = [
-        Members((case,), {key: tuple(values[k : k + GROUP]) for key, values in samples.items()})
-        for k in range(0, count, GROUP)
+        Members((case,), {key: tuple(values[k : k + MEMBERS_PER_GROUP]) for key, values in samples.items()})
+        for k in range(0, count, MEMBERS_PER_GROUP)
     ]
     columns = {key: list(values) for key, values in samples.items()}
     rest = None if case.as_written is None else case.as_written.as_mapping()
@@ -191,7 +199,7 @@ def _complete(
     progress: Progress | None,
 ) -> list[xr.Dataset]:
     tasks = Tasks(
-        "courses", unit, compute, groups, {**inputs, "course": vars(compute), **own_files()},
+        "courses", unit, compute, groups, {**inputs, "course": vars(compute), **digests_of_own_files()},
         side_by_side=len(groups) > 1,
     )  # fmt: skip
     executor = executor or Executor(Distribution(), in_process)

@@ -12,9 +12,10 @@ import numpy as np
 import xarray as xr
 
 from eclsim.arguments import FiniteNumber, number_of
-from eclsim.course.alarms import alarms, clock_time, findings_of_shown
-from eclsim.course.engine import MANY, SHORTEST_S, CourseOptions, Engine, History
-from eclsim.course.handover import BLOOD_S, GASES_MOVE, LAG, farthest
+from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities
+from eclsim.course.early_stop import EarlyStop
+from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine, History
+from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_GAS_CHANGE, LARGEST_LAG, largest_gas_change
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import (
@@ -27,7 +28,6 @@ from eclsim.course.result import (
     labelled_course,
 )
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
-from eclsim.course.watch import Watch
 from eclsim.inputs.mistakes import CaseError, Mistake, as_names, as_settings
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
@@ -40,17 +40,17 @@ if TYPE_CHECKING:
     from eclsim.devices.description import Finding
     from eclsim.orbit.execution import Execution
 
-DAY_MIN = 1440.0
-SHOWN = 144
+MINUTES_PER_DAY = 1440.0
+SHOWN_MOMENTS = 144
 """About so many moments are shown where it is not said how often."""
-_EVERY_MIN = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
+_INTERVALS_MIN = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
 MOST_MOMENTS = 20_000
 
 
 def course(
     case: CaseSource,
     *,
-    minutes: float = DAY_MIN,
+    minutes: float = MINUTES_PER_DAY,
     every_min: float | None = None,
     outputs: Sequence[str] | None = None,
     volume_policy: str | None = None,
@@ -93,7 +93,7 @@ def course_many(
     cases: Sequence[CaseSource] | CaseSource,
     changes: Mapping[str, Sequence[float] | np.ndarray] | None = None,
     *,
-    minutes: float = DAY_MIN,
+    minutes: float = MINUTES_PER_DAY,
     every_min: float | None = None,
     outputs: Sequence[str] | None = None,
     volume_policy: str | None = None,
@@ -137,8 +137,8 @@ def course_many(
     ]
     if columns and timelines:
         refuse_unknown(replace(timelines[0], overrides={}), columns)
-    every = [shown_every(every_min, minutes)] * count
-    options = options or CourseOptions(hand_over=count < MANY)
+    every = [checked_interval_min(every_min, minutes)] * count
+    options = options or CourseOptions(hand_over=count < FEWEST_SIDE_BY_SIDE)
     results = follow(timelines, every, outputs, volume_policy, options, execution, with_alarms)
     seconds = clock.perf_counter() - began
     return [result.assign_attrs(seconds=seconds) for result in results]
@@ -171,15 +171,15 @@ def follow(
     for members in _groups(timelines, volume_policy).values():
         of_group, every = [timelines[m] for m in members], [every_min[m] for m in members]
         steps = [minutes * MINUTE for minutes in every]
-        watch = None if broken is None else Watch(outputs or (), broken, steps)
-        engine, moments = _marched(
-            of_group, every, outputs, volume_policy, options, execution, with_alarms, watch
+        early_stop = None if broken is None else EarlyStop(outputs or (), broken, steps)
+        engine, moments = _marched_group(
+            of_group, every, outputs, volume_policy, options, execution, with_alarms, early_stop
         )
         results |= {m: _labelled(moments, k, engine, with_alarms) for k, m in enumerate(members)}
     return [results[m] for m in range(len(timelines))]
 
 
-def _marched(
+def _marched_group(
     timelines: Sequence[Timeline],
     every_min: Sequence[float],
     outputs: Sequence[str] | None,
@@ -187,18 +187,18 @@ def _marched(
     options: CourseOptions | None,
     execution: Execution | None,
     with_alarms: bool,
-    watch: Watch | None = None,
+    early_stop: EarlyStop | None = None,
 ) -> tuple[Engine, Moments]:
     """Members of one circuit and policy at the ends of their courses, and the moments that are shown."""
     policy = policy or timelines[0].case.volume_policy
     laws = Laws(laws_of(*timelines[0].start))
-    engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution, watch)
+    engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution, early_stop)
     moments = moments_of(engine, engine.march(), [every * MINUTE for every in every_min])
     beats_at(moments, engine, outputs, with_alarms, execution)
     return engine, moments
 
 
-class Followed(NamedTuple):
+class SteadyBeatCourse(NamedTuple):
     """One course with what its beats can be computed from again.
 
     Attributes:
@@ -216,7 +216,7 @@ class Followed(NamedTuple):
         return in_effect_at(self.engine, 0, min(minute, float(self.result["time_min"][-1])) * MINUTE)
 
 
-def followed(case: CaseSource, minutes: float, policy: str | None = None) -> Followed:
+def steady_beat_course(case: CaseSource, minutes: float, policy: str | None = None) -> SteadyBeatCourse:
     """A course with all its outputs, kept for more questions.
 
     Args:
@@ -229,20 +229,22 @@ def followed(case: CaseSource, minutes: float, policy: str | None = None) -> Fol
     """
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
-    engine, moments = _marched([timeline], [usual_every(minutes)], None, policy, None, None, True)
+    engine, moments = _marched_group(
+        [timeline], [default_interval_min(minutes)], None, policy, None, None, True
+    )
     result = _labelled(moments, 0, engine, True)
     result.attrs["seconds"] = clock.perf_counter() - began
-    return Followed(result, engine, moments)
+    return SteadyBeatCourse(result, engine, moments)
 
 
-def shown_every(every_min: float | None, minutes: float) -> float:
+def checked_interval_min(every_min: float | None, minutes: float) -> float:
     """Minutes between moments: those asked for, or the usual ones.
 
     Raises:
         CaseError: More moments than can be shown.
     """
     if every_min is None:
-        return usual_every(minutes)
+        return default_interval_min(minutes)
     every = FiniteNumber(above=0.0, unit="min")("every_min", every_min)
     if minutes / every > MOST_MOMENTS:
         message = f"{minutes / every:.0f} moments"
@@ -250,9 +252,9 @@ def shown_every(every_min: float | None, minutes: float) -> float:
     return every
 
 
-def usual_every(minutes: float) -> float:
-    """Minutes between moments for a course that shows about `SHOWN` of them."""
-    return next((e for e in _EVERY_MIN if minutes / e <= 1.01 * SHOWN), minutes / SHOWN)
+def default_interval_min(minutes: float) -> float:
+    """Minutes between moments for a course that shows about `SHOWN_MOMENTS` of them."""
+    return next((e for e in _INTERVALS_MIN if minutes / e <= 1.01 * SHOWN_MOMENTS), minutes / SHOWN_MOMENTS)
 
 
 def _groups(timelines: Sequence[Timeline], policy: str | None) -> dict[Any, list[int]]:
@@ -276,10 +278,10 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     outputs = {name: moments.values[name][places] for name in moments.names}
     result = labelled_course(time, outputs, laws, states, in_effect)
     moment_findings: list[list[Finding]] = []
-    shown = laws.shown(states, in_effect)
+    shown = laws.derived_quantities(states, in_effect)
     if with_alarms:
         outputs |= {quantity.name: quantity.values for quantity in shown}
-        of_shown = findings_of_shown(shown, len(places))
+        of_shown = findings_of_derived_quantities(shown, len(places))
         moment_findings = [[*moments.findings[k], *of_shown[i]] for i, k in enumerate(places)]
         result[IMPOSSIBLE] = impossible_among(moment_findings)
     result["beat_by_beat"] = variable(TIME, moments.by_beat[places].astype(int))
@@ -287,10 +289,10 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     result["status"] = variable(TIME, np.array(words, dtype=str))
     minute, settling = time / MINUTE, engine.settling_s[member]
     broken = alarms(moment_findings, outputs, minute, moments.by_beat[places], shown)
-    message = _ended(moments.stopped[member], minute)
-    ahead = _passed_over(history) + _too_fast(history, laws, settling)
-    ahead += _unsettled(history)
-    ahead += _gases_at_once(time, outputs, engine, member, moments.by_beat[places])
+    message = _early_end_text(moments.stopped[member], minute)
+    ahead = _skipped_transients_text(history) + _fast_slow_states(history, laws, settling)
+    ahead += _unsettled_spans(history)
+    ahead += _sudden_gas_change(time, outputs, engine, member, moments.by_beat[places])
     sentences = [message] * bool(message) + [alarm.sentence for alarm in broken]
     balance = balance_of(laws, states, in_effect)
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
@@ -306,47 +308,47 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     )
 
 
-def _ended(stopped: str, minute: np.ndarray) -> str:
+def _early_end_text(stopped: str, minute: np.ndarray) -> str:
     """Why and when a course ended early; empty where it did not."""
     if not stopped:
         return ""
     return f"stopped at {clock_time(minute[-1])}: {stopped}" if len(minute) else f"not begun: {stopped}"
 
 
-def _passed_over(history: History) -> list[str]:
+def _skipped_transients_text(history: History) -> list[str]:
     """Sudden changes that should have been followed beat by beat and were not, and why."""
-    if not history.passed_over:
+    if not history.skipped_transients:
         return []
-    times = ", ".join(clock_time(event.time / MINUTE) for event in history.passed_over[:MOST_SPANS])
-    more = len(history.passed_over) - MOST_SPANS
+    times = ", ".join(clock_time(event.time / MINUTE) for event in history.skipped_transients[:MOST_SPANS])
+    more = len(history.skipped_transients) - MOST_SPANS
     times += f" and at {more} more" if more > 0 else ""
-    first = history.passed_over[0]
+    first = history.skipped_transients[0]
     return [
         f"not followed beat by beat at {times}, although {first.reason}, because {first.refusal}: steady "
         "beats change at once, but a patient needs seconds to minutes"
     ]
 
 
-def _unsettled(history: History) -> list[str]:
+def _unsettled_spans(history: History) -> list[str]:
     """Spans that ended before the patient had settled, though the course goes on."""
     return [
         f"the patient was followed beat by beat from {clock_time(span.begin / MINUTE)} to "
         f"{clock_time(span.end / MINUTE)} and had not settled then: from there steady beats run ahead"
         for span in history.spans
-        if not (span.settled or history.stopped) and span.end < history.times[-1] - SHORTEST_S
+        if not (span.settled or history.stopped) and span.end < history.times[-1] - SHORTEST_STEP_S
     ]
 
 
-def _gases_at_once(
+def _sudden_gas_change(
     time: np.ndarray, outputs: Mapping[str, np.ndarray], engine: Engine, member: int, by_beat: np.ndarray
 ) -> list[str]:
     """The first event at which steady beats change the gases at once, where blood takes its time.
 
-    Ramps are held against the time in which blood is renewed; where beats in a row may be followed,
-    they were held against it before.
+    Ramps are compared with the time in which blood is renewed; where beats in a row may be followed,
+    they were compared with it before.
     """
-    timeline, settling = engine.timelines[member], max(engine.settling_s[member], BLOOD_S)
-    gases = {n: outputs[n] for n in GASES_MOVE if n in outputs and np.isfinite(outputs[n]).all()}
+    timeline, settling = engine.timelines[member], max(engine.settling_s[member], BLOOD_RENEWAL_S)
+    gases = {n: outputs[n] for n in LARGEST_GAS_CHANGE if n in outputs and np.isfinite(outputs[n]).all()}
     for change in timeline.changes:
         ramp = change.end > change.begin
         if ramp and engine.options.hand_over:
@@ -358,8 +360,8 @@ def _gases_at_once(
             if not ramp and change.begin == 0.0:
                 before = engine.at_rest[member]
             now = {n: float(column[k]) for n, column in gases.items()}
-            apart, words = farthest(before, now, 1.0)
-            if apart > 1.0:
+            distance, words = largest_gas_change(before, now, 1.0)
+            if distance > 1.0:
                 within = f"within {settling:.0f} s" if ramp else "at once"
                 return [
                     f"at {clock_time(time[k] / MINUTE)} steady beats run ahead: {words} {within}, which "
@@ -368,11 +370,11 @@ def _gases_at_once(
     return []
 
 
-def _too_fast(history: History, laws: Laws, settling: float) -> list[str]:
+def _fast_slow_states(history: History, laws: Laws, settling: float) -> list[str]:
     """Where slow states change while the circulation still settles, so that steady beats run ahead of it."""
     lags = [np.abs(rates) * settling / laws.scales for rates in history.rates]
     steady = [k for k, t in enumerate(history.times) if not any(s.begin <= t < s.end for s in history.spans)]
-    over = [k for k in steady if lags[k].max(initial=0.0) > LAG]
+    over = [k for k in steady if lags[k].max(initial=0.0) > LARGEST_LAG]
     if not over:
         return []
     worst = max(over, key=lambda k: lags[k].max())

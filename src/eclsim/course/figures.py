@@ -46,7 +46,7 @@ _AXES = {
 _NARROWEST = {"1": 0.005, "mL": 2.0}
 """Span of an axis at least, in its unit, so that rounding is no curve; 0.1 of others."""
 MOST_ALARMS = 5
-"""Of a band: the most probable ones are drawn."""
+"""Alarms of a band at most: the most probable ones are drawn."""
 _BARS = {"collapse": "#7A0000", "alarm": style.OKABE_ITO["vermillion"], "warning": style.OKABE_ITO["orange"]}
 
 
@@ -69,7 +69,7 @@ def plot_course(result: xr.Dataset) -> Figure:
     for ax, panel in zip(axes, drawn, strict=False):
         _draw(ax, result, panel, events)
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
-        _mark_spans(ax, json.loads(result.attrs.get("spans", "[]")), _clock(result)[1])
+        _mark_spans(ax, json.loads(result.attrs.get("spans", "[]")), _time_axis_unit(result)[1])
         _bars(ax, [alarm for alarm in alarms if alarm["quantity"] in panel.names], result)
     used = len(drawn)
     if probable:
@@ -78,14 +78,14 @@ def plot_course(result: xr.Dataset) -> Figure:
     for ax in axes[used:]:
         ax.remove()
     for ax in axes[max(used - 2, 0) : used]:
-        ax.set_xlabel(f"Time from the start [{_clock(result)[0]}]")
+        ax.set_xlabel(f"Time from the start [{_time_axis_unit(result)[0]}]")
         ax.tick_params(labelbottom=True)
     fig.suptitle(f"{style.plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
     fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=style.GREY)
     return fig
 
 
-def _clock(result: xr.Dataset) -> tuple[str, float]:
+def _time_axis_unit(result: xr.Dataset) -> tuple[str, float]:
     """Unit of the time axis, and its minutes."""
     return ("h", 60.0) if len(result["time_min"]) and result["time_min"][-1] > 240.0 else ("min", 1.0)
 
@@ -95,7 +95,7 @@ def _has_values(result: xr.Dataset, name: str) -> bool:
 
 
 def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> None:
-    _, minutes = _clock(result)
+    _, minutes = _time_axis_unit(result)
     hours = result["time_min"].to_numpy() / minutes
     drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(drawn):
@@ -149,7 +149,7 @@ def _legend_above(ax: Axes, columns: int = 2) -> None:
 
 def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None:
     """How many of the draws break a limit, over time."""
-    _, minutes = _clock(result)
+    _, minutes = _time_axis_unit(result)
     hours, gravest = result["time_min"].to_numpy() / minutes, result.isel(alarm=slice(MOST_ALARMS))
     for index, (label, share) in enumerate(
         zip(gravest["alarm"].values, gravest["alarm_probability"].to_numpy(), strict=True)
@@ -169,7 +169,7 @@ def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None
     for alarm in sorted(alarms, key=lambda item: list(_BARS).index(str(item["kind"])), reverse=True):
         until = end if alarm["until_min"] is None else float(str(alarm["until_min"]))
         spans, colour = (
-            np.array([float(str(alarm["at_min"])), until]) / _clock(result)[1],
+            np.array([float(str(alarm["at_min"])), until]) / _time_axis_unit(result)[1],
             _BARS[str(alarm["kind"])],
         )
         foot = Line2D(spans, [0.02, 0.02], transform=ax.get_xaxis_transform(), color=colour, linewidth=3.0)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 COURSES, GROUPS, SUMMARY, TABLE = "courses", "groups", "courses.json", "courses.csv"
-"""Of a cohort: folders of the courses and of the tasks' results; what became of each, as JSON and table."""
+"""In a cohort's folder: courses, results of tasks; the outcome of every course, as JSON and table."""
 
 
 def course_object(result: xr.Dataset) -> dict[str, Any]:

@@ -57,16 +57,16 @@ class Gases(NamedTuple):
         contents: of oxygen and carbon dioxide in all compartments [mL/dL], (2, compartments).
         haemoglobin: that they belong to [g/dL].
         state: all that is known of the gases, by quantity.
-        felt: what nerves and organs have in effect, each late by its lag, by name.
+        sensed: what nerves and organs have in effect, each late by its lag, by name.
     """
 
     contents: np.ndarray
     haemoglobin: float
     state: Mapping[Quantity, float]
-    felt: Mapping[str, float]
+    sensed: Mapping[str, float]
 
 
-class GasesInTime:
+class GasDynamics:
     """Gases of one circuit over beats.
 
     Args:
@@ -122,21 +122,21 @@ class GasesInTime:
             numbers.append(np.array([held, *alveolar]))
         state = self._state(self.step, numbers)
         now, lags = self._signals(state), self._lags()
-        felt = {k: v - np.expm1(-period / lags[k]) * (now[k] - v) for k, v in gases.felt.items()}
-        return Gases(self._contents(state), values[HAEMOGLOBIN], state, felt)
+        sensed = {k: v - np.expm1(-period / lags[k]) * (now[k] - v) for k, v in gases.sensed.items()}
+        return Gases(self._contents(state), values[HAEMOGLOBIN], state, sensed)
 
     def in_effect(self, gases: Gases, values: Mapping[str, float]) -> dict[str, float]:
         """Parameters that what is felt of the gases sets."""
-        felt = gases.felt
-        effective = {name: felt[name] for name in (SENSED_PAO2, SENSED_PACO2) if name in felt}
+        sensed = gases.sensed
+        effective = {name: sensed[name] for name in (SENSED_PAO2, SENSED_PACO2) if name in sensed}
         for bed in self._beds():
             settings = [values[name] for name in local_settings(bed)]
             # Content and oxygen supply stand for the content of the blood that leaves.
-            numbers = [felt[f"{bed}.oxygen"], 1.0, 0.0, felt[f"{bed}.carbon_dioxide"], *settings]
+            numbers = [sensed[f"{bed}.oxygen"], 1.0, 0.0, sensed[f"{bed}.carbon_dioxide"], *settings]
             effective[local_resistance(bed)] = float(single(local_law, None)(np.array(numbers))[0])
         return {name: effective[name] for name in self.answers if name in effective}
 
-    def apart(self, now: Gases, goal: Gases) -> float:
+    def distance(self, now: Gases, goal: Gases) -> float:
         """Largest difference of contents, in those that count as settled."""
         share = np.abs(now.contents - goal.contents) / np.array(SETTLED_ML_DL)[:, None]
         return float(share[:, self.of_patient].max())
@@ -145,7 +145,7 @@ class GasesInTime:
         """PO2 of the gas that each lung holds."""
         return np.array([gases.state[Quantity("PO2", "within", lung)] for lung in self.lungs])
 
-    def trouble(self, gases: Gases) -> str:
+    def reason_without_gases(self, gases: Gases) -> str:
         """Why there are no gases; empty where there are."""
         return "" if np.isfinite(gases.contents).all() else NOT_FOLLOWED
 
@@ -153,7 +153,7 @@ class GasesInTime:
         return [bed for bed in LOCAL_OUTPUTS if local_resistance(bed) in self.answers]
 
     def _signals(self, state: Mapping[Quantity, float]) -> dict[str, float]:
-        """What receptors and organs are exposed to."""
+        """Gases that receptors and organs are exposed to."""
         artery = artery_of(self.circuit)
         signals = {}
         if SENSED_PAO2 in self.answers:

@@ -11,7 +11,7 @@ from eclsim.drugs.published import InfusedDoses
 from eclsim.fluid.laws import slow_laws
 from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction
-from eclsim.slow import Named, Shown, SlowLaw
+from eclsim.slow import DerivedQuantity, Named, SlowLaw
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -29,7 +29,7 @@ def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, .
 
 
 USED_UP = 0.1
-"""Of the scale of an amount, by which it may be less than nothing within the tolerance of a step."""
+"""Share of an amount's scale by which it may be below zero within the tolerance of a step."""
 
 
 class Laws:
@@ -73,13 +73,17 @@ class Laws:
             rates |= law.rates(named, settings, beat, inflows)
         return np.array([rates[name] for name in self.names])
 
-    def missing(self, states: np.ndarray) -> np.ndarray:
-        """Which states are amounts of less than nothing, shape (states, members)."""
+    def negative_amounts(self, states: np.ndarray) -> np.ndarray:
+        """Which amounts are below zero, shape (states, members)."""
         return states < self.least[:, None]
 
-    def shown(self, states: np.ndarray, in_effect: Named) -> tuple[Shown, ...]:
-        """What is shown of the states beside themselves."""
-        return tuple(quantity for law in self.laws for quantity in law.shown(self._named(states), in_effect))
+    def derived_quantities(self, states: np.ndarray, in_effect: Named) -> tuple[DerivedQuantity, ...]:
+        """Quantities that follow from the states and are shown beside them."""
+        return tuple(
+            quantity
+            for law in self.laws
+            for quantity in law.derived_quantities(self._named(states), in_effect)
+        )
 
     def _named(self, states: np.ndarray) -> Mapping[str, np.ndarray]:
         return dict(zip(self.names, states, strict=True))

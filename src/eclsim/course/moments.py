@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from eclsim.circuit.network import Circuit
-from eclsim.course.engine import SHORTEST_S, Engine, History
+from eclsim.course.engine import SHORTEST_STEP_S, Engine, History
 from eclsim.course.handover import Span
 from eclsim.course.predictor import anchor_at
 from eclsim.course.rosenbrock import between
@@ -21,11 +21,11 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 
-AT_A_TIME = 2048
+MOMENTS_PER_BATCH = 2048
 """Moments whose beats are solved as one batch."""
 SOLVED = (int(Status.CONVERGED), int(Status.ONE_OF_MANY))
-QUICK = OrbitOptions(newton_iterations=0)
-"""Of the first search for all; what it does not find is sought one after the other."""
+QUICK_SEARCH = OrbitOptions(newton_iterations=0)
+"""Options of the first search for all; the moments it does not solve are solved one after the other."""
 
 
 DECIMALS, ROUNDED_S = 6, 1e-6
@@ -44,7 +44,7 @@ class Moments:
         in_effect: parameters, by key.
         values: outputs by name; filled in by `beats_at`, as what follows.
         status: how each beat ended, a `Status`.
-        findings: what there is to say about each beat.
+        findings: about each beat.
         by_beat: whether each is a beat of a span that was followed beat by beat.
         stopped: by member, why its course ended early; empty where it did not.
     """
@@ -63,7 +63,7 @@ class Moments:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the outputs."""
+        """Names of the outputs."""
         return tuple(self.values)
 
     def of(self, member: int) -> np.ndarray:
@@ -131,7 +131,7 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
 
 
 def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
-    """That of the beat between two steps, where their ends have one."""
+    """Point of the beat between two steps, where their ends have one."""
     a, b, (begin, end) = (
         history.points[left],
         history.points[ahead],
@@ -166,14 +166,14 @@ def beats_at(
     moments.status = np.full(count, int(Status.NOT_CONVERGED))
     moments.findings = [[] for _ in range(count)]
     moments.stopped = [history.stopped for history in engine.histories]
-    measure = _Measured(moments, engine, outputs, with_findings, execution or engine.execution)
+    measure = _MomentSolver(moments, engine, outputs, with_findings, execution or engine.execution)
     groups: dict[int, list[int]] = {}
     for k in range(count):
         groups.setdefault(id(engine.circuits[moments.member[k]][moments.segment[k]]), []).append(k)
     for group in groups.values():
-        for k in range(0, len(group), AT_A_TIME):
-            chosen = np.array(group[k : k + AT_A_TIME])
-            measure.solve(chosen, QUICK, _start(moments, engine, chosen))
+        for k in range(0, len(group), MOMENTS_PER_BATCH):
+            chosen = np.array(group[k : k + MOMENTS_PER_BATCH])
+            measure.solve(chosen, QUICK_SEARCH, _start(moments, engine, chosen))
     for member in range(members):
         measure.finish(member)
     moments.by_beat = np.zeros(len(moments.time), dtype=bool)
@@ -209,11 +209,11 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
         added = columns.get(name, np.full(count, np.nan))
         moments.values[name] = np.concatenate([column, added])
     moments.findings += beat_findings if with_findings else [[] for _ in beats]
-    if not span.settled and history.times[-1] - span.end <= SHORTEST_S:
-        _end_with(moments, places[moments.time[places] > span.end - ROUNDED_S])
+    if not span.settled and history.times[-1] - span.end <= SHORTEST_STEP_S:
+        _use_last_beats_at_end(moments, places[moments.time[places] > span.end - ROUNDED_S])
 
 
-def _end_with(moments: Moments, last: np.ndarray) -> None:
+def _use_last_beats_at_end(moments: Moments, last: np.ndarray) -> None:
     """Where a course ends before it has settled its last moments are the last beat, not the steady one."""
     moments.by_beat[last] = True
     for column in moments.values.values():
@@ -223,7 +223,7 @@ def _end_with(moments: Moments, last: np.ndarray) -> None:
 
 
 @dataclass(frozen=True)
-class _Measured:
+class _MomentSolver:
     """Fills in what the beats of moments say."""
 
     moments: Moments
@@ -275,10 +275,10 @@ class _Measured:
             moments.stopped[member] = moments.stopped[member] or self.engine.messages[member]
             moments.status[places[k:]] = int(Status.NOT_CONVERGED)
             if k:
-                self._close_in(member, int(places[k - 1]), int(place))
+                self._move_last_moment(member, int(places[k - 1]), int(place))
             return
 
-    def _close_in(self, member: int, good: int, bad: int) -> None:
+    def _move_last_moment(self, member: int, good: int, bad: int) -> None:
         """Put the last moment with a steady beat in place of the first without."""
         moments, history = self.moments, self.engine.histories[member]
         low, high, before = (
@@ -286,7 +286,7 @@ class _Measured:
             float(moments.time[bad]),
             moments.values_in_effect(good),
         )
-        while high - low > 2.0 * SHORTEST_S:
+        while high - low > 2.0 * SHORTEST_STEP_S:
             middle = 0.5 * (low + high)
             trial = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])
             trial.status, trial.findings = np.zeros(1, dtype=int), [[]]

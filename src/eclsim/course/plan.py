@@ -15,12 +15,12 @@ from eclsim.cases.events import LARGEST_ML
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
-from eclsim.course.timeline import MINUTE, Timeline, changed
-from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
+from eclsim.course.timeline import MINUTE, Timeline, case_with_settings
+from eclsim.devices.dialysed_blood import FEWER_SURVIVED_TEXT, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
-from eclsim.goals.goal import Goal, GoalError, possible, read_goals
-from eclsim.goals.result import ALARMING, beyond_alarms, broken
+from eclsim.goals.goal import Goal, GoalError, implicit_goals, read_goals
+from eclsim.goals.result import ALARM_KINDS, broken_alarms_text, broken_goals
 from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 
     from eclsim.cases.case import Case
 
-FILTRATION = "net_ultrafiltration_ml_h"
-FILTERED = "filtration_fraction"
+ULTRAFILTRATION = "net_ultrafiltration_ml_h"
+FILTRATION_FRACTION = "filtration_fraction"
 """Output whose limit bounds the rate unasked: beyond it the filter that is to remove the fluid clots."""
 LEAST_ML_H = 1.0
 """Slowest rate that devices can be set to."""
-TRIED = 8
+RATES_PER_ROUND = 8
 """Rates of one round, marched side by side."""
 ROUNDS = 3
-MOMENTS = 40
+MOMENTS_PER_COURSE = 40
 """Moments of each course at which goals are looked at."""
 ROUNDING = 1e-3
 """Scales of a goal by which a march is beyond it before it ends: beats of steps and moments differ less."""
@@ -51,7 +51,7 @@ OUTFLOW_TRACT_CM = 2.0
 """Diameter of the left ventricular outflow tract for the velocity-time integral."""
 
 
-class Break(NamedTuple):
+class BrokenGoal(NamedTuple):
     """A goal that a course breaks.
 
     Attributes:
@@ -81,7 +81,7 @@ class Removal:
         limits: what stops the next faster rate that was tried.
         message: in words.
         tried: by rate, whether all goals were kept.
-        warnings: limits that the patient breaks on the way at that rate, and what else there is to say of it.
+        warnings: limits that the patient breaks on the way at that rate, and cautions.
     """
 
     id: str
@@ -90,13 +90,13 @@ class Removal:
     rate_ml_h: float
     hours: float
     possible: bool
-    limits: tuple[Break, ...]
+    limits: tuple[BrokenGoal, ...]
     message: str
     tried: dict[float, bool] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         tried = [{"rate_ml_h": rate, "kept": kept} for rate, kept in sorted(self.tried.items())]
         return asdict(self) | {"limits": [one._asdict() for one in self.limits], "tried": tried}
 
@@ -139,7 +139,7 @@ def plan_removal(
     key = _filtration(solved, keep)
     slowest = max(remove_ml / hours, LEAST_ML_H)
     try:
-        slow = changed(solved, {key: slowest}, solved)
+        slow = case_with_settings(solved, {key: slowest}, solved)
     except CaseError as error:
         (first, *_) = error.mistakes
         reason = f"{first.message}; allowed: {first.allowed}, or more hours"
@@ -147,63 +147,62 @@ def plan_removal(
     fastest = _fastest(solved, key, slowest)
     outputs = output_names(model_of(slow).circuit)
     asked = read_goals(keep, outputs)
-    goals = (*asked, *_unasked(slow, outputs, asked, volume_policy))
+    goals = (*asked, *_implied_goals(slow, outputs, asked, volume_policy))
     rates, tried, broken = (
-        np.geomspace(slowest, fastest, TRIED),
+        np.geomspace(slowest, fastest, RATES_PER_ROUND),
         dict[float, bool](),
-        dict[float, list[Break]](),
+        dict[float, list[BrokenGoal]](),
     )
     for _ in range(ROUNDS):
         fresh = [float(rate) for rate in rates if float(rate) not in tried]
         for rate, result in zip(
-            fresh, _removed(solved, key, fresh, remove_ml, goals, volume_policy), strict=True
+            fresh, _removal_courses(solved, key, fresh, remove_ml, goals, volume_policy), strict=True
         ):
-            broken[rate] = _breaks(goals, result)
+            broken[rate] = _broken_goals(goals, result)
             tried[rate] = not broken[rate]
-        below, above = _around(tried)
+        below, above = _bracketing_rates(tried)
         if below is None or above is None:
             break
-        rates = np.linspace(below, above, TRIED + 2)[1:-1]
-    found = _removal(solved.patient.id, remove_ml, goals, tried, broken)
-    return _with_warnings(solved, key, found, volume_policy) if found.possible else found
+        rates = np.linspace(below, above, RATES_PER_ROUND + 2)[1:-1]
+    removal = _removal_result(solved.patient.id, remove_ml, goals, tried, broken)
+    return _with_warnings(solved, key, removal, volume_policy) if removal.possible else removal
 
 
-def _unasked(
+def _implied_goals(
     case: Case, outputs: Sequence[str], asked: Sequence[Goal], policy: str | None
 ) -> tuple[Goal, ...]:
-    """Goals that hold unasked, where the patient's steady beat at the slowest rate keeps them."""
+    """Goals that hold unstated, where the steady beat at the slowest rate keeps them."""
     beat = simulate(case, policy)
     present = {name: float(beat[name]) for name in outputs if name in beat}
-    goals = list(possible(outputs, asked, present, model_of(case).values))
+    goals = list(implicit_goals(outputs, asked, present, model_of(case).values))
     taken = {goal.output for goal in asked}
     for name in outputs:
         known = named_output(name)
-        if known is None or name in taken or not known[1].name.endswith(FILTERED):
+        if known is None or name in taken or not known[1].name.endswith(FILTRATION_FRACTION):
             continue
-        if FILTRATION in known[0].device.section.fields():
+        if ULTRAFILTRATION in known[0].device.section.fields():
             lowest = sorted(limits_of(name, outputs), key=lambda limit: limit.value)[:1]
             goals += [Goal(name, high=one.value, because=one.meaning) for one in lowest]
     return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
 
 
-def _with_warnings(case: Case, key: str, found: Removal, policy: str | None) -> Removal:
-    """With what there is to say of the course at the rate found."""
-    minutes = 60.0 * found.hours
-    timeline = Timeline(changed(case, {key: found.rate_ml_h}, case), minutes * MINUTE)
-    (result,) = follow([timeline], [minutes / MOMENTS], None, policy, with_alarms=True)
-    broken = json.loads(result.attrs["alarms"])
-    said, first = [one["sentence"] for one in broken], found.message
-    first += beyond_alarms((one["quantity"] for one in broken if one["kind"] in ALARMING), "on the way")
-    per_kg = found.rate_ml_h / height_weight(case.patient)[1]
+def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -> Removal:
+    """The removal with the alarms and cautions of the course at its rate."""
+    minutes = 60.0 * removal.hours
+    timeline = Timeline(case_with_settings(case, {key: removal.rate_ml_h}, case), minutes * MINUTE)
+    (result,) = follow([timeline], [minutes / MOMENTS_PER_COURSE], None, policy, with_alarms=True)
+    alarms = json.loads(result.attrs["alarms"])
+    sentences, message = [one["sentence"] for one in alarms], removal.message
+    message += broken_alarms_text(
+        (one["quantity"] for one in alarms if one["kind"] in ALARM_KINDS), "on the way"
+    )
+    per_kg = removal.rate_ml_h / height_weight(case.patient)[1]
     if per_kg > HARMFUL_ML_KG_H:
-        said.insert(
-            0,
-            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED}",
-        )
-    return replace(found, message=first, warnings=(*said, *result.attrs["cautions"]))
+        sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}")
+    return replace(removal, message=message, warnings=(*sentences, *result.attrs["cautions"]))
 
 
-def _around(tried: dict[float, bool]) -> tuple[float | None, float | None]:
+def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | None]:
     """The last of the slowest rates in a row that keep all goals, and the next faster that does not.
 
     Where none keeps them the slowest rate is the second.
@@ -216,12 +215,12 @@ def _around(tried: dict[float, bool]) -> tuple[float | None, float | None]:
 
 
 def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
-    """Key of the net ultrafiltration of the case's device; without one, wrong goals are said with it."""
+    """Key of the net ultrafiltration of the case's device; without one an error, with mistakes in goals."""
     for instance in case.instances():
-        if FILTRATION in instance.device.section.fields():
-            return f"{instance.key}.{FILTRATION}"
+        if ULTRAFILTRATION in instance.device.section.fields():
+            return f"{instance.key}.{ULTRAFILTRATION}"
     removing = " or ".join(
-        f"[{key}]" for key, instance in devices().items() if FILTRATION in instance.section.fields()
+        f"[{key}]" for key, instance in devices().items() if ULTRAFILTRATION in instance.section.fields()
     )
     wrong = [f"no device that removes fluid; allowed: a case with {removing}"]
     try:
@@ -250,16 +249,16 @@ def _fastest(case: Case, key: str, slowest: float) -> float:
     return low
 
 
-def _removed(
+def _removal_courses(
     case: Case, key: str, rates: Sequence[float], remove_ml: float, goals: Sequence[Goal], policy: str | None
 ) -> list[xr.Dataset]:
     """Courses that remove a volume at some rates, side by side."""
     minutes = [60.0 * remove_ml / rate for rate in rates]
     timelines = [
-        Timeline(changed(case, {key: rate}, case), span * MINUTE)
+        Timeline(case_with_settings(case, {key: rate}, case), span * MINUTE)
         for rate, span in zip(rates, minutes, strict=True)
     ]
-    every = [span / MOMENTS for span in minutes]
+    every = [span / MOMENTS_PER_COURSE for span in minutes]
 
     def is_broken(beat: Mapping[str, float]) -> bool:
         return any(goal.excess(beat[goal.output]) > ROUNDING * goal.scale for goal in goals)
@@ -267,32 +266,32 @@ def _removed(
     return follow(timelines, every, [goal.output for goal in goals], policy, broken=is_broken)
 
 
-def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
+def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]:
     """What a course breaks at the first moment at which it breaks anything, its own end included."""
     minutes = result["time_min"].to_numpy()
-    lost = Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
+    lost = BrokenGoal(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
     for k, minute in enumerate(minutes.tolist()):
         breaks = []
         for goal in goals:
             value = float(result[goal.output][k])
             if not math.isfinite(value):
-                breaks.append(Break(f"no value of {goal.output}", math.nan, minute))
+                breaks.append(BrokenGoal(f"no value of {goal.output}", math.nan, minute))
             elif goal.excess(value) > 0.0:
                 why = f" ({goal.because})" if goal.because else ""
-                breaks.append(Break(f"{goal}{why}", value, minute, unit_of(goal.output)))
+                breaks.append(BrokenGoal(f"{goal}{why}", value, minute, unit_of(goal.output)))
         if breaks:
             return breaks
     return [] if result.attrs["converged"] else [lost]
 
 
-def _removal(
+def _removal_result(
     name: str,
     remove_ml: float,
     goals: Sequence[Goal],
     tried: dict[float, bool],
-    broken: dict[float, list[Break]],
+    broken: dict[float, list[BrokenGoal]],
 ) -> Removal:
-    best, above = _around(tried)
+    best, above = _bracketing_rates(tried)
     limits = tuple(broken[above]) if above is not None else ()
     sentence = " and ".join(_break_sentence(limit) for limit in limits)
     if best is None:
@@ -312,7 +311,7 @@ def _removal(
     return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)
 
 
-def _break_sentence(limit: Break) -> str:
+def _break_sentence(limit: BrokenGoal) -> str:
     hours = f"{limit.at_min / 60.0:.1f} h"
     if math.isnan(limit.value):
         return f"{limit.goal} after {hours}"
@@ -323,7 +322,7 @@ def _break_sentence(limit: Break) -> str:
 
 # --- weaning --------------------------------------------------------------------------------------
 
-READ = (
+WEANING_OUTPUTS = (
     "PF", "MAP", "CO", "LVO", "heart_rate", "ejection_fraction_lv", "PCWP", "right_atrial_pressure",
     "SaO2", "SvO2", "PaCO2",
 )  # fmt: skip
@@ -337,8 +336,8 @@ class WeaningStep(NamedTuple):
         speed_rpm: of the pump.
         setting: what was needed of the drug (or of another setting); None where none was asked for.
         reached: whether the goals hold.
-        outputs: by name, `READ` and `LVOT_VTI_cm`, the velocity-time integral that a stroke of the left
-            ventricle has in an outflow tract 2 cm wide.
+        outputs: by name, `WEANING_OUTPUTS` and `LVOT_VTI_cm`, the velocity-time integral that a stroke of the
+            left ventricle has in an outflow tract 2 cm wide.
         message: in words, where a goal is not reached, no steady beat was found, or a flow is beyond a limit
             that what is given cannot keep.
         warnings: limits that the beat breaks and how its numbers are to be read.
@@ -383,10 +382,11 @@ def plan_weaning(
     if vary is not None and "," in vary:
         raise GoalError([f"vary '{vary}': one setting is sought at each speed; allowed: NAME=LOW..HIGH"])
     if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:
-        start = changed(start, {vary.partition("=")[0].strip(): 0.0}, start)
+        start = case_with_settings(start, {vary.partition("=")[0].strip(): 0.0}, start)
     key = f"{ECMO.key}.speed_rpm"
     return [
-        _weaned(changed(start, {key: speed}, start), speed, keep, vary, volume_policy) for speed in numbers
+        _weaning_step(case_with_settings(start, {key: speed}, start), speed, keep, vary, volume_policy)
+        for speed in numbers
     ]
 
 
@@ -401,24 +401,31 @@ def _speeds(given: Sequence[float]) -> list[float]:
     return speeds
 
 
-def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None) -> WeaningStep:
+def _weaning_step(
+    case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None
+) -> WeaningStep:
     if keep is None or vary is None:
         goals = () if keep is None else read_goals(keep, output_names(model_of(case).circuit))
         result = simulate(case, policy)
         numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
         converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
-        message = "; ".join(one.sentence for one in broken(numbers, goals))
+        message = "; ".join(one.sentence for one in broken_goals(numbers, goals))
         message = message if converged else str(result.attrs["message"])
-        return WeaningStep(speed, None, converged and not message, _read(numbers, case), message, warnings)
+        return WeaningStep(
+            speed, None, converged and not message, _weaning_outputs(numbers, case), message, warnings
+        )
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
-    message, outputs = alarms if result.reached else result.message, _read(dict(result.outputs), case)
+    message, outputs = (
+        alarms if result.reached else result.message,
+        _weaning_outputs(dict(result.outputs), case),
+    )
     return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings)
 
 
-def _read(numbers: dict[str, float], case: Case) -> dict[str, float]:
+def _weaning_outputs(numbers: dict[str, float], case: Case) -> dict[str, float]:
     """What is read at the bedside, the velocity-time integral of a stroke among it."""
-    read = {name: numbers[name] for name in READ if name in numbers}
+    read = {name: numbers[name] for name in WEANING_OUTPUTS if name in numbers}
     if "LVO" in read:
         stroke = 1000.0 * read["LVO"] / read.get("heart_rate", case.patient.heart_rate_bpm)
         read["LVOT_VTI_cm"] = stroke / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from eclsim.beat.heartbeat import HEART_RATE
-from eclsim.course.beats import Steady
+from eclsim.course.beats import SteadyState
 from eclsim.orbit.equation import Anchor
 from eclsim.orbit.steady import inverse_jacobian
 from eclsim.outputs.coupling import CoupledAnchor
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
     from eclsim.outputs.steady_beat import SteadyBeat
 
-SETTLED = 3.0
+SETTLING_TIME_CONSTANTS = 3.0
 """Time constants in which the circulation settles: 5 % are left."""
 SMALLEST_MOVE = 1e-3
 """Move, in scales of the slow states, that a slope is learnt from."""
@@ -32,10 +32,10 @@ def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
     modes = np.abs(1.0 - np.linalg.eigvals(np.linalg.pinv(inverse)))
     slowest = float(modes[modes < 1.0].max(initial=0.0))
     period = 60.0 / float(np.asarray(beat.values_in_effect(member)[HEART_RATE]))
-    return float(SETTLED * period / -np.log(slowest)) if slowest > 0.0 else period
+    return float(SETTLING_TIME_CONSTANTS * period / -np.log(slowest)) if slowest > 0.0 else period
 
 
-class Noted(NamedTuple):
+class PredictorSnapshot(NamedTuple):
     """A beat that a predictor had: point, place and outputs."""
 
     point: np.ndarray | None
@@ -74,23 +74,23 @@ class Predictor:
         return self.last[: len(self.last) - len(self.coupled)]
 
     @property
-    def beat(self) -> Steady:
+    def beat(self) -> SteadyState:
         """The last beat."""
         coupled = np.exp(self.last[len(self.state) :]).tolist()
-        return Steady(self.state, dict(zip(self.coupled, coupled, strict=True)))
+        return SteadyState(self.state, dict(zip(self.coupled, coupled, strict=True)))
 
-    def begun(self, circuit: Circuit) -> bool:
+    def has_beat_of(self, circuit: Circuit) -> bool:
         """Whether a beat of that circuit was put."""
         return self.point is not None and self.circuit is circuit
 
-    def guess(self, place: np.ndarray) -> np.ndarray:
+    def predict(self, place: np.ndarray) -> np.ndarray:
         """The point at a place."""
         return self.last if self.kind == "last" else self.last + self.slope @ (place - self.place)
 
     def put(self, beat: SteadyBeat, member: int, place: np.ndarray, circuit: Circuit) -> None:
         """Keep a beat, and learn a slope from it."""
         point = point_of(beat, member)
-        if not self.begun(circuit) or beat.coupled != self.coupled:
+        if not self.has_beat_of(circuit) or beat.coupled != self.coupled:
             self.circuit, self.inverse = circuit, inverse_jacobian(beat.orbits, member)
             self.settling_s = settling_time(beat, member, self.inverse)
             self.slope = np.zeros((len(point), len(place)))
@@ -98,19 +98,19 @@ class Predictor:
             move = place - self.place
             size = float(move @ move)
             if size > SMALLEST_MOVE**2:
-                self.slope = self.slope + np.outer(point - self.guess(place), move / size)
+                self.slope = self.slope + np.outer(point - self.predict(place), move / size)
         self.point, self.place, self.coupled = point, place, beat.coupled
         self.read = {name: float(beat.output(name)[member]) for name in beat.names}
         if beat.response is not None:
             self.response = beat.response[member]
 
-    def noted(self) -> Noted:
+    def snapshot(self) -> PredictorSnapshot:
         """The last beat, to come back to."""
-        return Noted(self.point, self.place, self.read)
+        return PredictorSnapshot(self.point, self.place, self.read)
 
-    def back_to(self, noted: Noted) -> None:
+    def restore(self, snapshot: PredictorSnapshot) -> None:
         """Take an earlier beat of the same circuit for the last one."""
-        self.point, self.place, self.read = noted
+        self.point, self.place, self.read = snapshot
 
     def learn(self, column: int, change: np.ndarray) -> None:
         """The derivative along one slow state, by a difference."""

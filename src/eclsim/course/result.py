@@ -11,7 +11,7 @@ import xarray as xr
 
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import clock_time
-from eclsim.course.gifts import said_of_gifts
+from eclsim.course.fluid_remarks import remarks_on_fluids
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 MOST_SPANS = 4
 TIME, IMPOSSIBLE = "time_min", "impossible"
-DOORS = {"given_ml": GIVEN, "removed_ml": REMOVED, "refilled_ml": REFILLED}
-BALANCE = (*DOORS, "blood_volume_start_ml", "blood_volume_end_ml", "error_ml")
+BALANCE_TERMS = {"given_ml": GIVEN, "removed_ml": REMOVED, "refilled_ml": REFILLED}
+BALANCE = (*BALANCE_TERMS, "blood_volume_start_ml", "blood_volume_end_ml", "error_ml")
 
 
 def labelled_course(
@@ -47,7 +47,7 @@ def labelled_course(
     data = {name: variable(TIME, values, **output_labels(name)) for name, values in outputs.items()}
     for row, state in zip(states, laws.states, strict=True):
         data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state {state.name}")
-    for quantity in laws.shown(states, in_effect):
+    for quantity in laws.derived_quantities(states, in_effect):
         data[quantity.name] = variable(
             TIME, quantity.values, units=quantity.unit, long_name=quantity.description
         )
@@ -63,13 +63,13 @@ def attributes_of(
     warnings: Sequence[str],
     approximations: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """What every course says of itself; `message` is why it ended early, empty where it did not.
+    """Attributes of every course; `message` is why it ended early, empty where it did not.
 
     `approximations` says where steady beats stand for what takes time, `cautions` what of the fluid that is
     given and lost a course does not hold as patients do; both are among `warnings`, too. `balance` is empty
     where nothing began. `case_values` are parameters that are others than the case's, as of a draw.
     """
-    cautions = said_of_gifts(timeline) if balance else []  # none of a patient who did not begin
+    cautions = remarks_on_fluids(timeline) if balance else []  # none of a patient who did not begin
     return {
         "id": timeline.case.patient.id,
         CASE: json.dumps(case_record(timeline.case, policy)),
@@ -97,7 +97,7 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
     if not states.shape[-1]:
         return dict.fromkeys(BALANCE, 0.0)
     change = dict(zip(laws.names, states[:, -1] - states[:, 0], strict=True))
-    doors = {key: float(change.get(name, 0.0)) for key, name in DOORS.items()}
+    doors = {key: float(change.get(name, 0.0)) for key, name in BALANCE_TERMS.items()}
     before, after = (float(in_effect[BLOOD_VOLUME][k] + in_effect[EXTRA_VOLUME][k]) for k in (0, -1))
     moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
     ends = {"blood_volume_start_ml": before, "blood_volume_end_ml": after}
@@ -106,8 +106,8 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
 
 def impossible_among(moment_findings: Sequence[Sequence[Finding]]) -> xr.Variable:
     """At which moments a chamber is without blood or a vein sucked shut, as no patient is; `IMPOSSIBLE`."""
-    found = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
-    return variable(TIME, np.array(found, dtype=int))
+    collapses = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
+    return variable(TIME, np.array(collapses, dtype=int))
 
 
 def impossible_moments(result: xr.Dataset) -> np.ndarray:

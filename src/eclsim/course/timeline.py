@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.cases.quantities import place_of
+from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import Fluid, Solutes
 from eclsim.cases.settings import put_in
 from eclsim.circuit.volumes import start_volume
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
-from eclsim.parameters.fluid import FOLLOWED
+from eclsim.parameters.fluid import SOLUTES_FOLLOWED
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS, EXTRA_VOLUME, UNSTRESSED
 from eclsim.slow import INFLOWS
 
@@ -57,7 +57,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Gift:
+class ConstantInflow:
     """What is given or lost at a constant rate.
 
     Args:
@@ -105,14 +105,14 @@ class Timeline:
         case = self.case.model_copy(update={"events": ()})
         added = {"fluid": case.fluid or Fluid(), "solutes": case.solutes or (Solutes() if case.gas else None)}
         case = case.model_copy(update=added)
-        paths = (place_of(key) for event in self.case.events for key in event.set)
+        paths = (section_and_key(key) for event in self.case.events for key in event.set)
         started = [p for p in paths if p and (p[1].endswith(("_ml_h", "_clamp")) or p[0] == DRUGS)]
         off = {p: 0.0 for p in started if case.setting(*p) is None and p[1] not in SENSITIVITIES}
-        return _with(case, off) if off else case
+        return _with_values(case, off) if off else case
 
     def values_of(self, case: Case, overrides: Mapping[str, float]) -> dict[str, float]:
         """Parameters of a case, some overridden; of solutes only stores where it has none."""
-        unfollowed = {} if self.case.solutes else {FOLLOWED: 0.0}
+        unfollowed = {} if self.case.solutes else {SOLUTES_FOLLOWED: 0.0}
         return {**values_of(case), **unfollowed, **overrides}
 
     @cached_property
@@ -128,14 +128,14 @@ class Timeline:
         for n, event in enumerate(self.case.events, start=1):
             if not event.set:
                 continue
-            now = changed(now, event.set, self.start_case)
+            now = case_with_settings(now, event.set, self.start_case)
             overrides = {key: value for key, value in overrides.items() if key not in _parameters(event.set)}
             after, connected = self.values_of(now, overrides), circuit_of(now)
-            after[UNSTRESSED] += _made(connected, after, *self.start)
+            after[UNSTRESSED] += _adjusted_volume(connected, after, *self.start)
             if connected != circuit:
                 _refuse_ramp(event, n)
                 circuit = connected
-            keys = [key for key, value in after.items() if not _same(values.get(key), value)]
+            keys = [key for key, value in after.items() if not _is_unchanged(values.get(key), value)]
             before = {key: values.get(key, 0.0) for key in keys}
             begin = event.at_min * MINUTE
             changes.append(
@@ -148,10 +148,10 @@ class Timeline:
         return tuple(changes)
 
     @cached_property
-    def gifts(self) -> tuple[Gift, ...]:
+    def constant_inflows(self) -> tuple[ConstantInflow, ...]:
         """What events give and take."""
         return tuple(
-            Gift(event.at_min * MINUTE, (event.at_min + event.over_min) * MINUTE,
+            ConstantInflow(event.at_min * MINUTE, (event.at_min + event.over_min) * MINUTE,
                  {kind: ml / (event.over_min * MINUTE) for kind, ml in event.give.items()})
             for event in self.case.events if event.give
         )  # fmt: skip
@@ -179,14 +179,14 @@ class Timeline:
         moments = [
             0.0,
             self.end,
-            *(t for event in (*self.changes, *self.gifts) for t in (event.begin, event.end)),
+            *(t for event in (*self.changes, *self.constant_inflows) for t in (event.begin, event.end)),
         ]
         return np.unique([t for t in moments if t <= self.end])
 
     @property
     def moments_of_events(self) -> np.ndarray:
-        """Those of the breaks at which something happens [s]."""
-        return self.breaks[0 if self.begins_at_once else 1 : -1]
+        """Times of the breaks at which something happens [s]."""
+        return self.breaks[0 if self.has_event_at_start else 1 : -1]
 
     def circuit(self, segment: int) -> Circuit:
         """The circuit between two breaks, or at the `START`."""
@@ -197,13 +197,13 @@ class Timeline:
         """Parameters at a time [s] from break `segment` to the next, both included."""
         values = dict(self.start[1])
         for change in self._begun(segment):
-            values |= _between(change, time)
+            values |= _interpolated(change, time)
         return values
 
     def ramped(self, segment: int, time: float) -> dict[str, float]:
-        """Those of the parameters that change between two breaks."""
+        """Values of the parameters that change between two breaks."""
         moving = [c for c in self._begun(segment) if c.end > self.breaks[segment]]
-        return {key: value for change in moving for key, value in _between(change, time).items()}
+        return {key: value for change in moving for key, value in _interpolated(change, time).items()}
 
     def ramp_end(self, segment: int) -> float:
         """Where the first ramp that is under way between two breaks ends [s]; its beginning without one."""
@@ -213,16 +213,16 @@ class Timeline:
     def inflows(self, segment: int) -> dict[str, float]:
         """What events give between two breaks, mL/s by kind."""
         rates = {str(kind): 0.0 for kind in INFLOWS}
-        for gift in self.gifts:
+        for gift in self.constant_inflows:
             if segment != START and gift.begin <= self.breaks[segment] < gift.end:
                 for kind, rate in gift.rates.items():
                     rates[kind] += rate
         return rates
 
     @cached_property
-    def begins_at_once(self) -> bool:
+    def has_event_at_start(self) -> bool:
         """Whether anything happens at minute 0."""
-        return any(event.begin == 0.0 for event in (*self.changes, *self.gifts))
+        return any(event.begin == 0.0 for event in (*self.changes, *self.constant_inflows))
 
     def _begun(self, segment: int) -> list[Change]:
         if segment == START:
@@ -230,7 +230,9 @@ class Timeline:
         return [change for change in self.changes if change.begin <= self.breaks[segment]]
 
 
-def _made(circuit: Circuit, values: Mapping[str, float], start: Circuit, own: Mapping[str, float]) -> float:
+def _adjusted_volume(
+    circuit: Circuit, values: Mapping[str, float], start: Circuit, own: Mapping[str, float]
+) -> float:
     """Stressed volume [mL] that vessels of the patient would be filled with for their new compliance.
 
     A case fills its vessels to a pressure. In a course they hold what they held, so that wider ones have a
@@ -242,31 +244,31 @@ def _made(circuit: Circuit, values: Mapping[str, float], start: Circuit, own: Ma
     return float(sum(start_volume(c, {**values, **doors}) - start_volume(c, own) for c in same))
 
 
-def _same(before: float | None, after: float) -> bool:
+def _is_unchanged(before: float | None, after: float) -> bool:
     """Whether a parameter stays; one that is solved for with the gases is NaN before and after."""
     return before == after or (before is not None and math.isnan(before) and math.isnan(after))
 
 
 def _parameters(settings: Mapping[str, object]) -> set[str]:
     """Keys of the parameters that settings of a case are."""
-    paths = [path for key in settings if (path := place_of(key)) is not None]
+    paths = [path for key in settings if (path := section_and_key(key)) is not None]
     return {name for section, name in paths} | {f"{section}.{name}" for section, name in paths}
 
 
-def _between(change: Change, time: float) -> dict[str, float]:
+def _interpolated(change: Change, time: float) -> dict[str, float]:
     share = change.share(time)
     if share == 1.0:
         return dict(change.after)
     return {k: change.before[k] + share * (v - change.before[k]) for k, v in change.after.items()}
 
 
-def changed(case: Case, settings: Mapping[str, object], start: Case) -> Case:
+def case_with_settings(case: Case, settings: Mapping[str, object], start: Case) -> Case:
     """The case with settings put in; open set points of reflexes go on being those of the start."""
-    paths = {path: value for key, value in settings.items() if (path := place_of(key)) is not None}
-    return _with(case, paths).model_copy(update={"as_written": start.as_written or start})
+    paths = {path: value for key, value in settings.items() if (path := section_and_key(key)) is not None}
+    return _with_values(case, paths).model_copy(update={"as_written": start.as_written or start})
 
 
-def _with(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
+def _with_values(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
     from eclsim.cases.reading import read_mapping
 
     changed = read_mapping(put_in(case.as_mapping(), values)[0]).case

@@ -4,7 +4,7 @@ Compared with the patient on ECMO alone at the same speed, every difference spli
 what is left when the patient keeps the stressed volume of the patient without CRRT (the circuit is primed
 with as much as it takes up); `uptake` is the rest: what the missing blood does.
 
-Beats that were not found have no numbers (`eclsim.outputs.steady_beat`); which they are, and why, is said
+Beats that were not found have no numbers (`eclsim.outputs.steady_beat`); which they are, and why, is reported
 here.
 """
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
 
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]
-"""What a dataset is made from: dimensions, values and labels by name."""
+"""Contents of a dataset: dimensions, values and labels by name."""
 ACCESS, RETURN, SPEED = "crrt.access_site", "crrt.return_site", "ecmo.speed_rpm"
 START_PRESSURE, VENOUS_COMPLIANCE = "P0svn", "Csvn"
 
@@ -136,13 +136,13 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
 GROUPS = ("patient", "ecmo", "crrt")
 
 
-EXTRA = ("patient_volume_change", "recirculated_fraction", "past_oxygenator")
+FURTHER_QUANTITIES = ("patient_volume_change", "recirculated_fraction", "past_oxygenator")
 
 
 def quantities(circuits: StudyCircuits) -> tuple[str, ...]:
     """Names of the numbers of a scheme's beat: means of pressures and flows, outputs, and what is added."""
     signals = (s for s in map(str, circuits.circuit.signals()) if s[0] in "PQ")
-    return (*signals, *output_names(circuits.circuit), *EXTRA)
+    return (*signals, *output_names(circuits.circuit), *FURTHER_QUANTITIES)
 
 
 def means(
@@ -206,7 +206,7 @@ def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Seq
         values = np.stack([[r.waveforms[m].values[:, k] for m in sorted(r.waveforms)] for r in runs])
         values = values + unstressed_volume(circuits.circuit, signal, circuits.values)
         data[signal] = (("policy", "scheme", "phase"), values, signal_labels(circuits.circuit, signal))
-    data |= _divided(data)
+    data |= _whole_vessel_pressures(data)
     period = 60.0 / circuits.values["heart_rate_bpm"]
     coordinates = {
         "policy": list(policies),
@@ -228,7 +228,7 @@ def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tupl
     for signal in (s for s in first.signals if s[0] in "PQ"):
         labels = signal_labels(circuit, signal) | {"cell_methods": "phase: mean"}
         data[signal] = (dims, stacked([r.mean(signal) for r in records]), labels)
-    data |= _divided(data)
+    data |= _whole_vessel_pressures(data)
     for name in first.names:
         data[name] = (dims, stacked([r.output(name) for r in records]), output_labels(name))
     for group in (g for g in GROUPS if any(c.group == g for c in circuit.compartments)):
@@ -245,7 +245,7 @@ def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tupl
     return data
 
 
-def _divided(data: Variables) -> Variables:
+def _whole_vessel_pressures(data: Variables) -> Variables:
     """Pressures of vessels that are divided in a patient with regions, by the names of the whole ones."""
     parts = {f"P{vessel}": f"P{part}" for vessel, part in SAME_IN_REGIONS.items()}
     return {vessel: data[part] for vessel, part in parts.items() if part in data}
@@ -323,7 +323,7 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
 # --- blood taken up by the tubing, and changed flow -----------------------------------------------
 
 
-SPLIT = ("Psart", "Psvn", "Ppart", "MAP", "CO", "PF", "EDVRV", "ESVRV")
+SPLIT_QUANTITIES = ("Psart", "Psvn", "Ppart", "MAP", "CO", "PF", "EDVRV", "ESVRV")
 
 
 def split_differences(
@@ -340,7 +340,7 @@ def split_differences(
 
     Returns:
         Over `scheme`: `<name>_difference`, `<name>_uptake`, `<name>_flow`, and `blood_taken_up` [mL]; NaN
-        where one of the beats was not found. `status` tells how the search with the volume kept ended.
+        where one of the beats was not found. `status` is how the search with the volume kept ended.
     """
     import xarray as xr
 
@@ -350,7 +350,7 @@ def split_differences(
         primed = circuits.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
         status = [Status(k).word for k in primed.status]
     result: Variables = {"status": (("scheme",), np.array(status), {})}
-    for name in SPLIT:
+    for name in SPLIT_QUANTITIES:
         base = float(value(without, name)[0])
         total = value(published, name)[at] - base
         flow = np.full_like(total, np.nan) if primed is None else value(primed, name) - base
@@ -374,10 +374,10 @@ def value(records: SteadyBeat, name: str) -> np.ndarray:
 # --- beats that were not found, in words ------------------------------------------------------------
 
 
-FOUND = (Status.CONVERGED.word, GasStatus.STEADY.word)
+SOLVED_STATUSES = (Status.CONVERGED.word, GasStatus.STEADY.word)
 GASES = "gas state"
 WITHOUT_CRRT = "without CRRT"
-WHY = {
+REASONS = {
     "no_ejection": "the native heart ejects next to nothing",
     "not_converged": "the search for it did not converge",
     "not_finite": "pressures or flows became infinite",
@@ -391,7 +391,7 @@ MOST_SPEEDS_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Unsettled:
+class MissingBeats:
     """Beats of one scheme, or their gases, that were not found for one reason.
 
     Args:
@@ -412,17 +412,19 @@ class Unsettled:
 
     @property
     def sentence(self) -> str:
-        """Where there is no steady state, and why."""
+        """Speeds without a steady state, and why."""
         where = f"{self.place} {self.condition}".strip()
-        return f"{where}: {not_found(self.speeds, [self.status] * len(self.speeds), self.state)}"
+        return (
+            f"{where}: {speeds_without_solution(self.speeds, [self.status] * len(self.speeds), self.state)}"
+        )
 
     @property
     def advice(self) -> str:
-        """What the status means and what to do."""
+        """Meaning of the status, and what to do."""
         return (GasStatus if self.state == GASES else Status)[self.status.upper()].message
 
 
-def not_found(speeds: Sequence[float], statuses: Sequence[str], state: str = "beat") -> str:
+def speeds_without_solution(speeds: Sequence[float], statuses: Sequence[str], state: str = "beat") -> str:
     """Speeds without a steady beat or gas state, and the reasons; empty where all are found.
 
     Args:
@@ -430,11 +432,11 @@ def not_found(speeds: Sequence[float], statuses: Sequence[str], state: str = "be
         statuses: one for each speed; those that were found are left out.
         state: "beat" or "gas state".
     """
-    reasons = dict.fromkeys(status for status in statuses if status not in FOUND)
+    reasons = dict.fromkeys(status for status in statuses if status not in SOLVED_STATUSES)
     messages = []
     for reason in reasons:
         affected = [v for v, status in zip(speeds, statuses, strict=True) if status == reason]
-        messages.append(f"no steady {state} at {speeds_text(affected)} ({WHY[reason]})")
+        messages.append(f"no steady {state} at {speeds_text(affected)} ({REASONS[reason]})")
     return ", ".join(messages)
 
 
@@ -443,17 +445,17 @@ def speeds_text(speeds: Sequence[float]) -> str:
     numbers = [f"{speed:.0f}" for speed in speeds]
     if len(numbers) > MOST_SPEEDS_NAMED:
         return f"{len(numbers)} speeds from {numbers[0]} to {numbers[-1]} rpm"
-    return f"{listed(numbers)} rpm"
+    return f"{joined_with_and(numbers)} rpm"
 
 
-def listed(names: Sequence[str]) -> str:
+def joined_with_and(names: Sequence[str]) -> str:
     """Words with commas and an "and" before the last."""
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
-def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
+def unsettled(study: CrrtStudy) -> tuple[MissingBeats, ...]:
     """All beats that were not found, by policy, scheme and reason."""
-    result: list[Unsettled] = []
+    result: list[MissingBeats] = []
     for policy in study.policies:
         for letter in study.means["scheme"].values.astype(str):
             result += _grouped(policy, f"scheme {letter}", study.means.sel(policy=policy, scheme=letter))
@@ -461,24 +463,28 @@ def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
     return (*result, *_primed(study))
 
 
-def _grouped(policy: str, place: str, data: xr.Dataset) -> Iterator[Unsettled]:
+def _grouped(policy: str, place: str, data: xr.Dataset) -> Iterator[MissingBeats]:
     """One entry for each reason; gases of a beat that was not found are not asked for."""
     speeds, beats = data["speed"].values, data["status"].values.astype(str)
-    gases = np.where(data["converged"], data["gas_status"], FOUND[1]) if "gas_status" in data else beats[:0]
+    gases = (
+        np.where(data["converged"], data["gas_status"], SOLVED_STATUSES[1])
+        if "gas_status" in data
+        else beats[:0]
+    )
     for state, reasons in (("beat", beats), (GASES, gases.astype(str))):
-        for reason in dict.fromkeys(reason for reason in reasons if reason not in FOUND):
-            yield Unsettled(policy, place, tuple(speeds[reasons == reason].tolist()), reason, state=state)
+        for reason in dict.fromkeys(reason for reason in reasons if reason not in SOLVED_STATUSES):
+            yield MissingBeats(policy, place, tuple(speeds[reasons == reason].tolist()), reason, state=state)
 
 
-def _primed(study: CrrtStudy) -> Iterator[Unsettled]:
+def _primed(study: CrrtStudy) -> Iterator[MissingBeats]:
     """Schemes whose beat with the volume of the patient without CRRT was not found."""
     if study.uptake is None:
         return
     for letter, status in zip(
         study.uptake["scheme"].values.astype(str), study.uptake["status"].values.astype(str), strict=True
     ):
-        if status not in (*FOUND, NOT_COMPUTED):
-            yield Unsettled("patient_held", f"scheme {letter}", (study.case_speed,), status, PRIMED)
+        if status not in (*SOLVED_STATUSES, NOT_COMPUTED):
+            yield MissingBeats("patient_held", f"scheme {letter}", (study.case_speed,), status, PRIMED)
 
 
 PRIMED = "with the volume of the patient without CRRT"
@@ -496,15 +502,15 @@ def samples_without_a_beat(uncertainty: xr.Dataset) -> dict[str, int]:
 MOST_LINES = 20
 
 
-def not_known(study: CrrtStudy) -> list[str]:
+def missing_beats_text(study: CrrtStudy) -> list[str]:
     """Every beat or gas state that was not found, with its reason and what to do; empty if all were."""
-    places_of: dict[Unsettled, list[str]] = {}
+    places_of: dict[MissingBeats, list[str]] = {}
     for entry in study.unsettled:
         places_of.setdefault(replace(entry, place=""), []).append(entry.place)
     lines = []
     for entry, places in places_of.items():
         how = entry.condition or POLICY_WORDS[entry.policy].partition(":")[0]
-        reasons = not_found(entry.speeds, [entry.status] * len(entry.speeds), entry.state)
+        reasons = speeds_without_solution(entry.speeds, [entry.status] * len(entry.speeds), entry.state)
         lines.append(f"{_places(places)}, {how}: {reasons}")
     if len(lines) > MOST_LINES:
         lines = [*lines[:MOST_LINES], f"and {len(lines) - MOST_LINES} more, see the list in the JSON object"]
@@ -523,13 +529,13 @@ def _places(places: list[str]) -> str:
     letters = [place.removeprefix("scheme ") for place in places if place.startswith("scheme ")]
     others = [place for place in places if not place.startswith("scheme ")]
     terms = [schemes_named(letters)] if letters else []
-    sentence = listed([*terms, *others])
+    sentence = joined_with_and([*terms, *others])
     return sentence[0].upper() + sentence[1:]
 
 
 def schemes_named(letters: list[str]) -> str:
     """Scheme a, or Schemes a, b and c."""
-    return f"Scheme{'s' if len(letters) > 1 else ''} {listed(letters)}"
+    return f"Scheme{'s' if len(letters) > 1 else ''} {joined_with_and(letters)}"
 
 
 # --- the nine schemes at one speed as plain data, for the page -------------------------------------
@@ -543,7 +549,7 @@ LINES = {
 POINTS = 60
 
 
-def nine_at_own_speed(case: Case, policy: str) -> dict[str, object] | None:
+def line_pressures_of_nine_schemes(case: Case, policy: str) -> dict[str, object] | None:
     """Pressures of both lines in each scheme; None without a rotary ECMO pump, or beside named CRRTs.
 
     A scheme whose beat no patient can have is not `possible`, and has no waveforms.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.crrt_study.ranking import Ranked, first_choice, ties
-from eclsim.crrt_study.rule import USUAL, Rule, RuleError, read_rule
+from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
@@ -29,7 +29,7 @@ FITS = "fits"
 
 @dataclass(frozen=True)
 class PointResult:
-    """What the study says for one data point.
+    """Result of the study for one data point.
 
     Args:
         name: of the data point.
@@ -81,7 +81,7 @@ class CohortStudy:
     schemes: tuple[Scheme, ...]
     fitted: FittedCases
     lost: dict[str, str]
-    rule: Rule = USUAL
+    rule: Rule = DEFAULT_RULE
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ class CohortStudy:
 
     @property
     def doubts(self) -> dict[str, tuple[str, ...]]:
-        """What there is to say of fits that are not good, by data point."""
+        """Doubts about fits that are not good, by data point."""
         return {name: case.doubts for name, case in self.fitted.cases.items() if case.doubts}
 
     @property
@@ -152,7 +152,7 @@ class PointOutcome:
 
 
 PRELOAD = ("eclsim.identification.cohort", "eclsim.crrt_study.cohort", "eclsim.outputs.steady_beat")
-"""What a worker needs before its first group."""
+"""Modules that a worker loads before its first group."""
 _FORMAT = json_format(list[PointOutcome])
 
 
@@ -168,7 +168,7 @@ class StudyOptions:
     rule: str | Path | Mapping[str, object] | Rule | None = None
 
     def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
-        """What becomes of each case."""
+        """Outcome of each case."""
         from eclsim.crrt_study.schemes import StudyError
 
         outcomes = []
@@ -274,7 +274,7 @@ def _order(summary: SchemeSummary) -> tuple[float, ...]:
     return -summary.first, median, np.inf if summary.worst_rank is None else summary.worst_rank
 
 
-def answer(study: CohortStudy, policy: str) -> str:
+def conclusion(study: CohortStudy, policy: str) -> str:
     """Does one scheme win for all, in a sentence."""
     winners = {letter: count for letter, count in study.winners(policy).items() if count}
     total, open_ = len(study.points), len(study.undecided(policy))
@@ -291,10 +291,10 @@ def answer(study: CohortStudy, policy: str) -> str:
         return f"Not known: scheme {best} is first in {count} of {total} data points.{doubt}"
     others = ", ".join(f"{letter} in {n}" for letter, n in list(winners.items())[1:])
     text = f"No: scheme {best} is first in {count} of {total} data points, {others}.{doubt}"
-    return f"{text} {_where_not(study, policy, best)}"
+    return f"{text} {_reasons_in_other_points(study, policy, best)}"
 
 
-def _where_not(study: CohortStudy, policy: str, letter: str) -> str:
+def _reasons_in_other_points(study: CohortStudy, policy: str, letter: str) -> str:
     """Why the scheme that is first most often is not first in the other points."""
     rankings = [point.ranked(policy, letter) for point in study.points if point.first(policy) != letter]
     not_first = [

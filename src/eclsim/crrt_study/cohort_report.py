@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eclsim.cases.fit_mark import DOUBTS
-from eclsim.crrt_study.cohort import answer, summaries
+from eclsim.crrt_study.cohort import conclusion, summaries
 from eclsim.crrt_study.ranking import place
 from eclsim.files import csv_text, json_text, write_text
 from eclsim.orbit.model import POLICY_WORDS
@@ -48,7 +48,7 @@ def cohort_json(study: CohortStudy) -> str:
     content = {
         "policies": {
             policy: {
-                "answer": answer(study, policy),
+                "answer": conclusion(study, policy),
                 "schemes": [asdict(summary) for summary in summaries(study, policy)],
             }
             for policy in study.policies
@@ -68,7 +68,7 @@ def show(study: CohortStudy) -> None:
         rows = [list(map(str, row)) for row in _scheme_rows(study, policy)]
         unbroken = [column for column in range(len(heads)) if column != 1]
         show_table(POLICY_WORDS[policy], heads, rows, range(2, len(heads)), unbroken)
-        show_text(answer(study, policy) + "\n")
+        show_text(conclusion(study, policy) + "\n")
 
 
 _HEAD = (
@@ -158,8 +158,8 @@ def _figure(study: CohortStudy) -> Figure:
 
 def _page(study: CohortStudy, drawn: str) -> str:
     main, *others = study.policies
-    answers = [f"Does one scheme win for all? {answer(study, main)}"]
-    answers += [f"When the circuits are primed: {answer(study, policy)}" for policy in others]
+    answers = [f"Does one scheme win for all? {conclusion(study, main)}"]
+    answers += [f"When the circuits are primed: {conclusion(study, policy)}" for policy in others]
     return render(
         "crrt_study/cohort.html",
         title="CRRT on ECMO: a cohort",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 VESSELS = (("Psart", "systemic artery"), ("Ppart", "pulmonary artery"), ("Psvn", "systemic vein"))
 
 
-def extremes(means: xr.Dataset) -> tuple[str, str]:
+def extreme_schemes(means: xr.Dataset) -> tuple[str, str]:
     """Letters of the schemes with the highest and the lowest arterial pressure; empty if none is known."""
     pressure, letters = means["Psart"].values, means["scheme"].values.astype(str)
     if not np.isfinite(pressure).any():
@@ -33,31 +33,33 @@ def extremes(means: xr.Dataset) -> tuple[str, str]:
     return str(letters[np.nanargmax(pressure)]), str(letters[np.nanargmin(pressure)])
 
 
-def unknown(means: xr.Dataset) -> list[str]:
+def schemes_without_beat(means: xr.Dataset) -> list[str]:
     """Letters of the schemes whose beat was not found."""
     return means["scheme"].values.astype(str)[~np.isfinite(means["Psart"].values)].tolist()
 
 
 @figure_style()
-def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset, judged: tuple[Limit, ...] = LIMITS) -> Figure:
+def plot_crrt_beat(
+    waveforms: xr.Dataset, means: xr.Dataset, rule_limits: tuple[Limit, ...] = LIMITS
+) -> Figure:
     """Two beats of every scheme at one speed: pressures of the patient, right ventricle, access and return.
 
     Args:
         waveforms: over `scheme` and `phase`, with `time` [s].
         means: cycle means over `scheme` at the same speed.
-        judged: limits that are drawn.
+        rule_limits: limits that are drawn.
     """
-    highest, lowest = extremes(means)
-    fig, grid = _four_panels(_room(means, highest, lowest))
+    highest, lowest = extreme_schemes(means)
+    fig, grid = _four_panels(_longest_label(means, highest, lowest))
     _draw_vessels(grid[0, 0], waveforms, highest, lowest)
     _draw_loops(grid[0, 1], waveforms, highest, lowest)
     for ax, (line, signal) in zip(grid[1], _PRESSURES.items(), strict=True):
-        _finish_line(ax, line, _curves(ax, waveforms, signal, highest, lowest), highest, lowest, judged)
-    explain_colours(grid[0, 0], highest, lowest, missing=unknown(means))
+        _finish_line(ax, line, _curves(ax, waveforms, signal, highest, lowest), highest, lowest, rule_limits)
+    explain_colours(grid[0, 0], highest, lowest, missing=schemes_without_beat(means))
     return fig
 
 
-def _room(means: xr.Dataset, highest: str, lowest: str) -> int:
+def _longest_label(means: xr.Dataset, highest: str, lowest: str) -> int:
     """Characters of the longest label beside a curve."""
     return 9 if means.sizes["scheme"] <= MOST_LABELS else len(f"{highest} {lowest}")
 
@@ -135,21 +137,21 @@ _PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
 
 def _finish_line(
     ax: Axes, line: str, ends: Mapping[str, tuple[float, float]], highest: str, lowest: str,
-    judged: tuple[Limit, ...],
+    rule_limits: tuple[Limit, ...],
 ) -> None:  # fmt: skip
     """Alarms, letters at the ends of the curves, and title of the access or the return line."""
-    _alarms(ax, line, judged)
+    _alarms(ax, line, rule_limits)
     label_ends(ax, ends, highest, lowest)
     ax.set_title({"access": "c) Access line", "return": "d) Return line"}[line], loc="left")
 
 
-def _alarms(ax: Axes, line: str, judged: tuple[Limit, ...]) -> None:
-    bounds = {limit.name: (limit.low, limit.high) for limit in judged}
+def _alarms(ax: Axes, line: str, rule_limits: tuple[Limit, ...]) -> None:
+    bounds = {limit.name: (limit.low, limit.high) for limit in rule_limits}
     low, high = bounds[f"{line}_alarm"]
     limit_line(ax, high, f"high alarm {high:g}")
     limit_line(ax, low, f"low alarm {low:g}".replace("-", "−"), above=False)
     if line == "access":
-        sansom = " (Sansom 2023)" * (judged == LIMITS)
+        sansom = " (Sansom 2023)" * (rule_limits == LIMITS)
         limit_line(ax, bounds["access_190"][1], f"{bounds['access_190'][1]:g}{sansom}", dotted=True)
     bottom, top = ax.get_ylim()
     finite = [bound for bound in (low, high) if np.isfinite(bound)]
@@ -159,17 +161,17 @@ def _alarms(ax: Axes, line: str, judged: tuple[Limit, ...]) -> None:
 
 
 @figure_style()
-def plot_crrt_speeds(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...] = LIMITS) -> Figure:
+def plot_crrt_speeds(means: xr.Dataset, case_speed: float, rule_limits: tuple[Limit, ...] = LIMITS) -> Figure:
     """Cycle means of every scheme over the ECMO flow: patient, drainage cannula, access and return line.
 
     Args:
         means: over `scheme` and `speed`; pressures [mmHg] and `PF` [L/min].
         case_speed: speed [rpm] that is marked; it also decides which schemes stand out.
-        judged: limits that are drawn.
+        rule_limits: limits that are drawn.
     """
-    highest, lowest = extremes(means.sel(speed=case_speed))
+    highest, lowest = extreme_schemes(means.sel(speed=case_speed))
     gaps = bool(np.isnan(means["Psart"].values).any())
-    fig, grid = _four_panels(_room(means, highest, lowest), 3 if gaps else 2)
+    fig, grid = _four_panels(_longest_label(means, highest, lowest), 3 if gaps else 2)
     for name, label in VESSELS:
         _over_flow(grid[0, 0], means, name, highest, lowest)
         some = means[name].dropna("speed", how="all")
@@ -180,16 +182,18 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float, judged: tuple[Limit, 
     grid[0, 0].set_ylim(bottom=min(-9.0, grid[0, 0].get_ylim()[0]))
     grid[0, 0].set_title("a) Patient", loc="left")
     label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", highest, lowest), highest, lowest)
-    suction = next(limit.low for limit in judged if limit.name == "suction")
+    suction = next(limit.low for limit in rule_limits if limit.name == "suction")
     limit_line(grid[0, 1], suction, f"suction feared below {suction:g}".replace("-", "−"), dotted=True)
     grid[0, 1].set_title("b) ECMO drainage cannula", loc="left")
     for ax, (line, signal) in zip(grid[1], _PRESSURES.items(), strict=True):
-        _finish_line(ax, line, _over_flow(ax, means, signal, highest, lowest), highest, lowest, judged)
+        _finish_line(ax, line, _over_flow(ax, means, signal, highest, lowest), highest, lowest, rule_limits)
     at = means["PF"].sel(speed=case_speed).median().item()
     for ax in grid.flat if np.isfinite(at) else ():
         ax.axvline(at, color=GREY, linewidth=0.6, zorder=1)
     mark = "ECMO flow of the case" if np.isfinite(at) else None
-    explain_colours(grid[0, 0], highest, lowest, mark, unknown(means.sel(speed=case_speed)), gaps)
+    explain_colours(
+        grid[0, 0], highest, lowest, mark, schemes_without_beat(means.sel(speed=case_speed)), gaps
+    )
     return fig
 
 
@@ -263,7 +267,7 @@ def _mark_unknown(ax: Axes, rows: np.ndarray, which: np.ndarray) -> None:
 
 @figure_style()
 def plot_crrt_limits(
-    limits: xr.Dataset, case_flow: float, ranked: list[str], judged: tuple[Limit, ...] = LIMITS
+    limits: xr.Dataset, case_flow: float, ranked: list[str], rule_limits: tuple[Limit, ...] = LIMITS
 ) -> Figure:
     """Largest ECMO flow that every scheme keeps each limit up to.
 
@@ -271,7 +275,7 @@ def plot_crrt_limits(
         limits: `largest_flow`, `flow_at_most` and `state` over `scheme` and `limit`.
         case_flow: ECMO flow [L/min] of the case, marked; NaN if it is not known.
         ranked: schemes from best to worst, top to bottom.
-        judged: limits that were judged.
+        rule_limits: limits of the rule.
     """
     fig = new_figure(PAGE_WIDTH_MM, 22 + 6.5 * max(len(ranked), 5))  # room for label and legend
     ax = fig.subplots()
@@ -287,7 +291,7 @@ def plot_crrt_limits(
             rows[unsure], further, left=flow_kept[unsure], height=0.55, facecolor="white", edgecolor=GREY,
             linestyle=":", hatch="////", linewidth=0.6, label="not known: no steady beat found",
         )  # fmt: skip
-    bounds = {limit.name: (limit.low, limit.high) for limit in judged}
+    bounds = {limit.name: (limit.low, limit.high) for limit in rule_limits}
     marks = {
         "access_alarm": ("access alarm", OKABE_ITO["blue"], "<"),
         "return_alarm": ("return alarm", OKABE_ITO["vermillion"], ">"),

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim import files
-from eclsim.crrt_study.beats import SPLIT, SUMMARISED
+from eclsim.crrt_study.beats import SPLIT_QUANTITIES, SUMMARISED
 from eclsim.crrt_study.limits import Limit
-from eclsim.crrt_study.one_housing import beside_schemes
-from eclsim.crrt_study.ranking import choice, first_choice
+from eclsim.crrt_study.one_housing import compared_with_schemes
+from eclsim.crrt_study.ranking import choice_text, first_choice
 from eclsim.crrt_study.report import EXCHANGE_COLUMNS
 from eclsim.files import Json, finite, frame_text, json_text, write_text
 from eclsim.orbit.model import AS_PUBLISHED, CASE, case_record
@@ -134,7 +134,9 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
         if study.uptake is not None and policy == AS_PUBLISHED:
             split = study.uptake.sel(scheme=scheme.letter)
             schemes[scheme.letter]["difference_to_no_crrt"] = {
-                **{name: _values(split, {p: f"{name}_{p}" for p in DIFFERENCES}) for name in SPLIT},
+                **{
+                    name: _values(split, {p: f"{name}_{p}" for p in DIFFERENCES}) for name in SPLIT_QUANTITIES
+                },
                 **_values(split, {"blood_taken_up_ml": "blood_taken_up", "status": "status"}),
             }
     best = first_choice(study.ranking[policy])
@@ -148,9 +150,9 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
         "speeds": _at_speeds(study, policy),
         "limits": _limits(study.limits.sel(policy=policy), study.rule.limits),
         "first_choice": None if best is None else best.letter,
-        "first_choice_in_words": choice(study, policy),
+        "first_choice_in_words": choice_text(study, policy),
         "ranking": [asdict(ranked) for ranked in study.ranking[policy]],
-        **({"renox": beside_schemes(study, policy)} if study.renox is not None else {}),
+        **({"renox": compared_with_schemes(study, policy)} if study.renox is not None else {}),
     }
 
 
@@ -187,11 +189,11 @@ _LIMIT_KEYS = {
 }  # fmt: skip
 
 
-def _limits(limits: xr.Dataset, judged: Sequence[Limit]) -> dict[str, object]:
+def _limits(limits: xr.Dataset, rule_limits: Sequence[Limit]) -> dict[str, object]:
     definitions = {
         limit.name: {"quantity": limit.quantity, "low_mmhg": limit.low, "high_mmhg": limit.high,
                      "meaning": limit.meaning}
-        for limit in judged
+        for limit in rule_limits
     }  # fmt: skip
     schemes = {
         letter: {

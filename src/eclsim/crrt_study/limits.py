@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.beats import Variables, not_found, speeds_text, value
+from eclsim.crrt_study.beats import Variables, speeds_text, speeds_without_solution, value
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import SUCTION_MMHG
 from eclsim.outputs.alarms import sentences
@@ -77,7 +77,7 @@ CRRT_LIMITS = "crrt"
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class LimitRange:
     """How far a limit is kept as the pump speeds up.
 
     Args:
@@ -96,42 +96,44 @@ class Kept:
     broken_below: tuple[float, ...] = ()
 
 
-def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...] = LIMITS) -> xr.Dataset:
-    """What each scheme keeps at the case's speed, and up to which ECMO flow.
+def largest_flows(
+    means: xr.Dataset, case_speed: float, rule_limits: tuple[Limit, ...] = LIMITS
+) -> xr.Dataset:
+    """Limits that each scheme keeps at the case's speed, and up to which ECMO flow.
 
     Args:
         means: over `policy`, `scheme` and `speed`; pressures, `PF` [L/min] and `status`, NaN without a beat.
         case_speed: speed [rpm] of the case, one of the speeds.
-        judged: limits that are judged.
+        rule_limits: limits of the rule.
 
     Returns:
         Over `policy`, `scheme` and `limit` (the last one, "crrt", is all limits of the CRRT lines together):
-        `state`, `largest_flow` [L/min], `largest_speed` [rpm] and `flow_at_most` [L/min], see `Kept`;
+        `state`, `largest_flow` [L/min], `largest_speed` [rpm] and `flow_at_most` [L/min], see `LimitRange`;
         `kept_throughout`, if the limit is kept at every speed studied; `in_words`; `margin` [mmHg] at the
         case's speed, negative where the limit is broken, NaN where the beat was not found.
     """
     import xarray as xr
 
-    keys = [limit.name for limit in judged] + [CRRT_LIMITS]
+    keys = [limit.name for limit in rule_limits] + [CRRT_LIMITS]
     shape = (means.sizes["policy"], means.sizes["scheme"], len(keys))
-    few = means[[*dict.fromkeys(limit.quantity for limit in judged), "PF", "status"]]
+    few = means[[*dict.fromkeys(limit.quantity for limit in rule_limits), "PF", "status"]]
     speeds = means["speed"].values
     margin, throughout = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
-    kept, texts = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
+    ranges, texts = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
     for p, s in np.ndindex(shape[:2]):
         scheme_means = few.isel(policy=p, scheme=s)
         flow, statuses = scheme_means["PF"].values, scheme_means["status"].values.astype(str).tolist()
-        missing = not_found(speeds.tolist(), statuses)
-        values = {limit.quantity: scheme_means[limit.quantity].values for limit in judged}
-        for k, margins in enumerate(_margins(values, judged).values()):
+        missing = speeds_without_solution(speeds.tolist(), statuses)
+        values = {limit.quantity: scheme_means[limit.quantity].values for limit in rule_limits}
+        for k, margins in enumerate(_margins(values, rule_limits).values()):
             margin[p, s, k] = margins[speeds == case_speed][0]
             throughout[p, s, k] = bool((margins >= 0.0).all())
-            kept[p, s, k] = kept_up_to(speeds, flow, margins)
+            ranges[p, s, k] = limit_range(speeds, flow, margins)
             noun = "its limits" if keys[k] == CRRT_LIMITS else "it"
-            texts[p, s, k] = in_words(kept[p, s, k], missing, noun)
+            texts[p, s, k] = limit_range_text(ranges[p, s, k], missing, noun)
     dims = ("policy", "scheme", "limit")
     data: Variables = {
-        name: (dims, np.array([getattr(each, field) for each in kept.flat]).reshape(shape), about)
+        name: (dims, np.array([getattr(each, field) for each in ranges.flat]).reshape(shape), about)
         for name, (field, about) in _COLUMNS.items()
     }
     about = {"units": "mmHg", "long_name": "distance to the limit at the case's speed; negative: broken"}
@@ -153,14 +155,14 @@ _COLUMNS = {
 }
 
 
-def _margins(values: Mapping[str, np.ndarray], judged: tuple[Limit, ...]) -> dict[str, np.ndarray]:
+def _margins(values: Mapping[str, np.ndarray], rule_limits: tuple[Limit, ...]) -> dict[str, np.ndarray]:
     """Margin of each limit, and the smallest of those of the CRRT lines."""
-    margins = {limit.name: limit.margin(values[limit.quantity]) for limit in judged}
-    margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in judged if limit.of_crrt], axis=0)
+    margins = {limit.name: limit.margin(values[limit.quantity]) for limit in rule_limits}
+    margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in rule_limits if limit.of_crrt], axis=0)
     return margins
 
 
-def kept_up_to(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> Kept:
+def limit_range(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> LimitRange:
     """How far a limit is kept: the last speed that keeps it, and what is known above.
 
     Between two speeds next to each other the margin is interpolated; not across a speed without a beat.
@@ -177,16 +179,16 @@ def kept_up_to(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> Ke
     broken, missing = above[known[above]], above[~known[above]]
     if last < 0:
         if not len(missing):
-            return Kept(NEVER, np.nan, np.nan, np.nan)
-        return Kept(NOT_KNOWN, np.nan, np.nan, _next_flow(flows, broken[broken > missing[-1]]))
+            return LimitRange(NEVER, np.nan, np.nan, np.nan)
+        return LimitRange(NOT_KNOWN, np.nan, np.nan, _next_flow(flows, broken[broken > missing[-1]]))
     lower = tuple(float(v) for v in speeds[:last][margins[:last] < 0.0])
     if not len(above):
-        return Kept(KEPT_TO_THE_END, float(flows[last]), float(speeds[last]), float(flows[last]), lower)
+        return LimitRange(KEPT_TO_THE_END, float(flows[last]), float(speeds[last]), float(flows[last]), lower)
     if len(broken) and broken[0] == last + 1:
         speed, flow = _crossing(speeds[known], flows[known], margins[known], float(speeds[last]))
-        return Kept(BROKEN_ABOVE, flow, speed, flow, lower)
+        return LimitRange(BROKEN_ABOVE, flow, speed, flow, lower)
     at_most = max(_next_flow(flows, broken), float(flows[last]))
-    return Kept(NOT_KNOWN_ABOVE, float(flows[last]), float(speeds[last]), at_most, lower)
+    return LimitRange(NOT_KNOWN_ABOVE, float(flows[last]), float(speeds[last]), at_most, lower)
 
 
 def _next_flow(flows: np.ndarray, broken: np.ndarray) -> float:
@@ -204,33 +206,35 @@ def _crossing(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray, last: 
     return speed, float(PchipInterpolator(speeds, flows)(speed))
 
 
-def in_words(kept: Kept, missing: str, noun: str = "its limits") -> str:
+def limit_range_text(reach: LimitRange, missing: str, noun: str = "its limits") -> str:
     """A sentence without its full stop.
 
     Args:
-        kept: how far.
+        reach: how far the limit is kept.
         missing: which beats were not found, and why; empty if all were.
         noun: what is kept.
     """
     doubt = f"; {missing}" if missing else ""
-    if kept.state == NEVER:
+    if reach.state == NEVER:
         return f"keeps {noun} at no speed studied"
-    if kept.state == NOT_KNOWN:
+    if reach.state == NOT_KNOWN:
         return f"keeps {noun} at no speed whose beat was found{doubt}"
-    text = f"keeps {noun} up to {kept.flow:.1f} L/min"
-    if kept.state == NOT_KNOWN_ABOVE:
+    text = f"keeps {noun} up to {reach.flow:.1f} L/min"
+    if reach.state == NOT_KNOWN_ABOVE:
         further = (
-            f" up to {kept.flow_at_most:.1f} L/min, where it is broken" if kept.flow_at_most < np.inf else ""
+            f" up to {reach.flow_at_most:.1f} L/min, where it is broken"
+            if reach.flow_at_most < np.inf
+            else ""
         )
-        text += f" ({kept.speed:.0f} rpm); above that it is not known{further}: {missing}"
-    elif kept.state == KEPT_TO_THE_END:
+        text += f" ({reach.speed:.0f} rpm); above that it is not known{further}: {missing}"
+    elif reach.state == KEPT_TO_THE_END:
         text += f", the largest flow studied{doubt}"
     else:
         text += f" of ECMO flow{doubt}"
-    return text + (f"; broken at {speeds_text(kept.broken_below)}" if kept.broken_below else "")
+    return text + (f"; broken at {speeds_text(reach.broken_below)}" if reach.broken_below else "")
 
 
-def kept(flow: float, flow_at_most: float, to_the_end: bool) -> str:
+def limit_flow_text(flow: float, flow_at_most: float, to_the_end: bool) -> str:
     """The ECMO flow that keeps a limit: +, kept at the largest speed; ≥, not known above.
 
     Args:
@@ -257,7 +261,7 @@ def uncertainty(
     speed: float,
     policy: str,
     samples: Mapping[str, Sequence[float]],
-    judged: tuple[Limit, ...] = LIMITS,
+    rule_limits: tuple[Limit, ...] = LIMITS,
 ) -> xr.Dataset:
     """Probability that every scheme keeps each limit, and the spread of its pressures.
 
@@ -266,7 +270,7 @@ def uncertainty(
         speed: pump speed [rpm].
         policy: blood volume policy.
         samples: values by parameter, one per sample.
-        judged: limits that are judged.
+        rule_limits: limits of the rule.
 
     Returns:
         Over `scheme`: `settled`, the share of the samples whose steady beat was found, and is one that a
@@ -286,7 +290,7 @@ def uncertainty(
     def values(name: str) -> np.ndarray:
         return np.where(possible, value(records, name), np.nan).reshape(shape)
 
-    margins = _margins({o.quantity: values(o.quantity) for o in judged}, judged)
+    margins = _margins({o.quantity: values(o.quantity) for o in rule_limits}, rule_limits)
     counts = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
     known, total = settled.sum(axis=1)[:, None], settled.shape[1]
     dims = ("scheme", "limit")
@@ -314,7 +318,7 @@ def uncertainty(
     return xr.Dataset(data, coordinates, attributes)
 
 
-JUDGED = ("crrt_access_pressure", "crrt_return_pressure", "lowest_drainage_pressure")
+LIMITED_OUTPUTS = ("crrt_access_pressure", "crrt_return_pressure", "lowest_drainage_pressure")
 """Outputs whose limits the study has tables of."""
 
 
@@ -325,7 +329,7 @@ def beat_warnings(
     without_crrt: SteadyBeat,
     assumed: Sequence[str],
 ) -> tuple[str, ...]:
-    """What there is to say of the beats at the case's speed: without CRRT, and of schemes beyond that.
+    """Warnings of the beats at the case's speed: without CRRT, and further ones of schemes.
 
     Args:
         circuits: of the study.
@@ -333,7 +337,7 @@ def beat_warnings(
         members: those at the case's speed, a member for each scheme; of the first scheme that is the place of
             the speed as well.
         without_crrt: beats of the patient on ECMO alone.
-        assumed: sentences that are said already.
+        assumed: sentences that are shown already.
     """
     alone = without_crrt.findings(members[0]) if without_crrt.determined[members[0]] else []
     schemes: dict[tuple[str, str], list[str]] = {}
@@ -341,12 +345,15 @@ def beat_warnings(
     for scheme, member in zip(circuits.schemes, members, strict=True):
         for finding in run.findings(member) if run.determined[member] else ():
             key = finding.kind, finding.quantity
-            if finding.quantity not in JUDGED and finding.sentence not in assumed:
+            if finding.quantity not in LIMITED_OUTPUTS and finding.sentence not in assumed:
                 schemes.setdefault(key, []).append(scheme.letter)
                 first.setdefault(key, *sentences([finding]))
     known = {(finding.kind, finding.quantity) for finding in alone}
     own = (
-        f"without CRRT: {sentence}" for sentence in sentences(f for f in alone if f.quantity not in JUDGED)
+        f"without CRRT: {sentence}"
+        for sentence in sentences(f for f in alone if f.quantity not in LIMITED_OUTPUTS)
     )
-    more = (f"scheme {', '.join(schemes[key])}: {said}" for key, said in first.items() if key not in known)
+    more = (
+        f"scheme {', '.join(schemes[key])}: {sentence}" for key, sentence in first.items() if key not in known
+    )
     return (*own, *more)

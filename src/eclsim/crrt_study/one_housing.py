@@ -37,7 +37,7 @@ COLUMNS = {
     "filtration_fraction": "filtration_fraction", "effluent_pressure_mmhg": "effluent_pressure",
     "SreturnO2": "SreturnO2", "SaO2": "SaO2", "PaCO2": "PaCO2",
 }  # fmt: skip
-"""What of a scheme is set beside RenOx, by its key in JSON."""
+"""Quantities of a scheme compared with RenOx, by their keys in JSON."""
 
 
 def without_renox(case: Case) -> Case:
@@ -87,7 +87,7 @@ def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> x
     return xr.Dataset(data, {"policy": list(policies), "speed": speeds}, attributes)
 
 
-def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, float | bool | None]]:
+def compared_with_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, float | bool | None]]:
     """RenOx and every scheme at the case's speed, in the order of the ranking; empty without RenOx.
 
     Lines that are not there have no pressures and no alarms; without a beat nothing is known of RenOx.
@@ -97,11 +97,11 @@ def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, floa
     if study.renox is None:
         return {}
     renox = study.renox.sel(policy=policy, speed=study.case_speed)
-    found = bool(np.isfinite(float(renox["PF"])))
+    has_beat = bool(np.isfinite(float(renox["PF"])))
     result: dict[str, Mapping[str, float | bool | None]] = {
         "RenOx": {
-            "access_mmhg": None, "return_mmhg": None, "alarms_kept": True if found else None,
-            "blood_taken_up_ml": 0.0 if found else None,
+            "access_mmhg": None, "return_mmhg": None, "alarms_kept": True if has_beat else None,
+            "blood_taken_up_ml": 0.0 if has_beat else None,
             "urea_ml_min": float(renox["renox_clearance_urea"]),
             "filtration_fraction": float(renox["renox_filtration_fraction"]),
             "effluent_pressure_mmhg": float(renox["renox_effluent_pressure"]),

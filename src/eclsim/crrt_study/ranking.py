@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.beats import GASES, listed, not_found, schemes_named
+from eclsim.crrt_study.beats import GASES, joined_with_and, schemes_named, speeds_without_solution
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, LIMITS
-from eclsim.crrt_study.rule import FLOW, ON_PATIENT, PAST_OXYGENATOR, USUAL, Rule
+from eclsim.crrt_study.rule import DEFAULT_RULE, FLOW, ON_PATIENT, PAST_OXYGENATOR, Rule
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,7 +80,7 @@ class Ranked:
 
     @property
     def most_flow(self) -> float:
-        """What `flow_at_most` counts for where the rule compares."""
+        """Value of `flow_at_most` where the rule compares."""
         return np.inf if self.throughout else self.flow_at_most
 
     @property
@@ -91,7 +91,7 @@ class Ranked:
 
 
 def rank(
-    means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...], rule: Rule = USUAL
+    means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...], rule: Rule = DEFAULT_RULE
 ) -> tuple[Ranked, ...]:
     """Schemes from best to worst for one policy at one speed; those without a place last.
 
@@ -101,8 +101,8 @@ def rank(
         schemes: those of the study.
         rule: by which.
     """
-    judged = [_judge(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s, rule) for s in schemes]
-    known, unknown = [r for r in judged if r.known], [r for r in judged if not r.known]
+    assessed = [_assessed(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s, rule) for s in schemes]
+    known, unknown = [r for r in assessed if r.known], [r for r in assessed if not r.known]
 
     def order(scheme: Ranked) -> tuple[object, ...]:
         return (scheme.places, *(c.key(scheme.compared[c.quantity]) for c in rule.criteria))
@@ -138,17 +138,19 @@ def candidates(ranking: Sequence[Ranked]) -> list[Ranked]:
 def _placed(scheme: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
     """With the best and the worst place among the schemes that are known, and the rank where they agree."""
     others = [other for other in known if other is not scheme]
-    better = sum(_before(other, scheme, rule) is True for other in others)
-    open_against = [other for other in others if _before(other, scheme, rule) is None]
+    better = sum(_is_better(other, scheme, rule) is True for other in others)
+    open_against = [other for other in others if _is_better(other, scheme, rule) is None]
     places = (1 + better, 1 + better + len(open_against))
     if not open_against:
         return replace(scheme, rank=places[0], places=places)
-    reason = f"place {places[0]} to {places[1]}: {_open(scheme, open_against, rule)} is not known"
+    reason = (
+        f"place {places[0]} to {places[1]}: {_missing_numbers_text(scheme, open_against, rule)} is not known"
+    )
     return replace(scheme, places=places, why_no_rank=reason)
 
 
-def _open(scheme: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
-    """What is not known of a scheme, or of those that it may stand before or behind."""
+def _missing_numbers_text(scheme: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
+    """First quantity of the rule that is unknown of a scheme, or of those it is compared with, in words."""
     missing = scheme.unknown.union(*(other.unknown for other in others))
     quantity = next(criterion.quantity for criterion in rule.criteria if criterion.quantity in missing)
     letters = [] if quantity in scheme.unknown else [o.letter for o in others if quantity in o.unknown]
@@ -159,7 +161,7 @@ def _open(scheme: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
     return f"the ECMO flow up to which {keeps} limits"
 
 
-def _before(a: Ranked, b: Ranked, rule: Rule) -> bool | None:
+def _is_better(a: Ranked, b: Ranked, rule: Rule) -> bool | None:
     """Whether a scheme is better than another; None where what is known does not tell."""
     for criterion in rule.criteria:
         unknown = criterion.quantity in a.unknown or criterion.quantity in b.unknown
@@ -176,10 +178,10 @@ def _before(a: Ranked, b: Ranked, rule: Rule) -> bool | None:
     return False
 
 
-def _judge(means: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> Ranked:
+def _assessed(means: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> Ranked:
     margin = {str(k): float(limits["margin"].sel(limit=k)) for k in limits["limit"].values}
     limit = limits.sel(limit=CRRT_LIMITS)
-    missing = not_found([float(means["speed"])], [str(means["status"].item())])
+    missing = speeds_without_solution([float(means["speed"])], [str(means["status"].item())])
     numbers = {
         **margin,
         "alarms": min(margin["access_alarm"], margin["return_alarm"]),
@@ -214,14 +216,14 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
     if not ranked.known:
         return [ranked.why_no_rank.removeprefix("no place: "), flows]
     access_pressure, return_pressure = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
-    texts = [f"access {_whole(access_pressure)} mmHg, return {_whole(return_pressure)} mmHg"]
+    texts = [f"access {_integer_text(access_pressure)} mmHg, return {_integer_text(return_pressure)} mmHg"]
     if not ranked.alarms_kept:
         texts.append("breaks a pressure alarm of the machine")
     if not ranked.access_190_kept:
         texts.append(_beyond_access_limit(access_pressure, rule))
     if ranked.lowest_site_pressure < 0.0:
         texts.append(
-            f"a line attaches at {_whole(ranked.lowest_site_pressure)} mmHg: a leak there draws in air"
+            f"a line attaches at {_integer_text(ranked.lowest_site_pressure)} mmHg: a leak there draws in air"
         )
     texts.append(flows)
     if ranked.recirculated >= 0.005:
@@ -233,7 +235,7 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
     if (share := float(means[PAST_OXYGENATOR])) > 0.0:
         texts.append(f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator")
     if "gas_status" in means:
-        gases = not_found([float(means["speed"])], [str(means["gas_status"].item())], GASES)
+        gases = speeds_without_solution([float(means["speed"])], [str(means["gas_status"].item())], GASES)
         texts += [gases] if gases else []
     return texts
 
@@ -248,7 +250,7 @@ def _beyond_access_limit(pressure: float, rule: Rule) -> str:
     return f"{text}, the limit of {rule.name}"
 
 
-def _whole(value: float) -> str:
+def _integer_text(value: float) -> str:
     """A whole number with a real minus sign."""
     return f"{value:.0f}".replace("-", "−")
 
@@ -262,22 +264,27 @@ IN_ANOTHER_POLICY = {
 MOST_LINES = 20
 
 
-def choice(study: CrrtStudy, policy: str) -> list[str]:
+def choice_text(study: CrrtStudy, policy: str) -> list[str]:
     """Which scheme is first and why, or what is missing to tell; the first line is the answer."""
     ranking = study.ranking[policy]
     best, unknown = best_known(ranking), [r for r in ranking if not r.known]
-    left_out = _left_out(unknown)
+    left_out = _unranked_text(unknown)
     if best is not None:
-        left_out = [*_instead(study, ranking, best), *left_out]
+        left_out = [*_alternatives_text(study, ranking, best), *left_out]
         tied = ties(ranking)
-        equal = [f"schemes {listed(tied)} share its place: the rule does not tell them apart"] if tied else []
+        equal = (
+            [f"schemes {joined_with_and(tied)} share its place: the rule does not tell them apart"]
+            if tied
+            else []
+        )
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
         if not unknown:
             second = next((r for r in ranking if r.decided_by), None)
             them = "them" if tied else "it"
             by = [f"what places {them} before scheme {second.letter}: {second.decided_by}"] if second else []
             if tied:
-                answer = f"First for this patient: schemes {listed(tied)}, which the rule does not tell apart"
+                letters = joined_with_and(tied)
+                answer = f"First for this patient: schemes {letters}, which the rule does not tell apart"
                 first = ranking[: min(len(tied), MOST_LINES)]
                 reasons = (f"Scheme {r.letter}: {'; '.join(r.reasons)}" for r in first)
                 return [answer, *by, *reasons, *left_out]
@@ -288,12 +295,13 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
     possible = candidates(ranking)
     if not possible:
         return ["No scheme can be ranked", *left_out]
-    answer = f"No first choice can be named: schemes {listed([r.letter for r in possible])} may each be first"
+    letters = joined_with_and([r.letter for r in possible])
+    answer = f"No first choice can be named: schemes {letters} may each be first"
     lines = [f"Scheme {r.letter}: {r.why_no_rank}; {'; '.join(r.reasons)}" for r in possible]
     return [answer, *lines[:MOST_LINES], *left_out]
 
 
-def _instead(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked) -> list[str]:
+def _alternatives_text(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked) -> list[str]:
     """What the best scheme does not have, and the best of those that have it."""
     schemes = {scheme.letter: scheme for scheme in study.schemes}
     chosen, lines = schemes[best.letter], []
@@ -314,7 +322,7 @@ def _instead(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked) -> list[
     return lines
 
 
-def _left_out(unknown: list[Ranked]) -> list[str]:
+def _unranked_text(unknown: list[Ranked]) -> list[str]:
     """Schemes without a place, those with the same reason together."""
     letters_of: dict[str, list[str]] = {}
     for r in unknown:
@@ -322,7 +330,7 @@ def _left_out(unknown: list[Ranked]) -> list[str]:
     return [f"{schemes_named(letters)}: {reason}" for reason, letters in letters_of.items()]
 
 
-def choice_elsewhere(study: CrrtStudy, policy: str) -> str | None:
+def choice_in_other_policy(study: CrrtStudy, policy: str) -> str | None:
     """Which scheme is first under the other blood volume policy; None if only one was studied."""
     others = [p for p in study.policies if p != policy]
     if not others:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eclsim.crrt_study.beats import not_known
-from eclsim.crrt_study.limits import KEPT_TO_THE_END, kept
-from eclsim.crrt_study.one_housing import beside_schemes
-from eclsim.crrt_study.ranking import choice, choice_elsewhere, place
+from eclsim.crrt_study.beats import missing_beats_text
+from eclsim.crrt_study.limits import KEPT_TO_THE_END, limit_flow_text
+from eclsim.crrt_study.one_housing import compared_with_schemes
+from eclsim.crrt_study.ranking import choice_in_other_policy, choice_text, place
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
 from eclsim.reporting.html import Table, render, svg_text
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
 
 PAGE = "crrt_study.html"
-"""What the end of the name of a file with the page is."""
+"""End of the name of a file with the page."""
 
 
 class Column(NamedTuple):
@@ -92,8 +92,8 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
         crrt_flow=f"{study.crrt_flow_ml_min:g}",
         schemes=study.schemes,
         speeds=study.means.sizes["speed"],
-        answer=[*choice(study, main), *filter(None, [choice_elsewhere(study, main)])],
-        not_known=not_known(study),
+        answer=[*choice_text(study, main), *filter(None, [choice_in_other_policy(study, main)])],
+        not_known=missing_beats_text(study),
         known=known,
         ranking=_ranking_table(study, main),
         order=[criterion.sentence for criterion in study.rule.criteria],
@@ -141,7 +141,8 @@ def _ranking_table(study: CrrtStudy, policy: str) -> Table:
     names = {s.letter: s.name for s in study.schemes}
     rows = [
         (
-            place(r), r.letter, names[r.letter], kept(r.largest_flow, r.flow_at_most, r.throughout),
+            place(r), r.letter, names[r.letter],
+            limit_flow_text(r.largest_flow, r.flow_at_most, r.throughout),
             r.decided_by or "–",
             "; ".join([r.why_no_rank] * bool(r.known and r.why_no_rank) + list(r.reasons)),
         )
@@ -207,14 +208,14 @@ RENOX_COLUMNS = (
         Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
 )
-"""What is set beside RenOx, a table each that fits a page; names are keys in JSON."""
+"""Quantities compared with RenOx, a table each that fits a page; names are keys in JSON."""
 KEPT_LABELS: dict[float | bool | None, str] = {True: "kept", False: "broken", None: "not known"}
 
 
 def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
     """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
     rows = []
-    for name, values in beside_schemes(study, policy).items():
+    for name, values in compared_with_schemes(study, policy).items():
         no_lines = name == "RenOx" and values["alarms_kept"] is not None  # else its beat was not found
         alarms = "no lines" if no_lines else KEPT_LABELS[values["alarms_kept"]]
         rows.append(([name, alarms], values, "none" if no_lines else number(None)))
@@ -239,7 +240,7 @@ def _means_table(study: CrrtStudy, policy: str) -> Table:
 
 
 def _of_schemes(study: CrrtStudy, summary: xr.Dataset) -> str:
-    """Of how many schemes a median is; empty if of all."""
+    """How many schemes a median is taken over, in words; empty if over all."""
     known, total = int(summary["schemes_known"]), len(study.schemes)
     return "" if known == total else f" of {known} of {total}"
 
@@ -272,7 +273,9 @@ def _limits_table(study: CrrtStudy, policy: str) -> Table:
         for name in ("access_alarm", "return_alarm", "access_190", "suction", "crrt"):
             data = limits.sel(scheme=ranked.letter, limit=name)
             to_the_end = data["state"].item() == KEPT_TO_THE_END
-            cells.append(kept(float(data["largest_flow"]), float(data["flow_at_most"]), to_the_end))
+            cells.append(
+                limit_flow_text(float(data["largest_flow"]), float(data["flow_at_most"]), to_the_end)
+            )
         rows.append(
             [
                 ranked.letter,
@@ -371,14 +374,14 @@ def drawings(study: CrrtStudy) -> dict[str, str]:
 
     policy, speed = study.policies[0], study.case_speed
     means = study.means.sel(policy=policy)
-    ranked, judged = study.ranking[policy], study.rule.limits
+    ranked, rule_limits = study.ranking[policy], study.rule.limits
     best_first = [r.letter for r in ranked]
     flow = float(study.without_crrt["PF"].sel(policy=policy, speed=speed))
     figures = {
         "schemes": draw_schemes(study.schemes, {r.letter: place(r) for r in ranked}),
-        "beat": plot_crrt_beat(study.waveforms.sel(policy=policy), means.sel(speed=speed), judged),
-        "speeds": plot_crrt_speeds(means, speed, judged),
-        "limits": plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first, judged),
+        "beat": plot_crrt_beat(study.waveforms.sel(policy=policy), means.sel(speed=speed), rule_limits),
+        "speeds": plot_crrt_speeds(means, speed, rule_limits),
+        "limits": plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first, rule_limits),
     }
     if study.uptake is not None:
         figures["uptake"] = plot_crrt_uptake(
@@ -413,11 +416,11 @@ def show(study: CrrtStudy) -> None:
         rows = [
             (
                 place(r), r.letter, names[r.letter], *_cells(means.sel(scheme=r.letter), _COLUMNS),
-                kept(r.largest_flow, r.flow_at_most, r.throughout),
+                limit_flow_text(r.largest_flow, r.flow_at_most, r.throughout),
             )
             for r in ranked
         ]  # fmt: skip
         show_table(title, heads, rows, range(3, len(heads)))
-        show_text("\n  ".join(choice(study, policy)) + "\n")
+        show_text("\n  ".join(choice_text(study, policy)) + "\n")
     for sentence in study.assumed:
         show_text(f"{sentence[0].upper()}{sentence[1:]}")

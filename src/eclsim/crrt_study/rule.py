@@ -32,7 +32,14 @@ from eclsim.spelling import spelling_hint
 FLOW = "largest_flow"
 ON_PATIENT = "lines_on_patient"
 PAST_OXYGENATOR = "past_oxygenator"
-JUDGED = ("alarms", "margin", *(limit.name for limit in LIMITS), "lowest_site_pressure", ON_PATIENT, FLOW)
+RULE_QUANTITIES = (
+    "alarms",
+    "margin",
+    *(limit.name for limit in LIMITS),
+    "lowest_site_pressure",
+    ON_PATIENT,
+    FLOW,
+)
 """Quantities that a rule may use besides all pressures, flows and outputs of the study."""
 
 
@@ -78,7 +85,7 @@ class Criterion:
             raise ValueError(f"step = {self.step:g}: allowed: zero or above")
 
     def key(self, value: float) -> float:
-        """What to sort by: the smaller, the better; an unknown value is worst."""
+        """Key to sort by: the smaller, the better; an unknown value is worst."""
         if self.prefer is None:
             low, high = self.at_least, self.at_most
             return float(not ((low is None or value >= low) and (high is None or value <= high)))
@@ -89,7 +96,7 @@ class Criterion:
 
     @property
     def sentence(self) -> str:
-        """What it asks for, in words."""
+        """The rule in words."""
         if self.words:
             return self.words
         bounds = {"at least": self.at_least, "at most": self.at_most}
@@ -128,7 +135,7 @@ class Rule:
         return next(limit.high for limit in self.limits if limit.name == "access_190")
 
     def as_object(self) -> dict[str, object]:
-        """As plain data, which `read_rule` takes too; an infinite bound is None."""
+        """Plain data, which `read_rule` takes too; an infinite bound is None."""
         criteria = [
             {k: v for k, v in asdict(criterion).items() if v not in (None, "")} for criterion in self.criteria
         ]
@@ -136,7 +143,7 @@ class Rule:
         return {"name": self.name, "criteria": criteria, "limits": bounds}
 
 
-def usual_criteria(limits: tuple[Limit, ...] = LIMITS) -> tuple[Criterion, ...]:
+def default_criteria(limits: tuple[Limit, ...] = LIMITS) -> tuple[Criterion, ...]:
     """Criteria of the usual rule, in words with the bounds of these limits."""
     access = next(limit for limit in limits if limit.name == "access_190")
     bounds = (
@@ -172,11 +179,11 @@ def usual_criteria(limits: tuple[Limit, ...] = LIMITS) -> tuple[Criterion, ...]:
     )  # fmt: skip
 
 
-USUAL = Rule("the usual rule", usual_criteria())
+DEFAULT_RULE = Rule("the usual rule", default_criteria())
 
 
-class _File(BaseModel):
-    """What a rule's file holds."""
+class _RuleFile(BaseModel):
+    """Contents of a rule's file."""
 
     model_config = ConfigDict(extra="forbid", strict=False)
     name: str
@@ -211,7 +218,7 @@ class _File(BaseModel):
             low, high = _bounds(self.limits.get(limit.name, (limit.low, limit.high)))
             own = replace(limit, low=low, high=high, meaning=f"limit of {self.name}")
             limits.append(limit if (low, high) == (limit.low, limit.high) else own)
-        return Rule(self.name, self.criteria or usual_criteria(tuple(limits)), tuple(limits))
+        return Rule(self.name, self.criteria or default_criteria(tuple(limits)), tuple(limits))
 
 
 def _bounds(bounds: tuple[float | None, float | None]) -> tuple[float, float]:
@@ -226,7 +233,7 @@ def read_rule(source: str | Path | Mapping[str, object] | Rule | None) -> Rule:
         RuleError: it cannot be read; a line for all that is wrong.
     """
     if source is None or isinstance(source, Rule):
-        return source or USUAL
+        return source or DEFAULT_RULE
     place, content = "rule", source
     if not isinstance(source, Mapping):
         place = str(source)
@@ -235,7 +242,7 @@ def read_rule(source: str | Path | Mapping[str, object] | Rule | None) -> Rule:
         except (OSError, ValueError) as error:
             raise RuleError(f"{place}: cannot be read as TOML: {error}") from None
     try:
-        return _File.model_validate(content).rule()
+        return _RuleFile.model_validate(content).rule()
     except ValidationError as refused:
         raise RuleError("\n".join(f"{place}: {_mistake(error)}" for error in refused.errors())) from None
 
@@ -245,7 +252,7 @@ def _mistake(error: Mapping[str, object]) -> str:
     path = [str(word) for word in error["loc"]]  # pyright: ignore[reportGeneralTypeIssues]  # a tuple
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        known = [f.name for f in fields(Criterion)] if "criteria" in path else list(_File.model_fields)
+        known = [f.name for f in fields(Criterion)] if "criteria" in path else list(_RuleFile.model_fields)
         text = f"unknown key; allowed: {', '.join(known)}{spelling_hint(path[-1], known)}"
     if error["type"] == "dataclass_type":
         text = "allowed: a table, [[criteria]] with quantity and a bound or prefer"
@@ -254,9 +261,10 @@ def _mistake(error: Mapping[str, object]) -> str:
 
 def check_quantities(rule: Rule, known: Collection[str]) -> None:
     """Raise `RuleError` for quantities that a study does not have."""
-    names = (*JUDGED, *known)
+    names = (*RULE_QUANTITIES, *known)
     lines = [
-        f"{rule.name}: quantity = '{c.quantity}': not computed for this case; allowed: {', '.join(JUDGED)}, "
+        f"{rule.name}: quantity = '{c.quantity}': not computed for this case; "
+        f"allowed: {', '.join(RULE_QUANTITIES)}, "
         f"any output of it{spelling_hint(c.quantity, names)}"
         for c in rule.criteria
         if c.quantity not in names

@@ -1,6 +1,6 @@
 """How a CRRT circuit can be connected to an ECMO circuit, and what the study asks of a case and its options.
 
-Nothing here computes, so that input errors are told at once.
+Nothing here computes, so that input errors are reported at once.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BEHIND_OXYGENATOR = ("post_oxy", "pre_rc")
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """Where the CRRT draws blood and where it gives it back.
+    """A scheme: where the CRRT draws blood and where it returns it.
 
     Args:
         letter: key of the scheme; a to i for those of Figure 2 of Thiel et al., else "access:return".
@@ -140,7 +140,7 @@ def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLIS
     wrong = []
     for name in names:
         try:
-            chosen.update({scheme.letter: scheme for scheme in _meant(name, nine)})
+            chosen.update({scheme.letter: scheme for scheme in _schemes_of_word(name, nine)})
         except SchemeError as error:
             wrong.append(str(error))
     if wrong:
@@ -154,7 +154,7 @@ def _allowed() -> str:
     return f"letters a to i, {groups}, or access:return with {positions} or a patient's compartment"
 
 
-def _meant(word: str, nine: dict[str, Scheme]) -> list[Scheme]:
+def _schemes_of_word(word: str, nine: dict[str, Scheme]) -> list[Scheme]:
     if word in nine:
         return [nine[word]]
     if word == NINE:
@@ -189,7 +189,7 @@ def _unknown(word: str, known: Sequence[str]) -> str:
 AS_PUBLISHED = "as_published"
 BOTH = "both"
 VOLUME_POLICIES = (AS_PUBLISHED, "patient_held")
-USUAL_FLOW_ML_MIN = 200.0
+DEFAULT_FLOW_ML_MIN = 200.0
 
 
 class StudyError(ValueError):
@@ -243,7 +243,7 @@ def named_crrts(case: Case) -> list[str]:
     return [key for key in case.other_devices if device_key(key) == "crrt"]
 
 
-def usual_speeds(case: Case) -> tuple[float, ...]:
+def default_speeds(case: Case) -> tuple[float, ...]:
     """Speeds [rpm] over the range in use of the case's pump."""
     assert case.ecmo is not None
     assert isinstance(case.ecmo.pump, str)
@@ -286,7 +286,7 @@ def check_flow(flow: float) -> None:
 def crrt_flow(case: Case, requested: float | None) -> float:
     """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
     if requested is None:
-        requested = USUAL_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
+        requested = DEFAULT_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
     requested = number_of("crrt_flow_ml_min", requested)
     check_flow(requested)
     return requested

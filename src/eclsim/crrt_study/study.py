@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.rule import USUAL, Rule, check_quantities, read_rule
+from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, check_quantities, read_rule
 from eclsim.crrt_study.schemes import (
     AS_PUBLISHED,
     BOTH,
@@ -23,10 +23,10 @@ from eclsim.crrt_study.schemes import (
     case_speed,
     check_speeds,
     crrt_flow,
+    default_speeds,
     parse_speeds,
     policies_of,
     select_schemes,
-    usual_speeds,
 )
 from eclsim.orbit.model import CaseSource, as_case
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from eclsim.cases.case import Case
-    from eclsim.crrt_study.beats import Unsettled
+    from eclsim.crrt_study.beats import MissingBeats
     from eclsim.crrt_study.ranking import Ranked
     from eclsim.files import Json
 
@@ -63,7 +63,7 @@ class CrrtStudy:
         renox: oxygenator and dialyzer in one housing on the beats without CRRT, over `policy` and `speed`;
             None where the case has no fluids for it.
         assumed: what numbers of the study follow from without a source, a sentence each.
-        warnings: what there is to say of the beats at the case's speed under the first policy.
+        warnings: of the beats at the case's speed under the first policy.
     """
 
     case: Case
@@ -78,7 +78,7 @@ class CrrtStudy:
     uptake: xr.Dataset | None
     ranking: dict[str, tuple[Ranked, ...]]
     uncertainty: xr.Dataset | None = None
-    rule: Rule = USUAL
+    rule: Rule = DEFAULT_RULE
     renox: xr.Dataset | None = None
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -98,7 +98,7 @@ class CrrtStudy:
         return self.means
 
     def as_object(self) -> dict[str, Json]:
-        """As plain data for JSON, what `eclsim crrt-study --json` writes."""
+        """Plain data for JSON, what `eclsim crrt-study --json` writes."""
         from eclsim.crrt_study.files import study_object
 
         return study_object(self)
@@ -109,7 +109,7 @@ class CrrtStudy:
         return not self.unsettled and not self.samples_without_a_beat
 
     @property
-    def unsettled(self) -> tuple[Unsettled, ...]:
+    def unsettled(self) -> tuple[MissingBeats, ...]:
         """Beats that were not found, by policy, scheme and reason."""
         from eclsim.crrt_study.beats import unsettled
 
@@ -135,7 +135,7 @@ def crrt_study(
     rule: str | Path | Mapping[str, object] | Rule | None = None,
     progress: Callable[[object], None] = lambda _: None,
 ) -> CrrtStudy:
-    """Where the CRRT lines go on an ECMO circuit: each scheme simulated, held against limits, and ranked.
+    """Where the CRRT lines go on an ECMO circuit: each scheme simulated, compared with limits, and ranked.
 
     Args:
         case: case or its file, with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
@@ -149,7 +149,7 @@ def crrt_study(
         samples: values by parameter, one per sample of the patient's posterior; the limits are then held
             against each, at the case's speed and the first policy.
         rule: a centre's own rule of ranking or its file, see `eclsim.crrt_study.rule`; left out, the usual.
-        progress: is told what is being computed.
+        progress: called with what is being computed.
 
     Raises:
         CaseError: If the file cannot be read, or samples have names that the study does not read, different
@@ -177,7 +177,7 @@ def crrt_study(
     case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
     own_speed = case_speed(case)
-    asked = usual_speeds(case) if speeds is None else _speeds(speeds)
+    asked = default_speeds(case) if speeds is None else _speeds(speeds)
     rpm = np.unique([*asked, own_speed]).astype(float)
     check_speeds(case, rpm.tolist())
     flow = crrt_flow(case, crrt_flow_ml_min)

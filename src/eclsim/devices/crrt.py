@@ -16,7 +16,14 @@ from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, GROUP, OUTPUTS, SETTINGS, SOLUTES, thickened
+from eclsim.devices.crrt_dialysis import (
+    FILTER_PARAMETERS,
+    GROUP,
+    OUTPUTS,
+    SETTINGS,
+    SOLUTES,
+    haemoconcentration_findings,
+)
 from eclsim.devices.description import (
     Assumption,
     Box,
@@ -41,10 +48,10 @@ from eclsim.devices.device import CaseValues, Device, Naming, device_key
 from eclsim.devices.dialysed_blood import (
     FLUIDS,
     USUAL_FLUID,
-    beside_others,
     check_fluids,
     dialysed_blood,
     fluid_flow,
+    warn_of_other_filters,
 )
 from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
@@ -116,7 +123,7 @@ def filter_limits(prefix: str = "") -> tuple[Limit, ...]:
 
 
 def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[Assumption, ...]:
-    """What is said of the membrane's constants, for which no source was read.
+    """Assumptions about the membrane's constants, for which no source was read.
 
     Args:
         membrane: in the order of `FILTER_PARAMETERS`.
@@ -142,7 +149,7 @@ def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[A
 
 LARGEST_FILTRATION_FRACTION = 0.25
 
-ON_THE_PATIENT = MappingProxyType({"access_site": "svn", "return_site": "ra"})
+SITES_WITHOUT_ECMO = MappingProxyType({"access_site": "svn", "return_site": "ra"})
 """Sites without an ECMO circuit."""
 
 SCHEMES = MappingProxyType(
@@ -412,8 +419,10 @@ class CrrtDevice(Device[Crrt]):
     def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
         """On the patient's veins where the ECMO circuit that it was connected to has gone."""
         if raw["access_site"] not in sites:
-            return raw | ON_THE_PATIENT
-        return raw if raw["return_site"] in sites else raw | {"return_site": ON_THE_PATIENT["return_site"]}
+            return raw | SITES_WITHOUT_ECMO
+        return (
+            raw if raw["return_site"] in sites else raw | {"return_site": SITES_WITHOUT_ECMO["return_site"]}
+        )
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites that are there and make sense, and the flow that they can give."""
@@ -435,13 +444,13 @@ class CrrtDevice(Device[Crrt]):
     ) -> list[Finding]:
         """What the circuit does not carry, blood or water; clearances that know of no other CRRT."""
         return [
-            *thickened(names, outputs, values),
-            *_carried(names, outputs, circuit),
-            *beside_others(names, outputs, circuit),
+            *haemoconcentration_findings(names, outputs, values),
+            *_draws_more_than_carried(names, outputs, circuit),
+            *warn_of_other_filters(names, outputs, circuit),
         ]
 
 
-def _carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+def _draws_more_than_carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """A CRRT that draws more from an ECMO circuit than the circuit carries."""
     ends = {c.name: (c.source, c.target) for c in circuit.connections}
     groups = {c.name: c.group for c in circuit.compartments}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import Naming
-from eclsim.devices.dialysed_blood import FLUIDS, filtered
+from eclsim.devices.dialysed_blood import FLUIDS, filter_performance
 from eclsim.parameters.parameter import Parameter
 
 if TYPE_CHECKING:
@@ -15,19 +15,20 @@ if TYPE_CHECKING:
 
 GROUP = "crrt"
 _FILTER = "AN69 ST filter of 1.5 m2"
-_UNREAD = "no data sheet of the maker was read"
-_HARDLY = "at CRRT flows clearance hardly depends on it"
-_ESTIMATE = f"{_FILTER}; assumed: that of urea scaled by size of the molecule; {_HARDLY}"
+_NO_DATA_SHEET = "no data sheet of the maker was read"
+_HARDLY_SENSITIVE = "at CRRT flows clearance hardly depends on it"
+_ESTIMATE = f"{_FILTER}; assumed: that of urea scaled by size of the molecule; {_HARDLY_SENSITIVE}"
 FILTER_PARAMETERS = tuple(
     Parameter(key, value, unit, words, source, low, high, GROUP)
     for key, value, unit, words, source, low, high in (
         (
             "Kufcrrtfil", 37.0, "mL/h/mmHg", "Ultrafiltration coefficient of dialyzer in blood",
-            f"{_FILTER}; assumed: 25 a m2, as high-flux membranes have 20 to 40 a m2; {_UNREAD}", 2.0, 300.0,
+            f"{_FILTER}; assumed: 25 a m2, as high-flux membranes have 20 to 40 a m2; {_NO_DATA_SHEET}",
+            2.0, 300.0,
         ),
         (
             "KoAurea", 300.0, "mL/min", "Mass transfer area product of dialyzer for urea",
-            f"{_FILTER}; assumed: 200 a m2; {_UNREAD}; {_HARDLY}", 5.0, 3000.0,
+            f"{_FILTER}; assumed: 200 a m2; {_NO_DATA_SHEET}; {_HARDLY_SENSITIVE}", 5.0, 3000.0,
         ),
         ("KoAcreatinine", 230.0, "mL/min", "The same for creatinine", _ESTIMATE, 5.0, 3000.0),
         ("KoApotassium", 300.0, "mL/min", "The same for potassium", _ESTIMATE, 5.0, 3000.0),
@@ -43,7 +44,7 @@ SETTINGS = (
 """Parameters of the dialyzer, in the order of `eclsim.components.dialysis.Settings`."""
 SOLUTES = ("urea", "creatinine", "potassium")
 """Solutes whose clearances are outputs."""
-_CARRIED = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
+_EFFECTIVE_SHARES = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
 _SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
 
 
@@ -63,9 +64,9 @@ def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
 
     def compute() -> Performance:
         blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
-        return filtered(m, blood, SETTINGS, "crrtfil" if by_gases else None)
+        return filter_performance(m, blood, SETTINGS, "crrtfil" if by_gases else None)
 
-    return m.kept((GROUP, "performance", str(by_gases)), compute)
+    return m.cached((GROUP, "performance", str(by_gases)), compute)
 
 
 def _share(m: BeatMeasures, what: str) -> Numbers:
@@ -78,10 +79,10 @@ def _share(m: BeatMeasures, what: str) -> Numbers:
 
     def compute() -> Sequence[Numbers]:
         done = performance(m)
-        water = [done.urea_water if name == "urea" else done.plasma_water for name in _CARRIED]
-        return m.effective("crrtfil", [getattr(done, name) for name in _CARRIED], water)
+        water = [done.urea_water if name == "urea" else done.plasma_water for name in _EFFECTIVE_SHARES]
+        return m.effective("crrtfil", [getattr(done, name) for name in _EFFECTIVE_SHARES], water)
 
-    return m.kept((GROUP, "effective"), compute)[_CARRIED.index(what)]
+    return m.cached((GROUP, "effective"), compute)[_EFFECTIVE_SHARES.index(what)]
 
 
 def _effective(m: BeatMeasures, solute: str) -> Numbers:
@@ -154,7 +155,9 @@ OUTPUTS = (
 )  # fmt: skip
 
 
-def thickened(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+def haemoconcentration_findings(
+    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
+) -> list[Finding]:
     """Water taken out of a circuit that the patient's blood does not reach."""
     name = names.output("fresh_plasma_ml_h")
     fresh, net = outputs.get(name), values.get(names.parameter(f"{GROUP}.{FLUIDS[3]}"), 0.0)

@@ -1,4 +1,4 @@
-"""The words in which a device says what it adds: numbers of a beat, limits, findings, drawing, knobs."""
+"""Descriptions that make up a device: outputs of a beat, limits, findings, drawing, knobs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class BeatMeasures(Protocol):
         self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
     ) -> Sequence[Numbers]: ...
     def native(self, artery: str) -> Numbers: ...  # noqa: D102
-    def kept(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured: ...  # noqa: D102
+    def cached(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured: ...  # noqa: D102
     @property
     def circuit(self) -> Circuit: ...  # noqa: D102
 
@@ -436,7 +436,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Columns:
-    """What the table of a cohort says of a device: its columns, and the keys of its section.
+    """Columns of a device in the table of a cohort, and the keys of its section.
 
     Args:
         needed: that every such table has; empty cells where the device is absent.

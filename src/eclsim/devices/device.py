@@ -97,7 +97,7 @@ class Device(ABC, Generic[S]):
     assumptions: ClassVar[Sequence[Assumption]] = ()
     """Usual values without a source that its outputs follow from."""
     alike: ClassVar[Sequence[tuple[str, ...]]] = ()
-    """Outputs that say the same: of their broken limits the gravest is said, not each."""
+    """Equivalent outputs: of their broken limits only the gravest is reported."""
     usual: ClassVar[Mapping[str, Any]] = _EMPTY
     """Its section where the page connects it; without one the page cannot."""
     set_by_products: ClassVar[Mapping[str, str]] = _EMPTY
@@ -137,13 +137,13 @@ class Device(ABC, Generic[S]):
         return {}
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """Say what is contradictory (an error) or doubtful (a warning) about a section that was read.
+        """Report contradictions (errors) and doubts (warnings) about a section that was read.
 
         Args:
             values: of the section, as far as they are right: any may be absent.
             case: the rest of the case.
             key: of the section, such as "lvad" or "lvad.left".
-            remarks: gets what there is to say.
+            remarks: collects mistakes, warnings and notes.
         """
 
     def summary(self, section: S) -> str:
@@ -184,7 +184,7 @@ class Device(ABC, Generic[S]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What there is to say about a beat besides limits that it breaks, such as a label's range.
+        """Findings about a beat besides limits that it breaks, such as a label's range.
 
         Args:
             names: of one instance.

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
 """Keys of flows; dialysis is computed where one of them is given."""
-NET = FLUIDS[3]
+NET_ULTRAFILTRATION = FLUIDS[3]
 DRAWN_FROM_PLASMA = FLUIDS[2:]
 """Fluids that leave the plasma behind the filter's inlet; replacement before it is added first."""
 HARMFUL_ML_KG_H = 1.75
 """Net ultrafiltration above which fewer patients survived (Murugan et al. 2019, JAMA Netw Open,
 doi 10.1001/jamanetworkopen.2019.5418: against less than 1.01 mL/kg/h)."""
-FEWER_SURVIVED = (
+FEWER_SURVIVED_TEXT = (
     f"above {HARMFUL_ML_KG_H:g} mL/kg/h fewer critically ill patients survived than below 1.01 (Murugan et "
     "al. 2019)"
 )
@@ -44,7 +44,7 @@ USUAL_RED_CELLS = (28.0, 38.0)
 """Mean corpuscular concentrations [g/dL] that patients have; 32 to 36 are normal."""
 USUAL_HAEMOGLOBIN = GAS["gas.haemoglobin_g_dl"].value
 """Where a section [gas] leaves it out [g/dL]."""
-THE_BLOODS_OWN = 0.0
+CARBON_DIOXIDE_FROM_GASES = 0.0
 """Carbon dioxide of the plasma that says: that of the blood which enters, from its gases."""
 TEMPERATURE = "gas.temperature_c"
 UNKNOWN_GASES = (0.0, 7.4, 37.0)
@@ -63,11 +63,11 @@ def dialysed_blood(section: Section, haemoglobin_g_dl: float, gases: bool) -> di
     """What a section with `haematocrit_in` and `plasma_bicarbonate_mmol_l` leaves to the patient's blood."""
     own = {"haematocrit_in": haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
     if gases:
-        own["plasma_bicarbonate_mmol_l"] = THE_BLOODS_OWN
+        own["plasma_bicarbonate_mmol_l"] = CARBON_DIOXIDE_FROM_GASES
     return {f"{section.section}.{key}": own[key] for key in own if getattr(section, key) is None}
 
 
-def filtered(
+def filter_performance(
     m: BeatMeasures, blood: Sequence[Numbers], settings: Sequence[str], entering: str | None
 ) -> Performance:
     """What a filter does in a beat (`eclsim.components.dialysis.Performance`).
@@ -109,9 +109,11 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
         )
         largest = max(drawn, key=lambda name: drawn[name])
         remarks.error(f"{key}.{largest}", message, shown(drawn[largest]), f"together below {plasma:.0f} mL/h")
-    net, weight = given.get(NET), case.patient.get("weight_kg")
+    net, weight = given.get(NET_ULTRAFILTRATION), case.patient.get("weight_kg")
     if net is not None and weight is not None and net > HARMFUL_ML_KG_H * weight:
-        remarks.warning(f"{key}.{NET}", f"{net / weight:.1f} mL/kg/h: {FEWER_SURVIVED}", shown(net))
+        remarks.warning(
+            f"{key}.{NET_ULTRAFILTRATION}", f"{net / weight:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}", shown(net)
+        )
 
 
 def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remarks: Remarks) -> None:
@@ -129,7 +131,7 @@ def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remar
 
 
 def _haematocrit(values: Raw, case: CaseValues) -> float:
-    """Of the blood in the access line: given, that of the haemoglobin, else the usual one."""
+    """Haematocrit of the blood in the access line: as given, by the haemoglobin, else the usual one."""
     gas = case.physiology.get("gas")
     usual = USUAL_FLUID["haematocrit_in"]
     if gas is not None:
@@ -137,7 +139,7 @@ def _haematocrit(values: Raw, case: CaseValues) -> float:
     return float(values.get("haematocrit_in") or usual)
 
 
-def beside_others(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+def warn_of_other_filters(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """What is not in effective clearances beside another filter: they count as if that one cleared nothing.
 
     Args:

@@ -24,7 +24,7 @@ def drained_ventricles(names: Naming, circuit: Circuit, places: Collection[str])
     return tuple(source for source in sources if source in VENTRICLES)
 
 
-def counted(
+def ejection_fraction_findings(
     names: Naming, outputs: Mapping[str, float], circuit: Circuit, places: Collection[str], flow: str
 ) -> list[Finding]:
     """What the ejection fraction of a ventricle is that a device drains.

@@ -45,7 +45,7 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
-from eclsim.devices.drained_ventricle import counted
+from eclsim.devices.drained_ventricle import ejection_fraction_findings
 from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
 from eclsim.devices.products import (
     LABEL_FLOWS,
@@ -143,7 +143,7 @@ CANNULAE = by_key(
 """Cannulae: arterial ones return; venous ones drain, and return in veno-venous ECMO."""
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
-_LARGE, _SMALL = Membrane(7.0, 0.0518, 4.66), Membrane(5.0, 0.0475, 3.37)
+_LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.0518, 4.66), Membrane(5.0, 0.0475, 3.37)
 """Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024: 450 mL/min of oxygen at 7 L/min, and 5/7 of it at 5
 L/min (0.0518 (5/7)^0.26); carbon dioxide, by area: what was removed at 1 and 7 L/min from blood that must
 have had 61.5 mmHg, as gas 1:1 carries 59 mL/min from 45 mmHg and 64 were measured. Rated at 95 % behind them
@@ -152,15 +152,15 @@ OXYGENATORS = by_key(
     (
         Oxygenator(
             key="Quadrox-i Adult", resistance=0.6744, priming_volume_ml=335.0, label_flow_l_min=(0.5, 7.0),
-            evidence=_LABEL, membrane=_LARGE,
+            evidence=_LABEL, membrane=_LARGE_MEMBRANE,
         ),
         Oxygenator(
             key="Quadrox-i Small Adult", resistance=0.5174, priming_volume_ml=295.0,
-            label_flow_l_min=(0.5, 5.0), evidence=_LABEL, membrane=_SMALL,
+            label_flow_l_min=(0.5, 5.0), evidence=_LABEL, membrane=_SMALL_MEMBRANE,
         ),
         Oxygenator(
             key="Nautilus MC3", resistance=0.6312, priming_volume_ml=None, label_flow_l_min=None,
-            evidence=UNVALIDATED, membrane=_LARGE,
+            evidence=UNVALIDATED, membrane=_LARGE_MEMBRANE,
         ),
     )
 )  # fmt: skip
@@ -235,13 +235,13 @@ MEMBRANE = (
 )  # fmt: skip
 """Parameters of the membrane, in the order of `eclsim.components.MembraneLung`."""
 
-LEAST_EXHAUST = 1.0
+SMALLEST_EXHAUST = 1.0
 """Gas that leaves an oxygenator [mL/min STPD], below which it has no partial pressures to speak of."""
 SUCTION_MMHG = -100.0
 """Drainage pressure below which suction of the vessel wall and haemolysis are feared."""
 _ELSO = "ELSO General Guidelines 2017"
-_HIGH = "danger of rupture and haemolysis"
-_POSITIVE = (
+_RUPTURE_RISK = "danger of rupture and haemolysis"
+_PRESSURES_BEHIND_PUMP = (
     "post_pump_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure", "return_cannula_pressure",
 )  # fmt: skip
 """Pressures behind the pump."""
@@ -465,7 +465,7 @@ def ecmo(
     )
 
 
-_DRAWN, _BEHIND = ("drawn", "ecmodrain"), ("behind", "ecmooxy")
+_DRAINED_BLOOD, _RETURNED_BLOOD = ("drawn", "ecmodrain"), ("behind", "ecmooxy")
 
 
 def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str, sign: float) -> Output:
@@ -484,7 +484,7 @@ def _exhaust_law(n: Array) -> Array:
 
     sweep = 1000.0 * FLOWMETER_TO_STPD * n[2]
     left = sweep - n[0] - n[1]
-    leaves = left > LEAST_EXHAUST
+    leaves = left > SMALLEST_EXHAUST
     share = (AIR_CARBON_DIOXIDE * sweep - n[1]) / jnp.where(leaves, left, 1.0)
     return jnp.stack([jnp.where(leaves, dry_gas_pressure(n[3]) * share, jnp.nan * left)])
 
@@ -496,12 +496,12 @@ def _exhaust_pco2(m: BeatMeasures) -> Numbers:
 
 
 GAS_OUTPUTS = (
-    gas_sample("SpreO2", "oxygen saturation of the drained blood", *_DRAWN, "SO2", ("Qecmodrain",)),
-    gas_sample("PpreO2", "PO2 of the drained blood", *_DRAWN, "PO2", ("Qecmodrain",)),
-    gas_sample("PpreCO2", "PCO2 of the drained blood", *_DRAWN, "PCO2", ("Qecmodrain",)),
-    gas_sample("SpostO2", "oxygen saturation behind the oxygenator", *_BEHIND, "SO2", ("Qecmooxy",)),
-    gas_sample("PpostO2", "PO2 behind the oxygenator", *_BEHIND, "PO2", ("Qecmooxy",)),
-    gas_sample("PpostCO2", "PCO2 behind the oxygenator", *_BEHIND, "PCO2", ("Qecmooxy",)),
+    gas_sample("SpreO2", "oxygen saturation of the drained blood", *_DRAINED_BLOOD, "SO2", ("Qecmodrain",)),
+    gas_sample("PpreO2", "PO2 of the drained blood", *_DRAINED_BLOOD, "PO2", ("Qecmodrain",)),
+    gas_sample("PpreCO2", "PCO2 of the drained blood", *_DRAINED_BLOOD, "PCO2", ("Qecmodrain",)),
+    gas_sample("SpostO2", "oxygen saturation behind the oxygenator", *_RETURNED_BLOOD, "SO2", ("Qecmooxy",)),
+    gas_sample("PpostO2", "PO2 behind the oxygenator", *_RETURNED_BLOOD, "PO2", ("Qecmooxy",)),
+    gas_sample("PpostCO2", "PCO2 behind the oxygenator", *_RETURNED_BLOOD, "PCO2", ("Qecmooxy",)),
     gas_sample(
         "SreturnO2", "oxygen saturation of the blood that the ECMO returns", "drawn", "ecmoreturn", "SO2",
         ("Qecmoreturn",),
@@ -662,10 +662,10 @@ class EcmoDevice(Device[Ecmo]):
         ),
         *(
             limit
-            for name in _POSITIVE
+            for name in _PRESSURES_BEHIND_PUMP
             for limit in (
-                Limit(name, "warning", "above", 300.0, _HIGH, "usual upper limit of ECMO circuits"),
-                Limit(name, "alarm", "above", 400.0, _HIGH, _ELSO),
+                Limit(name, "warning", "above", 300.0, _RUPTURE_RISK, "usual upper limit of ECMO circuits"),
+                Limit(name, "alarm", "above", 400.0, _RUPTURE_RISK, _ELSO),
             )
         ),
     )  # fmt: skip
@@ -690,7 +690,7 @@ class EcmoDevice(Device[Ecmo]):
         ("ecmo_speed_rpm",),
         GAS_KEYS,
     )  # fmt: skip
-    alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
+    alike = (_PRESSURES_BEHIND_PUMP, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True
     views = Views(
         traces=(
@@ -838,7 +838,7 @@ class EcmoDevice(Device[Ecmo]):
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites, mode, cannulae, speed, and the measured flows."""
-        if not _mixes_in_a_vein(values, case):
+        if not _shares_a_vein(values, case):
             check_sites(key, values, "drainage_site", "return_site", remarks)
         _check_mode(values, key, remarks)
         for line in LINES:
@@ -859,9 +859,9 @@ class EcmoDevice(Device[Ecmo]):
         """A flow outside the label, used-up sweep gas, what is not shown of the ventricles."""
         return [
             *_outside_label(names, outputs, values),
-            *_used_up(names, outputs, values),
-            *_left_ventricle_unlike(names, outputs, circuit),
-            *counted(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
+            *_without_exhaust_gas(names, outputs, values),
+            *_caution_on_left_ventricle(names, outputs, circuit),
+            *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
 
 
@@ -876,7 +876,7 @@ def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
 
 
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """A flow outside of what the oxygenator is labelled for; backwards and clamped are said elsewhere."""
+    """A flow outside of the oxygenator's label; backward flow and a clamp have findings of their own."""
     name = names.output("PF")
     flow = outputs.get(name, -1.0)
     low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
@@ -891,17 +891,21 @@ def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[
     return [Finding("warning", name, flow, end, sentence, concerns=(name,))]
 
 
-def _used_up(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+def _without_exhaust_gas(
+    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
+) -> list[Finding]:
     """Sweep gas that the blood takes up, so that none leaves with the carbon dioxide of the blood."""
     gained, removed = (outputs.get(names.output(name)) for name in ("VO2_oxygenator", "VCO2_oxygenator"))
     sweep = values.get(names.parameter("ecmo.sweep_l_min"), 0.0)
     if gained is None or removed is None:
         return []
-    from eclsim.components.exchangers import FLOWMETER_TO_STPD, USED_UP
+    from eclsim.components.exchangers import FLOWMETER_TO_STPD, USED_UP_SHARE
 
     brought = 1000.0 * FLOWMETER_TO_STPD * sweep
     left = brought - gained + removed
-    if not (gained > 0.5 * brought > LEAST_EXHAUST and left < max(USED_UP * brought, LEAST_EXHAUST)):
+    if not (
+        gained > 0.5 * brought > SMALLEST_EXHAUST and left < max(USED_UP_SHARE * brought, SMALLEST_EXHAUST)
+    ):
         return []
     text = (
         f"the blood of the {names.label} takes up nearly all of its sweep gas ({gained:.0f} of "
@@ -914,7 +918,9 @@ def _used_up(names: Naming, outputs: Mapping[str, float], values: Mapping[str, f
     return [Finding(CAUTION, about, removed, math.nan, text, concerns=(about, *concerns))]
 
 
-def _left_ventricle_unlike(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+def _caution_on_left_ventricle(
+    names: Naming, outputs: Mapping[str, float], circuit: Circuit
+) -> list[Finding]:
     """What this model does not show of the left ventricle while a pump returns blood to the arteries."""
     back = (names.place("ecmoreturn"), names.place("ecmoreturn2"))
     returns = any(c.name in back and c.target in ARTERIAL_SITES for c in circuit.connections)
@@ -922,13 +928,13 @@ def _left_ventricle_unlike(names: Naming, outputs: Mapping[str, float], circuit:
         return []
     text = (
         f"{names.label} returns to the arteries: do not read distension or unloading of the left "
-        f"ventricle off EDVLV, LVEDP and PCWP; {_left_ventricle(circuit)}"
+        f"ventricle off EDVLV, LVEDP and PCWP; {_reason_for_left_ventricle(circuit)}"
     )
     concerns = tuple(name for name in LEFT_SIDE if name in outputs)
     return [Finding(CAUTION, "EDVLV", outputs["EDVLV"], float("nan"), text, concerns=concerns)]
 
 
-def _left_ventricle(circuit: Circuit) -> str:
+def _reason_for_left_ventricle(circuit: Circuit) -> str:
     """Why the filling of the left ventricle on V-A ECMO is not the patient's."""
     bronchial = any(c.name == "bronchial" for c in circuit.connections)
     there = {
@@ -944,7 +950,7 @@ def _left_ventricle(circuit: Circuit) -> str:
     )
 
 
-def _mixes_in_a_vein(values: Raw, case: CaseValues) -> bool:
+def _shares_a_vein(values: Raw, case: CaseValues) -> bool:
     """Whether drainage and return share a venous compartment: with gas exchange that is recirculation."""
     site = values.get("return_site")
     return "gas" in case.physiology and site in VENOUS_SITES and values.get("drainage_site") == site
@@ -1033,7 +1039,7 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
     output, pump_flow = case.measurements.get("CO"), case.measurements.get("PF")
     if output is None or pump_flow is None:
         return
-    added = _comes_on_top(values, case)
+    added = _adds_to_native_output(values, case)
     if added is None:
         return
     if not added:
@@ -1045,7 +1051,7 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
             remarks.warning("measurements.CO", message, shown(output))
         return
     message = "is read as the native output, through the lungs; "
-    if reason := _looks_total(case, output, pump_flow):
+    if reason := _reason_for_total_output(case, output, pump_flow):
         hint = f"CO = {output - pump_flow:.3g}, a total less the pump flow {pump_flow:g} L/min"
         remarks.warning("measurements.CO", message + reason, shown(output), hint)
     else:
@@ -1053,7 +1059,7 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
         remarks.note("measurements.CO", message, shown(output))
 
 
-def _comes_on_top(values: Raw, case: CaseValues) -> bool | None:
+def _adds_to_native_output(values: Raw, case: CaseValues) -> bool | None:
     """Whether organs get the pump's flow on top of CO, or within it; None where a part of it is either."""
     drained, given = ({values.get(f"{n}{line}_site") for n in ("", "second_")} - {None} for line in LINES)
     if case.of("vent") or drained & {*ARTERIAL_SITES, *LEFT_HEART}:
@@ -1062,7 +1068,7 @@ def _comes_on_top(values: Raw, case: CaseValues) -> bool | None:
     return behind.pop() if len(behind) == 1 else None
 
 
-def _looks_total(case: CaseValues, output: float, pump_flow: float) -> str:
+def _reason_for_total_output(case: CaseValues, output: float, pump_flow: float) -> str:
     """Why an output on V-A ECMO is rather a total, or nothing; a total is never below the pump flow."""
     if output <= pump_flow:
         return ""

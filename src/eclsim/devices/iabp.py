@@ -34,8 +34,8 @@ DELAY = 100.0
 follows the gas within 0.1 ms, whatever the pressure; an explicit solver can still step through it."""
 
 
-_MOVED = ("CO", "LVO", "DP", f"{GROUP}_end_diastolic_pressure", f"{GROUP}_augmentation")
-_IDEAL = (
+_AFFECTED_OUTPUTS = ("CO", "LVO", "DP", f"{GROUP}_end_diastolic_pressure", f"{GROUP}_augmentation")
+_IDEAL_BALLOON = (
     "the IABP is an ideal balloon, which always moves its whole volume, in stiff arteries: take what it does "
     "to CO, LVO and diastolic pressure for the most that a patient may gain (0.5 to 1.0 L/min are reported, "
     "Parissis et al. 2016)"
@@ -129,9 +129,11 @@ class IabpDevice(Device[Iabp]):
         )  # fmt: skip
         result = []
         if volume > 0.0 and "CO" in outputs:
-            concerns = tuple(name for name in _MOVED if name in outputs)
-            result.append(Finding(CAUTION, "CO", outputs["CO"], float("nan"), _IDEAL, concerns=concerns))
-        if volume > 0.0 and (early := _early(names, outputs, values)):
+            concerns = tuple(name for name in _AFFECTED_OUTPUTS if name in outputs)
+            result.append(
+                Finding(CAUTION, "CO", outputs["CO"], float("nan"), _IDEAL_BALLOON, concerns=concerns)
+            )
+        if volume > 0.0 and (early := _early_inflation_finding(names, outputs, values)):
             result.append(early)
         elif volume > 0.0 and "SP" in outputs and augmented >= outputs["SP"]:
             text = (
@@ -144,7 +146,9 @@ class IabpDevice(Device[Iabp]):
         return result
 
 
-def _early(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> Finding | None:
+def _early_inflation_finding(
+    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
+) -> Finding | None:
     """A balloon that fills while the left ventricle still ejects."""
     phase, name = values.get(names.parameter(_INFLATION), NOTCH), names.output(_SYSTOLIC.name)
     if not phase < NOTCH or name not in outputs:

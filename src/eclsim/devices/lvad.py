@@ -30,7 +30,7 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.drained_ventricle import VENTRICLES, counted, drained_ventricles
+from eclsim.devices.drained_ventricle import VENTRICLES, drained_ventricles, ejection_fraction_findings
 from eclsim.devices.plausibility import check_sites, check_speed, patient_site
 from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names, pump_values
 from eclsim.inputs.fields import number, one_of
@@ -191,10 +191,10 @@ class LvadDevice(Device[Lvad]):
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
         """What an ejection fraction is where a pump empties a ventricle; whether it sucks it shut."""
-        found = counted(names, outputs, circuit, self.connections, "lvad_flow")
+        result = ejection_fraction_findings(names, outputs, circuit, self.connections, "lvad_flow")
         for drained in drained_ventricles(names, circuit, self.connections):
-            found += _suction(names, outputs, drained)
-        return found
+            result += _suction(names, outputs, drained)
+        return result
 
 
 def _suction(names: Naming, outputs: Mapping[str, float], drained: str) -> list[Finding]:

@@ -28,7 +28,7 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
         values: of the section.
         source: name of the key that says where blood is taken from.
         target: name of the key that says where it goes.
-        remarks: gets what there is to say.
+        remarks: collects mistakes, warnings and notes.
     """
     taken_from, given_to = values.get(source), values.get(target)
     if taken_from is None or given_to is None:

@@ -140,7 +140,7 @@ def load_device_file(file: str) -> list[AnyDevice]:
     return result
 
 
-def own_files() -> dict[str, dict[str, str]]:
+def digests_of_own_files() -> dict[str, dict[str, str]]:
     """What results follow from besides the package: SHA-256 of the file of each device of one's own, by key.
 
     Empty where there is none. For the inputs of work that is kept and resumed.
@@ -273,7 +273,7 @@ def _parameters(among: tuple[AnyDevice, ...]) -> Mapping[str, Parameter]:
     return MappingProxyType(patient_parameters() | of_devices)
 
 
-def find(name: str) -> Parameter:
+def find_parameter(name: str) -> Parameter:
     """The parameter of a key in any case (`Rmc`, also `ηB`), or of its exact description.
 
     Raises:
@@ -300,12 +300,12 @@ def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None
     return next((parameter for parameter in device.parameters if parameter.key == key), None)
 
 
-def usual_setting() -> str:
+def example_setting() -> str:
     """Key of the setting that is turned most often, such as the speed of a pump; for examples in messages."""
     return next(f"{key}.{device.adjusted[0]}" for key, device in devices().items() if device.adjusted)
 
 
-def usual_target() -> str:
+def example_target() -> str:
     """Key of a number that a setting may be solved for, such as the flow of a pump; for examples."""
     return next(f"{key}.{device.target.key}" for key, device in devices().items() if device.target)
 

@@ -22,7 +22,7 @@ from eclsim.devices.crrt import Crrt, assumed_membrane, filter_limits
 from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, SOLUTES
 from eclsim.devices.description import BeatMeasures, Control, Finding, Knob, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.dialysed_blood import FLUIDS, USUAL_FLUID, dialysed_blood, filtered, fluid_flow
+from eclsim.devices.dialysed_blood import FLUIDS, USUAL_FLUID, dialysed_blood, filter_performance, fluid_flow
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
 
@@ -61,7 +61,7 @@ class Renox(Section):
 def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
     """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`)."""
     blood = [m.mean("Qecmooxy") * 60.0, m.mean("Pecmooxy"), m.mean("Pecmotuor")]
-    return filtered(m, blood, SETTINGS, "ecmotuor" if by_gases else None)
+    return filter_performance(m, blood, SETTINGS, "ecmotuor" if by_gases else None)
 
 
 def _free_filtration(m: BeatMeasures) -> Numbers:

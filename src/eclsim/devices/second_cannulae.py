@@ -40,7 +40,7 @@ BACKWARD_L_MIN = -0.01
 """Mean flow [L/min] below which blood runs backwards through a cannula; a closed one may leak this much."""
 
 
-def _beside(line: str, node: str) -> Output:
+def _parallel_flow(line: str, node: str) -> Output:
     """The flow through a first cannula, where there is a second one beside it."""
     one = mean_flow(f"first_{line}_flow", f"flow through the first {line} cannula", f"Q{node}")
     return replace(one, needs=(f"Q{node}", f"Q{node}2"))
@@ -50,7 +50,7 @@ OUTPUTS = tuple(
     one
     for line, node in LINES.items()
     for one in (
-        _beside(line, node),
+        _parallel_flow(line, node),
         mean_flow(f"second_{line}_flow", f"flow through the second {line} cannula", f"Q{node}2"),
     )
 )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from eclsim.devices.description import Control, Finding, Knob, Limit, Look, Mark, mean_flow, picker
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.drained_ventricle import counted
+from eclsim.devices.drained_ventricle import ejection_fraction_findings
 from eclsim.devices.ecmo import CANNULAE
 from eclsim.devices.second_cannulae import BACKWARD_L_MIN
 from eclsim.inputs.fields import number, one_of
@@ -36,7 +36,7 @@ _COEFFICIENT = ML_S_PER_L_MIN / CANNULAE["arterial"].resistance(_REFERENCE_FR) *
 """Flow coefficient [mL/(s mmHg^1/2)] at 15 Fr, the smallest arterial cannula of the maker's list."""
 
 
-_BESIDE = mean_flow(
+_DRAINAGE_BESIDE_VENT = mean_flow(
     "drainage_cannula_flow", "flow through the drainage cannula beside the vent", "Qecmodrain"
 )
 
@@ -59,12 +59,12 @@ class VentDevice(Device[Vent]):
     nominal = MappingProxyType({"vent.fr": 15.0})
     outputs = (
         mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),
-        replace(_BESIDE, needs=("Qecmodrain", "Qvent")),
+        replace(_DRAINAGE_BESIDE_VENT, needs=("Qecmodrain", "Qvent")),
     )
     limits = (
         Limit("vent_flow", "alarm", "below", 0.0, "blood runs through the vent into the heart", "physics"),
         Limit(
-            _BESIDE.name, "alarm", "below", BACKWARD_L_MIN,
+            _DRAINAGE_BESIDE_VENT.name, "alarm", "below", BACKWARD_L_MIN,
             "blood of the vent runs through the drainage cannula into the patient: raise the speed or take a "
             "smaller vent", "physics", without=("first_drainage_flow",),
         ),
@@ -101,7 +101,7 @@ class VentDevice(Device[Vent]):
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
         """What an ejection fraction is where it empties the left ventricle."""
-        return counted(names, outputs, circuit, self.connections, "vent_flow")
+        return ejection_fraction_findings(names, outputs, circuit, self.connections, "vent_flow")
 
 
 VENT = VentDevice()

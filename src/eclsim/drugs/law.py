@@ -18,7 +18,7 @@ ACTS_ON = ("Emaxlv", "Emaxrv", "Rmc", "Rpmc", HEART_RATE, UNSTRESSED)
 
 
 class Effects(NamedTuple):
-    """What a drug does, as natural logarithms of factors: 0.1 is about 10 % more.
+    """Effects of a drug, as natural logarithms of factors: 0.1 is about 10 % more.
 
     Attributes:
         contractility: of `Emaxlv` and `Emaxrv`.

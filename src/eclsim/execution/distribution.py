@@ -15,8 +15,8 @@ from eclsim.execution.tasks import Progress, Results, Store, Tasks, in_process, 
 
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")
-Whole = TypeVar("Whole")
-_NAMED = 10
+Combined = TypeVar("Combined")
+_MOST_NAMED = 10
 
 
 class ShardDone(Exception):  # noqa: N818 - no error: the work of one shard ends here
@@ -110,7 +110,7 @@ class Distribution:
         """
         with using_threads(self.workers):
             if self.dask is None or self.merge:
-                yield Executor(self, _nowhere if self.merge else in_process)
+                yield Executor(self, _run_nothing if self.merge else in_process)
                 return
             from eclsim.execution.cluster import on_dask
 
@@ -149,12 +149,12 @@ class Executor:
             ExecutionError: the folder does not fit, a result is missing, or the workers cannot be reached.
             ShardDone: this was a shard, whose results are in the folder now.
         """
-        results = self.completed_here(tasks, folder, format, progress)
+        results = self.completed_by_this_shard(tasks, folder, format, progress)
         if (shard := self.distribution.shard) is not None and folder is not None:
             raise ShardDone(shard, tasks.unit, folder)
         return list(results.values())
 
-    def completed_here(
+    def completed_by_this_shard(
         self,
         tasks: Tasks[Argument, Result],
         folder: Path | None,
@@ -171,7 +171,7 @@ class Executor:
             run_tasks(tasks, store, numbers, self.run, progress)
             return {number: store.load(number) for number in numbers}
 
-    def each(self, works: Iterable[Callable[[], Whole]]) -> list[Whole]:
+    def run_each(self, works: Iterable[Callable[[], Combined]]) -> list[Combined]:
         """What several works return, one after the other; a shard does its share of all before it ends.
 
         Raises:
@@ -216,10 +216,10 @@ def as_executor(given: Executor | None) -> Executor | None:
     return given
 
 
-def _nowhere(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
+def _run_nothing(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
     """A merge runs nothing: what is missing is named."""
     if numbers:
-        names = ", ".join(map(str, numbers[:_NAMED])) + (" ..." if len(numbers) > _NAMED else "")
+        names = ", ".join(map(str, numbers[:_MOST_NAMED])) + (" ..." if len(numbers) > _MOST_NAMED else "")
         text = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({names})"
         raise ExecutionError(f"{tasks.title}: {text}; run their shards, or --resume without --shard")
     yield from ()

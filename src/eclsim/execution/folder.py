@@ -20,8 +20,8 @@ from eclsim.arguments import Kind
 from eclsim.files import whole_file
 
 Result = TypeVar("Result")
-_BESIDE = ("hash", "samples", "warnings")
-_NAMED = 5
+_NOT_COMPARED = ("hash", "samples", "warnings")
+_MOST_NAMED = 5
 
 
 class ExecutionError(RuntimeError):
@@ -136,11 +136,11 @@ class TaskFolder(Generic[Result]):
 
     def _check(self, present: Mapping[str, object], resume: bool) -> None:
         place = self.file.parent
-        before = {key: value for key, value in present.items() if key not in _BESIDE}
+        before = {key: value for key, value in present.items() if key not in _NOT_COMPARED}
         if before != self.inputs:
             changed = _differences(before, self.inputs)
-            shown = "; ".join(changed[:_NAMED]) + (
-                f" and {len(changed) - _NAMED} more" * (len(changed) > _NAMED)
+            shown = "; ".join(changed[:_MOST_NAMED]) + (
+                f" and {len(changed) - _MOST_NAMED} more" * (len(changed) > _MOST_NAMED)
             )
             text = "cannot be continued, its results were computed from other inputs"
             raise ExecutionError(f"{place}: {text} ({shown}); choose another folder, or --force starts anew")
@@ -172,18 +172,18 @@ class TaskFolder(Generic[Result]):
         return self.read(self.path(number), self.format.read, self._mark(number))
 
     def _mark(self, number: int) -> str:
-        """Of a file: what its result follows from and whose it is, for a file under another's name is not."""
+        """Mark of a task's file: digest of the inputs and number of the task; a renamed file is refused."""
         return f"{self.fingerprint}-{number}"
 
     def read(self, path: Path, read: Callable[[Path], tuple[Result, str]], mark: str = "") -> Result:
         """Results in a file, if they are of these inputs and of the task of a mark, if there is one."""
         try:
-            result, found = read(path)
+            result, found_mark = read(path)
         except (OSError, ValueError, KeyError, TypeError) as error:
             text = f"truncated or edited ({str(error).splitlines()[0]})"
             raise ExecutionError(f"{path}: {text}; take it away and it is computed again") from error
-        if found != (mark or self.fingerprint):
-            other = "task, under a wrong name" if found.startswith(self.fingerprint) else "analysis"
+        if found_mark != (mark or self.fingerprint):
+            other = "task, under a wrong name" if found_mark.startswith(self.fingerprint) else "analysis"
             raise ExecutionError(f"{path}: of another {other}; take it away or choose another folder")
         return result
 

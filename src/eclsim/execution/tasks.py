@@ -44,7 +44,7 @@ def using_threads(count: int | None) -> Iterator[None]:
 
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")
-Kept = TypeVar("Kept", contravariant=True)
+StoredResult = TypeVar("StoredResult", contravariant=True)
 
 _LISTENER: ContextVar[Callable[[str], None] | None] = ContextVar("listener", default=None)
 
@@ -72,14 +72,14 @@ class Tasks(Generic[Argument, Result]):
     side_by_side: bool = False
 
 
-class Store(Protocol[Kept]):
+class Store(Protocol[StoredResult]):
     """Where finished results are kept."""
 
     def finished(self) -> set[int]:
         """Numbers of the tasks whose results are there."""
         ...
 
-    def save(self, number: int, result: Kept) -> None:
+    def save(self, number: int, result: StoredResult) -> None:
         """Keep the result of a task."""
         ...
 
@@ -95,7 +95,7 @@ class TaskProgress:
         total: tasks to do in all.
         seconds: since this run started.
         left: estimated seconds to go; None before the first task is done.
-        detail: what a task says of itself.
+        detail: what a task is doing, in its own words.
     """
 
     title: str

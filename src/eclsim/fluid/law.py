@@ -10,8 +10,8 @@ import numpy as np
 from eclsim.circuit.network import BLOOD_VOLUME, Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid.starling import (
-    ALBUMIN_WORTH,
-    EXCLUDED,
+    ALBUMIN_EQUIVALENT,
+    EXCLUDED_SHARE,
     Forces,
     Spaces,
     Wall,
@@ -29,38 +29,38 @@ from eclsim.parameters.fluid import (
 )
 from eclsim.parameters.physiology import UPPER_SHARE
 from eclsim.parameters.regulation import BEDS, EXTRA_VOLUME, local_factor, local_resistance
-from eclsim.slow import Named, Shown, SlowLaw, SlowState
+from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
-PACKED = 0.60
+CONCENTRATE_HAEMATOCRIT = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
-ALBUMIN_G_ML = 0.05 * ALBUMIN_WORTH
+ALBUMIN_G_ML = 0.05 * ALBUMIN_EQUIVALENT
 """Plasma protein that holds as much water as the 5 g/dL of the albumin given, in g for each mL."""
 _TONE = "systemic_resistance_factor"
 _CAVAE = ("superior_caval_pressure", "inferior_caval_pressure")
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
-def _of(name: str) -> str:
+def _key_of(name: str) -> str:
     return f"{SECTION}.{name}"
 
 
-PLASMA, RED_CELLS, INTERSTITIUM = _of("plasma_ml"), _of("red_cells_ml"), _of("interstitium_ml")
-PROTEIN, OUTSIDE_PROTEIN = _of("plasma_protein_g"), _of("interstitial_protein_g")
-GIVEN, REMOVED, REFILLED = _of("given_ml"), _of("removed_ml"), _of("refilled_ml")
-CELLS_MOVED, PROTEIN_MOVED = _of("red_cells_given_ml"), _of("protein_given_g")
-CAPILLARY, ARTERIOLES = _of("capillary_pressure_at_start_mmHg"), _of("resistance_at_start")
-NEAR_PROTEIN = SlowState(_of("pericapillary_protein_g"), "g", 1.0, True)
-"""Of the interstitium's protein, what is next to capillaries; a state where they are told apart."""
+PLASMA, RED_CELLS, INTERSTITIUM = _key_of("plasma_ml"), _key_of("red_cells_ml"), _key_of("interstitium_ml")
+PROTEIN, INTERSTITIAL_PROTEIN = _key_of("plasma_protein_g"), _key_of("interstitial_protein_g")
+GIVEN, REMOVED, REFILLED = _key_of("given_ml"), _key_of("removed_ml"), _key_of("refilled_ml")
+RED_CELLS_GIVEN, PROTEIN_GIVEN = _key_of("red_cells_given_ml"), _key_of("protein_given_g")
+CAPILLARY, ARTERIOLES = _key_of("capillary_pressure_at_start_mmHg"), _key_of("resistance_at_start")
+PERICAPILLARY_PROTEIN = SlowState(_key_of("pericapillary_protein_g"), "g", 1.0, True)
+"""The interstitium's protein next to capillaries; a state where that layer has its own concentration."""
 STATES = (
     SlowState(PLASMA, "mL", 10.0, True), SlowState(RED_CELLS, "mL", 10.0, True),
     SlowState(INTERSTITIUM, "mL", 50.0, True),
-    SlowState(PROTEIN, "g", 1.0, True), SlowState(OUTSIDE_PROTEIN, "g", 1.0, True),
+    SlowState(PROTEIN, "g", 1.0, True), SlowState(INTERSTITIAL_PROTEIN, "g", 1.0, True),
     SlowState(GIVEN, "mL", 10.0), SlowState(REMOVED, "mL", 10.0), SlowState(REFILLED, "mL", 10.0),
-    SlowState(CELLS_MOVED, "mL", 10.0),
-    SlowState(PROTEIN_MOVED, "g", 1.0), SlowState(CAPILLARY, "mmHg", 1.0), SlowState(ARTERIOLES, "1", 0.1),
+    SlowState(RED_CELLS_GIVEN, "mL", 10.0),
+    SlowState(PROTEIN_GIVEN, "g", 1.0), SlowState(CAPILLARY, "mmHg", 1.0), SlowState(ARTERIOLES, "1", 0.1),
 )  # fmt: skip
-"""Blood, interstitium, protein; then what went through the doors: given, removed (bled and filtered),
-refilled, red cells and protein given less taken; then what is remembered of the start."""
+"""Blood, interstitium, protein; then totals since the start: given, removed (bled and filtered), refilled,
+red cells and protein given less taken; then values at the start."""
 
 
 def blood_at_start(settings: Named) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +84,7 @@ class FluidLaw(SlowLaw):
         local: outputs, what organs' gases do to their resistance (upper, then lower where there are two).
         haematocrits: parameters beside `fluid.haematocrit` that follow it.
         gas: whether haemoglobin does, too.
-        layered: whether what is next to capillaries is told from the rest of the interstitium.
+        has_pericapillary_layer: whether the interstitium next to capillaries has its own concentration.
     """
 
     arterial: str = "MAP"
@@ -93,11 +93,11 @@ class FluidLaw(SlowLaw):
     ultrafiltration: tuple[str, ...] = ()
     haematocrits: tuple[str, ...] = ()
     gas: bool = False
-    layered: bool = False
+    has_pericapillary_layer: bool = False
 
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
-        return (*STATES, NEAR_PROTEIN) if self.layered else STATES
+        return (*STATES, PERICAPILLARY_PROTEIN) if self.has_pericapillary_layer else STATES
 
     @property
     def reads(self) -> tuple[str, ...]:  # noqa: D102
@@ -113,10 +113,10 @@ class FluidLaw(SlowLaw):
         tone = self._resistance(settings, beat)
         return {
             PLASMA: rest.plasma, RED_CELLS: cells, INTERSTITIUM: rest.interstitium,
-            PROTEIN: rest.plasma_protein, OUTSIDE_PROTEIN: rest.interstitial_protein,
-            **dict.fromkeys((GIVEN, REMOVED, REFILLED, CELLS_MOVED, PROTEIN_MOVED), zero),
+            PROTEIN: rest.plasma_protein, INTERSTITIAL_PROTEIN: rest.interstitial_protein,
+            **dict.fromkeys((GIVEN, REMOVED, REFILLED, RED_CELLS_GIVEN, PROTEIN_GIVEN), zero),
             CAPILLARY: self._capillary(settings, beat, np.ones_like(zero)), ARTERIOLES: tone,
-            **self._near(settings[PERICAPILLARY] * rest.interstitial_protein),
+            **self._pericapillary(settings[PERICAPILLARY] * rest.interstitial_protein),
         }  # fmt: skip
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
@@ -130,7 +130,7 @@ class FluidLaw(SlowLaw):
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
         zero = np.zeros_like(states[PLASMA])
-        open_wall = settings[_of("capillary_refill")] / _MINUTE
+        open_wall = settings[_key_of("capillary_refill")] / _MINUTE
         crossed = exchange(*self._since_start(states, settings, beat), _wall(settings))
         out, protein_out = open_wall * crossed.fluid, open_wall * crossed.protein
 
@@ -138,46 +138,52 @@ class FluidLaw(SlowLaw):
         haematocrit = states[RED_CELLS] / (FCELLS * (states[PLASMA] + states[RED_CELLS]))
         filtered = sum((settings[key] for key in self.ultrafiltration), zero) / _HOUR
         packed, clear = inflows["red_cells_ml"], inflows["crystalloid_ml"] + inflows["albumin_ml"]
-        cells = PACKED * packed + haematocrit * blood
-        plasma = (1.0 - PACKED) * packed + clear + (1.0 - haematocrit) * blood - filtered
+        cells = CONCENTRATE_HAEMATOCRIT * packed + haematocrit * blood
+        plasma = (1.0 - CONCENTRATE_HAEMATOCRIT) * packed + clear + (1.0 - haematocrit) * blood - filtered
         protein = ALBUMIN_G_ML * inflows["albumin_ml"]
         protein = protein + (1.0 - haematocrit) * blood * states[PROTEIN] / states[PLASMA]
         return {
             PLASMA: plasma - out, RED_CELLS: cells, INTERSTITIUM: out, PROTEIN: protein - protein_out,
-            OUTSIDE_PROTEIN: protein_out, GIVEN: packed + clear + inflows["blood_ml"],
-            REMOVED: inflows["bleed_ml"] + filtered, REFILLED: -out, CELLS_MOVED: cells,
-            PROTEIN_MOVED: protein, CAPILLARY: zero, ARTERIOLES: zero,
-            **self._near(open_wall * crossed.near_protein),
+            INTERSTITIAL_PROTEIN: protein_out, GIVEN: packed + clear + inflows["blood_ml"],
+            REMOVED: inflows["bleed_ml"] + filtered, REFILLED: -out, RED_CELLS_GIVEN: cells,
+            PROTEIN_GIVEN: protein, CAPILLARY: zero, ARTERIOLES: zero,
+            **self._pericapillary(open_wall * crossed.pericapillary_protein),
         }  # fmt: skip
 
     def forces(self, states: Named, settings: Named, beat: Named) -> Forces:
-        """What drives fluid across the wall, as changes since the start."""
+        """Forces that drive fluid across the wall, as changes since the start."""
         return forces(*self._since_start(states, settings, beat))
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
         protein = 100.0 * states[PROTEIN] / states[PLASMA]
         return (
-            Shown("haematocrit", "1", "haematocrit of the blood", in_effect[HAEMATOCRIT]),
-            Shown("plasma_protein", "g/dL", "protein of the plasma", protein),
-            Shown("oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)),
+            DerivedQuantity("haematocrit", "1", "haematocrit of the blood", in_effect[HAEMATOCRIT]),
+            DerivedQuantity("plasma_protein", "g/dL", "protein of the plasma", protein),
+            DerivedQuantity(
+                "oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)
+            ),
         )
 
-    def _near(self, protein: np.ndarray) -> Named:
+    def _pericapillary(self, protein: np.ndarray) -> Named:
         """Protein next to capillaries, or its change, where it is a state."""
-        return {NEAR_PROTEIN.name: protein} if self.layered else {}
+        return {PERICAPILLARY_PROTEIN.name: protein} if self.has_pericapillary_layer else {}
 
     def _since_start(self, states: Named, settings: Named, beat: Named) -> tuple[Spaces, Spaces, np.ndarray]:
         """Spaces now and at the start, and by how much the pressure of the capillaries rose since [mmHg]."""
         rest = _rest(settings)
         now = Spaces(
-            states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[OUTSIDE_PROTEIN], rest.normal,
-            *((states[NEAR_PROTEIN.name], settings[PERICAPILLARY]) if self.layered else ()),
+            states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[INTERSTITIAL_PROTEIN], rest.normal,
+            *(
+                (states[PERICAPILLARY_PROTEIN.name], settings[PERICAPILLARY])
+                if self.has_pericapillary_layer
+                else ()
+            ),
         )  # fmt: skip
         tone = self._resistance(settings, beat) / states[ARTERIOLES]
         return now, rest, self._capillary(settings, beat, tone) - states[CAPILLARY]
 
     def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
-        """Of the systemic microcirculation, by reflex, drugs, setting and the organs' gases together."""
+        """Resistance of the systemic microcirculation, by reflex, drugs, setting and the organs' gases."""
         own = [beat[name] for name in self.local]
         if len(own) > 1:
             upper = settings[UPPER_SHARE]
@@ -207,27 +213,28 @@ def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> F
         ultrafiltration=tuple(n for n in names if n.endswith(".net_ultrafiltration_ml_h")),
         haematocrits=tuple(n for n in names if n.endswith(".haematocrit_in")),
         gas=HAEMOGLOBIN in names,
-        layered=bool(np.any(np.asarray(settings[PERICAPILLARY]) < 1.0)),
+        has_pericapillary_layer=bool(np.any(np.asarray(settings[PERICAPILLARY]) < 1.0)),
     )
 
 
 def _local_factors(names: Sequence[str]) -> tuple[str, ...]:
     """Outputs of the resistances that a circuit's organs set themselves, by its parameters."""
-    found = (local_resistance(bed) for bed in BEDS)
-    return tuple(local_factor(key) for key in found if key in names)
+    resistances = (local_resistance(bed) for bed in BEDS)
+    return tuple(local_factor(key) for key in resistances if key in names)
 
 
 def _rest(settings: Named) -> Spaces:
     """The spaces at the start."""
     plasma, _ = blood_at_start(settings)
     normal = INTERSTITIUM_TO_BLOOD * settings[BLOOD_VOLUME]
-    interstitium = settings[_of("interstitial_volume_ml")]
+    interstitium = settings[_key_of("interstitial_volume_ml")]
     return Spaces(
-        plasma, interstitium, 0.01 * plasma * settings[_of("plasma_protein_g_dl")],
-        0.01 * (interstitium - EXCLUDED * normal) * settings[_of("interstitial_protein_g_dl")], normal,
+        plasma, interstitium, 0.01 * plasma * settings[_key_of("plasma_protein_g_dl")],
+        0.01 * (interstitium - EXCLUDED_SHARE * normal) * settings[_key_of("interstitial_protein_g_dl")],
+        normal,
     )  # fmt: skip
 
 
 def _wall(settings: Named) -> Wall:
     names = ("filtration_ml_min_mmHg", "reflection", "lymph_ml_min")
-    return Wall(*(settings[_of(name)] for name in names))
+    return Wall(*(settings[_key_of(name)] for name in names))

@@ -28,23 +28,23 @@ from eclsim.components.dialysis import (
 )
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, blood_at_start
-from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, SOLUTES, STORES_HOLD
-from eclsim.slow import Named, Shown, SlowLaw, SlowState
+from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, FCELLS, HAEMATOCRIT, SOLUTES
+from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
-OUTSIDE_CELLS = 1.0 / 3.0
+EXTRACELLULAR_SHARE = 1.0 / 3.0
 """Share of the body's water outside of cells where fluid is not followed; textbook value."""
-LEAST_INSIDE = 0.2
+SMALLEST_INTRACELLULAR_SHARE = 0.2
 """Share of the body's water that cells have at least, in a patient with oedema."""
-BETWEEN_POOLS = {"urea": 600.0, "creatinine": 280.0}
+POOL_TRANSFER_ML_MIN = {"urea": 600.0, "creatinine": 280.0}
 """Transfer between water outside and inside of cells [mL/min]; usual in two-pool models, not verified."""
 POTASSIUM_MOBILISATION = 158.0
 """Mobilisation clearance of potassium [mL/min], 547 patients (Agar 2015); the number is not verified."""
 BLOOD_SHARE = 0.2
-"""Of the store of carbon dioxide: 5 L of blood hold 24 mL for each mmHg, all tissues and blood 120."""
+"""Blood's share of the store of CO2: 5 L of blood hold 24 mL for each mmHg, all tissues and blood 120."""
 BLOOD_FOLLOWS_S = 60.0
 """In which blood is renewed [s], its volume over its flow."""
 SLOW_SHARE = 0.6
-"""Of the store: muscle, skin, fat and bone, four fifths of the tissues' mass; estimated, not fitted."""
+"""Slow tissues' share of it: muscle, skin, fat, bone, four fifths of the mass; estimated, not fitted."""
 SLOW_FOLLOWS_S = 540.0
 """In which they follow [s]: 63 mL/mmHg over a quarter of 5.5 L/min, their flow at rest, of 5 mL/L/mmHg."""
 STANDARD_PCO2 = 40.0
@@ -53,12 +53,12 @@ QUOTIENT = "gas.respiratory_quotient"
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
-def _of(name: str) -> str:
+def _key_of(name: str) -> str:
     return f"{SOLUTES}.{name}"
 
 
 def _state(solute: str, what: str = "outside") -> str:
-    return _of(f"{solute}_{what}_mmol")
+    return _key_of(f"{solute}_{what}_mmol")
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Filter:
     @property
     def reads(self) -> tuple[str, ...]:
         """Outputs that are read."""
-        cleared = (f"{self.clearance}_{name}" for name in (*BETWEEN_POOLS, "potassium"))
+        cleared = (f"{self.clearance}_{name}" for name in (*POOL_TRANSFER_ML_MIN, "potassium"))
         return tuple(map(self.output, (*cleared, self.base_gain)))
 
     def gained(self, beat: Named) -> np.ndarray:
@@ -94,10 +94,10 @@ class Filter:
 
     @property
     def reads_of_carbon(self) -> tuple[str, ...]:
-        """Outputs that say what carbon it brings."""
+        """Outputs with the carbon that it brings."""
         return tuple(self.output(name) for name in (self.base_gain, self.citrate) if name)
 
-    def burnt(self, beat: Named) -> np.ndarray:
+    def metabolised(self, beat: Named) -> np.ndarray:
         """Citrate that the patient burns [mmol/s]."""
         return beat[self.output(self.citrate)] / _HOUR if self.citrate else np.zeros(1)
 
@@ -108,7 +108,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class SolutesLaw(SlowLaw):
-    """What dialysis clears.
+    """Solutes that dialysis clears.
 
     Args:
         filters: dialyzers.
@@ -142,18 +142,20 @@ class SolutesLaw(SlowLaw):
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
         outside, inside = _volumes_at_start(settings, self.fluid)
         amounts = dict.fromkeys((s.name for s in self.states), np.zeros_like(outside))
-        for solute in BETWEEN_POOLS:
+        for solute in POOL_TRANSFER_ML_MIN:
             concentration = _concentration_at_start(settings, solute)
             amounts[_state(solute)] = 1e-3 * concentration * outside
             amounts[_state(solute, "inside")] = 1e-3 * concentration * inside
         amounts[_state("potassium")] = 1e-3 * _concentration_at_start(settings, "potassium") * outside
-        amounts[_state("bicarbonate")] = 1e-3 * settings[_of("bicarbonate_mmol_l")] * _space(settings)
+        amounts[_state("bicarbonate")] = (
+            1e-3 * settings[_key_of("bicarbonate_mmol_l")] * _bicarbonate_space(settings)
+        )
         return amounts
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
-        space = _space(settings)
+        space = _bicarbonate_space(settings)
         bicarbonate = 1e3 * states[_state("bicarbonate")] / space
-        start = 1e3 * (1e-3 * settings[_of("bicarbonate_mmol_l")] * space) / space
+        start = 1e3 * (1e-3 * settings[_key_of("bicarbonate_mmol_l")] * space) / space
         keys = tuple(f"{one.group}.plasma_bicarbonate_mmol_l" for one in self.filters)
         # What is not set is the blood's own, whose base excess follows.
         effect = {
@@ -172,33 +174,33 @@ class SolutesLaw(SlowLaw):
         clear = inflows["crystalloid_ml"] + inflows["albumin_ml"]
         plasma = _plasma_share(states, settings, self.fluid)
         result: dict[str, np.ndarray] = {}
-        for solute, transfer in BETWEEN_POOLS.items():
+        for solute, transfer in POOL_TRANSFER_ML_MIN.items():
             concentration = 1e3 * states[_state(solute)] / outside
             within = 1e3 * states[_state(solute, "inside")] / inside
             cleared = sum((f.cleared(beat, solute) for f in self.filters), np.zeros_like(outside))
-            cleared = cleared + settings[_of("kidney_clearance_ml_min")] / _MINUTE
+            cleared = cleared + settings[_key_of("kidney_clearance_ml_min")] / _MINUTE
             cells = UREA_RED_CELL_WATER if solute == "urea" else 0.0
             cleared = cleared - blood * (plasma + cells * (1.0 - plasma))
             removed, moved = (
                 1e-3 * cleared * concentration,
                 1e-3 * transfer / _MINUTE * (within - concentration),
             )
-            made = _made(settings, solute)
+            made = _generation(settings, solute)
             result |= {
                 _state(solute): made + moved - removed, _state(solute, "inside"): -moved,
                 _state(solute, "made"): made, _state(solute, "removed"): removed,
             }  # fmt: skip
         potassium = 1e3 * states[_state("potassium")] / outside
-        fresh = settings[_of("fluid_potassium_mmol_l")]
+        fresh = settings[_key_of("fluid_potassium_mmol_l")]
         removed = -1e-3 * (blood * plasma * potassium + clear * fresh)
         for one in self.filters:
             net = settings[f"{one.group}.net_ultrafiltration_ml_h"] / _HOUR
             removed = removed + 1e-3 * (one.cleared(beat, "potassium") * (potassium - fresh) + net * fresh)
-        held = states[_state("potassium", "mobilised")] / settings[_of("potassium_store_l")]
+        held = states[_state("potassium", "mobilised")] / settings[_key_of("potassium_store_l")]
         missing = _concentration_at_start(settings, "potassium") - held - potassium
-        moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _made(settings, "potassium")
-        acid = settings[_of("acid_generation_mmol_h")] / _HOUR
-        gain = self.base_kept(settings, beat) + acid
+        moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _generation(settings, "potassium")
+        acid = settings[_key_of("acid_generation_mmol_h")] / _HOUR
+        gain = self.net_bicarbonate_gain(settings, beat) + acid
         return result | {
             _state("potassium"): made + moved - removed, _state("potassium", "mobilised"): moved,
             _state("potassium", "made"): made, _state("potassium", "removed"): removed,
@@ -206,29 +208,34 @@ class SolutesLaw(SlowLaw):
             _state("bicarbonate", "removed"): -gain,
         }  # fmt: skip
 
-    def base_kept(self, settings: Named, beat: Named) -> np.ndarray:
+    def net_bicarbonate_gain(self, settings: Named, beat: Named) -> np.ndarray:
         """Bicarbonate that filters bring and acid does not use up [mmol/s]."""
-        acid = settings[_of("acid_generation_mmol_h")] / _HOUR
+        acid = settings[_key_of("acid_generation_mmol_h")] / _HOUR
         return sum((one.gained(beat) for one in self.filters), -acid)
 
     def carbon_of_citrate(self, settings: Named, beat: Named) -> np.ndarray:
         """Carbon that citrate brings, less that of the fuel which its oxygen would have burnt [mmol/s]."""
         each = CARBON_PER_CITRATE - OXYGEN_PER_CITRATE * settings[QUOTIENT]
-        return sum((each * one.burnt(beat) for one in self.filters), np.zeros(1))
+        return sum((each * one.metabolised(beat) for one in self.filters), np.zeros(1))
 
     def concentrations(self, states: Named, settings: Named) -> dict[str, np.ndarray]:
-        """Of the plasma [mmol/L]."""
-        outside = OUTSIDE_CELLS * settings[_of("body_water_ml")]
+        """Concentrations in plasma [mmol/L]."""
+        outside = EXTRACELLULAR_SHARE * settings[_key_of("body_water_ml")]
         if self.fluid:
             outside = states[PLASMA] + states[INTERSTITIUM]
-        volumes = dict.fromkeys((*BETWEEN_POOLS, "potassium"), outside) | {"bicarbonate": _space(settings)}
+        volumes = dict.fromkeys((*POOL_TRANSFER_ML_MIN, "potassium"), outside) | {
+            "bicarbonate": _bicarbonate_space(settings)
+        }
         return {solute: 1e3 * states[_state(solute)] / volume for solute, volume in volumes.items()}
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
-        found = self.concentrations(states, in_effect)
-        micro = 1e3 * found.pop("creatinine")
-        whole = tuple(Shown(name, "mmol/L", f"{name} of the plasma", value) for name, value in found.items())
-        return (*whole, Shown("creatinine", "umol/L", "creatinine of the plasma", micro))
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
+        quantities = self.concentrations(states, in_effect)
+        micro = 1e3 * quantities.pop("creatinine")
+        whole = tuple(
+            DerivedQuantity(name, "mmol/L", f"{name} of the plasma", value)
+            for name, value in quantities.items()
+        )
+        return (*whole, DerivedQuantity("creatinine", "umol/L", "creatinine of the plasma", micro))
 
 
 @dataclass(frozen=True)
@@ -270,13 +277,15 @@ class CarbonDioxideLaw(SlowLaw):
 
     @property
     def reads(self) -> tuple[str, ...]:  # noqa: D102
-        own = tuple(_read(what, name) for name, _ in self.tissues for what in ("tissue_PCO2", "stored_CO2"))
+        own = tuple(
+            _output_of(what, name) for name, _ in self.tissues for what in ("tissue_PCO2", "stored_CO2")
+        )
         filters = self.solutes.filters if self.solutes else ()
         return own + tuple(name for one in filters for name in one.reads_of_carbon)
 
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
         return {
-            key(name): beat[_read("tissue_PCO2", name)]
+            key(name): beat[_output_of("tissue_PCO2", name)]
             for name, _ in self.tissues
             for key in (_pressure, _of_slow, _of_blood)
         }
@@ -284,31 +293,33 @@ class CarbonDioxideLaw(SlowLaw):
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
         held = _pressure if self.every_beat else _of_blood
         own = {_pressure(name): states[held(name)] for name, _ in self.tissues}
-        return own | {STORES_HOLD: np.ones_like(next(iter(own.values())))}
+        return own | {CARBON_DIOXIDE_STORES_HOLD: np.ones_like(next(iter(own.values())))}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
-        found: dict[str, np.ndarray] = {}
-        kept = self.solutes.base_kept(settings, beat) if self.solutes else 0.0
+        quantities: dict[str, np.ndarray] = {}
+        kept = self.solutes.net_bicarbonate_gain(settings, beat) if self.solutes else 0.0
         kept = CARBON_DIOXIDE_ML_PER_MMOL * kept
         if self.every_beat:
-            kept = kept * (1.0 - settings["total_blood_volume_ml"] / _space(settings))
+            kept = kept * (1.0 - settings["total_blood_volume_ml"] / _bicarbonate_space(settings))
         if self.solutes:
             kept = kept - CARBON_DIOXIDE_ML_PER_MMOL * self.solutes.carbon_of_citrate(settings, beat)
         for name, of_all in self.tissues:
             share = np.asarray(value_of(settings, of_all))
-            store = settings[_of("carbon_dioxide_store_ml_mmHg")] * share
+            store = settings[_key_of("carbon_dioxide_store_ml_mmHg")] * share
             slow = (states[_pressure(name)] - states[_of_slow(name)]) / SLOW_FOLLOWS_S
             blood = (states[_pressure(name)] - states[_of_blood(name)]) / BLOOD_FOLLOWS_S
-            stored = beat[_read("stored_CO2", name)] / _MINUTE - share * kept - SLOW_SHARE * store * slow
+            stored = beat[_output_of("stored_CO2", name)] / _MINUTE - share * kept - SLOW_SHARE * store * slow
             if not self.every_beat:
                 stored = stored - BLOOD_SHARE * store * blood
             own = (1.0 - BLOOD_SHARE - SLOW_SHARE) * store
-            found |= {_pressure(name): stored / own, _of_slow(name): slow, _of_blood(name): blood}
-        return found
+            quantities |= {_pressure(name): stored / own, _of_slow(name): slow, _of_blood(name): blood}
+        return quantities
 
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
         return tuple(
-            Shown(_read("tissue_PCO2", name), "mmHg", "PCO2 of the tissues", states[_pressure(name)])
+            DerivedQuantity(
+                _output_of("tissue_PCO2", name), "mmHg", "PCO2 of the tissues", states[_pressure(name)]
+            )
             for name, _ in self.tissues
         )
 
@@ -334,24 +345,24 @@ def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tu
     tissues = tuple(
         (e.name, e.component.share)
         for e in circuit.exchanges
-        if isinstance(e.component, Tissue) and e.component.held == STORES_HOLD
+        if isinstance(e.component, Tissue) and e.component.held == CARBON_DIOXIDE_STORES_HOLD
     )
     return (CarbonDioxideLaw(tissues, solutes),) if tissues else ()  # pyright: ignore[reportArgumentType]  # one share
 
 
 def _pressure(tissue: str) -> str:
-    return _of(f"{tissue}_pco2_mmHg")
+    return _key_of(f"{tissue}_pco2_mmHg")
 
 
 def _of_slow(tissue: str) -> str:
-    return _of(f"{tissue}_slow_pco2_mmHg")
+    return _key_of(f"{tissue}_slow_pco2_mmHg")
 
 
 def _of_blood(tissue: str) -> str:
-    return _of(f"{tissue}_blood_pco2_mmHg")
+    return _key_of(f"{tissue}_blood_pco2_mmHg")
 
 
-def _read(what: str, tissue: str) -> str:
+def _output_of(what: str, tissue: str) -> str:
     region = tissue.removesuffix("tissue").rstrip("_")
     return f"{what}_{region}" if region else what
 
@@ -363,32 +374,32 @@ def _plasma_share(states: Named, settings: Named, fluid: bool) -> np.ndarray:
     return 1.0 - states[RED_CELLS] / (FCELLS * (states[PLASMA] + states[RED_CELLS]))
 
 
-def _space(settings: Named) -> np.ndarray:
-    return settings[_of("bicarbonate_space_ml")]
+def _bicarbonate_space(settings: Named) -> np.ndarray:
+    return settings[_key_of("bicarbonate_space_ml")]
 
 
 def _concentration_at_start(settings: Named, solute: str) -> np.ndarray:
     """mmol/L."""
     if solute == "creatinine":
-        return 1e-3 * settings[_of("creatinine_umol_l")]
-    return settings[_of(f"{solute}_mmol_l")]
+        return 1e-3 * settings[_key_of("creatinine_umol_l")]
+    return settings[_key_of(f"{solute}_mmol_l")]
 
 
-def _made(settings: Named, solute: str) -> np.ndarray:
+def _generation(settings: Named, solute: str) -> np.ndarray:
     """mmol/s."""
     if solute == "creatinine":
-        return 1e-3 * settings[_of("creatinine_generation_umol_h")] / _HOUR
-    return settings[_of(f"{solute}_generation_mmol_h")] / _HOUR
+        return 1e-3 * settings[_key_of("creatinine_generation_umol_h")] / _HOUR
+    return settings[_key_of(f"{solute}_generation_mmol_h")] / _HOUR
 
 
 def _volumes_at_start(settings: Named, fluid: bool) -> tuple[np.ndarray, np.ndarray]:
     """Water outside and inside of cells [mL]."""
-    water = settings[_of("body_water_ml")]
+    water = settings[_key_of("body_water_ml")]
     if not fluid:
-        return OUTSIDE_CELLS * water, (1.0 - OUTSIDE_CELLS) * water
+        return EXTRACELLULAR_SHARE * water, (1.0 - EXTRACELLULAR_SHARE) * water
     plasma, _ = blood_at_start(settings)
     outside = plasma + settings["fluid.interstitial_volume_ml"]
-    return outside, np.maximum(water - outside, LEAST_INSIDE * water)
+    return outside, np.maximum(water - outside, SMALLEST_INTRACELLULAR_SHARE * water)
 
 
 def standard_base_excess(bicarbonate: Number, haemoglobin: Number) -> Number:

@@ -30,16 +30,16 @@ OEDEMA_MMHG = 2.6
 """Rise of Pi from the normal volume to oedema, where it stays; the same model, not verified."""
 LYMPH_PER_MMHG = 0.36
 """Rise of lymph flow for each mmHg of Pi, over that at the start: 43 of 120 mL/h; as above, not verified."""
-EXCLUDED = 0.25
+EXCLUDED_SHARE = 0.25
 """Share of the normal interstitial volume that protein cannot enter; as above, not verified."""
 CAPILLARY_SHARE = 0.15
-"""Of the pressure drop from arteries to veins, behind the capillaries' middle; textbook, not verified."""
+"""Share of the arteriovenous pressure drop behind the capillaries' middle; textbook, not verified."""
 
 MIXING_ML_MIN = 0.5
-"""Of protein between what is next to capillaries and the rest, without flow; small, so that water carries it
+"""Exchange of protein between pericapillary and distant water without flow; small, so that water carries it
 (0.2 to 2 mL/min move no row of the validation by more than 0.3 of its unit)."""
 
-ALBUMIN_WORTH = 1.19
+ALBUMIN_EQUIVALENT = 1.19
 """Plasma protein that draws as much water as a gram of albumin, whose molecules are smaller: 5 g/dL of
 albumin have 2.8 c + 0.18 c^2 + 0.012 c^3 = 20.0 mmHg (Landis and Pappenheimer 1963), plasma at 5.94 g/dL; of
 what is added to plasma with as much albumin as globulin a gram counts 1.18 to 1.19 times."""
@@ -54,8 +54,8 @@ class Spaces(NamedTuple):
         plasma_protein: [g].
         interstitial_protein: [g].
         normal: interstitial volume without oedema [mL].
-        near_protein: of the share next to capillaries [g]; None, the interstitium is one.
-        near_share: that share [-]; 1, likewise.
+        pericapillary_protein: of the share next to capillaries [g]; None, the interstitium is one.
+        pericapillary_share: that share [-]; 1, likewise.
     """
 
     plasma: np.ndarray
@@ -63,32 +63,36 @@ class Spaces(NamedTuple):
     plasma_protein: np.ndarray
     interstitial_protein: np.ndarray
     normal: np.ndarray
-    near_protein: np.ndarray | None = None
-    near_share: np.ndarray | float = 1.0
+    pericapillary_protein: np.ndarray | None = None
+    pericapillary_share: np.ndarray | float = 1.0
 
     @property
     def concentrations(self) -> tuple[np.ndarray, np.ndarray]:
         """Protein of plasma and of what it can enter of the interstitium [g/dL]."""
         return (
             100.0 * self.plasma_protein / np.maximum(self.plasma, 1.0),
-            100.0 * self.interstitial_protein / self._room,
+            100.0 * self.interstitial_protein / self._accessible_volume,
         )
 
     @property
-    def near_and_far(self) -> tuple[np.ndarray, np.ndarray]:
+    def pericapillary_and_distant(self) -> tuple[np.ndarray, np.ndarray]:
         """Protein next to capillaries and in the rest of the interstitium [g/dL]."""
         _, mean = self.concentrations
-        if self.near_protein is None:
+        if self.pericapillary_protein is None:
             return mean, mean
-        apart, share = self.near_share < 1.0, np.minimum(self.near_share, 1.0 - 1e-9)
-        far = 100.0 * (self.interstitial_protein - self.near_protein) / ((1.0 - share) * self._room)
-        near = 100.0 * self.near_protein / (share * self._room)
-        return np.where(apart, near, mean), np.where(apart, far, mean)
+        apart, share = self.pericapillary_share < 1.0, np.minimum(self.pericapillary_share, 1.0 - 1e-9)
+        distant = (
+            100.0
+            * (self.interstitial_protein - self.pericapillary_protein)
+            / ((1.0 - share) * self._accessible_volume)
+        )
+        pericapillary = 100.0 * self.pericapillary_protein / (share * self._accessible_volume)
+        return np.where(apart, pericapillary, mean), np.where(apart, distant, mean)
 
     @property
-    def _room(self) -> np.ndarray:
-        """What protein can enter of the interstitium [mL]."""
-        return np.maximum(self.interstitium - EXCLUDED * self.normal, 1.0)
+    def _accessible_volume(self) -> np.ndarray:
+        """Volume of the interstitium that protein can enter [mL]."""
+        return np.maximum(self.interstitium - EXCLUDED_SHARE * self.normal, 1.0)
 
 
 class Wall(NamedTuple):
@@ -106,7 +110,7 @@ class Wall(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """What drives fluid across the wall, as changes since the start [mmHg].
+    """Starling forces across the wall, as changes since the start [mmHg].
 
     Attributes:
         capillary: pressure of the capillaries.
@@ -122,17 +126,17 @@ class Forces(NamedTuple):
 
 
 class Exchange(NamedTuple):
-    """What crosses, from plasma to interstitium.
+    """Rates of exchange, from plasma to interstitium.
 
     Attributes:
         fluid: filtration less lymph [mL/min].
         protein: likewise [g/min].
-        near_protein: what the share next to capillaries gains [g/min].
+        pericapillary_protein: what the share next to capillaries gains [g/min].
     """
 
     fluid: np.ndarray
     protein: np.ndarray
-    near_protein: np.ndarray
+    pericapillary_protein: np.ndarray
 
 
 def oncotic_pressure(protein: np.ndarray) -> np.ndarray:
@@ -160,22 +164,22 @@ def capillary_pressure(arterial: np.ndarray, venous: np.ndarray, tone: np.ndarra
 
 
 def forces(now: Spaces, rest: Spaces, pressure_rise: np.ndarray) -> Forces:
-    """What has changed since the start; the arguments are those of `exchange`."""
-    swollen = interstitial_pressure(now.interstitium, now.normal) - interstitial_pressure(
+    """Forces as changes since the start; the arguments are those of `exchange`."""
+    interstitial_rise = interstitial_pressure(now.interstitium, now.normal) - interstitial_pressure(
         rest.interstitium, rest.normal
     )
     (inside, _), (inside_0, outside_0) = now.concentrations, rest.concentrations
-    near, _ = now.near_and_far
+    pericapillary, _ = now.pericapillary_and_distant
     return Forces(
         pressure_rise,
-        swollen,
+        interstitial_rise,
         oncotic_pressure(inside) - oncotic_pressure(inside_0),
-        oncotic_pressure(near) - oncotic_pressure(outside_0),
+        oncotic_pressure(pericapillary) - oncotic_pressure(outside_0),
     )
 
 
 def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -> Exchange:
-    """What crosses the wall now.
+    """Rates of exchange across the wall now.
 
     Args:
         now: volumes and protein.
@@ -184,24 +188,24 @@ def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -
         wall: its constants.
     """
     (inside, _), (inside_0, outside_0) = now.concentrations, rest.concentrations
-    near, far = now.near_and_far
-    _, swollen, drawn, drawn_out = forces(now, rest, pressure_rise)
-    held = drawn - drawn_out
-    filtered = wall.lymph + wall.filtration * (pressure_rise - swollen - wall.reflection * held)
-    lymph = wall.lymph * np.maximum(1.0 + LYMPH_PER_MMHG * swollen, 0.0)
+    pericapillary, distant = now.pericapillary_and_distant
+    _, interstitial_rise, plasma_oncotic_rise, interstitial_oncotic_rise = forces(now, rest, pressure_rise)
+    held = plasma_oncotic_rise - interstitial_oncotic_rise
+    filtered = wall.lymph + wall.filtration * (pressure_rise - interstitial_rise - wall.reflection * held)
+    lymph = wall.lymph * np.maximum(1.0 + LYMPH_PER_MMHG * interstitial_rise, 0.0)
     dragged, dragged_0 = (
         0.005 * (1.0 - wall.reflection) * flow * (a + b)
-        for flow, a, b in ((filtered, inside, near), (wall.lymph, inside_0, outside_0))
+        for flow, a, b in ((filtered, inside, pericapillary), (wall.lymph, inside_0, outside_0))
     )
     permeability = (0.01 * wall.lymph * outside_0 - dragged_0) / (inside_0 - outside_0)  # g/min for 1 g/dL
-    crossed = dragged + permeability * (inside - near)
-    passed = filtered - now.near_share * (filtered - lymph)
-    onward = 0.01 * MIXING_ML_MIN * carried(passed / MIXING_ML_MIN, near, far)
-    return Exchange(filtered - lymph, crossed - 0.01 * lymph * far, crossed - onward)
+    crossed = dragged + permeability * (inside - pericapillary)
+    passed = filtered - now.pericapillary_share * (filtered - lymph)
+    onward = 0.01 * MIXING_ML_MIN * convected_and_mixed(passed / MIXING_ML_MIN, pericapillary, distant)
+    return Exchange(filtered - lymph, crossed - 0.01 * lymph * distant, crossed - onward)
 
 
-def carried(peclet: np.ndarray, upstream: np.ndarray, downstream: np.ndarray) -> np.ndarray:
-    """What flow and mixing carry between two concentrations, over mixing alone; steady, in one dimension."""
+def convected_and_mixed(peclet: np.ndarray, upstream: np.ndarray, downstream: np.ndarray) -> np.ndarray:
+    """Flux by convection and mixing between two concentrations, over mixing alone, in steady flow."""
 
     def weight(x: np.ndarray) -> np.ndarray:
         small = np.abs(x) < 1e-3

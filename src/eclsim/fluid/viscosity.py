@@ -29,7 +29,7 @@ TURBULENT = 0.25
 
 
 @dataclass(frozen=True)
-class Thickened(Derived):
+class ViscosityCorrected(Derived):
     """A resistance or viscosity times the change of the blood's viscosity with the haematocrit.
 
     Args:
@@ -74,17 +74,17 @@ def with_viscosity(circuit: Circuit) -> Circuit:
     Laminar flow in tubes, oxygenator and dialyzer is proportional to viscosity, turbulent flow in cannulae
     to its fourth root, flow through the body's and the lungs' small vessels to that in narrow tubes.
     """
-    return replace(circuit, connections=tuple(map(_thickened, circuit.connections)))
+    return replace(circuit, connections=tuple(map(_with_viscosity, circuit.connections)))
 
 
-def _thickened(connection: Connection) -> Connection:
+def _with_viscosity(connection: Connection) -> Connection:
     law = connection.component
     if isinstance(law, Tube):
-        law = replace(law, viscosity=Thickened(law.viscosity))
+        law = replace(law, viscosity=ViscosityCorrected(law.viscosity))
     elif isinstance(law, Cannula):
-        law = replace(law, viscosity=Thickened(1.0, exponent=TURBULENT))
+        law = replace(law, viscosity=ViscosityCorrected(1.0, exponent=TURBULENT))
     elif isinstance(law, Artery | Resistance) and MICROCIRCULATION & set(names_in(law.ohmic)):
-        law = replace(law, ohmic=Thickened(law.ohmic, ARTERIOLE_UM))
+        law = replace(law, ohmic=ViscosityCorrected(law.ohmic, ARTERIOLE_UM))
     elif isinstance(law, Resistance) and connection.group != "patient":
-        law = replace(law, ohmic=Thickened(law.ohmic))
+        law = replace(law, ohmic=ViscosityCorrected(law.ohmic))
     return replace(connection, component=law)

@@ -20,7 +20,7 @@ from eclsim.components.exchangers import GasExchanger, Points
 from eclsim.gas.linear_systems import solution
 
 
-class Inside(NamedTuple):
+class LinearisedBlood(NamedTuple):
     """Blood at the points of an exchanger and how it changes with the logarithms of both pressures there.
 
     Attributes:
@@ -36,7 +36,7 @@ class Inside(NamedTuple):
     ph_by: Array
 
 
-class Eliminated(NamedTuple):
+class LinearExchanger(NamedTuple):
     """The linear equations of an exchanger, its cells solved for what enters them.
 
     Attributes:
@@ -58,9 +58,9 @@ class Eliminated(NamedTuple):
     outlet_by: Array
 
 
-def eliminated(
-    law: GasExchanger, flow: Array, inside: Inside, values: Values, inertia: Array | float
-) -> Eliminated:
+def linear_exchanger(
+    law: GasExchanger, flow: Array, inside: LinearisedBlood, values: Values, inertia: Array | float
+) -> LinearExchanger:
     """The equations of one exchanger, linear around a state.
 
     Args:
@@ -74,7 +74,7 @@ def eliminated(
     points, exchanging = len(weights), 10.0 * flow * share
     by_gained, by_pressure = _rates_by(law, flow, inside, values)
     content_by = _by_cell(inside.content_by, cells)
-    through = _by_cell(exchanging * _times(by_gained, inside.content_by) + by_pressure, cells)
+    through = _by_cell(exchanging * _matrix_product(by_gained, inside.content_by) + by_pressure, cells)
     diagonal = (exchanging + inertia * 10.0 * flow) * content_by
     blocks = [
         [
@@ -89,43 +89,48 @@ def eliminated(
         exchanging * (identity - sum(weights[j, k] / cells * gained_by[..., k] for k in range(points)))
         for j in range(points)
     ]
-    solved = _solved(blocks, [jnp.concatenate([n, identity], axis=1) for n in entering])
+    solved = _block_elimination(blocks, [jnp.concatenate([n, identity], axis=1) for n in entering])
     by_inlet, before = [x[:, :2] for x in solved], [x[:, 2:] for x in solved]
     ends, reached = content_by[..., -1], [jnp.eye(2)]
     for c in range(cells):
         gained = exchanging * (reached[-1] - jnp.eye(2))
-        change = by_inlet[-1][..., c] + _times(before[-1][..., c], gained)
-        reached.append(_times(ends[..., c], change))
+        change = by_inlet[-1][..., c] + _matrix_product(before[-1][..., c], gained)
+        reached.append(_matrix_product(ends[..., c], change))
     outlet_by = (1.0 - share) * jnp.eye(2) + share * reached[-1]
-    return Eliminated(blocks, by_inlet, before, exchanging, ends, reached, outlet_by)
+    return LinearExchanger(blocks, by_inlet, before, exchanging, ends, reached, outlet_by)
 
 
-def responses(equations: Eliminated, missing: Array) -> tuple[list[Array], Array]:
-    """What makes up for what the equations miss, where what enters stays: pressures, and the last content.
+def responses(equations: LinearExchanger, residuals: Array) -> tuple[list[Array], Array]:
+    """Changes that cancel the residuals at a fixed inflow: of pressures, and of the last content.
 
     Args:
         equations: of one exchanger.
-        missing: (2, points).
+        residuals: (2, points).
 
     Returns:
         Changes of the logarithms of the pressures of each point of the cells, (2, cells), and of the content
         at the end, (2,).
     """
     cells, count = equations.ends.shape[-1], len(equations.blocks)
-    missing_by_cell = _by_cell(-missing, cells)
+    residuals_by_cell = _by_cell(-residuals, cells)
     moves = [
-        x[:, 0] for x in _solved(equations.blocks, [missing_by_cell[:, None, :, k] for k in range(count)])
+        x[:, 0]
+        for x in _block_elimination(
+            equations.blocks, [residuals_by_cell[:, None, :, k] for k in range(count)]
+        )
     ]
     reached, before = jnp.zeros(2), []
     for c in range(cells):
         before.append(equations.flow * reached)
-        change = moves[-1][:, c] + _applied(equations.by_gained[-1][..., c], before[-1])
-        reached = _applied(equations.ends[..., c], change)
+        change = moves[-1][:, c] + _matrix_vector_product(equations.by_gained[-1][..., c], before[-1])
+        reached = _matrix_vector_product(equations.ends[..., c], change)
     carried = jnp.stack(before, axis=-1)
-    return [m + _applied(g, carried) for m, g in zip(moves, equations.by_gained, strict=True)], reached
+    return [
+        m + _matrix_vector_product(g, carried) for m, g in zip(moves, equations.by_gained, strict=True)
+    ], reached
 
 
-def moved(equations: Eliminated, moves: Sequence[Array], entering: Array) -> Array:
+def pressure_changes(equations: LinearExchanger, moves: Sequence[Array], entering: Array) -> Array:
     """Changes of the logarithms of the pressures, (2, points).
 
     Args:
@@ -134,10 +139,11 @@ def moved(equations: Eliminated, moves: Sequence[Array], entering: Array) -> Arr
         entering: change of what enters, (2,).
     """
     gained = jnp.stack(
-        [equations.flow * (_applied(by, entering) - entering) for by in equations.reached[:-1]], axis=-1
+        [equations.flow * (_matrix_vector_product(by, entering) - entering) for by in equations.reached[:-1]],
+        axis=-1,
     )
     parts = [
-        move + _applied(inlet, entering[:, None]) + _applied(before, gained)
+        move + _matrix_vector_product(inlet, entering[:, None]) + _matrix_vector_product(before, gained)
         for move, inlet, before in zip(moves, equations.by_inlet, equations.by_gained, strict=True)
     ]
     return jnp.stack(parts, axis=-1).reshape(2, -1)
@@ -156,7 +162,7 @@ def mixed_changes(shares: Array, outlets_by: Array, offsets: Array) -> Array:
     return solution(matrix, offsets.reshape(-1, 1)).reshape(2, count)
 
 
-def _rates_by(law: GasExchanger, flow: Array, inside: Inside, values: Values) -> tuple[Array, Array]:
+def _rates_by(law: GasExchanger, flow: Array, inside: LinearisedBlood, values: Values) -> tuple[Array, Array]:
     """Change of the rates with what was gained and with the logarithms of the pressures, (2, 2, points)."""
     at = inside.at
 
@@ -176,31 +182,33 @@ def _by_cell(table: Array, cells: int) -> Array:
     return table.reshape(*table.shape[:-1], cells, -1)
 
 
-def _times(a: Array, b: Array) -> Array:
+def _matrix_product(a: Array, b: Array) -> Array:
     """Product of matrices (2, 2, ...) of each point."""
     return jnp.stack([a[0, 0] * b[0] + a[0, 1] * b[1], a[1, 0] * b[0] + a[1, 1] * b[1]])
 
 
-def _applied(a: Array, x: Array) -> Array:
+def _matrix_vector_product(a: Array, x: Array) -> Array:
     """Product of matrices (2, 2, ...) and vectors (2, ...)."""
     return jnp.stack([a[0, 0] * x[0] + a[0, 1] * x[1], a[1, 0] * x[0] + a[1, 1] * x[1]])
 
 
-def _divided(a: Array, b: Array) -> Array:
+def _solution_2x2(a: Array, b: Array) -> Array:
     """Solution x of a x = b, (2, columns, ...), with matrices (2, 2, ...)."""
     determinant = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
     return jnp.stack([a[1, 1] * b[0] - a[0, 1] * b[1], a[0, 0] * b[1] - a[1, 0] * b[0]]) / determinant
 
 
-def _solved(blocks: Sequence[Sequence[Array]], rights: Sequence[Array]) -> list[Array]:
+def _block_elimination(blocks: Sequence[Sequence[Array]], rights: Sequence[Array]) -> list[Array]:
     """Gauss' elimination by blocks (2, 2, cells), for columns (2, columns, cells).
 
     Blocks of the diagonal have an inverse: a rate falls where the pressure rises, a content rises.
     """
     if len(blocks) == 1:
-        return [_divided(blocks[0][0], rights[0])]
+        return [_solution_2x2(blocks[0][0], rights[0])]
     (first, *row), *rows = blocks
-    along, right = [_divided(first, b) for b in row], _divided(first, rights[0])
-    reduced = [[b - _times(o[0], a) for a, b in zip(along, o[1:], strict=True)] for o in rows]
-    behind = _solved(reduced, [r - _times(o[0], right) for o, r in zip(rows, rights[1:], strict=True)])
-    return [right - sum(_times(a, x) for a, x in zip(along, behind, strict=True)), *behind]
+    along, right = [_solution_2x2(first, b) for b in row], _solution_2x2(first, rights[0])
+    reduced = [[b - _matrix_product(o[0], a) for a, b in zip(along, o[1:], strict=True)] for o in rows]
+    behind = _block_elimination(
+        reduced, [r - _matrix_product(o[0], right) for o, r in zip(rows, rights[1:], strict=True)]
+    )
+    return [right - sum(_matrix_product(a, x) for a, x in zip(along, behind, strict=True)), *behind]

@@ -19,18 +19,18 @@ from jax import Array
 
 from eclsim.circuit.network import Choice, Circuit, Compartment, Exchange, sites_of
 from eclsim.components.base import Values, names_in, value_of
-from eclsim.components.exchangers import ENTERING, GasExchanger, NativeLung, Tissue
+from eclsim.components.exchangers import INLET_WEIGHTS, GasExchanger, NativeLung, Tissue
 from eclsim.components.vessels import ElasticVessel, Resistance
-from eclsim.gas.steady import GasState, Known, Samples, solve
-from eclsim.gas.transport import Drainage, Flows, Held, Mixtures, balanced, mixtures
+from eclsim.gas.steady import GasState, Samples, SearchResult, solve
+from eclsim.gas.transport import Drainage, Flows, HeldBlood, Mixtures, balanced, mixtures
 
 PATIENT = "patient"
-SAMPLED = ("sart", "upper", "lower", "pas")
+SAMPLE_SITES = ("sart", "upper", "lower", "pas")
 """Compartments whose blood is analysed, where a circuit has them."""
 GASES = ("PO2", "PCO2", "pH", "SO2", "oxygen", "carbon_dioxide")
-"""What is known of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
+"""Quantities of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
 CONTENTS = GASES[-2:]
-"""What mixes: known of the blood in every compartment."""
+"""Quantities that mix, known of the blood in every compartment."""
 WORST_ERROR = 1e-8
 SMALLEST_SUPPLY = 0.1
 """Share of its demand below which a tissue is said to get no oxygen."""
@@ -53,7 +53,7 @@ class GasStatus(IntEnum):
 
     @property
     def message(self) -> str:
-        """What it means and what to do."""
+        """Its meaning, and what to do."""
         return _MESSAGES[self]
 
 
@@ -100,7 +100,7 @@ def gas_exchanges(circuit: Circuit) -> tuple[Exchange, ...]:
 
 
 def flows_of(
-    circuit: Circuit, forward: Array, backward: Array, values: Values, held: Held | None = None
+    circuit: Circuit, forward: Array, backward: Array, values: Values, held: HeldBlood | None = None
 ) -> Flows:
     """Balanced mean flows of a circuit.
 
@@ -152,21 +152,22 @@ def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
 
 @dataclass(frozen=True)
 class FlowFunction:
-    """What blood carries, as a function of numbers.
+    """Contents of blood, as a function of numbers.
 
     Args:
         connections: whose mean forward, then backward flows come first [L/min].
         parameters: that come next.
         compute: the function, from an array (numbers,) to an array of what it gives.
         key: what tells it from all others.
-        again: the same from the numbers and what `compute` has given, without its search; for derivatives.
+        without_search: the same from the numbers and the results of `compute`, without its search; for
+            derivatives.
     """
 
     connections: tuple[str, ...]
     parameters: tuple[str, ...]
     compute: Callable[[Array], Array]
     key: tuple[Hashable, ...]
-    again: Callable[[Array, Array], Array] | None = None
+    without_search: Callable[[Array, Array], Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ class GasFunction(FlowFunction):
 
 @lru_cache(maxsize=256)
 def transport_of(circuit: Circuit, exchanges: bool = True) -> Circuit:
-    """What transport asks for of a circuit: places, connections and exchanges.
+    """Structure of a circuit for transport: places, connections and exchanges.
 
     Laws of pressures and flows, reflexes and drugs are left out, so that circuits which differ in these alone
     share the programs for what their blood carries.
@@ -236,7 +237,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         blood = last + 4 * len(circuit.compartments)
         before, after, *contents = numbers[last:blood].reshape(4, -1) if in_time else [jnp.zeros(0)] * 4
         values |= dict(zip(in_lungs, numbers[blood:], strict=True))
-        held = Held(before, after, jnp.stack(contents, axis=1)) if in_time else None
+        held = HeldBlood(before, after, jnp.stack(contents, axis=1)) if in_time else None
         flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values, held)
         at = [names.index(e.at) for e in exchanges]
         drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
@@ -257,18 +258,18 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         status = _status(exchanges, state, values)
         # A tissue may be without oxygen for some time, which no steady state has.
         valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
-        found = [] if in_time else [*state.pressure, state.ph, state.error[None]]
-        return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *found])
+        unknowns_of_search = [] if in_time else [*state.pressure, state.ph, state.error[None]]
+        return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *unknowns_of_search])
 
     key = ("gas", circuit, law, in_time)
-    again = None if in_time else compute
-    return GasFunction(names, parameters, compute, key, again, (*quantities, STATUS, *unknowns))
+    without_search = None if in_time else compute
+    return GasFunction(names, parameters, compute, key, without_search, (*quantities, STATUS, *unknowns))
 
 
-def _known(unknowns: Array, points: int) -> Known:
-    """What a search has found, from what `gas_of` gives of it."""
+def _known(unknowns: Array, points: int) -> SearchResult:
+    """End of a search, from the unknowns that `gas_of` returns with its results."""
     pressure, ph, error = unknowns[: 2 * points].reshape(2, points), unknowns[2 * points : -1], unknowns[-1]
-    return Known(pressure, ph, jnp.zeros((), dtype=int), error)
+    return SearchResult(pressure, ph, jnp.zeros((), dtype=int), error)
 
 
 def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
@@ -285,7 +286,7 @@ def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
 
 def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     """Where blood is analysed, and the compartment or connection."""
-    compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLED]
+    compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLE_SITES]
     behind = [("behind", e.at) for e in gas_exchanges(circuit) if _analysed(e) or _stores(e)]
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
     groups = {c.name: c.group for c in circuit.compartments}
@@ -314,7 +315,7 @@ def _stores(exchange: Exchange) -> bool:
 def _entered(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
     """Exchanges whose first point is the blood that enters: their number, and that of the point."""
     first = np.cumsum([0, *(law.points for law in laws)]).tolist()
-    return [(k, first[k]) for k, law in enumerate(laws) if law.collocation[1] is ENTERING]
+    return [(k, first[k]) for k, law in enumerate(laws) if law.collocation[1] is INLET_WEIGHTS]
 
 
 def lungs_of(circuit: Circuit) -> tuple[Exchange, ...]:
@@ -340,7 +341,7 @@ def _alveoli(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
 
 
 def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Samples:
-    """What samples are made of."""
+    """Composition of samples."""
     stores, paths = ([entry.name for entry in t] for t in (circuit.compartments, circuit.connections))
     sources = [e.at for e in gas_exchanges(circuit)]
 
@@ -355,7 +356,7 @@ def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixture
 def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, values: Values) -> Array:
     """Gas gained, oxygen supplied and demanded at an exchange [mL/min STPD]."""
     law = exchange.component
-    demanded = law.wanted(values) if isinstance(law, Tissue) else jnp.zeros(())
+    demanded = law.oxygen_demand(values) if isinstance(law, Tissue) else jnp.zeros(())
     supplied = 10.0 * mixed.streams[k] * state.inlets[0, k]
     return jnp.stack([*state.gained[:, k], supplied, demanded])
 
@@ -363,7 +364,9 @@ def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, val
 def _status(exchanges: Sequence[Exchange], state: GasState, values: Values) -> Array:
     """A `GasStatus`."""
     tissues = [(k, e.component) for k, e in enumerate(exchanges) if isinstance(e.component, Tissue)]
-    met = jnp.stack([-state.gained[0, k] / law.wanted(values) for k, law in tissues] or [jnp.ones(())]).min()
+    met = jnp.stack(
+        [-state.gained[0, k] / law.oxygen_demand(values) for k, law in tissues] or [jnp.ones(())]
+    ).min()
     pco2 = jnp.exp(state.pressure[1]).max()
     return jnp.where(
         met < SMALLEST_SUPPLY,

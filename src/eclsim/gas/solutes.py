@@ -1,4 +1,4 @@
-"""What a filter does for the patient: a solute that tissues keep up and a filter takes from the blood.
+"""Effect of a filter on the patient: a solute that tissues keep up and a filter takes from the blood.
 
 Blood leaves every capillary bed with the concentration of the tissues, 1, and the filter with what it has
 not cleared. The mixtures of the circuit say what reaches the filter: blood of the tissues, and blood that has

@@ -31,24 +31,30 @@ from eclsim.blood.gases import law_named
 from eclsim.blood.types import Blood
 from eclsim.components.base import Values
 from eclsim.components.exchangers import BLOOD, GasExchanger, Points
-from eclsim.gas.elimination import Inside, eliminated, mixed_changes, moved, responses
+from eclsim.gas.elimination import (
+    LinearisedBlood,
+    linear_exchanger,
+    mixed_changes,
+    pressure_changes,
+    responses,
+)
 from eclsim.gas.transport import Mixtures
 
 ITERATIONS, PLAIN_ITERATIONS = 440, 40
-"""Of a search, and of its first part; what that does not find is followed in time."""
-MARCHES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1))
+"""Iterations of a search, and of its first part; what has not converged then is followed in time."""
+PSEUDO_TIME_STAGES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1))
 """Iterations at which following in time begins, and the change of the logarithms that a step aims at."""
-SLIGHT = 2.0
+SMALL_PRESSURE_MMHG = 2.0
 """Pressure [mmHg] below which a change of its logarithm counts less: blood holds hardly anything then."""
 MOST_INERTIA, LEAST_INERTIA, LAST_CHANGE = 1e4, 1e-6, 1e-4
-"""Of steps in time; below the least, or below the change, the steps are Newton's."""
+"""Inertia of steps in time; below the least, or below the change, the steps are Newton's."""
 TOLERANCE = 1e-6
-"""Of the last step but one, in the logarithm of a partial pressure; the last one squares it."""
+"""Largest last step but one, in the logarithm of a partial pressure; the last one squares it."""
 LARGEST_STEP = 1.0
 INERTIA = 5.0
 """At the start of a search [L/min]."""
-LOWEST, HIGHEST = -14.0, 8.0
-"""Of the logarithm of a partial pressure in mmHg."""
+LOWEST_LOGARITHM, HIGHEST_LOGARITHM = -14.0, 8.0
+"""Range of the logarithm of a partial pressure in mmHg."""
 
 
 class GasState(NamedTuple):
@@ -89,8 +95,8 @@ class Samples(NamedTuple):
     kept: Array | None = None
 
 
-class Known(NamedTuple):
-    """What a search has found: the first two and last two entries of a `GasState`."""
+class SearchResult(NamedTuple):
+    """End of a search: the first two and last two entries of a `GasState`."""
 
     pressure: Array
     ph: Array
@@ -98,7 +104,7 @@ class Known(NamedTuple):
     error: Array
 
 
-class _Local(NamedTuple):
+class _LocalBlood(NamedTuple):
     """Blood at all points, and how it changes with the unknowns there, pH eliminated."""
 
     content: Array  # (2, points)
@@ -110,7 +116,7 @@ class _Local(NamedTuple):
 
 
 class _Network(NamedTuple):
-    """What the equations of all exchangers need besides the unknowns."""
+    """Arguments of the equations of all exchangers besides the unknowns."""
 
     exchangers: tuple[GasExchanger, ...]
     mixed: Mixtures
@@ -136,20 +142,20 @@ class _Network(NamedTuple):
 
 
 class _Search(NamedTuple):
-    """Where the search for the steady state is."""
+    """State of the search for the steady state."""
 
     pressure: Array
     ph: Array
     gained: Array
     inertia: Array
-    missing: Array
+    residuals: Array
     steps: Array
     error: Array
     last: Array
 
 
 def blood_of(values: Values) -> Blood:
-    """What describes the blood of a patient apart from its gases."""
+    """Properties of a patient's blood apart from its gases."""
     return Blood(*(values[name] for name in BLOOD))
 
 
@@ -159,7 +165,7 @@ def solve(
     values: Values,
     law: str = "severinghaus1979",
     samples: Samples | None = None,
-    known: Known | None = None,
+    known: SearchResult | None = None,
 ) -> GasState:
     """The steady gas state of one patient; map over patients with `jax.vmap`.
 
@@ -169,20 +175,22 @@ def solve(
         values: parameters of the exchangers and of the blood.
         law: of the blood.
         samples: blood whose gases are wanted too.
-        known: what a search with the same numbers has found; only derivatives are then computed.
+        known: end of a search with the same numbers; only derivatives are then computed.
     """
     samples = Samples(jnp.zeros((0, len(exchangers)))) if samples is None else samples
     network = _Network(tuple(exchangers), mixed, samples, values, law)
-    found = _searched(network.frozen()) if known is None else known
+    solution = _searched(network.frozen()) if known is None else known
     given = mixed, samples, {name: jnp.asarray(value) for name, value in values.items()}
-    pressure, ph = _following(network.exchangers, law, (found.pressure, found.ph), *given)
+    pressure, ph = _implicit_function(network.exchangers, law, (solution.pressure, solution.ph), *given)
     content, _, saturation, _ = _properties(law, blood_of(values), pressure, ph)
     outlets, inlets = _streams(network, content)
     gained = 10.0 * mixed.streams * (outlets - inlets)
-    return GasState(pressure, ph, saturation, content, outlets, inlets, gained, found.steps, found.error)
+    return GasState(
+        pressure, ph, saturation, content, outlets, inlets, gained, solution.steps, solution.error
+    )
 
 
-def _searched(network: _Network) -> Known:
+def _searched(network: _Network) -> SearchResult:
     """The end of the search; one step more than `TOLERANCE` asks for."""
     samples = network.samples
     acid = partial(_acid_step, network.law, blood_of(network.values))
@@ -197,19 +205,21 @@ def _searched(network: _Network) -> Known:
         )
         solved = jnp.isfinite(move).all() & jnp.isfinite(move_ph).all()
         move, move_ph = jnp.where(solved, move, 0.0), jnp.where(solved, move_ph, 0.0)
-        pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
+        pressure = jnp.clip(
+            state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST_LOGARITHM, HIGHEST_LOGARITHM
+        )
         ph = jnp.clip(state.ph + jnp.clip(move_ph, -0.5, 0.5), 4.0, 12.0)
         ph = acid(pressure, ph)
         error = jnp.where(solved, jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()), jnp.inf)
         po2_or_pco2 = jnp.exp(state.pressure)
-        change = jnp.abs(pressure - state.pressure) * po2_or_pco2 / (po2_or_pco2 + SLIGHT)
+        change = jnp.abs(pressure - state.pressure) * po2_or_pco2 / (po2_or_pco2 + SMALL_PRESSURE_MMHG)
         inertia = _next_inertia(state, size, error, jnp.maximum(change.max(), jnp.abs(move_ph).max()))
         # Without a step to take, as in blood that gains and loses nothing, the search ends where it is.
         plain = state.steps < PLAIN_ITERATIONS
         steps = jnp.where(solved, state.steps + 1, jnp.where(plain, PLAIN_ITERATIONS, ITERATIONS))
         gained = jnp.where(solved, gained, state.gained)
         reached = _Search(pressure, ph, gained, inertia, size, steps, error, last & solved)
-        anew = ~reached.last & jnp.isin(steps, jnp.array([begin for begin, _ in MARCHES]))
+        anew = ~reached.last & jnp.isin(steps, jnp.array([begin for begin, _ in PSEUDO_TIME_STAGES]))
         return jax.tree.map(lambda a, b: jnp.where(anew, a, b), start._replace(steps=steps), reached)
 
     points = network.count + samples.shares.shape[0]
@@ -219,15 +229,15 @@ def _searched(network: _Network) -> Known:
         pressure, jnp.full(points, 7.4), gained, jnp.array(INERTIA), far, jnp.array(0), far, jnp.array(False)
     )
     end = jax.lax.while_loop(unfinished, improve, start)
-    return Known(end.pressure, end.ph, end.steps, end.error)
+    return SearchResult(end.pressure, end.ph, end.steps, end.error)
 
 
 def _next_inertia(state: _Search, size: Array, error: Array, change: Array) -> Array:
     """Inertia of the next step, from the equations not met in this one, its error and its change."""
     # It follows what is missing, so that the last steps are Newton's.
-    inertia = 0.5 * state.inertia * jnp.clip(size / state.missing, 0.1, 2.0)
+    inertia = 0.5 * state.inertia * jnp.clip(size / state.residuals, 0.1, 2.0)
     ended = (size < 1e-4) | (state.inertia < LEAST_INERTIA) | (error <= TOLERANCE)
-    for begin, aim in MARCHES:
+    for begin, aim in PSEUDO_TIME_STAGES:
         marching = state.steps >= begin
         followed = jnp.minimum(state.inertia * jnp.clip(change / aim, 0.2, 4.0), MOST_INERTIA)
         inertia = jnp.where(marching, followed, inertia)
@@ -236,19 +246,19 @@ def _next_inertia(state: _Search, size: Array, error: Array, change: Array) -> A
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def _following(
+def _implicit_function(
     exchangers: tuple[GasExchanger, ...],
     law: str,
-    found: tuple[Array, Array],
+    solution: tuple[Array, Array],
     mixed: Mixtures,
     samples: Samples,
     values: Values,
 ) -> tuple[Array, Array]:
-    """Pressures and pH that were found, as functions of what is given."""
-    return found
+    """Pressures and pH of a solution as functions of the arguments (implicit function theorem)."""
+    return solution
 
 
-@_following.defjvp
+@_implicit_function.defjvp
 def _derivative(
     exchangers: tuple[GasExchanger, ...],
     law: str,
@@ -256,12 +266,12 @@ def _derivative(
     changes: tuple[tuple[Array, Array], Mixtures, Samples, Values],
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """By the implicit function theorem: how Newton's step from the solution follows what is given."""
-    found, *given = arguments
+    solution, *given = arguments
 
     def step(mixed: Mixtures, samples: Samples, values: Values) -> tuple[Array, Array]:
-        return _newton_step(_Network(exchangers, mixed, samples, values, law), *found, 0.0)[:2]
+        return _newton_step(_Network(exchangers, mixed, samples, values, law), *solution, 0.0)[:2]
 
-    return found, jax.jvp(step, tuple(given), changes[1:])[1]
+    return solution, jax.jvp(step, tuple(given), changes[1:])[1]
 
 
 def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:
@@ -279,7 +289,7 @@ def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Arr
     return content, slope, saturated, jnp.asarray(excess_of(pco2, ph, saturated, blood))
 
 
-def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _Local:
+def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _LocalBlood:
     """Properties of blood at all points with their derivatives; every point depends on itself alone.
 
     The derivatives are not differentiated: at the solution they are multiplied by a residual that is zero.
@@ -289,7 +299,7 @@ def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _Local:
     directions = jnp.broadcast_to(jnp.eye(3)[:, :, None], (3, 3, ph.shape[0]))
     content_by, slope_by, _, residual_by = jax.vmap(lambda d: along(d[:2], d[2]))(directions)
     acid_by, acid = -residual_by[:2] / residual_by[2], -residual / residual_by[2]
-    return _Local(
+    return _LocalBlood(
         content + content_by[2] * acid,
         slope + slope_by[2] * acid,
         jnp.swapaxes(content_by[:2] + content_by[2] * acid_by[:, None], 0, 1),
@@ -322,7 +332,7 @@ def _small_solved(matrix: Array, right: Array) -> Array:
     return jnp.stack([row[len(rows) :] for row in rows])
 
 
-def _missing(
+def _residuals(
     network: _Network, pressure: Array, content: Array, slope: Array, ph: Array, expected: Array | None
 ) -> tuple[list[Points], Array, Array]:
     """Blood inside every exchanger, what by its contents it gained, and what the equations of all miss.
@@ -372,13 +382,17 @@ def _newton_step(
     """
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)
-    points, gained, value = _missing(network, pressure, local.content, local.slope, ph + local.acid, expected)
+    points, gained, value = _residuals(
+        network, pressure, local.content, local.slope, ph + local.acid, expected
+    )
     steady = network.frozen()
     fixed, at = jax.lax.stop_gradient((local, points))
     equations = [
-        eliminated(
+        linear_exchanger(
             e, steady.mixed.streams[k],
-            Inside(at[k], fixed.content_by[..., place], fixed.slope_by[:, place], fixed.acid_by[:, place]),
+            LinearisedBlood(
+                at[k], fixed.content_by[..., place], fixed.slope_by[:, place], fixed.acid_by[:, place]
+            ),
             steady.values, inertia,
         )
         for k, (e, place) in enumerate(zip(network.exchangers, network.places, strict=True))
@@ -391,7 +405,10 @@ def _newton_step(
         shares * jnp.stack([reached for _, reached in parts], axis=-1),
     )
     entering = changes @ steady.mixed.inlets.T
-    move = [moved(e, m, entering[:, k]) for k, (e, (m, _)) in enumerate(zip(equations, parts, strict=True))]
+    move = [
+        pressure_changes(e, m, entering[:, k])
+        for k, (e, (m, _)) in enumerate(zip(equations, parts, strict=True))
+    ]
     passing = np.repeat(np.arange(len(equations)), [e.points for e in network.exchangers])
     flows = 10.0 * network.mixed.streams[passing] * shares[passing]
     inside = (fixed.content_by[..., :count] * jnp.concatenate(move, axis=1)).sum(axis=1)

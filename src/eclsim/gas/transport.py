@@ -71,7 +71,7 @@ class Flows(NamedTuple):
         return np if all(isinstance(part, np.ndarray) for part in self) else jnp
 
 
-class Held(NamedTuple):
+class HeldBlood(NamedTuple):
     """Blood that compartments hold over a step in time.
 
     Attributes:
@@ -89,7 +89,7 @@ def _solved(numbers: ModuleType, matrix: Array, offsets: Array) -> Array:
     return numbers.linalg.solve(matrix, offsets) if numbers is np else solution(matrix, offsets)
 
 
-def balanced(flows: Flows, held: Held | None = None) -> Flows:
+def balanced(flows: Flows, held: HeldBlood | None = None) -> Flows:
     """The nearest flows that leave every compartment as much as they enter it, to rounding.
 
     A beat that is periodic to 1e-9 fills or empties its compartments a little; gas would be made from that.
@@ -107,7 +107,7 @@ def balanced(flows: Flows, held: Held | None = None) -> Flows:
 
 
 class Mixtures(NamedTuple):
-    """What blood is made of, as shares of the blood that leaves each exchanger.
+    """Composition of blood, as shares of the blood that leaves each exchanger.
 
     Attributes:
         compartments: shares in each compartment, (compartments, exchangers); rows sum to 1.
@@ -129,7 +129,7 @@ def mixtures(
     flows: Flows,
     exchangers: Sequence[int],
     drainages: Sequence[tuple[Drainage, Array]] = (),
-    held: Held | None = None,
+    held: HeldBlood | None = None,
 ) -> Mixtures:
     """Solve the balances for blood of content 1 behind each exchanger.
 
@@ -150,7 +150,7 @@ def mixtures(
     acts = sent.sum(axis=1)
     forward_acts, backward_acts = xp.where(ahead, acts, 0.0), xp.where(ahead, 0.0, acts)
     arriving = (forward * forward_acts)[:, None] * sent, (backward * backward_acts)[:, None] * sent
-    drawn, drawn_sent = _drawn(flows, forward_acts, backward_acts, arriving, drainages)
+    drawn, drawn_sent = _drawn_blood(flows, forward_acts, backward_acts, arriving, drainages)
     behind = enters.T  # what a backward stream carries off is the blood of its connection's target
 
     change = enters - leaves
@@ -173,14 +173,14 @@ def mixtures(
     return Mixtures(compartments[:, :count], all_drawn[:, :count], inlets[:, :count], streams, from_held)
 
 
-def _drawn(
+def _drawn_blood(
     flows: Flows,
     forward_acts: Array,
     backward_acts: Array,
     arriving: tuple[Array, Array],
     drainages: Sequence[tuple[Drainage, Array]],
 ) -> tuple[Array, Array]:
-    """What every connection draws forward, as shares of compartments and of what exchangers send."""
+    """Origin of the forward flow through every connection, as shares of compartments and exchangers."""
     leaves, enters, forward, backward = flows
     xp = flows.numbers
     drawn, drawn_sent = xp.asarray(leaves.T), xp.zeros_like(arriving[0])
@@ -194,7 +194,7 @@ def _drawn(
         from_targets = (back * backward * (1.0 - backward_acts)) @ enters.T
         from_exchangers = to @ arriving[0] + back @ arriving[1]
         j = drainage.connection
-        mixing = _possible(mixing, total, flows, drainages, source)
+        mixing = _allowed_mixing(mixing, total, flows, drainages, source)
         drawn = drawn.at[j].set(
             mixing * leaves[:, j] + (1.0 - mixing) * (from_sources + from_targets) / total
         )
@@ -202,7 +202,7 @@ def _drawn(
     return drawn, drawn_sent
 
 
-def _possible(
+def _allowed_mixing(
     mixing: Array, arriving: Array, flows: Flows, drainages: Sequence[tuple[Drainage, Array]], source: Array
 ) -> Array:
     """A drain's mixing, with no more blood of the veins than arrives at the compartment of all its drains."""

@@ -30,9 +30,11 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
 _TWO_SIDES = re.compile(rf"(\S+?)\s*(?:=|:|in|\s)\s*({_NUMBER})\s*(?:\.\.|to)\s*({_NUMBER})")
 _WITH_UNIT = re.compile(r"(.*[\d.])\s*([A-Za-zµ%][\w/µ%.²]*)")
-ALLOWED = "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, in the outputs' units, with commas between"
+ALLOWED_FORMS = (
+    "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, in the outputs' units, with commas between"
+)
 LARGEST_FLOW_L_MIN = 30.0
-LITTLE_OXYGEN_ML_MIN = 10.0
+SMALLEST_OXYGEN_FLOW_ML_MIN = 10.0
 
 
 class GoalError(ValueError):
@@ -124,7 +126,7 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
         GoalError: with every mistake.
     """
     goals, wrong = [], []
-    parts = text.split(",") if isinstance(text, str) else _listed(text, Goal, "goal", ALLOWED)
+    parts = text.split(",") if isinstance(text, str) else _listed(text, Goal, "goal", ALLOWED_FORMS)
     for part in parts:
         try:
             goal = _read(part.strip()) if isinstance(part, str) else part
@@ -138,21 +140,21 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
         elif not goal.low <= goal.high:
             wrong.append(f"{goal.output}: from {goal.low:g} to {goal.high:g}; the first must not be larger")
         else:
-            wrong += _in_other_units(goal)
+            wrong += _mistakes_in_units(goal)
         goals.append(goal)
     names = [goal.output for goal in goals]
     wrong += [f"{name}: two goals; write both bounds as {name} LOW..HIGH" for name in _repeated(names)]
     if not goals and not wrong:
-        wrong.append(f"no goals; allowed: {ALLOWED}")
+        wrong.append(f"no goals; allowed: {ALLOWED_FORMS}")
     if wrong:
         raise GoalError(wrong)
     return tuple(goals)
 
 
-def possible(
+def implicit_goals(
     outputs: Sequence[str], asked: Sequence[Goal], present: Mapping[str, float], values: Mapping[str, float]
 ) -> tuple[Goal, ...]:
-    """Goals that hold unasked: of veins that fill, of chambers that eject, of flows and of gases.
+    """Goals that hold though nobody states them: of veins, of chambers that eject, of flows and of gases.
 
     No vein may be below its surroundings, no chamber below empty, no device carry blood backwards, no
     oxygenator less than its label says; no alarm of gases may be raised that the case does not raise itself.
@@ -169,7 +171,7 @@ def possible(
     goals: dict[tuple[str, str], Goal] = {}  # by output and meaning: two sides may say different things
     backward = [_least_flow(limit, values) for limit in backward_flow_bounds(outputs)]
     gases = [
-        limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs, values)
+        limit for name in outputs if requires_gases(name) for limit in limits_of(name, outputs, values)
         if limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan))
     ]  # fmt: skip
     alarms = (*backward, *gases)
@@ -183,21 +185,21 @@ def possible(
     return tuple(goals.values())
 
 
-def turned_for(goal: Goal, settings: Sequence[Setting]) -> bool:
-    """Whether settings are among those that a bound is kept by: that of a device's flow by its own alone."""
+def is_kept_by_settings(goal: Goal, settings: Sequence[Setting]) -> bool:
+    """Whether a bound can be kept by settings: that of a device's flow only by settings of the device."""
     known = named_output(goal.output)
     if not goal.gives_way or known is None:
         return True
     return known[0].key in {setting.name.rpartition(".")[0] for setting in settings}
 
 
-def is_of_gas(name: str) -> bool:
+def requires_gases(name: str) -> bool:
     """Whether an output exists only where gases are computed."""
     return GASES in output(name).parameters
 
 
 def _least_flow(limit: Limit, values: Mapping[str, float]) -> Limit:
-    """No flow backwards; for an oxygenator that is not clamped no less than its label says."""
+    """The limit at no flow backwards, or for an unclamped oxygenator at the least flow of its label."""
     known = named_output(limit.quantity)
     if known is not None and known[1].name == "PF":
         names = known[0]
@@ -216,11 +218,11 @@ def _read(text: str) -> Goal:
         output, low, high = match.groups()
         return Goal(output, float(low), float(high))
     if (match := _WITH_UNIT.fullmatch(text)) and not _WITH_UNIT.fullmatch(match[1]):
-        return _in_own_unit(_read(match[1]), match[2], text)
-    raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED}"])
+        return _without_unit(_read(match[1]), match[2], text)
+    raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED_FORMS}"])
 
 
-def _in_own_unit(goal: Goal, written: str, text: str) -> Goal:
+def _without_unit(goal: Goal, written: str, text: str) -> Goal:
     """A goal behind whose bound a unit stands, which has to be that of its output."""
     if goal.output not in all_outputs():
         return goal
@@ -234,7 +236,7 @@ def _in_own_unit(goal: Goal, written: str, text: str) -> Goal:
     raise GoalError([wrong])
 
 
-def _in_other_units(goal: Goal) -> list[str]:
+def _mistakes_in_units(goal: Goal) -> list[str]:
     """What is wrong with bounds that no patient could have, such as 0.9 for a saturation in percent."""
     unit = output(goal.output).unit
     field = Measurements.fields().get(goal.output.removesuffix("_lower"))
@@ -246,7 +248,7 @@ def _in_other_units(goal: Goal) -> list[str]:
             meant = suspected_unit(bound, unit, field.typical, (field.minimum, field.maximum))
             wrong.append(f"{goal}: {field.minimum:g} to {field.maximum:g} {unit} is what can be measured")
         else:
-            meant = _meant(goal.output, unit, bound)
+            meant = _probable_value(goal.output, unit, bound)
             wrong += [f"{goal}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"] * bool(
                 meant
             )
@@ -255,7 +257,7 @@ def _in_other_units(goal: Goal) -> list[str]:
     return wrong
 
 
-def _meant(name: str, unit: str, bound: float) -> str:
+def _probable_value(name: str, unit: str, bound: float) -> str:
     """The bound in the output's unit, where it is likely in another one; else empty."""
     size = abs(bound)
     if unit == "%" and 0.0 < size <= 1.0:
@@ -264,7 +266,7 @@ def _meant(name: str, unit: str, bound: float) -> str:
         return f"{0.01 * bound:g}"
     if unit == "L/min" and size > LARGEST_FLOW_L_MIN:
         return f"{0.001 * bound:g} L/min"
-    if name.startswith(("DO2", "VO2")) and 0.0 < size < LITTLE_OXYGEN_ML_MIN:
+    if name.startswith(("DO2", "VO2")) and 0.0 < size < SMALLEST_OXYGEN_FLOW_ML_MIN:
         return f"{1000.0 * bound:g} {unit}"
     return ""
 
@@ -273,17 +275,17 @@ def _repeated(names: Sequence[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if names.count(name) > 1]
 
 
-def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
+def default_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
     """What is turned on the devices of a case to reach goals, the dearest first, over the page's ranges."""
     settings: list[Setting | None] = []
     for instance in case.instances():
         names = (f"{instance.key}.{key}" for key in instance.device.adjusted)
-        settings += [_bounded(case, name) for name in names if name in known]
+        settings += [_with_usual_bounds(case, name) for name in names if name in known]
     return tuple(setting for setting in settings if setting is not None)
 
 
-def _way_to_have(case: Case, name: str, known: Sequence[str]) -> str:
-    """What makes a setting one of the case where its section is not there, else the nearest spelling."""
+def _hint_for_missing_setting(case: Case, name: str, known: Sequence[str]) -> str:
+    """How the case gets a setting whose section it lacks, else the nearest spelling."""
     section, _, key = name.rpartition(".")
     kind = section_of(section)
     if kind is None or key not in kind.fields() or section in case.as_mapping():
@@ -305,7 +307,7 @@ def read_settings(
         GoalError: with every mistake.
     """
     if text is None:
-        settings = usual_settings(case, known)
+        settings = default_settings(case, known)
         if not settings:
             raise GoalError(["nothing to turn: no device with a speed; name parameters and bounds to vary"])
         return settings
@@ -315,15 +317,17 @@ def read_settings(
     for part in text.split(","):
         name, _, bounds = (piece.strip() for piece in part.partition("="))
         if name not in known:
-            wrong.append(f"{name}: this case has no such parameter{_way_to_have(case, name, known)}")
+            wrong.append(
+                f"{name}: this case has no such parameter{_hint_for_missing_setting(case, name, known)}"
+            )
             continue
-        setting = _bounded(case, name)
+        setting = _with_usual_bounds(case, name)
         if bounds:
             match = re.fullmatch(rf"({_NUMBER})\s*(?:\.\.|:)\s*({_NUMBER})", bounds)
             if match is None or float(match[1]) >= float(match[2]):
                 wrong.append(f"{name} = '{bounds}'; allowed: LOW..HIGH, such as 2000..4000")
                 continue
-            if refused := _outside(case, name, float(match[1]), float(match[2])):
+            if refused := _reason_out_of_range(case, name, float(match[1]), float(match[2])):
                 wrong.append(f"{name} = {bounds}: {refused}")
                 continue
             setting = Setting(name, float(match[1]), float(match[2]), setting.unit if setting else "")
@@ -369,7 +373,7 @@ def _checked_settings(given: Sequence[Setting], known: Sequence[str]) -> tuple[S
     return tuple(replace(s, unit=s.unit or getattr(quantity(s.name), "unit", "")) for s in settings)
 
 
-def _bounded(case: Case, name: str) -> Setting | None:
+def _with_usual_bounds(case: Case, name: str) -> Setting | None:
     """A setting over the range of its pump, of its knob on the page, or of the table of parameters."""
     from eclsim.devices.registry import parameter_of
 
@@ -384,7 +388,7 @@ def _bounded(case: Case, name: str) -> Setting | None:
     return None if entry is None else Setting(name, entry.minimum, entry.maximum, entry.unit)
 
 
-def _outside(case: Case, name: str, low: float, high: float) -> str:
+def _reason_out_of_range(case: Case, name: str, low: float, high: float) -> str:
     """What a parameter may be, where bounds leave that; empty where they do not."""
     from eclsim.devices.registry import parameter_of
 

@@ -15,9 +15,9 @@ from eclsim.outputs.registry import output
 if TYPE_CHECKING:
     from eclsim.outputs.alarms import Finding
 
-MET = 1e-4
+MET_TOLERANCE = 1e-4
 """Largest miss, in scales of the goal, of a goal that is reached."""
-ALARMING = ("alarm", "collapse")
+ALARM_KINDS = ("alarm", "collapse")
 """Kinds of findings that an answer names in its first words."""
 
 
@@ -50,14 +50,14 @@ class GoalResult(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Of a bound that is broken, in words."""
+        """The broken bound in words."""
         unit = output(self.goal.output).unit
         if math.isnan(self.value):
             return f"{self.goal.output} has no value there"
-        return f"{_named(self.goal)} is not kept there: {self.value:.4g} {unit}"
+        return f"{_goal_with_reason(self.goal)} is not kept there: {self.value:.4g} {unit}"
 
     def as_object(self) -> dict[str, object]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         goal = self.goal
         return {
             "goal": str(goal), "output": goal.output, "low": goal.low, "high": goal.high,
@@ -86,7 +86,7 @@ class Reached:
             broken there.
         tried: places all over the ranges that were tried first.
         without_beat: those of them without a steady beat that is determined.
-        doubts: what the case says of the fit that gave its parameters, where that is not good.
+        doubts: about the fit that gave the parameters, where that is not good.
     """
 
     id: str
@@ -110,7 +110,7 @@ class Reached:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What there is to say of where its numbers come from, and of the beat."""
+        """Doubts about the parameters, and findings about the beat."""
         return (*self.doubts, *sentences(self.findings))
 
     @property
@@ -119,7 +119,7 @@ class Reached:
         return self.status is ReachStatus.REACHED
 
     def as_object(self) -> dict[str, object]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {
             "id": self.id,
             "reached": self.reached,
@@ -141,16 +141,16 @@ class Reached:
         }  # fmt: skip
 
 
-def broken(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
-    """Those of some bounds that outputs are beyond, or whose output has no value."""
+def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
+    """The goals that outputs miss, or whose output has no value."""
     for goal in goals:
         value = outputs.get(goal.output, math.nan)
-        if not goal.excess(value) <= MET * goal.scale:
+        if not goal.excess(value) <= MET_TOLERANCE * goal.scale:
             yield GoalResult(goal, value, met=False, binding=False, slopes={})
 
 
-def unseen(tried: int, without_beat: int) -> str:
-    """How much of the ranges was not seen; empty where all was."""
+def scan_gaps_text(tried: int, without_beat: int) -> str:
+    """How many places of the scan had no determined steady beat; empty where all had one."""
     if not without_beat:
         return ""
     where = f"{without_beat} of the {tried} places over the ranges that were tried first"
@@ -171,10 +171,10 @@ def message_of(
         goals = f"not reached: {unmet}" if unmet else "all goals are reached"
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
-        return f"all goals are reached with {where}{_what_stops(settings, values, results)}"
+        return f"all goals are reached with {where}{_binding_goals_text(settings, values, results)}"
     unmet = [r for r in results if not r.met]
     text = "; ".join(
-        f"{_named(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
+        f"{_goal_with_reason(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
         for r in unmet
     )
     asked = sum(not result.goal.because for result in results)
@@ -182,7 +182,7 @@ def message_of(
     ends = [_at_end(s, values[s.name]) for s in settings]
     if any(ends):
         text += f" ({', '.join(filter(None, ends))})"
-    held = [_named(r.goal) for r in results if r.goal.because and r.binding and r.met]
+    held = [_goal_with_reason(r.goal) for r in results if r.goal.because and r.binding and r.met]
     if held:
         text += f"; it is limited by {' and '.join(held)}"
     for goal, others in without.items():
@@ -192,15 +192,15 @@ def message_of(
     return text
 
 
-def _what_stops(
+def _binding_goals_text(
     settings: Sequence[Setting], values: Mapping[str, float], results: Sequence[GoalResult]
 ) -> str:
     """Why the settings are not smaller: goals that a smaller one breaks, then others at their bounds."""
     at_bound = [result for result in results if result.binding]
     free = [s.name for s in settings if values[s.name] > s.low + 1e-6 * (s.high - s.low)]
     broken = [result for result in at_bound if any(_breaks_below(result, name) for name in free)]
-    kept = [_named(result.goal) for result in at_bound if broken and result not in broken]
-    stops = " and ".join(_named(result.goal) for result in broken or at_bound)
+    kept = [_goal_with_reason(result.goal) for result in at_bound if broken and result not in broken]
+    stops = " and ".join(_goal_with_reason(result.goal) for result in broken or at_bound)
     if not stops:
         return ", the lowest of the range"
     also = f"; {' and '.join(kept)} {'are' if len(kept) > 1 else 'is'} at the bound too" if kept else ""
@@ -213,8 +213,8 @@ def _breaks_below(result: GoalResult, setting: str) -> bool:
     return result.slopes[setting] > 0.0 if at_low else result.slopes[setting] < 0.0
 
 
-def beyond_alarms(quantities: Iterable[str], where: str = "with the settings found") -> str:
-    """That outputs break alarm limits at what was found; empty where none does.
+def broken_alarms_text(quantities: Iterable[str], where: str = "with the settings found") -> str:
+    """A text on outputs beyond alarm limits; empty without any.
 
     Args:
         quantities: outputs or waveforms whose alarm limits are broken.
@@ -227,7 +227,7 @@ def beyond_alarms(quantities: Iterable[str], where: str = "with the settings fou
     return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: add a goal for {them}"
 
 
-def _named(goal: Goal) -> str:
+def _goal_with_reason(goal: Goal) -> str:
     """A goal, and why it holds if nobody asked for it."""
     return f"{goal} ({goal.because})" if goal.because else str(goal)
 

@@ -4,16 +4,17 @@ With settings x over their ranges, u = (x - low) / (high - low), what is minimis
 
     sum of weight_k u_k + penalty * sum of the goals' misses,
 
-the first setting weighing most. Every step solves the linear program of the beat to first order within a
-trust region (sequential linear programming with an exact penalty, Fletcher and Sainz de la Maza 1989, doi
-10.1007/BF01582292), and once more where bounds are curved (second-order correction). At a solution that as
-many goals determine as there are settings it converges as fast as Newton's method. Where goals exclude each
-other the same search ends at the smallest sum of misses, each in hundredths of its bound; what stands in the
-way is found by leaving out the goals at their bounds, one by one. Bounds are kept unasked, for
-no patient is beyond them or should be: veins do not fill below the pressure of their surroundings, no chamber
-ejects more than it holds, no device carries blood backwards and no oxygenator less than its label says, and
-no alarm of gases is raised that the case does not raise itself. Bounds of a flow or of gases that no setting
-turned can keep are no goals: the answer names them where they are broken.
+where the first setting has the largest weight. Every step solves the linear program of the beat to first
+order within a trust region (sequential linear programming with an exact penalty, Fletcher and Sainz de la
+Maza 1989, doi 10.1007/BF01582292), and once more where bounds are curved (second-order correction). At a
+solution that as many goals determine as there are settings it converges as fast as Newton's method. Where
+goals exclude each other the same search ends at the smallest sum of misses, each in hundredths of its bound;
+what stands in the way is found by leaving out the goals at their bounds, one by one. Some goals hold though
+nobody states them (implicit goals), since no patient can or should break them: veins do not fill below the
+pressure of their surroundings, no chamber ejects more than it holds, no device carries blood backwards and no
+oxygenator less than its label says, and no alarm of gases is raised that the case does not raise itself.
+Implicit goals of a flow or of gases that no varied setting can keep are left out: the answer names them where
+they are broken.
 """
 
 from __future__ import annotations
@@ -30,22 +31,22 @@ from eclsim.goals.goal import (
     Goal,
     GoalError,
     Setting,
-    is_of_gas,
-    possible,
+    implicit_goals,
+    is_kept_by_settings,
     read_goals,
     read_settings,
-    turned_for,
+    requires_gases,
 )
 from eclsim.goals.result import (
-    ALARMING,
-    MET,
+    ALARM_KINDS,
+    MET_TOLERANCE,
     GoalResult,
     Reached,
     ReachStatus,
-    beyond_alarms,
-    broken,
+    broken_alarms_text,
+    broken_goals,
     message_of,
-    unseen,
+    scan_gaps_text,
 )
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError
@@ -55,15 +56,16 @@ from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.simulation.target_flow import with_speed
 
 PENALTY = 30.0
-"""Of a miss by one scale of its goal (`Goal.scale`); a setting counts at most 1 over its whole range."""
-LATER = 0.05
-"""Weight of each further setting, of the weight of the one before."""
-IDLE = 1e-6
+"""Weight of a miss by one scale of its goal (`Goal.scale`); a setting counts at most 1 over its whole
+range."""
+WEIGHT_RATIO = 0.05
+"""Weight of each further setting over that of the one before."""
+SMALLEST_EFFECT = 1e-6
 """Change of all goals, in scales, over the whole range of a setting that none of them depends on."""
 SMALLEST_REGION = 1e-9
 MOST_STEPS = 80
 NO_BEAT = "no steady beat was found"
-SCANNED = {1: 9, 2: 7, 3: 5}
+SCAN_VALUES = {1: 9, 2: 7, 3: 5}
 """Values of each setting that are tried first, by the number of settings; with more of them, three."""
 
 STARTS = 3
@@ -106,19 +108,21 @@ def reach(
         wrong += error.mistakes
     if wrong:
         raise GoalError(wrong)
-    whole = _Bedside(model, settings, volume_policy)
-    own = whole.beat(whole.own[:, None], None)
-    present = own.outputs() if own.determined[0] else {}
-    unasked = possible(names, parsed, present, model.values)
+    whole = _PatientModel(model, settings, volume_policy)
+    own_place = whole.beat(whole.own_place[:, None], None)
+    present = own_place.outputs() if own_place.determined[0] else {}
+    implicit = implicit_goals(names, parsed, present, model.values)
     if vary is None:
-        settings = _acting(whole, parsed, unasked)
-    held = [goal for goal in unasked if turned_for(goal, settings)]
-    giving_way = [goal for goal in unasked if goal.gives_way]
-    return _reached(_Bedside(model, settings, volume_policy), (*parsed, *held), giving_way)
+        settings = _settings_with_effect(whole, parsed, implicit)
+    held = [goal for goal in implicit if is_kept_by_settings(goal, settings)]
+    giving_way = [goal for goal in implicit if goal.gives_way]
+    return _search_from_starts(_PatientModel(model, settings, volume_policy), (*parsed, *held), giving_way)
 
 
-def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -> tuple[Setting, ...]:
-    """Those of the usual settings that a goal depends on; those of gases where it is one of gases.
+def _settings_with_effect(
+    patient: _PatientModel, goals: Sequence[Goal], implicit: Sequence[Goal]
+) -> tuple[Setting, ...]:
+    """The default settings that a goal depends on; settings of gases only where a goal is one of gases.
 
     A sweep that no goal depends on would be turned to nothing, since the smallest settings are sought.
 
@@ -126,35 +130,35 @@ def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -
         GoalError: no goal depends on any.
     """
     outputs = [goal.output for goal in goals]
-    now = bedside.point(bedside.own, outputs)
-    if now is None and not isinstance(starts := _Scan.of(bedside, (*goals, *unasked)).starts(), _Nowhere):
-        points = (bedside.point(place, outputs) for place in starts)
+    now = patient.point(patient.own_place, outputs)
+    if now is None and not isinstance(starts := _Scan.of(patient, (*goals, *implicit)).starts(), _NoStart):
+        points = (patient.point(place, outputs) for place in starts)
         now = next((point for point in points if point is not None), None)
     if now is None:
-        return bedside.settings
+        return patient.settings
     scales = np.array([goal.scale for goal in goals])
-    acts = np.atleast_1d((np.abs(now.slopes) > IDLE * scales[:, None]).any(axis=0))
+    acts = np.atleast_1d((np.abs(now.slopes) > SMALLEST_EFFECT * scales[:, None]).any(axis=0))
     if not acts.all():
-        acts |= _moves_somewhere(bedside, outputs, scales)
-    turned = {one.name for one in bedside.settings}
-    if not any(is_of_gas(goal.output) for goal in goals):
-        turned &= set(bedside.model.circuit.parameter_names())  # what moves blood
-    settings = zip(bedside.settings, acts, strict=True)
+        acts |= _has_effect_in_range(patient, outputs, scales)
+    turned = {one.name for one in patient.settings}
+    if not any(requires_gases(goal.output) for goal in goals):
+        turned &= set(patient.model.circuit.parameter_names())  # what moves blood
+    settings = zip(patient.settings, acts, strict=True)
     chosen = tuple(one for one, does in settings if does and one.name in turned)
     if not chosen:
-        there = ", ".join(one.name for one in bedside.settings)
+        there = ", ".join(one.name for one in patient.settings)
         raise GoalError([f"{', '.join(outputs)}: not moved by {there}; name what may be turned (vary)"])
     return chosen
 
 
-def _moves_somewhere(bedside: _Bedside, outputs: Sequence[str], scales: np.ndarray) -> np.ndarray:
+def _has_effect_in_range(patient: _PatientModel, outputs: Sequence[str], scales: np.ndarray) -> np.ndarray:
     """Whether each setting moves an output anywhere in its range: a valve may open at low speed only."""
-    _, values, _ = bedside.scan(outputs)
-    count = len(bedside.settings)
-    grid = values.reshape(len(outputs), *(bedside.axis_count,) * count) / scales.reshape(-1, *(1,) * count)
+    _, values, _ = patient.scan(outputs)
+    count = len(patient.settings)
+    grid = values.reshape(len(outputs), *(patient.axis_count,) * count) / scales.reshape(-1, *(1,) * count)
     # Places without a beat are NaN, and say nothing.
     spreads = (np.abs(np.diff(grid, axis=k + 1)) for k in range(count))
-    return np.array([bool((spread > MET).any()) for spread in spreads])
+    return np.array([bool((spread > MET_TOLERANCE).any()) for spread in spreads])
 
 
 class _Point(NamedTuple):
@@ -165,21 +169,21 @@ class _Point(NamedTuple):
     slopes: np.ndarray
 
 
-class _Nowhere(NamedTuple):
-    """There is nowhere to search from: how the search ended, and why."""
+class _NoStart(NamedTuple):
+    """Nothing to start a search from: how it ended, and why."""
 
     status: ReachStatus
     message: str
 
 
-class _End(NamedTuple):
+class _SearchEnd(NamedTuple):
     """Where a search ended, and why it did before it had converged (empty: it has)."""
 
     at: _Point
     unfinished: str
 
 
-class _Bedside:
+class _PatientModel:
     """The patient, as a function of the settings."""
 
     def __init__(self, model: Model, settings: tuple[Setting, ...], policy: str | None):
@@ -187,10 +191,10 @@ class _Bedside:
         self.low = np.array([setting.low for setting in settings])
         self.span = np.array([setting.high for setting in settings]) - self.low
         self.beats = 0
-        self.lost = NO_BEAT  # why the last place that gave no point gave none
+        self.no_point_reason = NO_BEAT  # at the last place without a point
 
     @property
-    def own(self) -> np.ndarray:
+    def own_place(self) -> np.ndarray:
         """The place of the case's own settings, or the nearest in the ranges."""
         values = np.array([self.model.values[setting.name] for setting in self.settings])
         return np.clip((values - self.low) / self.span, 0.0, 1.0)
@@ -214,7 +218,7 @@ class _Bedside:
         """Outputs and slopes at a place; None where there is no determined steady beat."""
         beat = self.beat(place[:, None], outputs)
         if not beat.determined[0]:
-            self.lost = _lost(beat)
+            self.no_point_reason = _reason_without_point(beat)
             return None
         try:
             linear = beat.linearise(outputs, [setting.name for setting in self.settings])
@@ -226,7 +230,7 @@ class _Bedside:
     @property
     def axis_count(self) -> int:
         """Values of each setting that a scan tries."""
-        return SCANNED.get(len(self.settings), 3)
+        return SCAN_VALUES.get(len(self.settings), 3)
 
     def scan(self, outputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, SteadyBeat]:
         """Places all over the ranges (settings, members), the outputs there, and their beats."""
@@ -237,71 +241,79 @@ class _Bedside:
         return places, values, beat
 
 
-def _lost(beat: SteadyBeat) -> str:
-    """Why a beat gives a search no numbers to go on from."""
+def _reason_without_point(beat: SteadyBeat) -> str:
+    """Why a search cannot go on from a beat."""
     return "valves stay shut all beat, so that it is one of many" if beat.converged[0] else NO_BEAT
 
 
-def _reached(bedside: _Bedside, goals: tuple[Goal, ...], giving_way: Sequence[Goal]) -> Reached:
-    """Search, and where it ends short of a goal, ask what stands in the way."""
-    scan = _Scan.of(bedside, goals)
-    goals, starts = scan.goals, _points(bedside, scan.goals, scan.starts())
+def _search_from_starts(
+    patient: _PatientModel, goals: tuple[Goal, ...], giving_way: Sequence[Goal]
+) -> Reached:
+    """Search, and where a goal is missed, look for the goals that prevent it."""
+    scan = _Scan.of(patient, goals)
+    goals, starts = scan.goals, _points(patient, scan.goals, scan.starts())
     tried, without_beat = len(scan.beat.status), int((~scan.beat.determined).sum())
-    if isinstance(starts, _Nowhere):
+    if isinstance(starts, _NoStart):
         nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals if not goal.because)
-        none, name = tuple(np.nan for _ in bedside.settings), bedside.model.name
+        none, name = tuple(np.nan for _ in patient.settings), patient.model.name
         status, message = starts
         return Reached(
-            name, bedside.settings, none, nowhere, status, message, beats=bedside.beats, tried=tried,
-            without_beat=without_beat, doubts=bedside.model.doubts,
+            name, patient.settings, none, nowhere, status, message, beats=patient.beats, tried=tried,
+            without_beat=without_beat, doubts=patient.model.doubts,
         )  # fmt: skip
-    ends = [(_search(bedside, goals, start), start) for start in starts]
+    ends = [(_search(patient, goals, start), start) for start in starts]
     (end, unfinished), start = min(
         ends, key=lambda e: (bool(e[0].unfinished), _merit(goals, e[0].at.place, e[0].at.values))
     )
-    numbers = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
+    numbers = {name: float(value[0]) for name, value in patient.values_at(end.place[:, None]).items()}
     results = tuple(
         GoalResult(
             goal,
             float(value),
-            goal.excess(value) <= MET * goal.scale,
+            goal.excess(value) <= MET_TOLERANCE * goal.scale,
             goal.at_bound(value),
-            {s.name: float(d / span) for s, d, span in zip(bedside.settings, row, bedside.span, strict=True)},
+            {s.name: float(d / span) for s, d, span in zip(patient.settings, row, patient.span, strict=True)},
         )
         for goal, value, row in zip(goals, end.values, end.slopes, strict=True)
     )
     status = ReachStatus.REACHED if all(result.met for result in results) else ReachStatus.NOT_REACHED
     status = ReachStatus.NOT_CONVERGED if unfinished else status
-    without = _without(bedside, goals, results, start) if status is ReachStatus.NOT_REACHED else {}
-    beat = bedside.beat(end.place[:, None], None)
-    found, outputs = tuple(beat.findings()), beat.outputs()
-    alarms = tuple(broken(outputs, [goal for goal in giving_way if goal not in goals]))
-    lost = "" if status is ReachStatus.REACHED else unseen(tried, without_beat)
-    said = {alarm.goal.output for alarm in alarms}
+    without = (
+        _settings_without_each_goal(patient, goals, results, start)
+        if status is ReachStatus.NOT_REACHED
+        else {}
+    )
+    beat = patient.beat(end.place[:, None], None)
+    findings, outputs = tuple(beat.findings()), beat.outputs()
+    alarms = tuple(broken_goals(outputs, [goal for goal in giving_way if goal not in goals]))
+    gaps = "" if status is ReachStatus.REACHED else scan_gaps_text(tried, without_beat)
+    named_outputs = {alarm.goal.output for alarm in alarms}
     return Reached(
-        bedside.model.name,
-        bedside.settings,
+        patient.model.name,
+        patient.settings,
         tuple(numbers.values()),
         tuple(result for result in results if not result.goal.because),
         status,
-        message_of(bedside.settings, numbers, results, without, unfinished)
-        + lost
+        message_of(patient.settings, numbers, results, without, unfinished)
+        + gaps
         + "".join(f"; {alarm.sentence}" for alarm in alarms)
-        + beyond_alarms(one.quantity for one in found if one.kind in ALARMING and one.quantity not in said),
+        + broken_alarms_text(
+            one.quantity for one in findings if one.kind in ALARM_KINDS and one.quantity not in named_outputs
+        ),
         tuple(result for result in results if result.goal.because and result.binding),
         without,
         outputs,
-        found,
-        bedside.beats,
+        findings,
+        patient.beats,
         alarms,
         tried,
         without_beat,
-        bedside.model.doubts,
+        patient.model.doubts,
     )
 
 
-def _without(
-    bedside: _Bedside, goals: tuple[Goal, ...], results: Sequence[GoalResult], start: _Point
+def _settings_without_each_goal(
+    patient: _PatientModel, goals: tuple[Goal, ...], results: Sequence[GoalResult], start: _Point
 ) -> dict[str, Mapping[str, float] | None]:
     """For each goal that may stand in the way of a missed one: the settings that reach all but it, if any."""
     settings: dict[str, Mapping[str, float] | None] = {}
@@ -311,9 +323,9 @@ def _without(
         rows = [k for k, goal in enumerate(goals) if goal is not left_out]
         remaining = tuple(goals[k] for k in rows)
         begin = start._replace(values=start.values[rows], slopes=start.slopes[rows])
-        end, unfinished = _search(bedside, remaining, begin)
-        met = all(g.excess(v) <= MET * g.scale for g, v in zip(remaining, end.values, strict=True))
-        values = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
+        end, unfinished = _search(patient, remaining, begin)
+        met = all(g.excess(v) <= MET_TOLERANCE * g.scale for g, v in zip(remaining, end.values, strict=True))
+        values = {name: float(value[0]) for name, value in patient.values_at(end.place[:, None]).items()}
         if met or not unfinished:
             settings[str(left_out)] = values if met else None
     return settings
@@ -328,9 +340,9 @@ class _Scan(NamedTuple):
     beat: SteadyBeat
 
     @classmethod
-    def of(cls, bedside: _Bedside, goals: Sequence[Goal]) -> _Scan:
+    def of(cls, patient: _PatientModel, goals: Sequence[Goal]) -> _Scan:
         """Without goals that give way and are kept nowhere."""
-        places, values, beat = bedside.scan([goal.output for goal in goals])
+        places, values, beat = patient.scan([goal.output for goal in goals])
         rows = []
         for k, goal in enumerate(goals):
             known = values[k, np.isfinite(values[k])].tolist()
@@ -338,7 +350,7 @@ class _Scan(NamedTuple):
                 rows.append(k)
         return cls(tuple(goals[k] for k in rows), places, values[rows], beat)
 
-    def starts(self) -> list[np.ndarray] | _Nowhere:
+    def starts(self) -> list[np.ndarray] | _NoStart:
         """The best of the places, or why no goal's output is known at any.
 
         With several settings three of them, each with another value of the last setting.
@@ -350,14 +362,14 @@ class _Scan(NamedTuple):
             steady = np.flatnonzero(beat.determined)
             if len(steady):
                 reason = GasStatus(int(beat.gas_status[steady[0]])).message
-                return _Nowhere(
+                return _NoStart(
                     ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}"
                 )
             reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
             if beat.converged.any():
                 one = int(np.flatnonzero(beat.converged)[0])
                 reason = f"nowhere in the ranges is the steady beat determined: {beat.message(one)}"
-            return _Nowhere(ReachStatus.NO_STEADY_BEAT, reason)
+            return _NoStart(ReachStatus.NO_STEADY_BEAT, reason)
         order = [k for k in np.argsort(merits, kind="stable").tolist() if known[k]]
         if len(places) == 1:
             return [places[:, order[0]]]
@@ -366,15 +378,15 @@ class _Scan(NamedTuple):
 
 
 def _points(
-    bedside: _Bedside, goals: Sequence[Goal], starts: list[np.ndarray] | _Nowhere
-) -> list[_Point] | _Nowhere:
+    patient: _PatientModel, goals: Sequence[Goal], starts: list[np.ndarray] | _NoStart
+) -> list[_Point] | _NoStart:
     """Outputs and slopes at the starts that have them."""
-    if isinstance(starts, _Nowhere):
+    if isinstance(starts, _NoStart):
         return starts
-    points = (bedside.point(start, [goal.output for goal in goals]) for start in starts)
-    found = [point for point in points if point is not None]
+    points = (patient.point(start, [goal.output for goal in goals]) for start in starts)
+    findings = [point for point in points if point is not None]
     reason = "the steady beats at the best of the places tried first have no derivatives to search along"
-    return found or _Nowhere(ReachStatus.NOT_CONVERGED, reason)
+    return findings or _NoStart(ReachStatus.NOT_CONVERGED, reason)
 
 
 def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> float:
@@ -386,25 +398,27 @@ def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> floa
 
 
 def _weights(count: int) -> np.ndarray:
-    return LATER ** np.arange(count)
+    return WEIGHT_RATIO ** np.arange(count)
 
 
-def _search(bedside: _Bedside, goals: Sequence[Goal], now: _Point) -> _End:
+def _search(patient: _PatientModel, goals: Sequence[Goal], now: _Point) -> _SearchEnd:
     """Where the search from a point ends."""
     outputs = [goal.output for goal in goals]
 
     def moved(at: _Point, move: np.ndarray) -> tuple[_Point | None, float]:
         """The place after a move, and its merit; None and NaN where there is no steady beat."""
-        trial = bedside.point(np.clip(at.place + move, 0.0, 1.0), outputs)
+        trial = patient.point(np.clip(at.place + move, 0.0, 1.0), outputs)
         return trial, np.nan if trial is None else _merit(goals, trial.place, trial.values)
 
     merit, region, trial = _merit(goals, now.place, now.values), 0.25, now
     move, expected = _linear_program(goals, now, region)
     for step in itertools.count():
         if merit - expected <= 1e-12:
-            return _End(now, "")
+            return _SearchEnd(now, "")
         if region < SMALLEST_REGION:
-            return _End(now, "" if trial is not None else f"beside these settings {bedside.lost}")
+            return _SearchEnd(
+                now, "" if trial is not None else f"beside these settings {patient.no_point_reason}"
+            )
         if step == MOST_STEPS:
             break
         trial, trial_merit = moved(now, move)
@@ -422,7 +436,7 @@ def _search(bedside: _Bedside, goals: Sequence[Goal], now: _Point) -> _End:
         else:
             region = 0.25 * float(np.abs(move).max())
         move, expected = _linear_program(goals, now, region)
-    return _End(now, f"the search was stopped after {MOST_STEPS} steps")
+    return _SearchEnd(now, f"the search was stopped after {MOST_STEPS} steps")
 
 
 def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[np.ndarray, float]:

@@ -11,10 +11,10 @@ import numpy as np
 
 from eclsim.cases.fit_mark import NOT_STUDIED, FitMark, with_mark
 from eclsim.cases.writing import case_text
-from eclsim.devices.registry import own_files
+from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
-from eclsim.identification.fit import FitResult, broken_off, fit_cases
+from eclsim.identification.fit import FitResult, failed_fit, fit_cases
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import FLOWS, PRESSURES, measured_and_simulated
 from eclsim.identification.settings import FitSettings
@@ -27,23 +27,23 @@ if TYPE_CHECKING:
     from eclsim.cases.cohort import CohortPoint, CohortReading
     from eclsim.circuit.network import Circuit
 
-GROUP = 8
+POINTS_PER_GROUP = 8
 """Data points that are fitted side by side; what an interruption costs at most."""
 PRELOAD = ("scipy.optimize", "eclsim.identification.cohort", "eclsim.outputs.steady_beat")
-"""What a worker needs before its first group."""
+"""Modules that a worker loads before its first group."""
 GROUPS, CASES = "groups", "cases"
 """Folders of the results and of the fitted case files."""
 
 
 @dataclass(frozen=True)
-class KeptFit:
-    """A fit as it is kept: its numbers, and the text of the fitted case (None where nothing was found)."""
+class StoredFit:
+    """A fit as it is stored: its numbers, and the text of the fitted case (None without a fit)."""
 
     numbers: dict[str, Any]
     case: str | None
 
 
-_FORMAT = json_format(list[KeptFit])
+_FORMAT = json_format(list[StoredFit])
 Group = tuple["CohortPoint", ...]
 
 
@@ -53,10 +53,10 @@ class FitGroup:
 
     settings: FitSettings
 
-    def __call__(self, group: Group) -> list[KeptFit]:
+    def __call__(self, group: Group) -> list[StoredFit]:
         """The fits, in the order of the points."""
         return [
-            KeptFit(
+            StoredFit(
                 numbers={
                     **fit.as_object(),
                     "patient_id": point.patient_id, "measurement": point.measurement, "line": point.line,
@@ -75,14 +75,14 @@ class FitGroup:
         except Exception as error:  # whatever it is, it must not take the cohort
             if len(cases) > 1 and not self.settings.shared:
                 return [fit for case in cases for fit in self._fits([case])]
-            return [broken_off(name, case, self.settings, error) for name, case in cases]
+            return [failed_fit(name, case, self.settings, error) for name, case in cases]
 
 
 def fit_tasks(
     points: Sequence[CohortPoint], settings: FitSettings, digest: str
-) -> Tasks[Group, list[KeptFit]]:
+) -> Tasks[Group, list[StoredFit]]:
     """The groups of a cohort."""
-    inputs = {"cohort_file": digest, "points": len(points), **settings.as_object(), **own_files()}
+    inputs = {"cohort_file": digest, "points": len(points), **settings.as_object(), **digests_of_own_files()}
     return Tasks(
         "fits", "groups of data points", FitGroup(settings), _groups(points, bool(settings.shared)), inputs
     )
@@ -120,7 +120,7 @@ def fit_cohort(
     return [by_name[point.name] for point in points]
 
 
-def _write_cases(folder: Path, fits: Sequence[KeptFit]) -> None:
+def _write_cases(folder: Path, fits: Sequence[StoredFit]) -> None:
     """Write the fitted case files; those of earlier runs go."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.toml"):
@@ -135,7 +135,7 @@ def stem(name: str) -> str:
     return file_stem(name, slashes=True)
 
 
-def named(case: Case, name: str) -> Case:
+def with_name(case: Case, name: str) -> Case:
     """The case under the name of its data point, where that is short enough for an id."""
     if len(name) > 64:
         return case
@@ -144,7 +144,7 @@ def named(case: Case, name: str) -> Case:
 
 def fitted_text(fit: FitResult) -> str:
     """The fitted case as the text of a case file, with the verdict on the fit."""
-    case = fit.case if fit.name == fit.case.patient.id else named(fit.case, fit.name)
+    case = fit.case if fit.name == fit.case.patient.id else with_name(fit.case, fit.name)
     return with_mark(case_text(case), fit.verdict.level, fit.verdict.headline)
 
 
@@ -156,7 +156,7 @@ def _groups(points: Sequence[CohortPoint], by_patient: bool) -> list[Group]:
     for point in points:
         key = (circuit_of(point.case), point.patient_id if by_patient else "")
         by_circuit.setdefault(key, []).append(point)
-    size = len(points) if by_patient else GROUP
+    size = len(points) if by_patient else POINTS_PER_GROUP
     return [tuple(same[k : k + size]) for same in by_circuit.values() for k in range(0, len(same), size)]
 
 
@@ -195,7 +195,7 @@ def fit_points(
     """The fitted cases of a table; of a shard, those of its own groups."""
     tasks = fit_tasks(reading.points, settings, reading.digest)
     place = None if folder is None else folder / GROUPS
-    results = executor.completed_here(tasks, place, _FORMAT, progress)
+    results = executor.completed_by_this_shard(tasks, place, _FORMAT, progress)
     cases, misfits, not_fitted = {}, {}, {}
     for number, fits in results.items():
         for point, fit in zip(tasks.arguments[number], fits, strict=True):
@@ -206,7 +206,7 @@ def fit_points(
             if numbers["verdict"]["level"] == Level.POOR:
                 not_fitted[point.name] = f"{headline(numbers['verdict'])}; {NOT_STUDIED}"
                 continue
-            cases[point.name] = with_fitted(point.case, numbers)
+            cases[point.name] = with_fitted_parameters(point.case, numbers)
             count = sum(cell["measured"] is not None for cell in numbers["outputs"].values())
             misfits[point.name] = (numbers["cost"] / max(count, 1)) ** 0.5
     explored = settings.multi_start.points_per_parameter
@@ -219,19 +219,19 @@ def fit_points(
     return FittedCases(cases, misfits, not_fitted, description, groups, tasks.inputs)
 
 
-def with_fitted(case: Case, result: Mapping[str, Any]) -> Case:
+def with_fitted_parameters(case: Case, result: Mapping[str, Any]) -> Case:
     """A case with the parameters of a result of `fit_cohort`, and its verdict on them."""
     fitted = {name: cell["value"] for name, cell in result["parameters"].items()}
     mark = FitMark(str(result["verdict"]["level"]), is_changed=False)
     return case.model_copy(update={"parameters": {**case.parameters, **fitted}, "fit_mark": mark})
 
 
-def as_they_are(cases: Sequence[CaseSource], where: str) -> FittedCases:
+def cases_as_given(cases: Sequence[CaseSource], where: str) -> FittedCases:
     """Cases that have their parameters already; files that say they are poor fits are left out."""
     by_name = {case.patient.id: case for case in map(as_case, cases)}
     poor = {name: case.refusal for name, case in by_name.items() if case.refusal}
     inputs: dict[str, object] = {"cases": {name: case_text(case) for name, case in by_name.items()}}
-    inputs |= own_files() | ({"poor fits": poor} if poor else {})
+    inputs |= digests_of_own_files() | ({"poor fits": poor} if poor else {})
     groups = tuple((name,) for name in by_name)
     kept = {name: case for name, case in by_name.items() if name not in poor}
     return FittedCases(kept, {}, poor, f"read from {where}", groups, inputs)

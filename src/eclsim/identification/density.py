@@ -49,9 +49,9 @@ from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 PriorKind = Literal["log-uniform", "log-normal"]
 DEVIATIONS_TO_BOUNDS = 2.0
 """Bounds of the log-normal prior are this many standard deviations from the start value (the wider side)."""
-FARTHEST = 6.0
+LARGEST_LATENT = 6.0
 """Largest |z| that a parameter is turned into: a share of 1e-9 of the prior lies beyond."""
-SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6, exact_iterations=0)
+DENSITY_OPTIONS = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6, exact_iterations=0)
 """Enough for a density: outputs differ from those of the exact orbit by 1e-4 of their uncertainty."""
 
 
@@ -78,7 +78,7 @@ class Prior(Box):
 
     @classmethod
     def within(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
-        """Of free parameters with bounds."""
+        """The prior of free parameters within their bounds."""
         check_prior(kind)
         return cls(box.names, box.clip(box.start), box.lower, box.upper, kind)
 
@@ -91,7 +91,7 @@ class Prior(Box):
         share = ndtr(z)
         if self.kind == "log-uniform":
             return self.lower + self.width * share
-        first, last = self._ends()
+        first, last = self._latent_ends()
         inside = self.start + self._spread() * ndtri(first + (last - first) * share)
         return np.clip(inside, self.lower, self.upper)
 
@@ -100,23 +100,23 @@ class Prior(Box):
         density = np.exp(-0.5 * np.asarray(z) ** 2) / np.sqrt(2.0 * np.pi)
         if self.kind == "log-uniform":
             return self.width * density
-        first, last = self._ends()
+        first, last = self._latent_ends()
         standard = (self.x_of(z) - self.start) / self._spread()
         return self._spread() * (last - first) * density / (np.exp(-0.5 * standard**2) / np.sqrt(2.0 * np.pi))
 
     def z_of(self, x: np.ndarray) -> np.ndarray:
-        """Latent variables of coordinates; a parameter at a bound gives -`FARTHEST` or `FARTHEST`."""
+        """Latent variables of coordinates; at a bound they are minus or plus `LARGEST_LATENT`."""
         if self.kind == "log-uniform":
             share = (np.asarray(x) - self.lower) / self.width
         else:
-            first, last = self._ends()
+            first, last = self._latent_ends()
             share = (ndtr((np.asarray(x) - self.start) / self._spread()) - first) / (last - first)
-        return np.clip(ndtri(np.clip(share, 0.0, 1.0)), -FARTHEST, FARTHEST)
+        return np.clip(ndtri(np.clip(share, 0.0, 1.0)), -LARGEST_LATENT, LARGEST_LATENT)
 
     def _spread(self) -> np.ndarray:
         return np.maximum(self.upper - self.start, self.start - self.lower) / DEVIATIONS_TO_BOUNDS
 
-    def _ends(self) -> tuple[np.ndarray, np.ndarray]:
+    def _latent_ends(self) -> tuple[np.ndarray, np.ndarray]:
         spread = self._spread()
         return ndtr((self.lower - self.start) / spread), ndtr((self.upper - self.start) / spread)
 
@@ -141,7 +141,7 @@ class PosteriorDensity:
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """What was measured."""
+        """Names of the measurements."""
         return tuple(self.measured)
 
     @cached_property
@@ -188,10 +188,10 @@ class PosteriorDensity:
         """The beats behind these outputs."""
         start = None if centre is None else self.numbers(centre)
         values = self.values(self.prior.x_of(z))
-        return members_of(self.model, values, len(z), self.outputs, self.policy, start)
+        return beats_of_members(self.model, values, len(z), self.outputs, self.policy, start)
 
 
-def members_of(
+def beats_of_members(
     model: Model,
     values: Values,
     count: int,
@@ -213,7 +213,12 @@ def members_of(
     """
     batch = Batch(model.circuit, values, count, policy)
     beat = steady_beat(
-        batch, outputs, waveforms=waveforms, options=SETTLED, start=start, execution=execution_of(count)
+        batch,
+        outputs,
+        waveforms=waveforms,
+        options=DENSITY_OPTIONS,
+        start=start,
+        execution=execution_of(count),
     )
     return beat.determined_only()
 
@@ -221,18 +226,18 @@ def members_of(
 # --- the posterior and its gradient at point after point, and its Gaussian approximation ------------
 
 
-FOLLOWED = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4, exact_iterations=0)
+FIRST_SEARCH = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4, exact_iterations=0)
 """Enough to begin with: a step of Newton's method follows."""
-CLOSER = OrbitOptions(tolerance=1e-6, error_tolerance=1e-5, exact_iterations=0)
+THOROUGH_SEARCH = OrbitOptions(tolerance=1e-6, error_tolerance=1e-5, exact_iterations=0)
 """Where the step of Newton's method from there would be too long, or no beat was found."""
-QUICK = replace(FOLLOWED, quasi_newton_beats=10, newton_iterations=0)
+CONTINUED_SEARCH = replace(FIRST_SEARCH, quasi_newton_beats=10, newton_iterations=0)
 """From the last point; if this does not settle, the beat is searched for from the centre."""
-FARTHEST_NEWTON = 2e-3
+LARGEST_NEWTON_STEP = 2e-3
 """Largest relative change in the step of Newton's method: its error is about the square."""
-FARTHEST_START = 2.5
+LARGEST_START = 2.5
 """Starts beyond are drawn in: at a bound a latent variable is infinite and nothing has a slope."""
 ITERATIONS = 40
-ENOUGH = 1e-4
+SMALLEST_PROMISED_FALL = 1e-4
 """Settled when a step promises to lower the potential by less: a hundredth of a standard deviation."""
 LARGEST_DAMPING = 1e8
 LONGEST_STEP = 1.0
@@ -308,15 +313,15 @@ class GradientEvaluator:
         except NoDerivativesError:  # two orbits meet here, and none has derivatives
             return None
         finite = np.isfinite(linear.values_on_orbit).all() and np.isfinite(linear.slopes).all()
-        settled = finite and linear.orbit.distance < FARTHEST_NEWTON
+        settled = finite and linear.orbit.distance < LARGEST_NEWTON_STEP
         return linear if settled else None
 
     def _searches(self, x: np.ndarray) -> Iterator[tuple[Anchor, OrbitOptions]]:
-        """Where and how to search, one after the other until one is good enough."""
+        """Starts and options of searches, tried until one is good enough."""
         if self.last is not None and not self.by_point:
-            yield Anchor(self.last.state(x), self.last.anchor.inverse), QUICK
-        yield self.centre, FOLLOWED
-        yield self.centre, CLOSER
+            yield Anchor(self.last.state(x), self.last.anchor.inverse), CONTINUED_SEARCH
+        yield self.centre, FIRST_SEARCH
+        yield self.centre, THOROUGH_SEARCH
 
 
 @dataclass(frozen=True)
@@ -343,7 +348,7 @@ class Gaussian:
         return self.centre + normal @ np.linalg.cholesky(self.covariance).T
 
 
-def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
+def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
     """The best highest point that is reached from some starts, and the curvature there.
 
     Args:
@@ -355,14 +360,14 @@ def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
             steady state of the gases that were measured.
     """
     latent = [posterior.prior.z_of(x) for x in np.atleast_2d(starts)]
-    climbs = [g for z in latent if (g := _climb(posterior, z))]
+    climbs = [g for z in latent if (g := _maximise_from(posterior, z))]
     best = min(climbs, key=lambda g: g.potential, default=None)
-    centre = np.clip(latent[0], -FARTHEST_START, FARTHEST_START) if best is None else best.centre
+    centre = np.clip(latent[0], -LARGEST_START, LARGEST_START) if best is None else best.centre
     beat = posterior.beats(centre[None])
-    found = np.isfinite(beat.values).all()
-    if best is not None and found:
+    complete = np.isfinite(beat.values).all()
+    if best is not None and complete:
         return best
-    if beat.without_gases[0] and not found:
+    if beat.without_gases[0] and not complete:
         raise NoSteadyBeatError(f"gases were measured, and at the fitted parameters: {beat.message()}")
     if best is None:
         raise NoSteadyBeatError(
@@ -374,8 +379,8 @@ def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
     )
 
 
-def _climb(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
-    z = np.clip(start, -FARTHEST_START, FARTHEST_START)
+def _maximise_from(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
+    z = np.clip(start, -LARGEST_START, LARGEST_START)
     evaluator = GradientEvaluator(posterior, z)
     linear = evaluator.linear(z)
     if linear is None:
@@ -387,7 +392,10 @@ def _climb(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
         scaled = jacobian / posterior.scale[:, None]
         gradient = scaled.T @ ((outputs - posterior.target) / posterior.scale) + z
         curvature = scaled.T @ scaled + np.eye(size)
-        if gradient @ np.linalg.solve(curvature, gradient) < 2.0 * ENOUGH or damping > LARGEST_DAMPING:
+        if (
+            gradient @ np.linalg.solve(curvature, gradient) < 2.0 * SMALLEST_PROMISED_FALL
+            or damping > LARGEST_DAMPING
+        ):
             break
         step = -np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
         step *= min(1.0, LONGEST_STEP / np.abs(step).max())

@@ -252,7 +252,7 @@ def _shown(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[s
 # --- posteriors -------------------------------------------------------------------------------------
 
 
-SHOWN = 1500
+SHOWN_DRAWS = 1500
 """At most so many draws are drawn."""
 BINS = 28
 _ACROSS = 2
@@ -261,7 +261,7 @@ LONGEST_NAME = 6
 """Where names are longer, the axis counts the measurements."""
 LONGEST_LABEL = 24
 HOURS_PER_DAY = 24.0
-DAYS_FROM = 72.0
+HOURS_SHOWN_AS_DAYS = 72.0
 """A course longer than so many hours has days on its axis."""
 
 
@@ -297,11 +297,11 @@ def plot_pairs(result: PosteriorResult) -> Figure:
     """Draws of every pair of parameters, with the 90 % ellipse of the Gaussian approximation."""
     names = result.names
     size = len(names)
-    flat = result.flat[:: max(1, len(result.flat) // SHOWN)]
+    flat = result.flat[:: max(1, len(result.flat) // SHOWN_DRAWS)]
     gaussian = result.gaussian_draws(4000)
     with figure_style():
         fig = new_figure(height_mm=175)
-        fig.suptitle(_title(result, _of_pairs(result)))
+        fig.suptitle(_title(result, _pair_axes(result)))
         axes = fig.subplots(size, size, squeeze=False)
         for i in range(size):
             for j in range(size):
@@ -314,12 +314,12 @@ def plot_pairs(result: PosteriorResult) -> Figure:
                     ax.plot(flat[:, j], flat[:, i], ".", color=OKABE_ITO["blue"], markersize=1.2, alpha=0.5,
                             rasterized=True)  # fmt: skip
                     _ellipse(ax, result, j, i)
-                _sparse(ax, names, i, j, size)
+                _outer_labels(ax, names, i, j, size)
     return fig
 
 
 def plot_predictive(result: PosteriorResult) -> Figure:
-    """What the draws say of every output, at all settings, beside what was measured."""
+    """Predictions of every output at all settings, beside the measurements."""
     outputs = list(dict.fromkeys(n for p in result.predictions for n in p.outputs))
     labels = [
         plain_text(p.settings or "as measured", 40).replace("=", "=\n").replace(",", ",\n")
@@ -397,7 +397,7 @@ def _ellipse(ax: Axes, result: PosteriorResult, j: int, i: int) -> None:
     ax.plot(drawn[:, j], drawn[:, i], color=OKABE_ITO["vermillion"], linewidth=0.9)
 
 
-def _sparse(ax: Axes, names: Sequence[str], i: int, j: int, size: int) -> None:
+def _outer_labels(ax: Axes, names: Sequence[str], i: int, j: int, size: int) -> None:
     """Names on the outer axes; two numbers on each."""
     for axis, shown in ((ax.xaxis, i == size - 1), (ax.yaxis, j == 0 and i > 0)):
         if axis is ax.yaxis and i == j:
@@ -417,16 +417,16 @@ def _mixing(diagnostics: Diagnostics, k: int) -> str:
 
 
 def _axis(name: str) -> str:
-    return _broken(axis_label(name).replace(" [", "\n["))
+    return _with_line_break(axis_label(name).replace(" [", "\n["))
 
 
-def _broken(label: str) -> str:
+def _with_line_break(label: str) -> str:
     """A label with a line of its own for the key of a section, where it is long."""
     section, dot, key = label.rpartition(".")
     return f"{section}.\n{key}" if dot and len(label) > LONGEST_LABEL and "\n" not in section else label
 
 
-def _of_pairs(result: PosteriorResult) -> str:
+def _pair_axes(result: PosteriorResult) -> str:
     if not result.checked:
         return f"{result.kind}, draws (points) and 90 % (line)"
     return f"{result.kind}, draws (points); Gaussian approximation, 90 % (line)"
@@ -465,7 +465,7 @@ class TimeAxis:
                 return cls(at, "measurement", names)
             return cls(at, "number of the measurement")
         hours = np.cumsum([p["hours_since_last"] or 0.0 for p in points])
-        if hours[-1] > DAYS_FROM:
+        if hours[-1] > HOURS_SHOWN_AS_DAYS:
             return cls(hours / HOURS_PER_DAY, "days since the first measurement")
         return cls(hours, "hours since the first measurement")
 
@@ -493,25 +493,25 @@ def plot_parameters(series: Series) -> Figure:
     """Every parameter after each measurement: median and 90 %."""
 
     def draw(ax: Axes, time: TimeAxis, name: str) -> None:
-        _band(ax, time, _of_points(series, "parameters", name), "blue", "after the measurement")
+        _band(ax, time, _values_of_points(series, "parameters", name), "blue", "after the measurement")
         _scaled(ax.yaxis, name)
-        ax.set_ylabel(_broken(axis_label(name)))
+        ax.set_ylabel(_with_line_break(axis_label(name)))
 
-    return _over_time(series, "parameters", "parameters: median and 90 % after each measurement", draw)
+    return _panels_over_time(series, "parameters", "parameters: median and 90 % after each measurement", draw)
 
 
 def plot_outputs(series: Series) -> Figure:
     """Every output: where it was expected, what was measured, and what the model says afterwards."""
 
     def draw(ax: Axes, time: TimeAxis, name: str) -> None:
-        expected, outputs = (_of_points(series, key, name) for key in ("expected", "outputs"))
+        expected, outputs = (_values_of_points(series, key, name) for key in ("expected", "outputs"))
         _band(ax, time, expected, "sky blue", "90 % of measurements expected")
         _band(ax, time, outputs, "blue", "model afterwards, 90 %")
-        _measured(ax, time, _of_points(series, "measurements", name))
+        _measured(ax, time, _values_of_points(series, "measurements", name))
         ax.yaxis.set_major_locator(MaxNLocator(4))
         ax.set_ylabel(f"{name} [{unit_of(name)}]")
 
-    fig = _over_time(series, "outputs", "outputs: expected beforehand, measured, and afterwards", draw)
+    fig = _panels_over_time(series, "outputs", "outputs: expected beforehand, measured, and afterwards", draw)
     entries = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in fig.axes]
     legend = {label: handle for pairs in reversed(entries) for handle, label in pairs}
     order = dict.fromkeys(label for ax in fig.axes for label in ax.get_legend_handles_labels()[1])
@@ -520,11 +520,13 @@ def plot_outputs(series: Series) -> Figure:
     return fig
 
 
-def _of_points(series: Series, key: str, name: str) -> list[Any]:
+def _values_of_points(series: Series, key: str, name: str) -> list[Any]:
     return [point[key].get(name) for point in series["points"]]
 
 
-def _over_time(series: Series, key: str, title: str, draw: Callable[[Axes, TimeAxis, str], None]) -> Figure:
+def _panels_over_time(
+    series: Series, key: str, title: str, draw: Callable[[Axes, TimeAxis, str], None]
+) -> Figure:
     """A panel over time for each name that the points have under a key."""
     names, time = list(dict.fromkeys(n for p in series["points"] for n in p[key])), TimeAxis.of(series)
     with figure_style():

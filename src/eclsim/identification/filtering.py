@@ -41,7 +41,7 @@ MOST_STEPS = 100
 ITERATIONS = 3
 SMALL_CHANGE = 0.3
 """The estimate is not linearised again once it has moved by less, in its own standard deviations."""
-PULLS = (0.5, 0.2, 0.05)
+RETRACTED_SHARES = (0.5, 0.2, 0.05)
 """A sigma point without a steady beat is drawn in to these shares of its distance."""
 UNUSUAL_SERIES = 0.01
 """A measurement whose outputs together are less probable than this does not fit the patient so far."""
@@ -60,7 +60,7 @@ def as_drifts(name: str, drifts: Any) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class GaussianMixture:
-    """What is known at one time: a mixture of normal distributions, one of each filter of a bank.
+    """Distribution at one time: a mixture of normal distributions, one of each filter of a bank.
 
     Args:
         weights: of the filters, sum to 1, shape (filters,).
@@ -74,17 +74,20 @@ class GaussianMixture:
 
     @property
     def mean(self) -> np.ndarray:
-        """Of the mixture, shape (size,)."""
+        """Mean of the mixture, shape (size,)."""
         return self.weights @ self.means
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the mixture, shape (size, size)."""
-        away = self.means - self.mean
-        return np.einsum("f,fij->ij", self.weights, self.covariances) + (away.T * self.weights) @ away
+        """Covariance of the mixture, shape (size, size)."""
+        deviations = self.means - self.mean
+        return (
+            np.einsum("f,fij->ij", self.weights, self.covariances)
+            + (deviations.T * self.weights) @ deviations
+        )
 
     def quantiles(self, shares: Sequence[float]) -> np.ndarray:
-        """Of each component of the vector by itself, by bisection, shape (shares, size)."""
+        """Quantiles of each component of the vector by itself, by bisection, shape (shares, size)."""
         # What no parameter moves is known exactly.
         spreads = np.maximum(np.sqrt(np.einsum("fii->fi", self.covariances)), SMALLEST_SPREAD)
         rows = []
@@ -179,7 +182,7 @@ def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> R
         raise NoSteadyBeatError(
             "no steady heartbeat at the estimate so far: check heart rate and devices of this point"
         )
-    for pull in PULLS:
+    for pull in RETRACTED_SHARES:
         missing = ~np.isfinite(outputs).all(axis=2)
         if not missing.any():
             break
@@ -188,11 +191,11 @@ def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> R
         outputs[missing] = centre + (simulate(middle + pull * (points[missing] - middle)) - centre) / pull
     outputs = np.where(np.isfinite(outputs), outputs, outputs[:, :1])
     mean = outputs[:, 1:].mean(axis=1)
-    away = outputs[:, 1:] - mean[:, None]
+    deviations = outputs[:, 1:] - mean[:, None]
     shifts = points[:, 1:] - points[:, :1]
-    cross = np.einsum("fno,fnp->fop", away, shifts) / (each - 1)
+    cross = np.einsum("fno,fnp->fop", deviations, shifts) / (each - 1)
     slope = np.swapaxes(np.linalg.solve(covariances, np.swapaxes(cross, 1, 2)), 1, 2)
-    spread = np.einsum("fno,fnq->foq", away, away) / (each - 1)
+    spread = np.einsum("fno,fnq->foq", deviations, deviations) / (each - 1)
     return Regression(mean, slope, spread - slope @ covariances @ np.swapaxes(slope, 1, 2))
 
 
@@ -200,7 +203,7 @@ def updated(
     simulate: Simulate, forecast: GaussianMixture, first: Regression, measured: np.ndarray,
     errors: np.ndarray, used: np.ndarray,
 ) -> GaussianMixture:  # fmt: skip
-    """What is known after a measurement.
+    """Distribution after a measurement.
 
     Args:
         simulate: outputs of latent variables.
@@ -211,7 +214,7 @@ def updated(
         used: which outputs count.
     """
     noise = np.diag(errors[used] ** 2)
-    weights = _reweighted(forecast, first.outputs(forecast), measured, noise, used)
+    weights = _with_new_weights(forecast, first.outputs(forecast), measured, noise, used)
     means, covariances = _linear_update(forecast, forecast.means, first, measured, noise, used)
     for _ in range(ITERATIONS - 1):
         before = means
@@ -240,19 +243,19 @@ def _linear_update(
     return means, 0.5 * (covariances + np.swapaxes(covariances, 1, 2))
 
 
-def _reweighted(
+def _with_new_weights(
     forecast: GaussianMixture, outputs: GaussianMixture, measured: np.ndarray, noise: np.ndarray,
     used: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """Weights of the filters by how probable each has found the measurement."""
     total = outputs.covariances[:, used][:, :, used] + noise
-    away = measured[used] - outputs.means[:, used]
-    square = np.einsum("fo,fo->f", away, np.linalg.solve(total, away[..., None])[..., 0])
+    deviations = measured[used] - outputs.means[:, used]
+    square = np.einsum("fo,fo->f", deviations, np.linalg.solve(total, deviations[..., None])[..., 0])
     log = np.log(forecast.weights) - 0.5 * square - 0.5 * np.linalg.slogdet(total)[1]
     return np.exp(log - logsumexp(log)).clip(min=1e-12)
 
 
-# --- measurements held against their forecast --------------------------------------------------------
+# --- measurements compared with their forecast -------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -271,7 +274,7 @@ class InnovationTest:
     deviations: np.ndarray
     unusual: np.ndarray
     left_out: np.ndarray
-    lasting: np.ndarray
+    persistent: np.ndarray
     chi_square: float
     probability: float
 
@@ -284,7 +287,7 @@ class InnovationTest:
         measured: np.ndarray,
         missed: np.ndarray | None = None,
     ) -> InnovationTest:
-        """Hold measurements against the outputs expected.
+        """Compare measurements with the outputs expected.
 
         One output that does not fit, while all others do, is left out of the update: a clotted line is
         likelier than a heart that changed so. If it still does not the next time, something has changed for
@@ -298,32 +301,32 @@ class InnovationTest:
             missed: deviations of those that were left out the last time; NaN for others.
         """
         total = outputs.covariance + np.diag(np.where(measured, scales, 1.0) ** 2)
-        away = values - outputs.mean
-        deviations = away / np.sqrt(np.diag(total))
-        square, probability = _chi_square(away, total, measured)
+        differences = values - outputs.mean
+        deviations = differences / np.sqrt(np.diag(total))
+        square, probability = _chi_square(differences, total, measured)
         unusual = measured & (np.abs(np.nan_to_num(deviations)) > np.sqrt(chi2.isf(UNUSUAL_OUTPUT, 1)))
-        left_out, lasting = np.zeros_like(measured), np.zeros_like(measured)
+        left_out, persistent = np.zeros_like(measured), np.zeros_like(measured)
         if probability < UNUSUAL_SERIES and measured.sum() > 2:
             rests = []
             for k in np.flatnonzero(measured):
                 others = measured.copy()
                 others[k] = False
-                rests.append((_chi_square(away, total, others)[0], k))
+                rests.append((_chi_square(differences, total, others)[0], k))
             smallest, k = min(rests)
             by_itself = chi2.sf(square - smallest, 1) < UNUSUAL_OUTPUT
             if by_itself and chi2.sf(smallest, measured.sum() - 1) > UNUSUAL_SERIES:
                 unusual[k] = True
-                lasting[k] = missed is not None and missed[k] * deviations[k] > 0.0
-                left_out[k] = not lasting[k]
-        return cls(deviations, unusual, left_out, lasting, square, probability)
+                persistent[k] = missed is not None and missed[k] * deviations[k] > 0.0
+                left_out[k] = not persistent[k]
+        return cls(deviations, unusual, left_out, persistent, square, probability)
 
     def message(self, names: Sequence[str]) -> str:
         """What does not fit, and what was done; empty where all does."""
         if self.left_out.any():
             which = ", ".join(n for n, out in zip(names, self.left_out, strict=True) if out)
             return f"{which} does not fit the forecast and the other measurements: not used; check it"
-        if self.lasting.any():
-            which = ", ".join(n for n, odd in zip(names, self.lasting, strict=True) if odd)
+        if self.persistent.any():
+            which = ", ".join(n for n, odd in zip(names, self.persistent, strict=True) if odd)
             return (
                 f"{which} does not fit for the second time, while all others do: used now; a line, a device "
                 "or the patient has changed"
@@ -336,7 +339,7 @@ class InnovationTest:
         return ""
 
 
-def _chi_square(away: np.ndarray, total: np.ndarray, chosen: np.ndarray) -> tuple[float, float]:
-    a, t = away[chosen], total[np.ix_(chosen, chosen)]
+def _chi_square(differences: np.ndarray, total: np.ndarray, chosen: np.ndarray) -> tuple[float, float]:
+    a, t = differences[chosen], total[np.ix_(chosen, chosen)]
     square = float(a @ np.linalg.solve(t, a))
     return square, float(chi2.sf(square, len(a)))

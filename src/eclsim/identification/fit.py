@@ -12,30 +12,30 @@ import numpy as np
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
-from eclsim.identification.held import carried_consumption, left_open
+from eclsim.identification.held_parameters import consumption_uncertainty, undetermined_outputs
 from eclsim.identification.multi_start import (
     FitStatus,
     Optimum,
     Progress,
     fit_shared,
     identify,
-    nothing_found,
+    optimum_without_fit,
     silent,
 )
 from eclsim.identification.objective import NORMAL_90, Box, Objective, Target, correlation
 from eclsim.identification.profiles import held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
-    TELLS_OF,
+    INFORMATIVE_MEASUREMENTS,
     FitSettings,
+    avoidable_assumptions,
+    case_to_fit,
     checked_fit,
     common_policy,
-    formula_of_consumption,
-    held_by_assumption,
-    held_consumption,
-    held_oxygenator,
-    held_volume,
-    ready,
+    consumption_is_from_formula,
+    remarks_on_fixed_consumption,
+    remarks_on_fixed_volume,
+    remarks_on_unmeasured_oxygenator,
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
@@ -47,9 +47,9 @@ from eclsim.identification.verdict import (
     Reason,
     agreement,
     goodness_of,
+    intervals_differ,
     plausibility,
     search,
-    unlike,
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CaseSource, as_case, model_of
@@ -62,13 +62,13 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 AT_BOUND = 1e-6
-DETERMINED = 0.5
+LARGEST_DETERMINED_ERROR = 0.5
 """Largest standard error of a parameter that counts as determined, as a share of what the bounds leave."""
-SAME_PARAMETER = 0.05
+SAME_PARAMETER_SHARE = 0.05
 """Fits that agree but differ in a parameter by more than this share show that it is not determined."""
-PUSHED = 1.0
+LARGEST_GAIN_BEYOND_BOUND = 1.0
 """A bound holds a parameter back if the sum of squared standard differences would fall by more beyond it."""
-HELD_BACK = 6.0
+GAIN_THAT_SPOILS_FIT = 6.0
 """Likewise by so much that the bound spoils the fit."""
 NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
 
@@ -114,7 +114,7 @@ class FitResult:
         verdict: whether it is to be used, and why (not).
         implied: outputs of the fitted patient that ranges of adults are known of, in their units.
         profile: 90 % interval of each parameter by its profile likelihood; empty where it was not computed.
-        warnings: what there is to say about the fitted patient's beat.
+        warnings: of the fitted patient's beat.
         seconds: wall time; points fitted side by side share theirs evenly.
     """
 
@@ -204,7 +204,7 @@ class FitResult:
         return xr.Dataset(data, coordinates, attributes)
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         names = dict.fromkeys([*self.measured, *self.simulated])
         return {
             "id": self.name,
@@ -238,9 +238,9 @@ class FitResult:
             "starts_agreeing": self.optimum.agreeing,
             "starts_refined": len(self.optimum.starts.agreeing),
             "explored": self.optimum.explored,
-            "explored_without_steady_beat": self.optimum.dropped,
-            "explored_one_of_many": self.optimum.shut,
-            "explored_without_steady_gases": self.optimum.gasless,
+            "explored_without_steady_beat": self.optimum.explored_without_beat,
+            "explored_one_of_many": self.optimum.explored_one_of_many,
+            "explored_without_steady_gases": self.optimum.explored_without_gases,
             "seconds": round(self.seconds, 3),
             "status": str(self.status),
             "message": self.status.message,
@@ -283,7 +283,7 @@ def fit_cases(
     started = time.perf_counter()
     if not cases:
         return []
-    cases = [(name, ready(case, settings)) for name, case in cases]
+    cases = [(name, case_to_fit(case, settings)) for name, case in cases]
     objective, box = _problem([case for _, case in cases], settings)
     optima = identify(objective, box, settings.multi_start, progress)
     if settings.shared and len(cases) > 1:
@@ -294,23 +294,25 @@ def fit_cases(
         _result(name, case, objective, k, box, optimum, settings)
         for k, ((name, case), optimum) in enumerate(zip(cases, optima, strict=True))
     ]
-    results = [held_against_its_beat(result) for result in _without_compensated(results, objective, box)]
+    results = [
+        checked_by_simulation(result) for result in _without_compensating_parameters(results, objective, box)
+    ]
     seconds = (time.perf_counter() - started) / len(cases)
     return [replace(result, seconds=seconds) for result in results]
 
 
-def broken_off(name: str, case: Case, settings: FitSettings, error: Exception) -> FitResult:
+def failed_fit(name: str, case: Case, settings: FitSettings, error: Exception) -> FitResult:
     """The result of a data point whose fit an error of the program ended."""
-    case = ready(case, settings)
+    case = case_to_fit(case, settings)
     objective, box = _problem([case], settings)
-    optimum = nothing_found(len(box.names), len(objective.outputs), FitStatus.BROKEN_OFF)
+    optimum = optimum_without_fit(len(box.names), len(objective.outputs), FitStatus.BROKEN_OFF)
     result = _result(name, case, objective, 0, box, optimum, settings)
     about = f"{type(error).__name__}: {error}"
     return replace(result, verdict=FitVerdict(None, tuple(search(optimum.status, about))))
 
 
 def _problem(cases: Sequence[Case], settings: FitSettings) -> tuple[Objective, Box]:
-    """What is minimised for cases that are `ready`, and the bounds."""
+    """Objective for cases made by `case_to_fit`, and the bounds."""
     targets, boxes = [], []
     for case in cases:
         checked = checked_fit(case, settings)
@@ -362,7 +364,8 @@ def _result(
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
-        *_held_back(parameters, gains), *_held_fixed(goodness, box.names), *_unknown_rest(set_points),
+        *_doubts_of_bounds(parameters, gains), *_doubts_of_fixed_parameters(goodness, box.names),
+        *_doubts_of_set_points(set_points),
     ]  # fmt: skip
     return FitResult(
         name, changed, target.measured, simulated, parameters, correlation(spread),
@@ -395,7 +398,7 @@ def _gains_beyond_bounds(
     return gains
 
 
-def _held_back(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> list[Reason]:
+def _doubts_of_bounds(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> list[Reason]:
     """Doubts of a fit that a bound spoils."""
     return [
         Reason(
@@ -403,24 +406,26 @@ def _held_back(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> 
             f"{name} {p.reason}; try wider --bounds if such a value is possible",
         )
         for (name, p), gain in zip(parameters.items(), gains, strict=True)
-        if gain > HELD_BACK
+        if gain > GAIN_THAT_SPOILS_FIT
     ]  # fmt: skip
 
 
-def _held_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
-    """That a measurement is missed while the parameter that it tells of is held."""
+def _doubts_of_fixed_parameters(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
+    """Doubts where a measurement is missed while the parameter that it determines is held."""
     missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
     reasons = []
-    for key, (what, told) in TELLS_OF.items():
-        names = [name for name in missed if name in told]
+    for key, (meaning, informative) in INFORMATIVE_MEASUREMENTS.items():
+        names = [name for name in missed if name in informative]
         if names and key not in free:
             tells = "tell" if len(names) > 1 else "tells"
-            sentence = f"{', '.join(names)} {tells} {what}, which is held here: free {key} as well (--free)"
+            sentence = (
+                f"{', '.join(names)} {tells} {meaning}, which is held here: free {key} as well (--free)"
+            )
             reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
     return reasons
 
 
-def _unknown_rest(set_points: Mapping[str, float]) -> list[Reason]:
+def _doubts_of_set_points(set_points: Mapping[str, float]) -> list[Reason]:
     """Set points of reflexes that neither the case nor a measurement gives."""
     return [
         Reason(
@@ -432,8 +437,8 @@ def _unknown_rest(set_points: Mapping[str, float]) -> list[Reason]:
     ]  # fmt: skip
 
 
-def held_against_its_beat(result: FitResult) -> FitResult:
-    """The fit with the fitted patient's beat held against what is determined, and against adults."""
+def checked_by_simulation(result: FitResult) -> FitResult:
+    """The fit with doubts from a simulation of the fitted patient, compared with ranges of adults."""
     if not result.simulated:
         return result
     from eclsim.outputs.alarms import findings
@@ -451,43 +456,44 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     collapsed = [f.sentence for f in findings(outputs, extremes) if f.kind == "collapse"]
     implied = {n: outputs[n] for n in result.ranges if n in outputs}
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
-    for sentence in held_by_assumption(result.case, result.measured, result.parameters):
+    for sentence in avoidable_assumptions(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
-    result, consumption = _with_consumption(result)
-    result, held_values = _with_held(result)
-    reasons += held_values + consumption
-    for held in (held_volume, held_oxygenator):
-        for sentence in held(result.case, result.measured, result.parameters):
+    result, consumption = _with_consumption_unknown(result)
+    result, held_reasons = _with_held_parameters_free(result)
+    reasons += held_reasons + consumption
+    for remarks in (remarks_on_fixed_volume, remarks_on_unmeasured_oxygenator):
+        for sentence in remarks(result.case, result.measured, result.parameters):
             reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 
-def _with_consumption(result: FitResult) -> tuple[FitResult, list[Reason]]:
-    """The fit with the intervals that a consumption by the formula leaves, and what there is to say."""
-    if not formula_of_consumption(result.case, result.measured, result.parameters):
+def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason]]:
+    """The fit with the intervals for a consumption that is not known, and reasons."""
+    if not consumption_is_from_formula(result.case, result.measured, result.parameters):
         return result, []
-    carried = carried_consumption(*_as_fitted(result)) if result.optimum.shared is None else None
-    if carried is None:
-        sentences = held_consumption(result.case, result.measured, result.parameters)
+    uncertain = consumption_uncertainty(*_as_fitted(result)) if result.optimum.shared is None else None
+    if uncertain is None:
+        sentences = remarks_on_fixed_consumption(result.case, result.measured, result.parameters)
         level = Level.GOOD if result.optimum.shared is None else Level.DOUBTFUL
         return result, [Reason(Aspect.HELD, level, "", sentence) for sentence in sentences]
     why = "makes up for what is wrong with the oxygen consumption, which is held at a formula's value"
-    return _widened(result, carried.intervals, why), [
-        Reason(Aspect.HELD, Level.DOUBTFUL, "", carried.sentence)
+    return _widened(result, uncertain.intervals, why), [
+        Reason(Aspect.HELD, Level.DOUBTFUL, "", uncertain.sentence)
     ]
 
 
-def _with_held(result: FitResult) -> tuple[FitResult, list[Reason]]:
-    """The fit with the intervals that held parameters leave, and what there is to say."""
+def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reason]]:
+    """The fit with the intervals for held parameters that are not known, and reasons."""
     if result.optimum.shared is not None:
         return result, []
     case, free, errors, policy = _as_fitted(result)
-    found = left_open(case, free, result.measured, errors, policy)
-    if found is None:
+    undetermined = undetermined_outputs(case, free, result.measured, errors, policy)
+    if undetermined is None:
         return result, []
-    why = f"makes up for {', '.join(found.held)}, which {'are' if len(found.held) > 1 else 'is'} held"
-    result = _widened(result, found.parameters, why)
-    return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence)]
+    held, are = undetermined.held, "are" if len(undetermined.held) > 1 else "is"
+    why = f"makes up for {', '.join(held)}, which {are} held"
+    result = _widened(result, undetermined.parameters, why)
+    return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", undetermined.sentence)]
 
 
 def _widened(result: FitResult, reaches: Mapping[str, tuple[float, float]], why: str) -> FitResult:
@@ -514,7 +520,7 @@ def _parameters(
     optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray,
     as_good: np.ndarray,
 ) -> dict[str, FittedParameter]:  # fmt: skip
-    """Values, intervals and what the measurements tell apart.
+    """Values, intervals, and which parameters the measurements determine.
 
     A parameter's interval reaches to every start that met the measurements as well, in whichever valley.
     """
@@ -529,13 +535,13 @@ def _parameters(
     for k, name in enumerate(box.names):
         reason = excluded.get(name, "")
         if low[k] or high[k]:
-            reason = _at_bound("lower" if low[k] else "upper", bool(gains[k] > PUSHED))
-        elif not reason and differ[k] > np.log1p(SAME_PARAMETER):
-            reason = f"starts that fit equally well differ by {box.scale.apart(k, differ[k])}"
-        elif not reason and errors[k] > DETERMINED * box.prior_deviations[k]:
+            reason = _at_bound("lower" if low[k] else "upper", bool(gains[k] > LARGEST_GAIN_BEYOND_BOUND))
+        elif not reason and differ[k] > np.log1p(SAME_PARAMETER_SHARE):
+            reason = f"starts that fit equally well differ by {box.scale.difference_text(k, differ[k])}"
+        elif not reason and errors[k] > LARGEST_DETERMINED_ERROR * box.prior_deviations[k]:
             reason = f"fitted with the others, its standard error is {box.scale.error(k, errors[k])}"
         lower, upper, value = (box.scale.value(k, x[k]) for x in (*ends, optimum.x))
-        if not reason and unlike(ends[:, k], gaussian[:, k]):
+        if not reason and intervals_differ(ends[:, k], gaussian[:, k]):
             reason = (
                 f"other starts of the search meet the measurements as well (90 %) from {lower:.3g} to "
                 f"{upper:.3g}, far beyond what the derivatives at the fit say"
@@ -544,10 +550,10 @@ def _parameters(
     return parameters
 
 
-def _at_bound(side: str, pushed: bool) -> str:
+def _at_bound(side: str, held_back: bool) -> str:
     """What a value at a bound says: no limit of the true one, which others may make up for."""
     beyond = "smaller" if side == "lower" else "larger"
-    if pushed:
+    if held_back:
         return (
             f"at its {side} bound, which holds it back: {beyond} values would meet the measurements more "
             "nearly, which is no limit of the true one"
@@ -555,7 +561,9 @@ def _at_bound(side: str, pushed: bool) -> str:
     return f"at its {side} bound, and the measurements hardly tell {beyond} values apart"
 
 
-def _without_compensated(results: Sequence[FitResult], objective: Objective, box: Box) -> list[FitResult]:
+def _without_compensating_parameters(
+    results: Sequence[FitResult], objective: Objective, box: Box
+) -> list[FitResult]:
     """The fits; parameters that make up for undetermined ones are called undetermined themselves."""
     undetermined = [
         [k for k, p in enumerate(f.parameters.values()) if not p.identifiable]
@@ -570,10 +578,10 @@ def _without_compensated(results: Sequence[FitResult], objective: Objective, box
         reasons = {
             name: (
                 f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "
-                f"elsewhere, {box.scale.apart(k, moved[k])} apart at the same outputs"
+                f"elsewhere, {box.scale.difference_text(k, moved[k])} apart at the same outputs"
             )
             for k, name in enumerate(box.names)
-            if moved[k] > np.log1p(SAME_PARAMETER)
+            if moved[k] > np.log1p(SAME_PARAMETER_SHARE)
         }
         judged.append(replace(result, parameters=result._undetermined(reasons)))
     return judged

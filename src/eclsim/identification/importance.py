@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     import jax
 
 Array = TypeVar("Array", np.ndarray, "jax.Array")
-SQUASH = 3.0
+SQUASHING_SCALE = 3.0
 """Standard deviations beyond which a variable moves the coefficients little further."""
 RIDGE = 0.01
-"""Of the weight of all draws, on every coefficient but the constant."""
+"""Ridge as a share of the weight of all draws, on every coefficient but the constant."""
 ROUNDS = 4
 DIFFERENCE = 1e-5
 LARGEST_LOG_SCALE = 1.5
@@ -49,7 +49,7 @@ SHAPE_BOUNDS = ((-2.0, 2.0), (-2.0, 2.0), (-1.5, 1.5), (-0.7, 0.7))
 FEWEST_FOR_CURVES = 150.0
 """With fewer effective draws the map stays linear."""
 DEGREES = 5.0
-"""Of freedom of Student's t distribution: its tails are longer than those of a posterior."""
+"""Degrees of freedom of Student's t distribution: its tails are longer than those of a posterior."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def _fit_shape(residuals: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _squashed(value: Array, xp: ModuleType) -> Array:
-    return value / xp.sqrt(1.0 + (value / SQUASH) ** 2)
+    return value / xp.sqrt(1.0 + (value / SQUASHING_SCALE) ** 2)
 
 
 def _coefficients(
@@ -294,13 +294,13 @@ class Jumps:
 # --- the posterior by weighted draws ----------------------------------------------------------------
 
 
-TEMPERS = (0.02, 0.08, 0.25, 0.6, 1.0, 1.0, 1.0)
+TEMPERATURES = (0.02, 0.08, 0.25, 0.6, 1.0, 1.0, 1.0)
 """How much the measurements count in each round."""
 LARGEST_SHAPE = 0.7
 FEWEST_EFFECTIVE = 400
 GOOD_SHAPE = 0.6
 GOOD_EFFECTIVE = 600
-MOST_MORE_ROUNDS = 6
+MOST_FURTHER_ROUNDS = 6
 """Rounds are added until the weights are good, at most so many."""
 
 
@@ -399,15 +399,15 @@ def importance_sample(
     """
     random = np.random.default_rng(seed)
     scaled = gaussian.jacobian / posterior.scale[:, None]
-    flat = np.linalg.inv(TEMPERS[0] * scaled.T @ scaled + np.eye(len(gaussian.centre)))
+    flat = np.linalg.inv(TEMPERATURES[0] * scaled.T @ scaled + np.eye(len(gaussian.centre)))
     proposals = [Transport.linear(gaussian.centre, flat)]
     z, outputs = np.empty((0, len(gaussian.centre))), np.empty((0, len(posterior.outputs)))
     weights, shape = np.empty(0), np.inf
-    for number in range(len(TEMPERS) + MOST_MORE_ROUNDS):
-        planned = number < len(TEMPERS)
+    for number in range(len(TEMPERATURES) + MOST_FURTHER_ROUNDS):
+        planned = number < len(TEMPERATURES)
         if not planned and shape < GOOD_SHAPE and effective_number(weights) > GOOD_EFFECTIVE:
             break
-        temper = TEMPERS[number + 1] if number + 1 < len(TEMPERS) else 1.0
+        temper = TEMPERATURES[number + 1] if number + 1 < len(TEMPERATURES) else 1.0
         new = Mixture((proposals[-1],)).draws(random, count)
         z = np.concatenate([z, new])
         outputs = np.concatenate([outputs, posterior.simulate(new, gaussian.centre)])
@@ -433,21 +433,23 @@ def smoothed(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     return weights / weights.sum(), shape
 
 
-def pareto_fit(above: np.ndarray) -> tuple[float, float]:
+def pareto_fit(exceedances: np.ndarray) -> tuple[float, float]:
     """Shape and scale of a generalised Pareto distribution: Zhang and Stephens 2009, Technometrics 51, 316.
 
     Args:
-        above: by how much values are above the limit, rising.
+        exceedances: by how much values are above the limit, rising.
     """
-    count = len(above)
-    above = np.maximum(above, 1e-300)
+    count = len(exceedances)
+    exceedances = np.maximum(exceedances, 1e-300)
     grid = np.arange(1, 30 + int(np.sqrt(count)) + 1)
-    b = 1.0 / above[-1] + (1.0 - np.sqrt(len(grid) / (grid - 0.5))) / (3.0 * above[int(count / 4 + 0.5) - 1])
-    k = np.mean(np.log1p(-b[:, None] * above), axis=1)
+    b = 1.0 / exceedances[-1] + (1.0 - np.sqrt(len(grid) / (grid - 0.5))) / (
+        3.0 * exceedances[int(count / 4 + 0.5) - 1]
+    )
+    k = np.mean(np.log1p(-b[:, None] * exceedances), axis=1)
     likelihood = count * (np.log(-b / k) - k - 1.0)
     share = np.exp(likelihood - logsumexp(likelihood))
     best = float(share @ b)
-    shape = float(np.mean(np.log1p(-best * above)))
+    shape = float(np.mean(np.log1p(-best * exceedances)))
     return (shape * count + 0.5 * 10.0) / (count + 10.0), -shape / best
 
 

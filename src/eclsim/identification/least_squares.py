@@ -23,27 +23,27 @@ from eclsim.identification.objective import Box, Evaluation, LeastSquaresProblem
 from eclsim.orbit.equation import OrbitOptions
 
 FIRST_DAMPING = 1e-3
-"""As a share of the largest curvature, as all dampings."""
+"""Share of the largest curvature, as all dampings."""
 SMALLEST_DAMPING = 1e-11
 LARGEST_DAMPING = 1e6
-LADDER = 10.0 ** np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+DAMPING_FACTORS = 10.0 ** np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
 """Dampings that are tried at once, as multiples of the one that was best before."""
-NEXT_LADDER = 1e4
+FURTHER_DAMPING_FACTOR = 1e4
 """Factor of the damping if none of a ladder was good."""
 LONGEST_STEP = 1.5
 """Largest change of a logarithm in one step: a factor of 4.5."""
-CLOUD = 63
+POINTS_IN_CLOUD = 63
 """Points of a cloud: a chunk of lanes."""
-SIZES = (-4.0, -1.0)
+CLOUD_SIZES = (-4.0, -1.0)
 """Decimal logarithms of the smallest and largest cloud: share of its residuals by which a point moves."""
-WORTH_WHILE = 1e-6
+SMALLEST_RELATIVE_GAIN = 1e-6
 """Share by which a cloud must lower the cost for another one."""
-IDLE_CLOUDS = 6
-"""So many clouds without a better point end the search."""
+MOST_CLOUDS_WITHOUT_GAIN = 6
+"""Clouds without a better point after which the search ends."""
 MOST_CLOUDS = 24
 MOST_ITERATIONS = 80
-"""Of all refinements between clouds taken together: some seconds."""
-PERFECT = 1e-12
+"""Iterations of all refinements between clouds taken together: some seconds."""
+PERFECT_COST = 1e-12
 """Sum of squares below which there is nothing left to gain."""
 
 
@@ -82,7 +82,7 @@ EXACT = Tolerances(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3, exa
 
 @dataclass(frozen=True)
 class Refinement:
-    """Where refinements ended, shape (starts, ...).
+    """Ends of refinements, shape (starts, ...).
 
     Args:
         x: logarithms of the parameters, shape (starts, parameters).
@@ -208,7 +208,7 @@ class _Search:
             chosen = best[:, 0] == number
             self.move(trial, active[chosen], best[chosen, 1])
         stuck = best[:, 0] < 0
-        self.damping[active[stuck]] *= NEXT_LADDER
+        self.damping[active[stuck]] *= FURTHER_DAMPING_FACTOR
         moved = np.abs(self.x[active] - start).max(axis=1)
         gained = before - self.costs[active]
         done = np.where(
@@ -221,8 +221,8 @@ class _Search:
 
     def first_order(self, active: np.ndarray) -> _Trial:
         """Steps by the derivatives alone, for a ladder of dampings."""
-        rows = np.repeat(active, len(LADDER))
-        dampings = np.maximum(np.outer(self.damping[active], LADDER).ravel(), SMALLEST_DAMPING)
+        rows = np.repeat(active, len(DAMPING_FACTORS))
+        dampings = np.maximum(np.outer(self.damping[active], DAMPING_FACTORS).ravel(), SMALLEST_DAMPING)
         return self.trial(rows, dampings, self.residuals[rows])
 
     def second_order(self, first: _Trial, solved: np.ndarray) -> _Trial:
@@ -269,7 +269,7 @@ class _Search:
         stuck = ~np.isfinite(self.jacobians[rows]).all(axis=(1, 2))
         for values, old in zip(arrays, before, strict=True):
             values[rows[stuck]] = old[stuck]
-        self.damping[rows[stuck]] *= NEXT_LADDER
+        self.damping[rows[stuck]] *= FURTHER_DAMPING_FACTOR
 
 
 def bounded_steps(
@@ -357,11 +357,11 @@ def polish(
         tolerances: of the refinements between clouds.
         most_iterations: of the refinements between clouds, in total; 0 for no cloud at all.
     """
-    generator, points = np.random.default_rng(0), np.full(CLOUD, point)
+    generator, points = np.random.default_rng(0), np.full(POINTS_IN_CLOUD, point)
     idle, most = 0, refined.iterations[0] + most_iterations
     for _ in range(MOST_CLOUDS):
         before = refined.costs[0]
-        if not before > PERFECT or refined.iterations[0] >= most:
+        if not before > PERFECT_COST or refined.iterations[0] >= most:
             break
         x = box.clip(refined.x + cloud(problem, point, refined, generator))
         costs = problem.evaluate(points, x, tolerances.orbits, tolerances.resolution).costs
@@ -369,8 +369,8 @@ def polish(
             better = refine(problem, points[:1], x[[costs.argmin()]], box, tolerances)
             iterations = refined.iterations + better.iterations
             refined = replace(better, iterations=iterations) if better.costs[0] < before else refined
-        idle = idle + 1 if refined.costs[0] >= before * (1.0 - WORTH_WHILE) else 0
-        if idle == IDLE_CLOUDS:
+        idle = idle + 1 if refined.costs[0] >= before * (1.0 - SMALLEST_RELATIVE_GAIN) else 0
+        if idle == MOST_CLOUDS_WITHOUT_GAIN:
             break
     return refined
 
@@ -385,6 +385,8 @@ def cloud(
     _, singular, directions = np.linalg.svd(weighted, full_matrices=True)
     slopes = np.zeros(len(directions))
     slopes[: len(singular)] = singular
-    sizes = 10.0 ** generator.uniform(*SIZES, size=(CLOUD, 1)) * np.sqrt(refined.costs[0])
+    sizes = 10.0 ** generator.uniform(*CLOUD_SIZES, size=(POINTS_IN_CLOUD, 1)) * np.sqrt(refined.costs[0])
     lengths = sizes / np.maximum(slopes, 1e-300)
-    return generator.standard_normal((CLOUD, len(directions))) * np.minimum(lengths, 0.3) @ directions
+    return (
+        generator.standard_normal((POINTS_IN_CLOUD, len(directions))) * np.minimum(lengths, 0.3) @ directions
+    )

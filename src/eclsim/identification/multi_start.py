@@ -33,16 +33,16 @@ COARSE = 1
 REFINING = Tolerances(2e-4, 1e-7, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=COARSE)
 SAME_COST = 1e-3
 SAME_OUTPUTS = 1e-3
-NEXT_TO_NOTHING = 1e-6
+PERFECT_COST = 1e-6
 """Sum of squares below which a fit is perfect: outputs within 0.1 %."""
 LARGEST_WEIGHT = 0.995
 SHARES = (0.2, 0.5, 0.8)
 """Further starts of common parameters: shares of the way between their bounds."""
-MOST_ENDS, SAME_END = 5, 0.05
+MOST_DISTINCT_ENDS, SAME_END = 5, 0.05
 """Distinct ends of a search that are looked at, and coordinates apart from which two are."""
-LAST_SHARED = Tolerances(1e-6, 1e-12, 1e-8, 40, EXACT.orbits)
+FINAL_SHARED_REFINEMENT = Tolerances(1e-6, 1e-12, 1e-8, 40, EXACT.orbits)
 Progress = Callable[[object], None]
-"""Is called with something whose text says what is being computed."""
+"""Called with an object whose text describes what is being computed."""
 
 
 def silent(step: object) -> None:
@@ -61,7 +61,7 @@ class FitStatus(StrEnum):
 
     @property
     def message(self) -> str:
-        """What it means and what to do."""
+        """Its meaning, and what to do."""
         return _MESSAGES[self]
 
 
@@ -168,7 +168,7 @@ class Starts:
 
 @dataclass(frozen=True)
 class SharedEstimate:
-    """What a fit of several data points with common parameters says of one of them.
+    """Estimate for one data point from a fit of several with common parameters.
 
     Args:
         covariance: of the logarithms of its parameters, shape (parameters, parameters).
@@ -192,7 +192,7 @@ class Optimum:
         explored: points explored.
         dropped: of these without a steady beat.
         shut: of these with one of many, behind valves that stay shut.
-        gasless: of these with a steady beat and without the gas state that measured gases need.
+        explored_without_gases: of these with a steady beat, without the gas state that measured gases need.
         status: how it ended.
         shared: of a fit with other data points; None where the point was fitted by itself.
     """
@@ -203,9 +203,9 @@ class Optimum:
     jacobian: np.ndarray
     starts: Starts
     explored: int
-    dropped: int
-    shut: int
-    gasless: int
+    explored_without_beat: int
+    explored_one_of_many: int
+    explored_without_gases: int
     status: FitStatus
     shared: SharedEstimate | None = None
 
@@ -224,7 +224,7 @@ class Optimum:
         """The optimum and the ends of other starts, the best first, shape (ends, parameters)."""
         chosen = [self.x]
         for end in self.starts.end[np.argsort(self.starts.last_costs, kind="stable")]:
-            if len(chosen) < MOST_ENDS and min(np.abs(end - c).max() for c in chosen) > SAME_END:
+            if len(chosen) < MOST_DISTINCT_ENDS and min(np.abs(end - c).max() for c in chosen) > SAME_END:
                 chosen.append(end)
         return np.stack(chosen)
 
@@ -236,33 +236,33 @@ class _Candidates:
     x: np.ndarray
     costs: np.ndarray
     explored: int
-    dropped: int
-    shut: int
-    gasless: int
+    explored_without_beat: int
+    explored_one_of_many: int
+    explored_without_gases: int
     first_costs: list[float] = field(default_factory=list)
     refined: list[Refinement] = field(default_factory=list)
 
-    def nothing_found(self) -> FitStatus:
+    def reason_without_fit(self) -> FitStatus:
         """Why there is no fit: the reason that is nearest to one."""
-        if self.gasless:
+        if self.explored_without_gases:
             return FitStatus.NO_STEADY_GASES
-        return FitStatus.ONE_OF_MANY if self.shut else FitStatus.NO_STEADY_BEAT
+        return FitStatus.ONE_OF_MANY if self.explored_one_of_many else FitStatus.NO_STEADY_BEAT
 
-    def so_far(self) -> Refinement:
+    def all_refined(self) -> Refinement:
         """All refined starts."""
         names = vars(self.refined[0])
         return Refinement(**{n: np.concatenate([getattr(r, n) for r in self.refined]) for n in names})
 
-    def enough(self, settings: MultiStart) -> bool:
+    def found_often_enough(self, settings: MultiStart) -> bool:
         """Whether the best optimum has been found often enough."""
-        return bool(self.refined) and bool(agreeing(self.so_far()).sum() > settings.rediscoveries)
+        return bool(self.refined) and bool(agreeing(self.all_refined()).sum() > settings.rediscoveries)
 
     def next_starts(self, first: int, settings: MultiStart) -> np.ndarray:
         """The starts of the next round, each mixed with the best so far; those of the first as they are."""
         starts = self.x[first : first + settings.round_size]
-        if not self.refined or not np.isfinite((ended := self.so_far()).costs).any():
+        if not self.refined or not np.isfinite((refined := self.all_refined()).costs).any():
             return starts
-        best = ended.x[np.argmin(ended.costs)]
+        best = refined.x[np.argmin(refined.costs)]
         weights = [mixing_weight(first + i, len(self.x)) for i in range(len(starts))]
         return np.stack([w * best + (1.0 - w) * x for w, x in zip(weights, starts, strict=True)])
 
@@ -281,7 +281,7 @@ def identify(
     best = []
     for k, of_point in enumerate(candidates):
         progress(f"refining the best start to the end (point {k + 1} of {count})")
-        best.append(_best(problem, box, k, of_point, settings))
+        best.append(_best_optimum(problem, box, k, of_point, settings))
     return best
 
 
@@ -305,9 +305,19 @@ def _explore(
     count = max(round(settings.refined_share * len(explored)), 2)
     order = np.argsort(costs, kind="stable")[:count]
     order = order[np.isfinite(costs[order])]
-    shut, gasless = int(evaluation.one_of_many.sum()), int(evaluation.without_gases.sum())
-    dropped = int((~np.isfinite(costs)).sum()) - shut - gasless
-    return _Candidates(explored[order], costs[order], len(explored), dropped, shut, gasless)
+    explored_one_of_many, explored_without_gases = (
+        int(evaluation.one_of_many.sum()),
+        int(evaluation.without_gases.sum()),
+    )
+    explored_without_beat = int((~np.isfinite(costs)).sum()) - explored_one_of_many - explored_without_gases
+    return _Candidates(
+        explored[order],
+        costs[order],
+        len(explored),
+        explored_without_beat,
+        explored_one_of_many,
+        explored_without_gases,
+    )
 
 
 def mixing_weight(number: int, total: int) -> float:
@@ -324,7 +334,9 @@ def _refine_all(
 ) -> None:
     """Rounds of starts, those of all data points side by side."""
     first = 0
-    while jobs := [k for k, c in enumerate(candidates) if first < len(c.x) and not c.enough(settings)]:
+    while jobs := [
+        k for k, c in enumerate(candidates) if first < len(c.x) and not c.found_often_enough(settings)
+    ]:
         starts = {k: candidates[k].next_starts(first, settings) for k in jobs}
         points = np.concatenate([np.full(len(starts[k]), k) for k in jobs])
         last = min(first + settings.round_size, max(len(candidates[k].x) for k in jobs))
@@ -337,32 +349,39 @@ def _refine_all(
         first += settings.round_size
 
 
-def agreeing(ended: Refinement) -> np.ndarray:
+def agreeing(refined: Refinement) -> np.ndarray:
     """Which starts ended in the best optimum: the same cost, and the same outputs.
 
     Parameters are not compared: where measurements cannot tell two sets of them apart, both are the optimum.
     """
-    if not np.isfinite(ended.costs).any():
-        return np.zeros(len(ended.costs), dtype=bool)
-    best = int(np.nanargmin(ended.costs))
-    same_cost = ended.costs <= ended.costs[best] * (1.0 + SAME_COST) + NEXT_TO_NOTHING
-    reference = np.maximum(np.abs(ended.outputs[best]), 1e-3)
+    if not np.isfinite(refined.costs).any():
+        return np.zeros(len(refined.costs), dtype=bool)
+    best = int(np.nanargmin(refined.costs))
+    same_cost = refined.costs <= refined.costs[best] * (1.0 + SAME_COST) + PERFECT_COST
+    reference = np.maximum(np.abs(refined.outputs[best]), 1e-3)
     with np.errstate(invalid="ignore"):
-        difference = np.max(np.abs(ended.outputs - ended.outputs[best]) / reference, axis=1)
+        difference = np.max(np.abs(refined.outputs - refined.outputs[best]) / reference, axis=1)
         return same_cost & (difference <= SAME_OUTPUTS)
 
 
-def _best(
+def _best_optimum(
     problem: LeastSquaresProblem, box: Box, point: int, candidates: _Candidates, settings: MultiStart
 ) -> Optimum:
     """Refine the best start to the end."""
     size, count = len(box.names), len(problem.outputs)
-    explored = candidates.explored, candidates.dropped, candidates.shut, candidates.gasless
-    if not candidates.refined or not np.isfinite((ended := candidates.so_far()).costs).any():
-        return nothing_found(size, count, candidates.nothing_found(), explored)
-    last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
+    explored = (
+        candidates.explored,
+        candidates.explored_without_beat,
+        candidates.explored_one_of_many,
+        candidates.explored_without_gases,
+    )
+    if not candidates.refined or not np.isfinite((refined := candidates.all_refined()).costs).any():
+        return optimum_without_fit(size, count, candidates.reason_without_fit(), explored)
+    last = _refine_to_convergence(
+        problem, point, refined.x[[np.argmin(refined.costs)]], box, settings.polishing
+    )
     first_costs = np.array(candidates.first_costs)
-    starts = Starts(ended.x, first_costs, ended.costs, agreeing(ended), ended.outputs)
+    starts = Starts(refined.x, first_costs, refined.costs, agreeing(refined), refined.outputs)
     settled = last.terminations[0] == Termination.SETTLED
     return Optimum(
         last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, *explored,
@@ -370,16 +389,16 @@ def _best(
     )  # fmt: skip
 
 
-def nothing_found(
+def optimum_without_fit(
     size: int, count: int, status: FitStatus, explored: tuple[int, int, int, int] = (0, 0, 0, 0)
 ) -> Optimum:
-    """The end of a search that has found nothing.
+    """The optimum of a search that ended without a fit.
 
     Args:
         size: number of parameters.
         count: of outputs.
         status: how it ended.
-        explored: points explored, and of these dropped, shut and gasless (see `Optimum`).
+        explored: points explored, of these without a beat, with one of many, without gases (see `Optimum`).
     """
     none, flat = np.zeros((0, size)), np.zeros(0)
     starts = Starts(none, flat, flat, np.zeros(0, dtype=bool), np.zeros((0, count)))
@@ -389,7 +408,7 @@ def nothing_found(
     )  # fmt: skip
 
 
-def _to_the_end(
+def _refine_to_convergence(
     problem: LeastSquaresProblem, point: int, best: np.ndarray, box: Box, polishing: int
 ) -> Refinement:
     """Refine on the grid that the optimum needs, which is the same for all steps: else outputs would jump."""
@@ -428,7 +447,9 @@ def refine_shared(
     rough = refine(problem, points, starts, space, replace(REFINING, cost=1e-3, floor=1e-9))
     best = rough.x[[np.argmin(rough.costs)]]
     level = int(problem.resolutions(points[:1], best)[0])
-    return problem, refine(problem, points[:1], best, space, replace(LAST_SHARED, resolution=level))
+    return problem, refine(
+        problem, points[:1], best, space, replace(FINAL_SHARED_REFINEMENT, resolution=level)
+    )
 
 
 def fit_shared(

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 STATISTICS = (
     "diverging", "num_steps", "accept_prob", "potential_energy", "energy", "step_size", "jumped", "saturated",
 )  # fmt: skip
-"""Of NumPyro; `jumped`: whether a jump followed, `saturated`: whether the trajectory had all steps it may."""
+"""Statistics of NumPyro; `jumped`: a jump followed, `saturated`: the trajectory had all steps it may."""
 OVERDISPERSION = 1.5
 """Chains start from a standard normal distribution made so much wider."""
 TRIES = 20

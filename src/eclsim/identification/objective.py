@@ -1,4 +1,4 @@
-"""What is minimised: differences between the model's steady beat and measurements, for many points at once.
+"""Objective of a fit: differences between the steady beat and measurements, for many points at once.
 
 Parameters are sought in coordinates (see `scale`): most by their logarithms, on which the paper's bounds (a
 tenth to ten times the start value) are symmetric and a step means the same change for all of them.
@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from eclsim.identification.quantities import OF_THE_BEAT, OUTPUTS, Scale
+from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.model import AS_PUBLISHED, Model
@@ -21,7 +21,7 @@ from eclsim.orbit.steady import Batch
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
-WORTH_SIDE_BY_SIDE = 8
+FEWEST_SIDE_BY_SIDE = 8
 """From so many members the program for many is quicker, half empty or not, once it is compiled."""
 NORMAL_90 = 1.6448536269514722
 """Half width of the central 90 % of a normal distribution, in standard deviations."""
@@ -31,12 +31,12 @@ RISE_90 = 2.705543454095404
 
 def execution_of(members: int) -> Execution:
     """How so many members are computed."""
-    return Execution(width=SIDE_BY_SIDE if members >= WORTH_SIDE_BY_SIDE else 1)
+    return Execution(width=SIDE_BY_SIDE if members >= FEWEST_SIDE_BY_SIDE else 1)
 
 
 @dataclass(frozen=True)
 class Target:
-    """What one data point is fitted to.
+    """Target of the fit of one data point.
 
     Args:
         model: circuit and values; those of the free parameters are replaced.
@@ -136,7 +136,7 @@ class Tangent:
 
 
 Tangents = tuple[Tangent, ...]
-"""Of a member of a search: one for each data point that the member stands for."""
+"""Tangents of a member of a search: one for each data point that the member stands for."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ class Objective:
         self.policy = policy
         self.scale = Scale.of(self.names)
         known, measured = output_names(self.circuit), {o for t in targets for o in t.measured}
-        self.outputs = tuple(o for o in OUTPUTS if o in known and (o in OF_THE_BEAT or o in measured))
+        self.outputs = tuple(o for o in OUTPUTS if o in known and (o in BEAT_OUTPUTS or o in measured))
         missing = measured - {*self.outputs}
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))}: no output of this circuit that can be fitted")
@@ -266,7 +266,7 @@ class Objective:
 
 
 def _extrapolated(tangents: Sequence[Tangent], x: np.ndarray) -> Anchor:
-    """Where the search for the beats of members starts, each from a solved beat close to it."""
+    """Starts of the search for the beats of members, each a solved beat close to it."""
     states = [tangent.state(of_member) for tangent, of_member in zip(tangents, x, strict=True)]
     return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in tangents], axis=2))
 

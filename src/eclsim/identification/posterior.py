@@ -19,20 +19,24 @@ from eclsim.identification.density import (
     PosteriorDensity,
     Prior,
     PriorKind,
-    approximate,
+    beats_of_members,
     check_prior,
-    members_of,
+    gaussian_approximation,
 )
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
+from eclsim.identification.settings import (
+    avoidable_assumptions,
+    remarks_on_fixed_volume,
+    remarks_on_unmeasured_oxygenator,
+)
 from eclsim.identification.verdict import SIDES, Aspect, Level, possible_limits
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
-from eclsim.outputs.alarms import NO_PATIENT
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
 from eclsim.parameters.adult_ranges import adult_ranges
@@ -50,18 +54,18 @@ KINDS: dict[Method, str] = {
 }
 PREDICTED_DRAWS = 1000
 QUANTILES = np.array([0.05, 0.5, 0.95])
-LARGEST_SHARE = 0.02
-"""Of draws without a steady beat: beyond, the intervals speak of too particular a part of the posterior."""
-MOST_STARVED = 0.05
-"""Of draws whose tissues extract nearly all their oxygen: beyond, a 90 % interval ends among them."""
-OUTERMOST, PILED_UP = 1.96, 0.2
+LARGEST_LOST_SHARE = 0.02
+"""Share of draws without a steady beat; beyond, the intervals describe too small a part of the posterior."""
+LARGEST_STARVED_SHARE = 0.05
+"""Share of draws whose tissues extract nearly all oxygen; beyond, a 90 % interval ends among them."""
+OUTERMOST_LATENT, PILED_UP_SHARE = 1.96, 0.2
 """Latent variable beyond which 2.5 % of the prior lie, and share of the draws there that a bound limits."""
-EXTRACTED = ("VO2", "O2ER")
+EXTRACTION_OUTPUTS = ("VO2", "O2ER")
 UNCHECKED = (
     "a Gaussian approximation, which nothing has checked against the posterior: where that is curved or cut "
     "by a bound, medians and intervals are off"
 )
-_MOST_EXTRACTED = adult_ranges("male")["O2ER"].plausible[1]
+_LARGEST_EXTRACTION = adult_ranges("male")["O2ER"].plausible[1]
 ARVIZ_NAMES = {
     "diverging": "diverging", "num_steps": "n_steps", "accept_prob": "acceptance_rate",
     "potential_energy": "lp", "energy": "energy", "step_size": "step_size",
@@ -110,7 +114,7 @@ class Prediction:
         without_beat: share of the draws without a steady beat; the intervals speak of the others.
         without_gases: share of the draws with a steady beat and no steady gas state; the intervals of gases
             speak of the others.
-        warnings: what there is to say of the beat at the medians of the draws.
+        warnings: of the beat at the medians of the draws.
         impossible: share of the draws with a beat that no patient can have, a chamber without blood or a
             vein sucked shut; the intervals speak of the others.
         starved: share of the draws whose tissues extract more than is plausible even in severe illness, or
@@ -152,41 +156,41 @@ class Prediction:
         """Why the intervals are not to be trusted, whatever the draws; empty where they are."""
         lost = (
             ("have no steady heartbeat", self.draws_without_beat, "intervals"),
-            (f"are beats {NO_PATIENT}", self.draws_impossible * bool(self.settings), "intervals"),
+            (f"are beats {IMPOSSIBLE_BEAT}", self.draws_impossible * bool(self.settings), "intervals"),
             ("have no steady gas state", self.draws_without_gases, "intervals of gases"),
         )
         return tuple(
             f"{draws} of {len(self.values)} draws {what} at these settings (at most "
-            f"{LARGEST_SHARE:.0%}): {self._left(draws, intervals)}; choose settings closer to the measured "
-            "ones"
+            f"{LARGEST_LOST_SHARE:.0%}): {self._lost_draws_text(draws, intervals)}; choose settings closer "
+            "to the measured ones"
             for what, draws, intervals in lost
-            if draws > LARGEST_SHARE * len(self.values)
-        ) + (self.starving if self.settings else ())
+            if draws > LARGEST_LOST_SHARE * len(self.values)
+        ) + (self.warning_of_starved_draws if self.settings else ())
 
     @property
-    def beyond_patients(self) -> tuple[str, ...]:
+    def warning_of_impossible_beats(self) -> tuple[str, ...]:
         """A sentence where too many draws are beats that no patient can have."""
-        if self.impossible <= LARGEST_SHARE:
+        if self.impossible <= LARGEST_LOST_SHARE:
             return ()
         draws = f"{self.draws_impossible} of {len(self.values)} draws"
         return (
-            f"{draws} are beats {NO_PATIENT}, at most {LARGEST_SHARE:.0%}: parameters fit, and the patient "
-            "does not exist; measure a filling pressure, or narrow the bounds",
+            f"{draws} are beats {IMPOSSIBLE_BEAT}, at most {LARGEST_LOST_SHARE:.0%}: parameters fit, and the "
+            "patient does not exist; measure a filling pressure, or narrow the bounds",
         )
 
     @property
-    def starving(self) -> tuple[str, ...]:
+    def warning_of_starved_draws(self) -> tuple[str, ...]:
         """A sentence where too many draws are patients who extract nearly all their oxygen."""
-        if self.starved <= MOST_STARVED:
+        if self.starved <= LARGEST_STARVED_SHARE:
             return ()
-        share, most = 100.0 * self.starved, 100.0 * _MOST_EXTRACTED
+        share, most = 100.0 * self.starved, 100.0 * _LARGEST_EXTRACTION
         return (
             f"{share:.0f} % of the draws are patients whose tissues extract more than {most:.0f} % of their "
             "oxygen or get less than they want, implausible even in severe illness: cardiac output and "
             "consumption may be far from the patient's; measure one of them, or narrow its bounds",
         )
 
-    def _left(self, lost: int, intervals: str) -> str:
+    def _lost_draws_text(self, lost: int, intervals: str) -> str:
         none = lost == len(self.values)
         return f"there are no {intervals}" if none else f"the {intervals} speak of the others alone"
 
@@ -247,7 +251,7 @@ class PosteriorResult:
 
     @property
     def kind(self) -> str:
-        """What the draws are, in words."""
+        """Description of the draws."""
         return KINDS[self.settings.method]
 
     @property
@@ -281,7 +285,7 @@ class PosteriorResult:
         return _tree(self)
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         exact, gaussian = (np.quantile(v, QUANTILES, axis=0).T for v in (self.flat, self.gaussian_draws()))
         d, c, w = self.diagnostics, self.chains, self.weighted
         parameters = {
@@ -370,7 +374,7 @@ def posterior(
     models = _models_of(fit, predictions)
     started = time.perf_counter()
     density = density_of(fit, settings)
-    gaussian = approximate(density, fit.optimum.distinct_ends)
+    gaussian = gaussian_approximation(density, fit.optimum.distinct_ends)
     chains = weighted = diagnostics = None
     seed, doubts = settings.sampling.seed, ()
     if settings.method == "gaussian":
@@ -388,21 +392,22 @@ def posterior(
     if fit.verdict.level is Level.POOR:
         doubts = (*doubts, f"{fit.verdict.headline}; what it predicts is not this patient")
     held = (reason.sentence for reason in fit.verdict.doubts if reason.aspect is Aspect.HELD)
-    doubts = (*doubts, *held_by_assumption(fit.case, fit.measured, fit.parameters), *held)
+    doubts = (*doubts, *avoidable_assumptions(fit.case, fit.measured, fit.parameters), *held)
     samples = density.prior.values_of(z)
     progress("predictions")
     draws = samples.reshape(-1, samples.shape[-1])
     exact = _with_warnings(models, density, draws, _predict_all(models, density, draws))
-    doubts = (*doubts, *exact[0].beyond_patients, *exact[0].starving)
+    doubts = (*doubts, *exact[0].warning_of_impossible_beats, *exact[0].warning_of_starved_draws)
     by_gaussian = exact
     if settings.method != "gaussian":
         of_gaussian = density.prior.values_of(gaussian.draws(PREDICTED_DRAWS, seed))
         by_gaussian = _predict_all(models, density, of_gaussian)
+    point = (fit.case, fit.measured, fit.parameters)
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
-        (*piled_up(density.prior, z), *(s for held in (held_volume, held_oxygenator)
-                                        for s in held(fit.case, fit.measured, fit.parameters))),
+        (*piled_up(density.prior, z), *remarks_on_fixed_volume(*point),
+         *remarks_on_unmeasured_oxygenator(*point)),
     )  # fmt: skip
 
 
@@ -421,7 +426,7 @@ def piled_up(prior: Prior, z: np.ndarray) -> tuple[str, ...]:
         "give wider --bounds if such a value is possible"
         for k, name in enumerate(prior.names)
         for side, sign, bound in zip(SIDES, (-1.0, 1.0), ends[k], strict=True)
-        if (share := float(np.mean(sign * flat[:, k] > OUTERMOST))) > PILED_UP
+        if (share := float(np.mean(sign * flat[:, k] > OUTERMOST_LATENT))) > PILED_UP_SHARE
         and bound not in possible_limits(name)
     )
 
@@ -510,31 +515,31 @@ def predict(
     count = len(next(iter(parameters.values())))
     medians = {n: float(np.median(v)) for n, v in parameters.items()}
     known = output_names(model.circuit)
-    read = (*outputs, *(n for n in EXTRACTED if n in known and n not in outputs))
+    read = (*outputs, *(n for n in EXTRACTION_OUTPUTS if n in known and n not in outputs))
     drawn = {**model.values, **parameters}
     watched = watched_waveforms(model.circuit)
-    beat = members_of(model, drawn, count, read, policy, {**model.values, **medians}, watched)
+    beat = beats_of_members(model, drawn, count, read, policy, {**model.values, **medians}, watched)
     impossible = beat.collapsed
     values = np.where(impossible, np.nan, beat.values).T[:, : len(outputs)]
     intervals = np.full((len(outputs), 3), np.nan)
     for column, interval in zip(values.T, intervals, strict=True):
-        found = column[np.isfinite(column)]
-        if len(found):
-            interval[:] = weighted_quantile(found, np.ones(len(found)), QUANTILES)
+        finite_values = column[np.isfinite(column)]
+        if len(finite_values):
+            interval[:] = weighted_quantile(finite_values, np.ones(len(finite_values)), QUANTILES)
     return Prediction(
         settings, outputs, values, intervals, float(1.0 - beat.determined.mean()),
-        float((beat.without_gases & ~impossible).mean()), starved=_starved(beat, read, drawn),
+        float((beat.without_gases & ~impossible).mean()), starved=_starved_share(beat, read, drawn),
         impossible=float(impossible.mean()),
     )  # fmt: skip
 
 
-def _starved(beat: SteadyBeat, read: tuple[str, ...], drawn: Mapping[str, float | np.ndarray]) -> float:
+def _starved_share(beat: SteadyBeat, read: tuple[str, ...], drawn: Mapping[str, float | np.ndarray]) -> float:
     """Share of the draws that extract too much of their oxygen, or get less than they want."""
-    if not {*EXTRACTED} <= {*read}:
+    if not {*EXTRACTION_OUTPUTS} <= {*read}:
         return 0.0
-    consumed, extracted = (beat.values[read.index(name)] for name in EXTRACTED)
+    consumed, extracted = (beat.values[read.index(name)] for name in EXTRACTION_OUTPUTS)
     unmet = consumed < DEMAND_MET * drawn[VO2]
-    return float(np.mean(unmet | (extracted > _MOST_EXTRACTED)))
+    return float(np.mean(unmet | (extracted > _LARGEST_EXTRACTION)))
 
 
 def _interval(quantiles: np.ndarray) -> dict[str, float | None]:

@@ -30,15 +30,15 @@ REFITTING = Tolerances(
 )
 HELD_SHARES = (0.15, 0.4, 0.65, 0.9)
 """Where a parameter is held to see whether the others follow: shares of the way between its bounds."""
-APART = 0.15
+SMALLEST_DISTANCE = 0.15
 """A share nearer to the optimum than this, in widths of the bounds, is left out."""
 SAME_OUTPUTS = 3e-3
 """Outputs that differ by less than this share are the same: no measurement tells them apart."""
-SCATTERED, NEAREST = 64, 2
+EXPLORED_PER_PARAMETER, EXPLORED_STARTS = 64, 2
 """Points explored for each parameter to find other valleys, and how many of them are starts of a value."""
-PASSES = 4
-"""Of further fits of values next to the interval, at most."""
-WORTH_ANOTHER = 0.1
+MOST_PASSES = 4
+"""Passes of further fits of values next to the interval, at most."""
+SMALLEST_IMPROVEMENT = 0.1
 """Chi-square by which such a fit must be better for another pass."""
 HALVINGS = 3
 """How often the step is halved that an interval ends in: a steep wall behind flat ground looks nearer."""
@@ -86,7 +86,7 @@ def slices(
     members = np.tile(x, (size * steps + 1, 1))
     for k in range(size):
         members[k * steps : (k + 1) * steps, k] = along[k]
-    costs = _nan_for_none(problem.evaluate(np.full(len(members), point), members).costs)
+    costs = _nan_where_infinite(problem.evaluate(np.full(len(members), point), members).costs)
     values = box.scale.values(along.T).T
     best = box.scale.values(x)
     return CostCurves(box.names, values, costs[:-1].reshape(size, steps), best, float(costs[-1]))
@@ -98,14 +98,14 @@ def profiles(
     x: np.ndarray,
     steps: int,
     further: np.ndarray | None = None,
-    elsewhere: np.ndarray | None = None,
-    scattered: np.ndarray | None = None,
+    other_optima: np.ndarray | None = None,
+    explored: np.ndarray | None = None,
 ) -> CostCurves:
     """Hold one parameter after the other at values from bound to bound, the others fitted again.
 
     From the optimum alone a fit may end in a worse valley than there is. Values next to the 90 % interval are
-    fitted once more, from points within it that any fit has found and from scattered ones, as long as that
-    helps; then the steps that it ends in are halved, with such fits at the new values.
+    fitted once more, from the ends of other fits within it and from explored points, as long as that helps;
+    then the steps that it ends in are halved, with such fits at the new values.
 
     Args:
         problem: its first data point is meant.
@@ -113,8 +113,8 @@ def profiles(
         x: coordinates of the parameters at the optimum.
         steps: values of each parameter, besides the optimum's own.
         further: coordinates of each parameter to hold it at as well, shape (parameters, further).
-        elsewhere: coordinates of other points that may meet the measurements, shape (points, parameters).
-        scattered: coordinates of points all over the bounds, the best first, shape (points, parameters).
+        other_optima: coordinates of other points that may meet the measurements, shape (points, parameters).
+        explored: coordinates of points all over the bounds, the best first, shape (points, parameters).
     """
     size = len(box.names)
     along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
@@ -124,48 +124,48 @@ def profiles(
     held = np.repeat(np.arange(size), along.shape[1])
     points = np.zeros(len(held), dtype=int)
     refined = refit(problem, points, box, np.tile(x, (len(held), 1)), held, along.ravel())
-    known = x[None] if elsewhere is None else np.vstack([x, elsewhere])
+    known = x[None] if other_optima is None else np.vstack([x, other_optima])
     known_costs = problem.evaluate(np.zeros(len(known), dtype=int), known, REFITTING.orbits, 1).costs
-    found = _Found(np.vstack([refined.x, known]), np.append(refined.costs, known_costs))
-    costs = found.costs[: len(held)].reshape(along.shape).copy()
+    fitted = _FittedPoints(np.vstack([refined.x, known]), np.append(refined.costs, known_costs))
+    costs = fitted.costs[: len(held)].reshape(along.shape).copy()
     cost = problem.evaluate(points[:1], x[None], resolution=1).costs[0]
-    scattered = known[:0] if scattered is None else scattered
-    found = _lower(problem, box, along, costs, found, scattered)
-    along, costs = _with_more(along, costs, x[:, None], cost)
+    explored = known[:0] if explored is None else explored
+    fitted = _refit_near_interval_ends(problem, box, along, costs, fitted, explored)
+    along, costs = _with_more_values(along, costs, x[:, None], cost)
     for _ in range(HALVINGS):
-        along, costs = _with_more(along, costs, _middles(along, costs), np.inf)
-        found = _lower(problem, box, along, costs, found, scattered, passes=1)
-    costs = _nan_for_none(costs)
+        along, costs = _with_more_values(along, costs, _midpoints_at_interval_ends(along, costs), np.inf)
+        fitted = _refit_near_interval_ends(problem, box, along, costs, fitted, explored, passes=1)
+    costs = _nan_where_infinite(costs)
     return CostCurves(
-        box.names, box.scale.values(along.T).T, costs, box.scale.values(x), float(cost), found.within
+        box.names, box.scale.values(along.T).T, costs, box.scale.values(x), float(cost), fitted.within
     )
 
 
-def _lower(
+def _refit_near_interval_ends(
     problem: LeastSquaresProblem,
     box: Box,
     along: np.ndarray,
     costs: np.ndarray,
-    found: _Found,
-    scattered: np.ndarray,
-    passes: int = PASSES,
-) -> _Found:
+    fitted: _FittedPoints,
+    explored: np.ndarray,
+    passes: int = MOST_PASSES,
+) -> _FittedPoints:
     """Fit values next to the interval again while that helps; lowers `costs`, returns all points found."""
     for _ in range(passes):
-        held, step, starts = found.worth_another(along, costs, scattered)
+        held, step, starts = fitted.values_to_refit(along, costs, explored)
         if not len(held):
             break
         first = np.zeros(len(held), dtype=int)
         again = refit(problem, first, box, starts, held, along[held, step])
         before = costs[held, step]
         np.minimum.at(costs, (held, step), again.costs)
-        found = found.with_more(again)
-        if not np.any(costs[held, step] < before - WORTH_ANOTHER):
+        fitted = fitted.with_more(again)
+        if not np.any(costs[held, step] < before - SMALLEST_IMPROVEMENT):
             break
-    return found
+    return fitted
 
 
-def _with_more(
+def _with_more_values(
     along: np.ndarray, costs: np.ndarray, more: np.ndarray, cost: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Values of each parameter, rising, and costs, with more values, all of one cost."""
@@ -175,7 +175,7 @@ def _with_more(
     return np.take_along_axis(along, order, axis=1), np.take_along_axis(costs, order, axis=1)
 
 
-def _middles(along: np.ndarray, costs: np.ndarray) -> np.ndarray:
+def _midpoints_at_interval_ends(along: np.ndarray, costs: np.ndarray) -> np.ndarray:
     """Middles of the steps that the 90 % intervals end in, below and above, shape (parameters, 2).
 
     An interval that reaches the last value has no such step: its last one stands in.
@@ -189,8 +189,8 @@ def _middles(along: np.ndarray, costs: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Found:
-    """All points that fits have found, shape (points, ...).
+class _FittedPoints:
+    """All points where fits ended, shape (points, ...).
 
     Attributes:
         x: coordinates of the parameters.
@@ -202,24 +202,24 @@ class _Found:
 
     @property
     def within(self) -> np.ndarray:
-        """Those within `RISE_90` of the least."""
+        """Points within `RISE_90` of the least cost."""
         return self.x[self.costs <= self.costs.min() + RISE_90]
 
-    def with_more(self, fits: Refinement) -> _Found:
+    def with_more(self, fits: Refinement) -> _FittedPoints:
         """These and further ones."""
-        return _Found(np.vstack([self.x, fits.x]), np.append(self.costs, fits.costs))
+        return _FittedPoints(np.vstack([self.x, fits.x]), np.append(self.costs, fits.costs))
 
-    def worth_another(
-        self, along: np.ndarray, costs: np.ndarray, scattered: np.ndarray
+    def values_to_refit(
+        self, along: np.ndarray, costs: np.ndarray, explored: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Values outside of 90 % with a point within it before the next value, and points to start from.
 
-        They are the nearest such point, the furthest from that, and the best scattered ones at such values.
+        They are the nearest such point, the furthest from that, and the best explored ones at such values.
 
         Args:
             along: values of each parameter, rising, shape (parameters, steps).
             costs: there.
-            scattered: points all over the bounds, the best first, shape (points, parameters).
+            explored: points all over the bounds, the best first, shape (points, parameters).
 
         Returns:
             Places of the parameters, of the values, and the points to start from, the last of shape (fits,
@@ -233,14 +233,14 @@ class _Found:
             if len(near):
                 nearest = near[np.argmin(np.abs(near[:, k] - along[k, s]))]
                 furthest = near[np.argmax(np.sum((near - nearest) ** 2, axis=1))]
-                there = scattered[(scattered[:, k] >= low) & (scattered[:, k] <= high)][:NEAREST]
+                there = explored[(explored[:, k] >= low) & (explored[:, k] <= high)][:EXPLORED_STARTS]
                 starts += [nearest, furthest, *there]
                 held += [k] * (2 + len(there))
                 steps += [s] * (2 + len(there))
         return np.array(held, dtype=int), np.array(steps, dtype=int), np.array(starts)
 
 
-def _nan_for_none(costs: np.ndarray) -> np.ndarray:
+def _nan_where_infinite(costs: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(costs), costs, np.nan)
 
 
@@ -301,7 +301,7 @@ def held_fits(
     undetermined: Sequence[Sequence[int]],
 ) -> list[HeldFits]:
     """Hold undetermined parameters of several data points away from their optima, all side by side."""
-    plans = [held_values(x, box, chosen) for x, chosen in zip(optima, undetermined, strict=True)]
+    plans = [values_to_hold(x, box, chosen) for x, chosen in zip(optima, undetermined, strict=True)]
     points = np.repeat(np.arange(len(plans)), [len(held) for held, _ in plans])
     if not len(points):
         return [HeldFits(held, np.zeros((0, len(box.names))), np.zeros(0)) for held, _ in plans]
@@ -317,13 +317,13 @@ def held_fits(
     return [HeldFits(held[members], refined.x[members], change[members]) for members in each]
 
 
-def held_values(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def values_to_hold(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Places of the parameters to hold, and coordinates well away from the optimum to hold them at."""
     plan = [
         (k, value)
         for k in chosen
         for share in HELD_SHARES
-        if abs((value := box.lower[k] + share * box.width[k]) - x[k]) >= APART * box.width[k]
+        if abs((value := box.lower[k] + share * box.width[k]) - x[k]) >= SMALLEST_DISTANCE * box.width[k]
     ]
     return np.array([k for k, _ in plan], dtype=int), np.array([value for _, value in plan])
 
@@ -336,13 +336,13 @@ class FitProfiles:
         refitted: the others fitted again.
         held: the others held, through the same point.
         intervals: 90 % interval of each parameter, in its unit: chi-square within `RISE_90` of its least.
-        beatless: "lower" and "upper" ends of intervals that no steady beat was found beyond, by parameter.
+        ends_without_beat: ends ("lower", "upper") of intervals with no steady beat beyond, by parameter.
     """
 
     refitted: CostCurves
     held: CostCurves
     intervals: Mapping[str, tuple[float, float]]
-    beatless: Mapping[str, tuple[str, ...]]
+    ends_without_beat: Mapping[str, tuple[str, ...]]
 
 
 def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
@@ -358,18 +358,18 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     starts = fit.optimum.distinct_ends
     best = refine(likelihood, np.zeros(len(starts), dtype=int), starts, fit.box, REFITTING)
     if not np.isfinite(best.costs).any():
-        return fit.judged(_without(fit)), None
+        return fit.judged(_doubts_without_profile(fit)), None
     # The fit itself, unless another start is better or the fit's beat is too hard to find.
-    centre = 0 if best.costs[0] <= best.costs.min() + WORTH_ANOTHER else int(np.argmin(best.costs))
+    centre = 0 if best.costs[0] <= best.costs.min() + SMALLEST_IMPROVEMENT else int(np.argmin(best.costs))
     x = best.x[centre]
     scaled = best.jacobians[centre] * likelihood.weights[0][:, None]
     spread = fit.box.covariance(scaled)
     further = x[:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
-    elsewhere = np.vstack([best.x, fit.optimum.starts.end])
-    refitted = profiles(likelihood, fit.box, x, STEPS, further, elsewhere, _scattered(likelihood, fit))
+    other_optima = np.vstack([best.x, fit.optimum.starts.end])
+    refitted = profiles(likelihood, fit.box, x, STEPS, further, other_optima, _explored(likelihood, fit))
     within = fit.box.scale.values(refitted.within).T
     intervals = {
-        name: _reaching(interval_90(values, costs, Scale.of([name])), points)
+        name: _interval_including(interval_90(values, costs, Scale.of([name])), points)
         for name, values, costs, points in zip(
             refitted.names, refitted.values, refitted.costs, within, strict=True
         )
@@ -378,27 +378,27 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     ends = fit.box.scale.values(np.array([fit.box.lower, fit.box.upper])).T.tolist()
     bounds = dict(zip(fit.box.names, map(tuple, ends), strict=True))
     curves = zip(refitted.names, refitted.costs, strict=True)
-    beatless = {name: without_beat_beyond(costs) for name, costs in curves}
+    ends_without_beat = {name: sides_without_beat(costs) for name, costs in curves}
     gaussian = fit.as_object()["parameters"]
-    reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, beatless)
-    curves = FitProfiles(refitted, slices(likelihood, fit.box, x), intervals, beatless)
+    reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, ends_without_beat)
+    curves = FitProfiles(refitted, slices(likelihood, fit.box, x), intervals, ends_without_beat)
     return replace(fit, profile=intervals).judged(reasons), curves
 
 
-def _scattered(likelihood: Objective, fit: FitResult) -> np.ndarray:
+def _explored(likelihood: Objective, fit: FitResult) -> np.ndarray:
     """Points all over the bounds, the best first: the starts of the search were drawn towards its best."""
-    search = MultiStart(points_per_parameter=SCATTERED, seed=fit.settings.multi_start.seed)
+    search = MultiStart(points_per_parameter=EXPLORED_PER_PARAMETER, seed=fit.settings.multi_start.seed)
     x = sobol(fit.box, search)
     costs = likelihood.evaluate(np.zeros(len(x), dtype=int), x, EXPLORING, REFITTING.resolution).costs
     return x[np.argsort(costs, kind="stable")[: int(np.isfinite(costs).sum())]]
 
 
-def _reaching(interval: tuple[float, float], within: np.ndarray) -> tuple[float, float]:
+def _interval_including(interval: tuple[float, float], within: np.ndarray) -> tuple[float, float]:
     """An interval that holds all values of points within 90 % too."""
     return min(interval[0], float(within.min())), max(interval[1], float(within.max()))
 
 
-def _without(fit: FitResult) -> list[Reason]:
+def _doubts_without_profile(fit: FitResult) -> list[Reason]:
     """Doubts of a fit beside which no profile can be computed, so that it determines no parameter."""
     why = (
         "no profile likelihood could be computed beside this fit, whose steady heartbeat is at the edge of "
@@ -436,7 +436,7 @@ def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[fl
     return float(ends[0]), float(ends[1])
 
 
-def without_beat_beyond(costs: np.ndarray) -> tuple[str, ...]:
+def sides_without_beat(costs: np.ndarray) -> tuple[str, ...]:
     """Ends of the 90 % interval of a profile, "lower" and "upper", that no steady beat was found beyond."""
     rise = np.pad(_rise(costs), 1)
     return tuple(

@@ -1,4 +1,4 @@
-"""What is fitted: parameters, with the coordinates in which they are sought, and outputs that are measured.
+"""Quantities of a fit: parameters, with the coordinates of the search, and outputs that are measured.
 
 Most parameters are resistances and the like, sought by their logarithms: a step means the same relative
 change for all of them. What may be zero or negative, such as a shunt fraction, a base excess or a volume
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eclsim.cases.quantities import quantity
-from eclsim.cases.sections import MEASURED_BESIDES, MEASURED_GASES, Measurements
+from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
 from eclsim.reporting.numbers import number
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
@@ -36,7 +36,7 @@ class Scale:
 
     @classmethod
     def of(cls, names: Sequence[str]) -> Scale:
-        """Of parameters by name."""
+        """Scale of parameters by name."""
         return _scale(tuple(names))
 
     @property
@@ -45,7 +45,7 @@ class Scale:
         return np.array(self.units) > 0.0
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Of values in their units, shape (..., parameters)."""
+        """Coordinates of values in their units, shape (..., parameters)."""
         values, linear = np.asarray(values, dtype=float), self.linear
         return np.where(linear, values / self._divisors, np.log(np.where(linear, 1.0, values)))
 
@@ -58,14 +58,14 @@ class Scale:
         return np.where(self.linear, self._divisors, np.exp(np.where(self.linear, 0.0, x)))
 
     def of_parameter(self, k: int) -> Scale:
-        """Of one of the parameters."""
+        """Scale of one of the parameters."""
         return Scale((self.units[k],))
 
     def value(self, k: int, x: float) -> float:
         """One parameter in its unit, without the rounding of going there and back."""
         return float(f"{self.of_parameter(k).values(np.array([x]))[0]:.{_DIGITS}g}")
 
-    def apart(self, k: int, distance: float) -> str:
+    def difference_text(self, k: int, distance: float) -> str:
         """Two values at a distance in the coordinate of a parameter: relative, or in its unit."""
         unit = self.units[k]
         return number(distance * unit, digits=2) if unit else f"{100.0 * math.expm1(distance):.0f} %"
@@ -102,12 +102,12 @@ def axis_label(name: str) -> str:
 
 PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 FLOWS = ("CO", "PF")
-OF_THE_BEAT = PRESSURES + FLOWS
-"""What can be fitted of the beat itself."""
+BEAT_OUTPUTS = PRESSURES + FLOWS
+"""Outputs of the beat itself that can be fitted."""
 GASES = MEASURED_GASES
-"""What can be fitted of gas exchange, where a case has it."""
-OUTPUTS = OF_THE_BEAT + MEASURED_BESIDES + GASES
-"""What can be fitted."""
+"""Outputs of gas exchange that can be fitted, where a case has it."""
+OUTPUTS = BEAT_OUTPUTS + FURTHER_MEASUREMENTS + GASES
+"""All outputs that can be fitted."""
 
 
 def unit_of(output: str) -> str:
@@ -123,8 +123,8 @@ def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence
 
 
 def relative_scale(output: str, value: float) -> float:
-    """What makes a difference relative: the value, of what may be negative at least its usual size."""
-    usual = abs(Measurements.fields()[output].typical) if output in MEASURED_BESIDES else 0.0
+    """Scale of a relative difference: the value; at least the usual size where it may be negative."""
+    usual = abs(Measurements.fields()[output].typical) if output in FURTHER_MEASUREMENTS else 0.0
     return max(abs(value), usual)
 
 

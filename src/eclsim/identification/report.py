@@ -12,7 +12,7 @@ from eclsim.files import write_text
 from eclsim.identification.quantities import axis_label, unit_of, unit_of_parameter
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
-from eclsim.outputs.alarms import NO_PATIENT
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.html import Table, render
 from eclsim.reporting.numbers import MISSING, interval, number, text_table
 
@@ -203,7 +203,7 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
     if without := prediction["draws_without_steady_beat"]:
         yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
     if without := prediction.get("draws_impossible"):
-        yield f"{without} of {prediction['draws']} draws are beats {NO_PATIENT} and are not counted"
+        yield f"{without} of {prediction['draws']} draws are beats {IMPOSSIBLE_BEAT} and are not counted"
     if without := prediction.get("draws_without_steady_gases"):
         yield f"{without} of {prediction['draws']} draws have no steady gas state there: gases of the others"
     yield from (f"At the medians of the draws: {sentence}" for sentence in prediction.get("warnings", ()))
@@ -217,7 +217,7 @@ def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
 
 
 def series_text(series: Data) -> str:
-    """Medians after each measurement, what is to be said of it, and the parameters as they are now."""
+    """Medians after each measurement, remarks on it, and the parameters as they are now."""
     points = series["points"]
     names = _names(points, "parameters")
     rows = [
@@ -231,7 +231,9 @@ def series_text(series: Data) -> str:
     lines = [f"{series['id']}: medians after each measurement, and how probable its deviations were"]
     lines.append(text_table(head, rows, numeric=range(1, len(head))))
     lines += [f"  !  {p['id']}: {p['message']}" for p in points if p["message"]]
-    lines += [f"  !  the patient after {points[-1]['id']}: {said}" for said in points[-1].get("warnings", ())]
+    lines += [
+        f"  !  the patient after {points[-1]['id']}: {warning}" for warning in points[-1].get("warnings", ())
+    ]
     if not names:
         return "\n".join(lines)
     known = [p for p in points if p["parameters"]][-1]
@@ -382,12 +384,13 @@ def _method(settings: Data, point: Data | None = None) -> list[str]:
     lines = []
     if point is not None:
         count = point.get("explored_without_steady_gases", 0)
-        gasless = f", {count:,} without the steady gas state that is needed" if count else ""
+        without_gases = f", {count:,} without the steady gas state that is needed" if count else ""
         agree = f"{point['starts_agreeing']} of {point['starts_refined']} refined starts agree"
         lines += [
             f"Search: {point['message']} ({agree}; {point['explored']:,} sets of parameters explored, "
             f"{point['explored_without_steady_beat']:,} of them without a steady heartbeat, "
-            f"{point['explored_one_of_many']:,} with one of many, behind valves that stay shut{gasless}).",
+            f"{point['explored_one_of_many']:,} with one of many, behind valves that stay shut"
+            f"{without_gases}).",
             f"Sum of squared residuals: {number(point['cost'])}.",
         ]
     divided = "the measured value" if settings["weights"] == "relative" else "its standard uncertainty"
@@ -484,16 +487,16 @@ def _patient(series: Data) -> dict[str, object]:
 def _state(points: Sequence[Data]) -> list[str]:
     """Whether the last measurement fits, and what was remarked before."""
     last = points[-1]
-    said = last["message"]
+    message = last["message"]
     for doubt in last.get("doubts", ()):
-        said = said.replace(doubt, "")
+        message = message.replace(doubt, "")
     if last["failed"]:
         first = f"{last['id']} could not be used: the estimate is of the measurement before"
     elif last["probability"] is None:
         first = f"{last['id']} is the only measurement: nothing to hold it against yet"
     elif last["unusual"]:
         first = f"{last['id']} does not fit the patient so far"
-    elif said.strip("; "):
+    elif message.strip("; "):
         first = f"{last['id']} fits the patient so far as a whole, not in every output"
     else:
         first = f"{last['id']} fits the patient so far (probability {last['probability']:.2g})"

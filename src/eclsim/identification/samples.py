@@ -22,9 +22,9 @@ from eclsim.spelling import spelling_hint
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-OPEN = ("total_blood_volume_ml", "heart_rate_bpm")
+FREE_IN_CASES = ("total_blood_volume_ml", "heart_rate_bpm")
 """Quantities of a patient, beside the tables' parameters, that may be uncertain."""
-MOST = 1000
+MOST_SAMPLES = 1000
 MOST_MISTAKES = 20
 
 
@@ -35,11 +35,11 @@ class SamplesError(ValueError):
 def write_samples(names: tuple[str, ...], draws: np.ndarray, path: Path, doubts: Sequence[str] = ()) -> None:
     """Write draws (draws, parameters) as a table, a column each; `eclsim crrt-study --posterior` takes it.
 
-    Why they are not to be trusted stands in a last column, where they are not.
+    A last column has the reason where they are not to be trusted.
     """
-    rows, said = draws[:: max(1, len(draws) // MOST)].tolist(), "; ".join(doubts)
-    head = (*names, DOUBTS) if said else names
-    write_text(csv_text(head, ([*row, said] for row in rows) if said else rows), path)
+    rows, remark = draws[:: max(1, len(draws) // MOST_SAMPLES)].tolist(), "; ".join(doubts)
+    head = (*names, DOUBTS) if remark else names
+    write_text(csv_text(head, ([*row, remark] for row in rows) if remark else rows), path)
 
 
 def read_samples(path: str | Path) -> dict[str, list[float]]:
@@ -58,9 +58,9 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         head, *cells = ([*row[:words], *row[words + 1 :]] for row in (head, *(cells for _, cells in rows)))
         rows = [(line, row) for (line, _), row in zip(rows, cells, strict=True)]
     mistakes += [
-        f"{path}: column '{name[:40]}' is no parameter{spelling_hint(name, (*parameters(), *OPEN))}"
+        f"{path}: column '{name[:40]}' is no parameter{spelling_hint(name, (*parameters(), *FREE_IN_CASES))}"
         for name in head
-        if name not in OPEN and quantity(name) is None
+        if name not in FREE_IN_CASES and quantity(name) is None
     ]
     repeated = sorted({n for n in head if head.count(n) > 1})
     mistakes += [f"{path}: column {name} is there twice" for name in repeated]
@@ -74,14 +74,14 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
     if mistakes:
         more = len(mistakes) - MOST_MISTAKES
         raise SamplesError("; ".join(mistakes[:MOST_MISTAKES]) + (f"; and {more} more" if more > 0 else ""))
-    thinned = values[:: math.ceil(len(values) / MOST)]
+    thinned = values[:: math.ceil(len(values) / MOST_SAMPLES)]
     return {name: [row[k] for row in thinned] for k, name in enumerate(head)}
 
 
 def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
-    """Why a study of samples is not to be trusted: what their posterior says of itself, and of whom it is.
+    """Doubts about a study of samples: those of their posterior, and whether it is of this patient.
 
-    A table says so in a column of its own, and of `samples.csv` the `posterior.json` beside it.
+    A table has them in a column of its own, `samples.csv` in the `posterior.json` beside it.
 
     Args:
         path: of samples that `read_samples` reads.
@@ -100,7 +100,7 @@ def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
 
 
 def _about(path: Path) -> dict[str, Any]:
-    """What a posterior says of itself besides its draws."""
+    """Attributes of a posterior besides its draws."""
     usual: dict[str, Any] = {"id": "", "blood_volume_policy": "", "doubts": (), "trusted": True}
     if path.suffix == ".nc":
         import xarray as xr

@@ -1,4 +1,4 @@
-"""What the measurements of a followed patient have in common, whichever of them is looked at.
+"""Common properties of a series of measurements, whichever of them is looked at.
 
 A patient has one set point for each reflex: left open, it is the first measurement of the series that tells
 it, and the reflexes answer to changes from there. What is free is free at all times: at a time whose circuit
@@ -18,16 +18,16 @@ from eclsim.identification.settings import (
     MEASURED_AT_REST,
     CheckedFit,
     FitSettings,
+    avoidable_assumptions,
+    case_to_fit,
     checked_fit,
-    held_by_assumption,
-    held_consumption,
-    held_oxygenator,
-    held_volume,
-    open_at_rest,
-    ready,
-    told_by_gases,
-    told_by_pressures,
-    untold_output,
+    measured_open_set_points,
+    parameters_informed_by_gases,
+    parameters_informed_by_pressures,
+    remarks_on_fixed_consumption,
+    remarks_on_fixed_volume,
+    remarks_on_undetermined_output,
+    remarks_on_unmeasured_oxygenator,
 )
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import circuit_of
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 
 Points = Sequence[tuple[str, "Case"]]
 """Measurements in order: their names and cases."""
-FEWEST_COPIED = 3
+FEWEST_EQUAL_VALUES = 3
 """Fewer measurements may be the same to the last digit by chance."""
 
 
 @dataclass
 class Series:
-    """What is known of a series from the cases looked at so far.
+    """Properties of a series by the cases read so far.
 
     Args:
         settings: free parameters, bounds.
@@ -54,7 +54,7 @@ class Series:
         read: parameters that the circuit of at least one case reads.
         limits: start value, lower and upper bound of each free parameter, by the first case that reads it.
         measured: what was measured at any time.
-        notes: what there is to say of the set points.
+        notes: on the set points.
     """
 
     settings: FitSettings
@@ -65,12 +65,12 @@ class Series:
     notes: list[str] = field(default_factory=list)
 
     def learn(self, name: str, case: Case) -> None:
-        """Take from a case what the series has not been told yet; `name`: of the measurement."""
-        for key, value in open_at_rest(case).items():
+        """Take from a case what the series does not know yet; `name`: of the measurement."""
+        for key, value in measured_open_set_points(case).items():
             if key not in self.set_points:
                 self.set_points[key] = value
-                told = f"the {MEASURED_AT_REST[key]} of {name} ({shown(value)})"
-                message = f"left open, so {told}: reflexes do nothing there, and answer to changes"
+                source = f"the {MEASURED_AT_REST[key]} of {name} ({shown(value)})"
+                message = f"left open, so {source}: reflexes do nothing there, and answer to changes"
                 self.notes.append(str(Mistake(key, message)))
         here = self._read_by(case)
         self.read |= here
@@ -93,35 +93,35 @@ class Series:
         checked = checked_fit(case, row)
         if absent:
             checked.mistakes = [mistake for mistake in checked.mistakes if mistake.key != "parameters"]
-        return ready(case, row), checked
+        return case_to_fit(case, row), checked
 
     def free(self) -> dict[str, tuple[float, float, float]]:
         """Start value, lower and upper bound of each free parameter."""
         return {name: self.limits[name] for name in self.settings.names if name in self.limits}
 
     def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
-        """Why what is learnt from a case is not to be trusted: what is held unknown, or left open."""
+        """Doubts about the estimate from a case: unknown values that are held, or left open."""
         left_open = () if case.regulation is None else case.regulation.open_set_points
         still_open = [str(w) for w in checked.warnings if w.key in left_open]
         free = self.settings.names
         held = (
-            *held_by_assumption(case, checked.targets, free),
-            *held_consumption(case, checked.targets, free),
-            *untold_output(case, checked.targets, self.measured, free),
+            *avoidable_assumptions(case, checked.targets, free),
+            *remarks_on_fixed_consumption(case, checked.targets, free),
+            *remarks_on_undetermined_output(case, checked.targets, self.measured, free),
         )
         return (*held, *still_open)
 
     def remarks(self, case: Case) -> list[str]:
-        """What is assumed at all times; `case`: one of them."""
+        """Remarks on values assumed at all times; `case`: one of them."""
         free = self.settings.names
         return [
             *self.notes,
-            *held_volume(case, self.measured, free),
-            *held_oxygenator(case, self.measured, free),
+            *remarks_on_fixed_volume(case, self.measured, free),
+            *remarks_on_unmeasured_oxygenator(case, self.measured, free),
         ]
 
     def _read_by(self, case: Case) -> set[str]:
-        return {*parameters_read(circuit_of(ready(case, self.settings)))}
+        return {*parameters_read(circuit_of(case_to_fit(case, self.settings)))}
 
 
 def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str, CaseSource]]:
@@ -154,7 +154,7 @@ def passed_over(left_out: Sequence[int], points: int) -> list[int]:
 
 
 def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Series:
-    """What the measurements of a series, name and case of each in order, have in common."""
+    """Common properties of a series, from name and case of each measurement in order."""
     series = Series(settings)
     for name, case in points:
         series.learn(name, case)
@@ -162,16 +162,20 @@ def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Seri
 
 
 def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
-    """What is worth following: the usual, and what any measurement tells of gases, blood volume, CRRT.
+    """Parameters to follow: the usual ones, and those of gases, volume and CRRT with any measurement.
 
-    A fit has to leave out what it cannot tell apart; here it is free too, and its interval says so.
+    A fit leaves out what it cannot determine; here such parameters are free too, with wide intervals.
     """
     cases = [case for _, case in points]
-    told = [key for case in cases for key in told_by_gases(case)]
-    return tuple(dict.fromkeys((*told, *(key for case in cases for key in told_by_pressures(case)), *usual)))
+    informed = [key for case in cases for key in parameters_informed_by_gases(case)]
+    return tuple(
+        dict.fromkeys(
+            (*informed, *(key for case in cases for key in parameters_informed_by_pressures(case)), *usual)
+        )
+    )
 
 
-def cleared(before: TrackedPoint, now: TrackedPoint) -> str:
+def falling_clotting(before: TrackedPoint, now: TrackedPoint) -> str:
     """A sentence where the clotted share of an oxygenator has fallen by more than it is uncertain by."""
     old, new = before.parameters.get(CLOTTED), now.parameters.get(CLOTTED)
     if old is None or new is None or not (new.median < old.lower and new.upper < old.median):
@@ -183,10 +187,10 @@ def cleared(before: TrackedPoint, now: TrackedPoint) -> str:
     )
 
 
-def copied(before: TrackedPoint, now: TrackedPoint) -> str:
+def copied_measurements(before: TrackedPoint, now: TrackedPoint) -> str:
     """A sentence where all that was measured is the same to the last digit."""
     old, new = ({n: i.measured for n, i in point.innovations.items()} for point in (before, now))
-    if len(new) < FEWEST_COPIED or old != new:
+    if len(new) < FEWEST_EQUAL_VALUES or old != new:
         return ""
     return (
         f"all {len(new)} measurements are those of {before.name}: copied forward they count twice, and the "

@@ -1,4 +1,4 @@
-"""What a fit is asked for: free parameters with bounds, weights, how widely to look."""
+"""Settings of a fit: free parameters with bounds, weights, how widely to look."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from eclsim.cases.resolve import height_weight
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.components.base import names_in
 from eclsim.devices.description import GASES as VO2
-from eclsim.devices.registry import parameters, usual_setting
+from eclsim.devices.registry import example_setting, parameters
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.quantities import OF_THE_BEAT, OUTPUTS, Scale
+from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale
 from eclsim.inputs.mistakes import CaseError, Mistake, as_names, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
@@ -37,11 +37,11 @@ from eclsim.spelling import did_you_mean
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-WIDE = 10.0
+DEFAULT_BOUND_FACTOR = 10.0
 """Bounds of a parameter that has none of its own: its value divided and multiplied by this."""
 SHUNT = "gas.shunt_fraction"
 CLOTTED = "ecmo.oxygenator.clotted_fraction"
-TELLS_OF = {
+INFORMATIVE_MEASUREMENTS = {
     EXTRA_VOLUME: ("how much blood there is", ("CVP",)),
     SHUNT: ("the shunt of the lungs", ("SaO2", "PaO2")),
     VO2: ("the oxygen that the tissues consume", ("SvO2", "SpreO2")),
@@ -51,14 +51,16 @@ TELLS_OF = {
     "Dcrrttuout": ("the bore of the CRRT's return line with its catheter", ("crrt_return_pressure",)),
     "Rcrrtfil": ("how far the filter of the CRRT is clotted", ("crrt_filter_pressure_drop",)),
 }
-"""By parameter what it is, and the measurements that tell of it."""
-OF_CRRT = ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
+"""By parameter its meaning, and the measurements that carry information about it."""
+CRRT_PARAMETERS = ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
 """Diameters of the lines of a CRRT, and the resistance of its filter."""
-GASES_TELL_OF = {
-    SHUNT: TELLS_OF[SHUNT][1], VO2: TELLS_OF[VO2][1], "ecmo.drainage_mixing": ("SpreO2",),
-    CLOTTED: TELLS_OF[CLOTTED][1],
+INFORMATIVE_GASES = {
+    SHUNT: INFORMATIVE_MEASUREMENTS[SHUNT][1],
+    VO2: INFORMATIVE_MEASUREMENTS[VO2][1],
+    "ecmo.drainage_mixing": ("SpreO2",),
+    CLOTTED: INFORMATIVE_MEASUREMENTS[CLOTTED][1],
 }  # fmt: skip
-"""What nobody measures of gas exchange, and the measured gases that tell of it."""
+"""Parameters of gas exchange, and the measured gases that carry information about them."""
 MEASURED_AT_REST = {
     SET_POINT: "MAP", VENOUS_SET_POINT: "CVP", PAO2_SET_POINT: "PaO2", PACO2_SET_POINT: "PaCO2",
 }  # fmt: skip
@@ -110,7 +112,7 @@ class FitSettings:
         return tuple(dict.fromkeys([*self.parameters, *self.shared]))
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data; two fits with the same object give the same numbers."""
+        """Plain data; two fits with the same object give the same numbers."""
         search = {name: value for name, value in vars(self.multi_start).items() if name != "polishing"}
         return {
             "parameters": list(self.parameters),
@@ -134,7 +136,7 @@ def _check_pair(name: object, bounds: Any) -> None:
 
 @dataclass(slots=True)
 class CheckedFit:
-    """What can be fitted, and everything there is to say about it.
+    """Targets and free parameters of a fit, with mistakes, warnings and notes.
 
     Attributes:
         targets: measured values by name [mmHg, L/min].
@@ -152,28 +154,28 @@ class CheckedFit:
     warnings: list[Mistake] = field(default_factory=list)
     notes: list[Mistake] = field(default_factory=list)
 
-    def wrong(self, key: str, message: str, value: str = "", allowed: str = "", hint: str = "") -> None:
+    def add_mistake(self, key: str, message: str, value: str = "", allowed: str = "", hint: str = "") -> None:
         """Add a mistake."""
         self.mistakes.append(Mistake(key, message, value, allowed, hint))
 
 
-def ready(case: Case, settings: FitSettings) -> Case:
+def case_to_fit(case: Case, settings: FitSettings) -> Case:
     """The case as it is fitted: with a free blood volume's section, measured at rest, no verdict yet."""
     case = case.model_copy(update={"fit_mark": None})
     if EXTRA_VOLUME in settings.names and case.fluid is None:
         case = with_values(case, {EXTRA_VOLUME: 0.0})
-    return measured_at_rest(case, settings)
+    return with_measured_set_points(case, settings)
 
 
-def measured_at_rest(case: Case, settings: FitSettings) -> Case:
+def with_measured_set_points(case: Case, settings: FitSettings) -> Case:
     """The case with measurements as the set points that it leaves open, so that its fit is unchanged at rest.
 
     Data points that share parameters keep theirs open: a patient has one set point, not one for each of them.
     """
-    return case if settings.shared else with_values(case, open_at_rest(case))
+    return case if settings.shared else with_values(case, measured_open_set_points(case))
 
 
-def open_at_rest(case: Case) -> dict[str, float]:
+def measured_open_set_points(case: Case) -> dict[str, float]:
     """Measurements that are set points which a case leaves open, by key."""
     if case.regulation is None:
         return {}
@@ -185,14 +187,14 @@ def open_at_rest(case: Case) -> dict[str, float]:
 
 
 def measured_outputs(case: Case) -> list[str]:
-    """What was measured in a case, by name."""
+    """Measurements of a case by name."""
     return [name for name in OUTPUTS if getattr(case.measurements, name, None) is not None]
 
 
 def free_parameters(
     case: Case, usual: Sequence[str] = tuple(BOUNDS), policy: VolumePolicy | None = None
 ) -> tuple[str, ...]:
-    """What is worth fitting to a case: the usual parameters, or with measured gases what these tell apart.
+    """Parameters to fit to a case: the usual ones, or with measured gases those that these determine.
 
     Where a wrong shunt or oxygen consumption is held, cardiac output makes up for it: both, and the mixing
     where drained blood is recirculated, come first, and of the usual parameters those whose effects differ
@@ -206,10 +208,10 @@ def free_parameters(
     from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.identifiability import identifiability, propose
 
-    there = output_names(circuit_of(case))
-    measured = [name for name in measured_outputs(case) if name in there]
-    told = [key for key, gases in GASES_TELL_OF.items() if set(gases) & set(measured)]
-    unknown = [key for key in told if key in _unknown_of_gases(case)]
+    available = output_names(circuit_of(case))
+    measured = [name for name in measured_outputs(case) if name in available]
+    informed = [key for key, gases in INFORMATIVE_GASES.items() if set(gases) & set(measured)]
+    unknown = [key for key in informed if key in _unknown_gas_parameters(case)]
     if not unknown:
         return tuple(usual)
     candidates = tuple(dict.fromkeys((*unknown, *usual)))
@@ -222,38 +224,43 @@ def free_parameters(
     return tuple(name for name in candidates if name in chosen) or candidates
 
 
-def _unknown_of_gases(case: Case) -> set[str]:
-    """Keys of `GASES_TELL_OF` that change something in a case and that it does not know."""
+def _unknown_gas_parameters(case: Case) -> set[str]:
+    """Keys of `INFORMATIVE_GASES` that change something in a case and that it does not know."""
     if case.gas is None:
         return set()
     circuit = circuit_of(case)
     mixing = {name for drained in drainages(circuit) for name in names_in(drained.mixing)}
-    return {SHUNT, *assumed_of_gases(case), *mixing, *([CLOTTED] if _holds_oxygenator(case, ()) else [])}
+    return {
+        SHUNT,
+        *assumed_gas_parameters(case),
+        *mixing,
+        *([CLOTTED] if _oxygenator_is_fixed(case, ()) else []),
+    }
 
 
-def told_by_gases(case: Case) -> tuple[str, ...]:
-    """What the gases measured in a case tell of gas exchange and the case does not know."""
-    there = output_names(circuit_of(case))
-    measured = {name for name in measured_outputs(case) if name in there}
-    unknown = _unknown_of_gases(case)
-    return tuple(key for key, gases in GASES_TELL_OF.items() if key in unknown and {*gases} & measured)
+def parameters_informed_by_gases(case: Case) -> tuple[str, ...]:
+    """Parameters of gas exchange that a case leaves open and its measured gases inform on."""
+    available = output_names(circuit_of(case))
+    measured = {name for name in measured_outputs(case) if name in available}
+    unknown = _unknown_gas_parameters(case)
+    return tuple(key for key, gases in INFORMATIVE_GASES.items() if key in unknown and {*gases} & measured)
 
 
-def told_of_crrt(case: Case) -> tuple[str, ...]:
+def crrt_parameters_informed_by_pressures(case: Case) -> tuple[str, ...]:
     """Lines and filter of a CRRT, where its pressures were measured and the case does not give them."""
     measured, read = {*measured_outputs(case)}, parameters_read(circuit_of(case))
-    unknown = [name for name in OF_CRRT if name in read and stated(case, name) is None]
-    return tuple(name for name in unknown if {*TELLS_OF[name][1]} & measured)
+    unknown = [name for name in CRRT_PARAMETERS if name in read and stated(case, name) is None]
+    return tuple(name for name in unknown if {*INFORMATIVE_MEASUREMENTS[name][1]} & measured)
 
 
-def told_by_pressures(case: Case) -> tuple[str, ...]:
-    """The blood volume, where CVP was measured and the case does not give it, and what is told of a CRRT."""
-    told = {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured_outputs(case)}
-    volume = (EXTRA_VOLUME,) if told and _holds_volume(case, ()) else ()
-    return (*volume, *told_of_crrt(case))
+def parameters_informed_by_pressures(case: Case) -> tuple[str, ...]:
+    """Blood volume and CRRT parameters that a case leaves open and its measured pressures inform on."""
+    informative = {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured_outputs(case)}
+    volume = (EXTRA_VOLUME,) if informative and _volume_is_fixed(case, ()) else ()
+    return (*volume, *crrt_parameters_informed_by_pressures(case))
 
 
-def assumed_of_gases(case: Case) -> set[str]:
+def assumed_gas_parameters(case: Case) -> set[str]:
     """Shunt and oxygen consumption, where a case leaves them out, so that they are assumed."""
     if case.gas is None:
         return set()
@@ -262,35 +269,40 @@ def assumed_of_gases(case: Case) -> set[str]:
     return {key for key, holds in assumed.items() if holds}
 
 
-def held_by_assumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """Sentences about what measured gases tell of and is held although nobody gave it."""
+def avoidable_assumptions(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """Sentences about parameters held at assumed values that the measured gases could determine."""
     result = []
-    for key in sorted(assumed_of_gases(case) - set(free)):
-        what, told = TELLS_OF[key]
-        if names := [name for name in told if name in measured]:
+    for key in sorted(assumed_gas_parameters(case) - set(free)):
+        meaning, informative = INFORMATIVE_MEASUREMENTS[key]
+        if names := [name for name in informative if name in measured]:
             result.append(
-                f"{what} is held at an assumed value while {', '.join(names)} would tell of it: other "
+                f"{meaning} is held at an assumed value while {', '.join(names)} would tell of it: other "
                 "parameters, and cardiac output with them, make up for what is wrong with it; free it "
                 f"(--parameters Rmc,{SHUNT},{VO2}) or give {key}"
             )
-    if _holds_volume(case, free) and {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured}:
+    if _volume_is_fixed(case, free) and {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured}:
         result.append(
             "the blood volume is held at that of a published patient of this size while CVP tells of it: "
-            f"other parameters make up for what is wrong with it, and {_of_volume(measured)} follow from it; "
+            "other parameters make up for what is wrong with it, and "
+            f"{_volume_dependent(measured)} follow from it; "
             f"free it as well ({EXTRA_VOLUME}) or give it"
         )
     return result
 
 
-def formula_of_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> bool:
-    """Whether the oxygen consumption is a formula's while gases are measured none of which tells of it."""
-    told = {*MEASURED_GASES} & {*measured}
-    return bool(told) and VO2 in assumed_of_gases(case) - {*free} and not told & {*TELLS_OF[VO2][1]}
+def consumption_is_from_formula(case: Case, measured: Collection[str], free: Collection[str]) -> bool:
+    """Whether the oxygen consumption is the formula's, and of the measured gases none determines it."""
+    gases = {*MEASURED_GASES} & {*measured}
+    return (
+        bool(gases)
+        and VO2 in assumed_gas_parameters(case) - {*free}
+        and not gases & {*INFORMATIVE_MEASUREMENTS[VO2][1]}
+    )
 
 
-def held_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A sentence about a consumption by the formula that no measured gas tells of."""
-    if not formula_of_consumption(case, measured, free):
+def remarks_on_fixed_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """A sentence about a consumption by the formula that no measured gas determines."""
+    if not consumption_is_from_formula(case, measured, free):
         return []
     gases = ", ".join(name for name in MEASURED_GASES if name in measured)
     return [
@@ -299,19 +311,19 @@ def held_consumption(case: Case, measured: Collection[str], free: Collection[str
     ]
 
 
-def untold_output(
-    case: Case, measured: Collection[str], ever: Collection[str], free: Collection[str]
+def remarks_on_undetermined_output(
+    case: Case, measured: Collection[str], measured_at_any_time: Collection[str], free: Collection[str]
 ) -> list[str]:
-    """A sentence about a cardiac output that is followed by gases, with the consumption free as well.
+    """A sentence about a cardiac output that only gases determine, with the consumption free as well.
 
     Args:
         case: one of a series.
         measured: there.
-        ever: at any time of the series.
+        measured_at_any_time: at any time of the series.
         free: parameters.
     """
     gases = [name for name in MEASURED_GASES if name in measured]
-    if not gases or "CO" in ever or VO2 not in assumed_of_gases(case) & {*free}:
+    if not gases or "CO" in measured_at_any_time or VO2 not in assumed_gas_parameters(case) & {*free}:
         return []
     return [
         f"CO: nothing measured tells the cardiac output, since {', '.join(gases)} are met with more output, "
@@ -320,29 +332,35 @@ def untold_output(
     ]
 
 
-def held_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A sentence about a blood volume that is held although nobody gave it and no measurement tells of it."""
-    if not _holds_volume(case, free) or {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured}:
+def remarks_on_fixed_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """A sentence about a blood volume at its assumed value that no measurement determines."""
+    if not _volume_is_fixed(case, free) or {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured}:
         return []
     return [
-        f"the blood volume is held at that of a published patient of this size: {_of_volume(measured)} "
+        "the blood volume is held at that of a published patient of this size: "
+        f"{_volume_dependent(measured)} "
         "follow from it, and intervals leave out that it may be another; measure CVP and free "
         f"{EXTRA_VOLUME}"
     ]
 
 
-def held_oxygenator(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A sentence about an oxygenator that no gas behind it tells of, held as new or free like the shunt."""
-    told, gases = TELLS_OF[CLOTTED][1], [name for name in MEASURED_GASES if name in measured]
-    if not gases or {*told} & {*measured}:
+def remarks_on_unmeasured_oxygenator(
+    case: Case, measured: Collection[str], free: Collection[str]
+) -> list[str]:
+    """A sentence about an oxygenator, held as new or free like the shunt, with no gas measured behind it."""
+    informative, gases = (
+        INFORMATIVE_MEASUREMENTS[CLOTTED][1],
+        [name for name in MEASURED_GASES if name in measured],
+    )
+    if not gases or {*informative} & {*measured}:
         return []
-    advice = f"measure a gas behind it ({', '.join(told)}), or give {CLOTTED}"
+    advice = f"measure a gas behind it ({', '.join(informative)}), or give {CLOTTED}"
     if {CLOTTED, SHUNT} <= {*free}:
         return [
             f"no gas behind the oxygenator was measured: {', '.join(gases)} hardly tell a clotted oxygenator "
             f"from sicker lungs, and a change of either may be the other's; {advice}"
         ]
-    if not _holds_oxygenator(case, free):
+    if not _oxygenator_is_fixed(case, free):
         return []
     return [
         f"the oxygenator is held as it was new, which {', '.join(gases)} follow from: one that is clotted is "
@@ -350,25 +368,25 @@ def held_oxygenator(case: Case, measured: Collection[str], free: Collection[str]
     ]
 
 
-def _holds_oxygenator(case: Case, free: Collection[str]) -> bool:
+def _oxygenator_is_fixed(case: Case, free: Collection[str]) -> bool:
     left = CLOTTED not in free and stated(case, CLOTTED) is None
     return left and CLOTTED in parameters_read(circuit_of(case))
 
 
-def _holds_volume(case: Case, free: Collection[str]) -> bool:
+def _volume_is_fixed(case: Case, free: Collection[str]) -> bool:
     return EXTRA_VOLUME not in free and not stated(case, EXTRA_VOLUME)
 
 
-def _of_volume(measured: Collection[str]) -> str:
-    """What was not measured and follows from how much blood there is."""
+def _volume_dependent(measured: Collection[str]) -> str:
+    """Outputs that were not measured and depend on the blood volume, in words."""
     pressures = [name for name in ("PCWP", "MPAP", "CVP") if name not in measured]
     return " and ".join(filter(None, (", ".join(pressures), "the volumes of the heart")))
 
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
-    """Targets and bounds of a case, checked, with everything there is to say."""
+    """Targets and bounds of a case, checked, with mistakes, warnings and notes."""
     left_open = () if case.regulation is None else case.regulation.open_set_points
-    without_fluid, case = case.fluid is None, ready(case, settings)
+    without_fluid, case = case.fluid is None, case_to_fit(case, settings)
     # What a case leaves open and follows from the patient's body surface.
     defaults = {} if case.gas is None else {VO2: oxygen_consumption(*height_weight(case.patient))}
     limits = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
@@ -376,14 +394,14 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     read = parameters_read(circuit_of(case))
     for name in [*checked.free, *checked.fixed]:
         if name not in read:
-            checked.wrong(name, "not read by the circuit of this case, so it cannot be fitted")
+            checked.add_mistake(name, "not read by the circuit of this case, so it cannot be fitted")
         elif limits[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
-            checked.wrong(name, "is sought on a logarithmic scale: its lower bound must be above 0")
-    checked.warnings += _out_of_reach(case, checked.free)
+            checked.add_mistake(name, "is sought on a logarithmic scale: its lower bound must be above 0")
+    checked.warnings += _values_out_of_bounds(case, checked.free)
     for name in settings.bounds:
         if name not in settings.names:
             hint, allowed = did_you_mean(name, settings.names), ", ".join(settings.names)
-            checked.wrong(name, "bounds of a parameter that is not free", "", allowed, hint)
+            checked.add_mistake(name, "bounds of a parameter that is not free", "", allowed, hint)
     still_open = () if case.regulation is None else case.regulation.open_set_points
     for key in left_open:
         if key in still_open:
@@ -396,11 +414,11 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
         message = "free, so the fitted case has the section [fluid]"
         checked.notes.append(Mistake(EXTRA_VOLUME, message))
     if not checked.mistakes and not checked.free:
-        checked.wrong("parameters", "none is free")
+        checked.add_mistake("parameters", "none is free")
     return checked
 
 
-def _out_of_reach(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:
+def _values_out_of_bounds(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:
     """Free parameters whose value in the case is outside of their bounds."""
     result = []
     for name, (start, lower, upper) in free.items():
@@ -425,11 +443,11 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         allowed = f"{instance.key}.{target.setting} in its place; a measured pump flow is measurements.PF"
         message = "a target, while a fit needs the speed that the pump ran at"
         value = shown(getattr(instance.section, target.key))
-        checked.wrong(f"{instance.key}.{target.key}", message, value, allowed)
+        checked.add_mistake(f"{instance.key}.{target.key}", message, value, allowed)
     known = output_names(circuit_of(case))
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
-        if value is None and name in OF_THE_BEAT:
+        if value is None and name in BEAT_OUTPUTS:
             checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))
         elif value is not None and name not in known:
             message = f"not fitted: the case has no such output{unavailable(name, known)}"
@@ -437,7 +455,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         elif value is not None:
             checked.targets[name] = value
     if not checked.targets:
-        checked.wrong("measurements", "nothing to fit", allowed=", ".join(OUTPUTS))
+        checked.add_mistake("measurements", "nothing to fit", allowed=", ".join(OUTPUTS))
     for key, limits in bounds.items():
         _check_bounds(key, limits, checked)
     if 0 < len(checked.targets) < len(checked.free):
@@ -450,18 +468,18 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
     start, lower, upper = limits
     written, parameter = f"{start:g}, {lower:g} to {upper:g}", quantity(key)
     if parameter is None:
-        allowed = f"names that eclsim parameters lists, or keys of sections such as {usual_setting()}"
+        allowed = f"names that eclsim parameters lists, or keys of sections such as {example_setting()}"
         hint = did_you_mean(key, parameters())
-        checked.wrong(key, "unknown parameter", allowed=allowed, hint=hint)
+        checked.add_mistake(key, "unknown parameter", allowed=allowed, hint=hint)
     elif not all(math.isfinite(number) for number in limits):
-        checked.wrong(key, "start and bounds must be finite", written, parameter.allowed)
+        checked.add_mistake(key, "start and bounds must be finite", written, parameter.allowed)
     elif lower > upper:
         hint = f"{upper:g} to {lower:g}"
-        checked.wrong(key, "lower bound above upper bound", written, parameter.allowed, hint)
+        checked.add_mistake(key, "lower bound above upper bound", written, parameter.allowed, hint)
     elif not lower <= start <= upper:
-        checked.wrong(key, "start value outside its bounds", written, parameter.allowed)
+        checked.add_mistake(key, "start value outside its bounds", written, parameter.allowed)
     elif not (parameter.accepts(lower) and parameter.accepts(upper)):
-        checked.wrong(key, "bounds outside the allowed range", written, parameter.allowed)
+        checked.add_mistake(key, "bounds outside the allowed range", written, parameter.allowed)
     elif lower == upper:
         checked.fixed[key] = start
         checked.notes.append(Mistake(key, "bounds are equal: fixed, not fitted", shown(start)))
@@ -509,7 +527,10 @@ def _bounds(
         start, lower, upper = float(known.value), known.minimum, known.maximum
     else:
         start = float(known.value)
-        lower, upper = max(start / WIDE, known.minimum), min(start * WIDE, known.maximum)
+        lower, upper = (
+            max(start / DEFAULT_BOUND_FACTOR, known.minimum),
+            min(start * DEFAULT_BOUND_FACTOR, known.maximum),
+        )
     value = stated(case, name)
     value = defaults.get(name, start) if value is None else value
     if name in bounds:
@@ -527,17 +548,17 @@ def read_bounds(text: str) -> dict[str, tuple[float, float]]:
     Raises:
         ValueError: With one line for each part that is no pair of numbers.
     """
-    result, wrong = {}, []
+    result, mistakes = {}, []
     for part in (p.strip() for p in text.split(",") if p.strip()):
         name, _, numbers = part.partition("=")
         lower, _, upper = numbers.partition(":")
         if name.strip() in result:
-            wrong.append(f"--bounds {part}: {name.strip()} is given twice; leave one of them out")
+            mistakes.append(f"--bounds {part}: {name.strip()} is given twice; leave one of them out")
             continue
         try:
             result[name.strip()] = float(lower), float(upper)
         except ValueError:
-            wrong.append(f"--bounds {part}: allowed: NAME=LOWER:UPPER, such as Rmc=0.1:2")
-    if wrong:
-        raise ValueError("\n".join(wrong))
+            mistakes.append(f"--bounds {part}: allowed: NAME=LOWER:UPPER, such as Rmc=0.1:2")
+    if mistakes:
+        raise ValueError("\n".join(mistakes))
     return result

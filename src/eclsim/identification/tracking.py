@@ -20,8 +20,8 @@ from eclsim.identification.density import (
     PosteriorDensity,
     Prior,
     PriorKind,
-    approximate,
-    members_of,
+    beats_of_members,
+    gaussian_approximation,
 )
 from eclsim.identification.filtering import (
     DRIFTS,
@@ -37,12 +37,19 @@ from eclsim.identification.importance import Transport, WeightedDraws, importanc
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.series import Series, cleared, copied, named_cases, passed_over, series_of
+from eclsim.identification.series import (
+    Series,
+    copied_measurements,
+    falling_clotting,
+    named_cases,
+    passed_over,
+    series_of,
+)
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
-from eclsim.outputs.signals import of_gases, output_names, parameters_read
+from eclsim.outputs.signals import gas_dependent_outputs, output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat
 
 if TYPE_CHECKING:
@@ -55,16 +62,16 @@ SHARES = (0.05, 0.5, 0.95)
 HOURS_PER_DAY, SECONDS_PER_HOUR = 24.0, 3600.0
 _TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 EXPLORED = 512
-CLIMBS = 4
+MAXIMISATIONS = 4
 DRAWS = 512
-MANY, MANY_DRAWS = 7, 2048
+MANY_PARAMETERS, MANY_DRAWS = 7, 2048
 """With more parameters than these so many draws are needed for the ends of the first intervals."""
-DRAWN = 4000
+INTERVAL_DRAWS = 4000
 
 
 @dataclass(frozen=True)
 class TrackSettings:
-    """What is tracked and how.
+    """Settings of tracking.
 
     Args:
         fit: free parameters, bounds, uncertainties of the measurements, blood volume policy.
@@ -86,7 +93,7 @@ class TrackSettings:
         check_fields(self, interval_hours=number_of)
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         of_fit = self.fit.as_object()
         fit_keys = ("parameters", "bounds", "uncertainties", "blood_volume_policy")
         return {
@@ -106,7 +113,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Innovation:
-    """A measurement held against its forecast.
+    """A measurement compared with its forecast.
 
     Args:
         measured: value [mmHg or L/min].
@@ -137,9 +144,9 @@ class TrackedPoint:
         probability: of a larger one.
         unusual: whether the measurements together do not fit the patient so far.
         verdict: on the first estimate: whether the model can give the measurements; None at later points.
-        message: what there is to say; empty where all is well.
+        message: remarks; empty where all is well.
         failed: whether the point could not be used.
-        warnings: what there is to say of the beat at the medians of the parameters.
+        warnings: of the beat at the medians of the parameters.
         hours: since the measurement before, known or assumed; None at the first point.
         seconds: wall time of forecast and update.
         doubts: what is held although it is not known, so that the estimate makes up for it; what is open.
@@ -169,7 +176,7 @@ class TrackedPoint:
         return tuple(n for n in self.outputs if any(doubt.startswith(f"{n}: ") for doubt in self.doubts))
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         names = {"name": "id", "hours": "hours_since_last", "innovations": "measurements"}
         content = {names.get(name, name): value for name, value in asdict(self).items()}
         verdict = None if self.verdict is None else self.verdict.as_object()
@@ -233,7 +240,7 @@ class TrackResult:
         return xr.Dataset(data, coordinates, {"patient": self.patient})
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for what is not known."""
         return {
             "id": self.patient,
             "assumed_interval_hours": self.assumed_interval_hours,
@@ -244,14 +251,14 @@ class TrackResult:
 
 @dataclass(frozen=True)
 class _Estimate:
-    """What is known of a patient: the prior, coordinates, and the latent variables in them."""
+    """The patient's prior, coordinates, and the latent variables in them."""
 
     prior: Prior
     transport: Transport
     state: GaussianMixture
 
     def parameters(self, seed: int) -> dict[str, Interval]:
-        draws, _ = self.transport.z_of(self.state.draws(DRAWN, seed))
+        draws, _ = self.transport.z_of(self.state.draws(INTERVAL_DRAWS, seed))
         rows = self.prior.values_of(np.quantile(draws, SHARES, axis=0)).T.tolist()
         return {n: Interval(*row) for n, row in zip(self.prior.names, rows, strict=True)}
 
@@ -277,7 +284,7 @@ class Tracker:
         self._prior: Prior | None = None
         self._starts: dict[Circuit, dict[str, float]] = {}
         self._left_out: dict[str, float] = {}
-        self._said: set[str] = set()
+        self._reported_doubts: set[str] = set()
         self._before: TrackedPoint | None = None
 
     def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
@@ -354,12 +361,12 @@ class Tracker:
         return self._prior, model, dict(checked.targets), doubts
 
     def _doubted(self, point: TrackedPoint, doubts: tuple[str, ...]) -> TrackedPoint:
-        """The point with what is held although it is not known; the message has what was not said before."""
-        new = [doubt for doubt in doubts if doubt not in self._said]
+        """The point with its doubts; the message has those that no earlier point had."""
+        new = [doubt for doubt in doubts if doubt not in self._reported_doubts]
         if self._before is not None:
-            new = [copied(self._before, point), cleared(self._before, point), *new]
+            new = [copied_measurements(self._before, point), falling_clotting(self._before, point), *new]
         self._before = point
-        self._said.update(new)
+        self._reported_doubts.update(new)
         verdict = point.verdict
         if verdict is not None:
             reasons = [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", doubt) for doubt in doubts]
@@ -376,10 +383,10 @@ class Tracker:
         self.progress("exploring")
         levels = density.potential(points, density.simulate(points))
         self.progress("climbing to the highest points")
-        best = points[np.argsort(levels, kind="stable")[:CLIMBS]]
-        gaussian = approximate(density, prior.x_of(best))
+        best = points[np.argsort(levels, kind="stable")[:MAXIMISATIONS]]
+        gaussian = gaussian_approximation(density, prior.x_of(best))
         self.progress("weighted draws")
-        count = MANY_DRAWS if len(prior.names) > MANY else DRAWS
+        count = MANY_DRAWS if len(prior.names) > MANY_PARAMETERS else DRAWS
         weighted = importance_sample(density, gaussian, count, settings.seed)
         weights, power = weighted.tempered()
         transport = weighted.transport if power == 1.0 else Transport.fit(weighted.z, weights)
@@ -469,12 +476,12 @@ class Tracker:
 
         def beats(u: np.ndarray) -> SteadyBeat:
             values = density.values(density.prior.x_of(estimate.transport.z_of(u)[0]))
-            return members_of(model, values, len(u), names, density.policy, start)
+            return beats_of_members(model, values, len(u), names, density.policy, start)
 
         def simulate(u: np.ndarray) -> np.ndarray:
             return beats(u).values.T
 
-        if gases := of_gases(model.circuit, names):
+        if gases := gas_dependent_outputs(model.circuit, names):
             at_means = beats(estimate.state.means)
             if (without := at_means.without_gases).any():
                 if needed := [n for n in gases if n in measured]:
@@ -486,7 +493,7 @@ class Tracker:
     def _expected(
         self, names: Sequence[str], outputs: GaussianMixture, known: Mapping[str, float]
     ) -> dict[str, Interval]:
-        """Where measurements of outputs are expected, with their standard uncertainties."""
+        """Expected measurements of outputs, with their standard uncertainties."""
         typical = dict(zip(names, outputs.mean.tolist(), strict=True))
         errors = {**self._errors(typical), **known}
         noise = np.diag([errors[n] ** 2 for n in names])
@@ -518,7 +525,7 @@ def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
 
 
 def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
-    """What is doubtful about the first estimate, and what was done; empty where nothing is."""
+    """Doubts about the first estimate, and what was done; empty where there is none."""
     doubts = []
     if verdict.doubts:
         doubts.append(f"first estimate: {verdict.headline}")

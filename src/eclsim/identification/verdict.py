@@ -27,10 +27,10 @@ DOUBTFUL_PROBABILITY = 1e-2
 """A sum of squared differences that measurement error alone reaches so rarely is doubtful."""
 POOR_PROBABILITY = 1e-4
 """Likewise poor."""
-UNLIKE_WIDTH = 3.0
+LARGEST_WIDTH_RATIO = 3.0
 """Intervals of one parameter whose widths (of the logarithms) differ by more than this factor disagree."""
 SIDES = ("lower", "upper")
-UNLIKE_END = 2.0
+LARGEST_END_DISTANCE = 2.0
 """Likewise intervals one of whose ends differ by more than this factor."""
 
 
@@ -46,7 +46,7 @@ _ORDER = tuple(Level)
 
 
 class Aspect(StrEnum):
-    """What a reason speaks of."""
+    """Subject of a reason."""
 
     AGREEMENT = "agreement with the measurements"
     SEARCH = "search"
@@ -113,7 +113,7 @@ class FitVerdict:
 
     @property
     def remarks(self) -> tuple[Reason, ...]:
-        """What is to be known besides."""
+        """Further remarks."""
         return tuple(r for r in self.reasons if r.level is Level.GOOD)
 
     @property
@@ -127,7 +127,7 @@ class FitVerdict:
         return replace(self, reasons=tuple(sorted(reasons, key=lambda r: -_ORDER.index(r.level))))
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         g = self.goodness
         return {
             "level": str(self.level),
@@ -198,7 +198,7 @@ def goodness_of(
 def agreement(
     measured: Mapping[str, float], simulated: Mapping[str, float], goodness: Goodness, weights: str
 ) -> list[Reason]:
-    """What the differences from the measurements say.
+    """Reasons by the differences from the measurements.
 
     Args:
         measured: values by output [mmHg, L/min].
@@ -241,7 +241,7 @@ def agreement(
 
 
 def search(status: FitStatus, beat: str = "") -> list[Reason]:
-    """What the end of the search says; `beat`: how the search for the fitted patient's beat ended."""
+    """Reasons by the end of the search; `beat`: how the search for the fitted patient's beat ended."""
     if status is FitStatus.FITTED:
         return []
     level = Level.DOUBTFUL if status is FitStatus.NOT_SETTLED else Level.POOR
@@ -255,7 +255,7 @@ def plausibility(
     measured: Iterable[str],
     broken_limits: Sequence[str],
 ) -> list[Reason]:
-    """What the fitted patient's volumes and pressures say, those that were measured left aside.
+    """Reasons by the fitted patient's volumes and pressures, except those measured.
 
     Args:
         outputs: of the fitted patient.
@@ -283,7 +283,7 @@ def interval_agreement(
     other: Mapping[str, Mapping[str, Any]],
     source: str,
     bounds: Mapping[str, tuple[float, float]] | None = None,
-    beatless: Mapping[str, Sequence[str]] | None = None,
+    ends_without_beat: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Reason]:
     """Whether the fit's Gaussian 90 % intervals agree with others, for the parameters called determined.
 
@@ -292,7 +292,7 @@ def interval_agreement(
         other: "lower" and "upper" of each parameter.
         source: of the other intervals, such as "posterior".
         bounds: of the parameters, where the other intervals may end at them.
-        beatless: "lower" and "upper" ends of the other intervals that no steady heartbeat was found beyond.
+        ends_without_beat: ends ("lower", "upper") of the other intervals, with no steady heartbeat beyond.
     """
     reasons = []
     for name, estimate in fitted.items():
@@ -314,12 +314,12 @@ def interval_agreement(
         elif at_bounds:
             (side,) = at_bounds
             verdict = f"the latter ends at the {side} bound, so the measurements give no {side} limit"
-        elif sides := (beatless or {}).get(name):
+        elif sides := (ends_without_beat or {}).get(name):
             verdict = (
                 f"no steady heartbeat was found beyond the {' and the '.join(sides)} end of the latter, "
                 "but the true value may lie there"
             )
-        elif unlike(_ends(name, interval), _ends(name, estimate)):
+        elif intervals_differ(_ends(name, interval), _ends(name, estimate)):
             verdict = "take the wider of the two"
         if verdict:
             sentence = (
@@ -346,7 +346,7 @@ def possible_limits(name: str) -> tuple[float, ...]:
     return () if known is None or known.unit not in ("", "1") or not known.is_linear else (0.0, 1.0)
 
 
-def unlike(one: np.ndarray, other: np.ndarray) -> bool:
+def intervals_differ(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether one of two intervals is much wider, or an end of one far beyond that of the other.
 
     Args:
@@ -354,8 +354,8 @@ def unlike(one: np.ndarray, other: np.ndarray) -> bool:
         other: likewise.
     """
     widths = [max(float(np.ptp(each)), 1e-12) for each in (one, other)]
-    far = float(np.max(np.abs(one - other))) > np.log(UNLIKE_END)
-    return far or max(widths) > UNLIKE_WIDTH * min(widths)
+    far = float(np.max(np.abs(one - other))) > np.log(LARGEST_END_DISTANCE)
+    return far or max(widths) > LARGEST_WIDTH_RATIO * min(widths)
 
 
 def _ends(name: str, interval: Mapping[str, Any]) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""What is given from outside: fields with unit and range, numbers as written, files, and mistakes in them."""
+"""Input from outside: fields with unit and range, numbers as written, files, and mistakes in them."""

@@ -9,7 +9,7 @@ from typing import Literal
 
 from eclsim.parameters.parameter import Parameter
 
-_NONE: Mapping[str, str] = MappingProxyType({})
+_NO_ALIASES: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Field:
         unit: Unit of a number.
         minimum: Smallest allowed number.
         maximum: Largest allowed number.
-        typical: A usual value; tells which other unit an impossible number may be in.
+        typical: A usual value, from which the unit of an impossible number is guessed.
         required: Whether a case file must hold it.
         may_be_missing: Whether "NA", nan and the like stand for "not measured".
         names: Allowed names.
@@ -42,7 +42,7 @@ class Field:
     required: bool = True
     may_be_missing: bool = False
     names: tuple[str, ...] = ()
-    aliases: Mapping[str, str] = field(default_factory=lambda: _NONE)
+    aliases: Mapping[str, str] = field(default_factory=lambda: _NO_ALIASES)
     also_allowed: str = ""
     least: float = 0.0
     name: str = ""
@@ -50,7 +50,7 @@ class Field:
 
     @property
     def allowed(self) -> str:
-        """What is allowed, in words."""
+        """Allowed values, in words."""
         if self.kind == "number":
             unit = "" if self.unit == "1" else self.unit
             smallest = f"0, or {self.least:g}" if self.least else f"{self.minimum:g}"
@@ -70,7 +70,11 @@ def number(
 
 
 def one_of(
-    description: str, names: tuple[str, ...], *, aliases: Mapping[str, str] = _NONE, required: bool = True
+    description: str,
+    names: tuple[str, ...],
+    *,
+    aliases: Mapping[str, str] = _NO_ALIASES,
+    required: bool = True,
 ) -> Field:
     """One of some names."""
     return Field(description, "name", names=names, aliases=aliases, required=required)

@@ -31,28 +31,28 @@ def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") 
         CaseError: It is missing, no regular file, too large, or a symbolic link that leaves its folder.
     """
     try:
-        _refuse_links_elsewhere(file)
+        _refuse_links_to_other_folders(file)
         handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with os.fdopen(handle, "rb") as opened:
             _refuse_other_kinds(os.fstat(handle).st_mode, file, kind)
             data = opened.read(most + 1)
     except FileNotFoundError:
-        raise refused(file, "no such file") from None
+        raise file_error(file, "no such file") from None
     except IsADirectoryError:
-        raise refused(file, f"a folder, not {kind}") from None
+        raise file_error(file, f"a folder, not {kind}") from None
     except PermissionError:
         if os.path.isdir(file):  # how Windows answers
-            raise refused(file, f"a folder, not {kind}") from None
-        raise refused(file, "no permission to read it") from None
+            raise file_error(file, f"a folder, not {kind}") from None
+        raise file_error(file, "no permission to read it") from None
     except OSError as error:
-        raise refused(file, f"cannot be read: {error.strerror or error}") from None
-    except CaseError:  # a ValueError too, whose reason is said already
+        raise file_error(file, f"cannot be read: {error.strerror or error}") from None
+    except CaseError:  # a ValueError too, which has its message
         raise
     except ValueError as error:
-        raise refused(file, f"no path: {error}") from None
+        raise file_error(file, f"no path: {error}") from None
     if len(data) > most:
         allowed = f"at most {_size(most)}" + (f"; {too_large}" if too_large else "")
-        raise refused(file, f"too large for {kind}", allowed)
+        raise file_error(file, f"too large for {kind}", allowed)
     return data
 
 
@@ -63,9 +63,9 @@ def decoded(data: bytes, file: str, expected: str = "text in UTF-8") -> str:
         CaseError: It is in another encoding, or no text.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise refused(file, "encoded as UTF-16", expected)
+        raise file_error(file, "encoded as UTF-16", expected)
     if b"\x00" in data:
-        raise refused(file, "holds zero bytes: UTF-16, or no text at all", expected)
+        raise file_error(file, "holds zero bytes: UTF-16, or no text at all", expected)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -90,17 +90,17 @@ def json_of(text: str, file: str) -> Any:
         CaseError: No valid JSON, nested too deeply, or an object with one key twice.
     """
     try:
-        return json.loads(text, object_pairs_hook=_without_doubles)
+        return json.loads(text, object_pairs_hook=_without_double_keys)
     except RecursionError:
-        raise refused(file, "nested too deeply") from None
+        raise file_error(file, "nested too deeply") from None
     except _DoubleKeyError as error:
-        raise refused(file, f"the key {error} stands twice in one object", "each key once") from None
+        raise file_error(file, f"the key {error} stands twice in one object", "each key once") from None
     except ValueError as error:
         line = getattr(error, "lineno", None)
         raise CaseError([Mistake("", f"no valid JSON: {error}", file=file, line=line)]) from None
 
 
-def refused(file: str, message: str, allowed: str = "") -> CaseError:
+def file_error(file: str, message: str, allowed: str = "") -> CaseError:
     """The error for a file as a whole."""
     shown = file if file.isprintable() else file.encode("unicode_escape").decode("ascii")
     return CaseError([Mistake("", message, allowed=allowed, file=shown)])
@@ -110,7 +110,7 @@ class _DoubleKeyError(Exception):
     pass
 
 
-def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+def _without_double_keys(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for key, value in pairs:
         if key in result:
@@ -119,12 +119,12 @@ def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _refuse_links_elsewhere(file: str) -> None:
+def _refuse_links_to_other_folders(file: str) -> None:
     if not os.path.islink(file):
         return
     folder, target = os.path.realpath(os.path.dirname(file) or "."), os.path.realpath(file)
     if os.path.commonpath([folder, target]) != folder:
-        raise refused(file, f"a symbolic link out of its folder, to {target}", "the file itself: name it")
+        raise file_error(file, f"a symbolic link out of its folder, to {target}", "the file itself: name it")
 
 
 def _refuse_other_kinds(mode: int, file: str, kind: str) -> None:
@@ -132,7 +132,7 @@ def _refuse_other_kinds(mode: int, file: str, kind: str) -> None:
         raise IsADirectoryError
     if not stat.S_ISREG(mode):
         what = next((words for test, words in _KINDS.items() if test(mode)), "no regular file")
-        raise refused(file, f"{what}, not {kind}", "a regular file; save what it gives to one first")
+        raise file_error(file, f"{what}, not {kind}", "a regular file; save what it gives to one first")
 
 
 def _size(count: int) -> str:

@@ -1,4 +1,4 @@
-"""What is wrong with an input, said so that it can be put right."""
+"""Mistakes in an input, with what is needed to correct them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Mistake:
         key: Dotted name of the field ("patient.age_years"), empty where the whole file is meant.
         message: What is wrong.
         value: What was written, as text; empty where nothing was.
-        allowed: What is allowed, empty where that is said already.
+        allowed: What is allowed, empty where the message has it.
         suggestion: The nearest right spelling or value, or empty.
         file: Where it was read, such as a path or "--set".
         line: Line in the file, counted from 1, where known.
@@ -56,7 +56,7 @@ class CaseError(ValueError):
 
 @dataclass(slots=True)
 class Remarks:
-    """Collects everything there is to say about an input, so that one mistake does not hide another.
+    """Collects mistakes, warnings and notes about an input, so that one mistake does not hide another.
 
     Attributes:
         mistakes: Errors; with any of them the input must not be used.
@@ -96,7 +96,7 @@ class Remarks:
 
 
 class NumberAsWritten(float):
-    """A number that remembers its digits, so that 1e400 and 1e-400 can be told from inf and 0."""
+    """A number that remembers its digits, so that 1e400 and 1e-400 differ from inf and 0."""
 
     text: str
 

@@ -16,11 +16,11 @@ _MISSING = frozenset(
 )
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _TWO_PRESSURES = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+(?:\.\d+)?)\s*")
-_COMMA = re.compile(r"[+-]?\d+,\d+")
-_GROUPED = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})+[.,]\d+")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_GROUPED_NUMBER = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})+[.,]\d+")
 _DIGIT_GROUPS = re.compile("\\d{1,3}(?:[ '\u00a0\u2009\u202f]\\d{3})+")
-_ALIKE = re.compile(r"[0-9OoIl|]+(?:\.[0-9OoIl|]+)?(?<!l)")
-_AS_DIGITS = str.maketrans("OoIl|", "00111")
+_LETTERS_LIKE_DIGITS = re.compile(r"[0-9OoIl|]+(?:\.[0-9OoIl|]+)?(?<!l)")
+_LETTERS_TO_DIGITS = str.maketrans("OoIl|", "00111")
 _UNIT_LIKE = re.compile(r"[^\W\d_%°µ/][^\W\d_]*|[%°]|[^\W\d_]+[/*·. ].+")
 _MONTH = re.compile(r"(jan|feb|m[aä]r|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])", re.IGNORECASE)
 _WITH_UNIT = re.compile(rf"\s*({_NUMBER.pattern})\s*(\D.*?)\s*")
@@ -119,7 +119,7 @@ def _number_in_text(text: str, field: Field) -> float:
 def _number_with_unit(text: str, number: float, unit: str, field: Field) -> float:
     if result := _TWO_PRESSURES.fullmatch(text):
         raise RefusedValueError(*_two_pressures(result, field))
-    if _COMMA.fullmatch(text.strip()) or _GROUPED.fullmatch(text.strip()):
+    if _DECIMAL_COMMA.fullmatch(text.strip()) or _GROUPED_NUMBER.fullmatch(text.strip()):
         raise RefusedValueError(*_why_no_number(text, field))
     known = known_unit(unit)
     if known == field.unit == "Fr":
@@ -147,8 +147,8 @@ def number_meant(text: str) -> str:
     written = text.strip()
     if _DIGIT_GROUPS.fullmatch(written):
         return re.sub(r"\D", "", written)
-    if re.search("[0-9]", written) and _ALIKE.fullmatch(written):
-        return written.translate(_AS_DIGITS)
+    if re.search("[0-9]", written) and _LETTERS_LIKE_DIGITS.fullmatch(written):
+        return written.translate(_LETTERS_TO_DIGITS)
     result = _WITH_UNIT.fullmatch(written)
     if result is None or result[5] == "l" or not _UNIT_LIKE.fullmatch(result[5]) or _MONTH.match(result[5]):
         return ""
@@ -166,13 +166,13 @@ def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
     stripped = text.strip()
     if result := _TWO_PRESSURES.fullmatch(text):
         return _two_pressures(result, field)
-    if _GROUPED.fullmatch(stripped):
+    if _GROUPED_NUMBER.fullmatch(stripped):
         return (
             "a thousands separator and a decimal sign; write digits and a decimal point only",
             field.allowed,
             "",
         )
-    if _COMMA.fullmatch(stripped):
+    if _DECIMAL_COMMA.fullmatch(stripped):
         return "a decimal comma; write a decimal point", field.allowed, stripped.replace(",", ".")
     return "not a number", field.allowed, ""
 

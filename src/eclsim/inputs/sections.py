@@ -27,7 +27,7 @@ _BIRTH_DATE = re.compile(r"(19|20)\d\d[-./ ]?\d\d[-./ ]?\d\d|\d{1,2}[-./]\d{1,2}
 _RECORD_NUMBER = re.compile(r"\d{6,}")
 _WORD = r"[^\W\d_]{2,}(?:['-][^\W\d_]+)*"
 _PERSON = re.compile(rf"{_WORD},\s*{_WORD}|[A-ZÀ-Þ]\w+\s+[A-ZÀ-Þ]\w+|[A-Z]\.\s*[A-ZÀ-Þ]\w+")
-_LONGEST_LOOKED_AT = 100
+_LONGEST_CHECKED_TEXT = 100
 
 
 class Section(BaseModel):
@@ -63,7 +63,7 @@ class Section(BaseModel):
             raw: what was given.
             values: what of it is right; gets what is filled in.
             key: of the section, such as "ecmo" or "ecmo.left".
-            remarks: gets what there is to say.
+            remarks: collects mistakes, warnings and notes.
         """
 
     @classmethod
@@ -72,7 +72,7 @@ class Section(BaseModel):
 
         Args:
             sections: what is right of each section that the case has, by its key.
-            remarks: gets what there is to say.
+            remarks: collects mistakes, warnings and notes.
         """
 
     @model_validator(mode="before")
@@ -124,7 +124,7 @@ def check_section(
         section: what belongs there.
         raw: what was given.
         key: of the section in the case file.
-        remarks: gets what there is to say.
+        remarks: collects mistakes, warnings and notes.
         other_place: tells in which other sections a key belongs.
 
     Returns:
@@ -151,7 +151,7 @@ def check_section(
 
 
 def check_field(key: str, value: object, field: Field, values: dict[str, Any], remarks: Remarks) -> None:
-    """Read one value into `values`, or say why not."""
+    """Read one value into `values`, or report why it is refused."""
     if field.may_be_missing and (value is None or is_missing(value)):
         message = "not measured, so not fitted" if key.startswith("measurements") else "not given"
         remarks.note(key, message, shown(value))
@@ -234,7 +234,7 @@ def looks_identifiable(text: object) -> bool:
     """Whether an id looks like a name, a birth date or a record number of a hospital."""
     if not isinstance(text, str):
         return False
-    written = text.strip()[:_LONGEST_LOOKED_AT]
+    written = text.strip()[:_LONGEST_CHECKED_TEXT]
     if re.search(r"@|\b(mrn|born|geb|dob|name)\b", written, re.IGNORECASE):
         return True
     return bool(_BIRTH_DATE.search(written) or _RECORD_NUMBER.search(written) or _PERSON.search(written))

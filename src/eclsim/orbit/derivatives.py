@@ -30,7 +30,7 @@ SINGULAR = (
     "beat a little: usually a valve that never opens shuts blood in behind it; change the elastances or the "
     "pump speed until every valve opens"
 )
-MULTIPLE = 8
+DIRECTIONS_PER_VECTOR = 8
 """Directions are padded to a multiple, so that vector loops have no remainder."""
 LEAST_PARAMETERS = 8
 """Room for parameters in a beat with tangents: one program, 10 s to compile, serves all questions of few."""
@@ -104,7 +104,7 @@ def orbit_derivatives(
     """
     program, packed = problem.program, problem.packed[:, 0]
     n, m = len(state), len(parameters)
-    padded = -(-(n + max(m, LEAST_PARAMETERS)) // MULTIPLE) * MULTIPLE
+    padded = -(-(n + max(m, LEAST_PARAMETERS)) // DIRECTIONS_PER_VECTOR) * DIRECTIONS_PER_VECTOR
     directions = np.zeros((padded, n)), np.zeros((padded, len(packed)))
     directions[0][:n] = np.eye(n)
     for k, name in enumerate(parameters):
@@ -132,7 +132,7 @@ def orbit_derivatives(
 def exact_jacobian(problem: OrbitProblem, state: np.ndarray) -> np.ndarray:
     """dF/dy of one member at a state, in scaled states, shape (states, states)."""
     n = len(state)
-    padded, steps = -(-n // MULTIPLE) * MULTIPLE, problem.program.grid.n_steps
+    padded, steps = -(-n // DIRECTIONS_PER_VECTOR) * DIRECTIONS_PER_VECTOR, problem.program.grid.n_steps
     directions = np.eye(padded, n), np.zeros((padded, len(problem.packed)))
     tangents = _tangents(problem.program, ())(state, problem.packed[:, 0], *directions, np.zeros((steps, 0)))
     end = np.asarray(tangents[1])[:n].T

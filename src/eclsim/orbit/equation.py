@@ -107,7 +107,7 @@ class Orbits:
             getattr(self, field.name)[..., members] = getattr(orbits, field.name)
 
 
-def allowed_moves(states: Any, largest_steps: Any) -> Any:
+def largest_allowed_steps(states: Any, largest_steps: Any) -> Any:
     """Largest change of each state in one step of a search: half of it more than its layout says."""
     return 0.5 * abs(states) + largest_steps
 

@@ -16,7 +16,7 @@ Result = TypeVar("Result")
 
 SIDE_BY_SIDE = 32
 """Members that fill the processor's vectors and its first-level cache."""
-WORTH_COMPILING = 256
+FEWEST_TO_COMPILE = 256
 """Up to so many members the program for one is quicker: the one for many takes seconds to compile."""
 
 
@@ -26,7 +26,7 @@ class Execution:
 
     Args:
         threads: that run in parallel; left out, `eclsim.execution.threads()`.
-        width: members that one program computes side by side; left out, one up to `WORTH_COMPILING` members
+        width: members that one program computes side by side; left out, one up to `FEWEST_TO_COMPILE` members
             and `SIDE_BY_SIDE` for more. A member's result has the same bits whatever stands beside it.
     """
 
@@ -40,7 +40,7 @@ class Execution:
         """Members side by side in a batch of a given size."""
         if self.width is not None:
             return self.width
-        return SIDE_BY_SIDE if members > WORTH_COMPILING else 1
+        return SIDE_BY_SIDE if members > FEWEST_TO_COMPILE else 1
 
     def thread_count(self) -> int:
         """Threads that run in parallel."""

@@ -30,7 +30,7 @@ from eclsim.orbit.steady import start_state
 
 MOST_STEPS = 100_000
 """Steps of one stretch of a beat; a healthy beat takes about a thousand."""
-WINDOW = 20
+BEATS_COMPARED = 20
 VALVE_SMOOTHING_MMHG = 1e-6
 """A closed valve leaks CQ s / (2 sqrt(|dp|)): with the component's own 1e-3 mmHg 0.1 % of a weak heart."""
 
@@ -111,8 +111,8 @@ class AdaptiveOptions:
         tolerance: relative and absolute tolerance of a step [mL, mL/s].
         change: the beat is steady once no state changes by more than this, relative to max(|state|, 1), over
             two beats in a row; at a tolerance of 1e-8 the beat map repeats to about 1e-7. Where valves hang
-            half open it repeats to 1e-5 only; then the means of `WINDOW` beats must agree as well as they
-            would if each beat changed by half of this.
+            half open it repeats to 1e-5 only; then the means of `BEATS_COMPARED` beats must agree as well as
+            they would if each beat changed by half of this.
         seconds: simulated time to wait for it at most [s].
     """
 
@@ -122,7 +122,7 @@ class AdaptiveOptions:
 
 
 @dataclass(frozen=True)
-class Waited:
+class WaitingResult:
     """Where waiting ended.
 
     Args:
@@ -280,7 +280,7 @@ class AdaptiveBeats:
         )
         return after
 
-    def wait(self, policy: str = AS_PUBLISHED) -> Waited:
+    def wait(self, policy: str = AS_PUBLISHED) -> WaitingResult:
         """Beat after beat from the published initial state until nothing changes any more.
 
         With the policy "patient_held" the patient's volumes are scaled after each beat to what the patient
@@ -291,7 +291,7 @@ class AdaptiveBeats:
         layout = self.program.explicit.assembly.layout
         counted = layout.conserved(of_patient) > 0.0
         total = state[counted].sum()
-        change, drift, calm, last = np.inf, np.inf, 0, deque([state], maxlen=2 * WINDOW)
+        change, drift, calm, last = np.inf, np.inf, 0, deque([state], maxlen=2 * BEATS_COMPARED)
         most = int(np.ceil(self.options.seconds * self.model.values[HEART_RATE] / 60.0))
         for count in range(1, most + 1):
             after = self.beat(state).copy()
@@ -302,16 +302,16 @@ class AdaptiveBeats:
             state = after
             last.append(state)
             calm = calm + 1 if change <= self.options.change else 0
-            steady = calm == 2 or _hovers(last, 0.5 * self.options.change)
+            steady = calm == 2 or _oscillates_about_mean(last, 0.5 * self.options.change)
             if steady or not np.isfinite(change):
-                return Waited(state, count, change, drift, steady)
-        return Waited(state, most, change, drift, False)
+                return WaitingResult(state, count, change, drift, steady)
+        return WaitingResult(state, most, change, drift, False)
 
 
-def _hovers(last: deque[np.ndarray], change: float) -> bool:
+def _oscillates_about_mean(last: deque[np.ndarray], change: float) -> bool:
     """Whether the states of the last beats move about a mean that itself stays."""
-    if len(last) < 2 * WINDOW:
+    if len(last) < 2 * BEATS_COMPARED:
         return False
     states = np.stack(last)
-    before, after = states[:WINDOW].mean(axis=0), states[WINDOW:].mean(axis=0)
-    return bool(np.max(np.abs(after - before) / np.maximum(np.abs(after), 1.0)) <= WINDOW * change)
+    before, after = states[:BEATS_COMPARED].mean(axis=0), states[BEATS_COMPARED:].mean(axis=0)
+    return bool(np.max(np.abs(after - before) / np.maximum(np.abs(after), 1.0)) <= BEATS_COMPARED * change)

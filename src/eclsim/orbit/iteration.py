@@ -19,12 +19,12 @@ import numpy as np
 
 from eclsim.beat.compilation import compiled
 from eclsim.beat.heartbeat import BeatProgram
-from eclsim.orbit.equation import OrbitOptions, Volume, allowed_moves
+from eclsim.orbit.equation import OrbitOptions, Volume, largest_allowed_steps
 
 Array = np.ndarray | jax.Array
-WORTH_LEARNING = 1e-6
+SMALLEST_UPDATE_SHARE = 1e-6
 """Smallest image of a change along its step, as a share of the step's square, that is learnt from."""
-WORTH_GOING_ON = 0.8
+SMALLEST_RUNNING_SHARE = 0.8
 """Share of members side by side that must be running for the next beat to begin before others take over."""
 
 
@@ -245,13 +245,13 @@ def _several(program: BeatProgram) -> Callable[..., tuple[Array, ...]]:
             new, _ = _iterated(program, (), now, packed, weights, target, rules)
             return chosen(now.running, new, now)
 
-        def goes_on(now: Iterate) -> Array:
-            return jnp.any(now.running) & (last | (jnp.mean(now.running) > WORTH_GOING_ON))
+        def continues(now: Iterate) -> Array:
+            return jnp.any(now.running) & (last | (jnp.mean(now.running) > SMALLEST_RUNNING_SHARE))
 
         last_beat = {"step": before.step, "residual": before.residual}
         learnt = jnp.where(begins, fresh.inverse, before.inverse)
         begin = chosen(begins, fresh._replace(**last_beat), before)._replace(inverse=learnt)
-        return tuple(jax.lax.while_loop(goes_on, beat, begin))
+        return tuple(jax.lax.while_loop(continues, beat, begin))
 
     return compiled(run, ("searches", program))
 
@@ -279,12 +279,14 @@ def _iterated(
     change = jnp.maximum(jnp.max(distance / size, axis=0), jnp.abs(excess) / jnp.maximum(target, 1.0))
     finite = jnp.isfinite(change)
     residual = jnp.where(finite, (moved + shares * excess) / scale, 0.0)
-    inverse, step = _learnt(now, residual)
+    inverse, step = _broyden_update(now, residual)
     moves = step * scale
     error = jnp.max(jnp.abs(moves) / size, axis=0)
     converged = finite & (change <= rules[0]) & (error <= rules[1])
     better = converged | (finite & (change < now.change))
-    share = 1.0 / jnp.maximum(jnp.max(jnp.abs(moves) / allowed_moves(now.state, largest), axis=0), 1.0)
+    share = 1.0 / jnp.maximum(
+        jnp.max(jnp.abs(moves) / largest_allowed_steps(now.state, largest), axis=0), 1.0
+    )
     plain = rules[3] > 0.0
     end = jnp.max(distance[layout.volumes.where], axis=0)
     return Iterate(
@@ -302,7 +304,7 @@ def _iterated(
     ), recorded
 
 
-def _learnt(now: Iterate, residual: Array) -> tuple[Array, Array]:
+def _broyden_update(now: Iterate, residual: Array) -> tuple[Array, Array]:
     """Inverse that maps the observed change of the residual to the step that caused it, and its next step."""
     change = residual - now.residual
 
@@ -313,7 +315,7 @@ def _learnt(now: Iterate, residual: Array) -> tuple[Array, Array]:
 
     image, row, move = jax.lax.fori_loop(0, len(change), products, (jnp.zeros_like(change),) * 3)
     size = jnp.sum(row * change, axis=0)
-    usable = (jnp.abs(size) > WORTH_LEARNING * jnp.sum(now.step * now.step, axis=0)) & (now.beats > 0)
+    usable = (jnp.abs(size) > SMALLEST_UPDATE_SHARE * jnp.sum(now.step * now.step, axis=0)) & (now.beats > 0)
     column = jnp.where(usable, (now.step - image) / jnp.where(usable, size, 1.0), 0.0)
     inverse = now.inverse + column[:, None] * row
     return inverse, -(move + column * jnp.sum(row * residual, axis=0))

@@ -54,7 +54,7 @@ class Model:
         values: a number for every parameter of the circuit and for `heart_rate_bpm`.
         name: what to call it in results.
         policy: blood volume policy that it is simulated with where no other is asked for.
-        doubts: what results say of where the values come from (`Case.doubts`).
+        doubts: about the fit that the values come from, repeated with every result (`Case.doubts`).
     """
 
     circuit: Circuit

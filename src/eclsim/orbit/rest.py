@@ -27,7 +27,7 @@ from eclsim.regulation.oxygen import venous_content
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-READ = {SET_POINT: "Pao", VENOUS_SET_POINT: "Pra"}
+MEASURED_SET_POINTS = {SET_POINT: "Pao", VENOUS_SET_POINT: "Pra"}
 """Set points, and the waveforms whose means they are; of the atrium less the pressure around it."""
 
 
@@ -104,10 +104,10 @@ def _recorded(orbits: SolvedOrbits, signals: tuple[str, ...]) -> tuple[np.ndarra
 def _means(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str) -> Mapping[str, float]:
     result = solve(Batch.of(Model(circuit, dict(values), policy=policy)))
     if result.status[0] != Status.CONVERGED:
-        return MappingProxyType(dict.fromkeys(READ, float("nan")))
+        return MappingProxyType(dict.fromkeys(MEASURED_SET_POINTS, float("nan")))
     around = tuple(f"P{s.name}" for s in circuit.surroundings if RIGHT_ATRIUM in s.members)
-    series, weights = _recorded(result, (*READ.values(), *around))
+    series, weights = _recorded(result, (*MEASURED_SET_POINTS.values(), *around))
     means = (weights * series).sum(axis=0).tolist()
-    found = dict(zip(READ, means, strict=False))
-    found[VENOUS_SET_POINT] -= sum(means[len(READ) :])
-    return MappingProxyType(found)
+    set_points = dict(zip(MEASURED_SET_POINTS, means, strict=False))
+    set_points[VENOUS_SET_POINT] -= sum(means[len(MEASURED_SET_POINTS) :])
+    return MappingProxyType(set_points)

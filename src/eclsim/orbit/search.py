@@ -14,25 +14,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from eclsim.orbit.derivatives import exact_jacobian
-from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Trial, allowed_moves
+from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Trial, largest_allowed_steps
 from eclsim.orbit.iteration import CompiledSearch, compiled_search
 from eclsim.orbit.status import Status
 
 WAITING_BEATS = 30
-"""Plain beats after a search that found nothing."""
+"""Plain beats after a search that did not converge."""
 DAMPING = (1.0, 0.5, 0.25, 0.1)
 """Shares of a step of Newton's method, tried until the residual falls."""
-SHARES = (1.0, 0.5, 0.25)
+EXACT_DAMPING = (1.0, 0.5, 0.25)
 """With the exact Jacobian."""
-AHEAD, LONGEST_AHEAD = 16.0, 4096.0
-"""Beats of the first step ahead where no share of Newton's step lowers the residual, and of the longest."""
-OVERSHOT = 2.0
-"""Growth of the residual over a step ahead from which on the next one is shorter."""
-SETTLING = 5
+FIRST_EULER_BEATS, MOST_EULER_BEATS = 16.0, 4096.0
+"""Beats of the first and of the longest implicit Euler step, where no share of Newton's step lowers the
+residual."""
+LARGEST_RESIDUAL_GROWTH = 2.0
+"""Growth of the residual over an implicit Euler step above which the next one is shorter."""
+BEATS_AFTER_EXACT_STEP = 5
 """Plain beats behind a step with the exact Jacobian: what decays fast hides how far what is slow has come."""
 LARGEST_MULTIPLIER = 1.0 + 1e-4
-"""Of a beat that plain beats lead to; 1 is that of conserved blood, and rounding splits several of them."""
-DETERMINED, DETERMINED_IN_COLLAPSE = 1e-13, 1e-10
+"""Floquet multiplier of a stable beat at most; 1 is that of conserved blood, rounding splits several."""
+RANK_TOLERANCE, RANK_TOLERANCE_IN_COLLAPSE = 1e-13, 1e-10
 """Share of the largest singular value below which a direction is taken for noise of the differences: where
 veins collapse, the right heart is shut in and the beat repeats, which the smaller share does not see."""
 
@@ -84,38 +85,38 @@ class _Newton:
 
     def solve(self, states: np.ndarray) -> Orbits:
         """From a state of shape (states, 1)."""
-        result, after, ahead = _nothing(len(states)), self._wait(states), AHEAD
+        result, after, euler_beats = _no_orbit(len(states)), self._wait(states), FIRST_EULER_BEATS
         for _ in range(self.options.exact_iterations if self.exact else self.options.newton_iterations):
             trial = self.problem.trial(states, after)
             if not trial.finite[0]:
                 result.status[:] = Status.NOT_FINITE
                 return result
             jacobian = self.jacobian(states)
-            step = -np.linalg.lstsq(jacobian, trial.residual, rcond=self.determined)[0]
+            step = -np.linalg.lstsq(jacobian, trial.residual, rcond=self.rank_tolerance)[0]
             moves = step * self.problem.scale
             result.beats[:] += 1 + len(states)
             if trial.change[0] <= result.residual[0]:
-                _keep(result, trial)
+                _store(result, trial)
             error = (np.abs(moves) / trial.size).max()
             converged = trial.change[0] <= self.options.tolerance and error <= self.options.error_tolerance
             if converged and (not self.exact or self._attracts(jacobian)):
                 result.states[:] = states + moves
                 result.status[:] = Status.CONVERGED
                 return result
-            nearer = self._nearer(trial, moves)
-            if nearer is None and self.exact:
-                nearer, ahead = self._ahead(trial, jacobian, ahead)
-            elif nearer is None and self.options.exact_iterations:
+            new_states = self._damped_step(trial, moves)
+            if new_states is None and self.exact:
+                new_states, euler_beats = self._implicit_euler_step(trial, jacobian, euler_beats)
+            elif new_states is None and self.options.exact_iterations:
                 return result
-            states, after = nearer or self._later(trial.states - trial.moved, 4)
+            states, after = new_states or self._after_beats(trial.states - trial.moved, 4)
             result.beats[:] += 1
-        return self._waited(result, after)
+        return self._result_after_waiting(result, after)
 
     @property
-    def determined(self) -> float:
+    def rank_tolerance(self) -> float:
         """Share of the largest singular value from which on a direction counts."""
         collapses = not self.exact and bool(self.problem.program.assembly.narrowing)
-        return DETERMINED_IN_COLLAPSE if collapses else DETERMINED
+        return RANK_TOLERANCE_IN_COLLAPSE if collapses else RANK_TOLERANCE
 
     def jacobian(self, states: np.ndarray) -> np.ndarray:
         """dF/dy in scaled states, exact or by central differences over a batch of beats."""
@@ -137,23 +138,28 @@ class _Newton:
     def _wait(self, states: np.ndarray, beats: int = 1) -> np.ndarray:
         return self.search.wait(states, np.repeat(self.problem.packed, states.shape[1], axis=1), beats)
 
-    def _later(self, states: np.ndarray, beats: int) -> tuple[np.ndarray, np.ndarray]:
+    def _after_beats(self, states: np.ndarray, beats: int) -> tuple[np.ndarray, np.ndarray]:
         """States after some plain beats, and after one more."""
         states = self._wait(states, beats) if beats else states
         return states, self._wait(states)
 
-    def _nearer(self, trial: Trial, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    def _damped_step(self, trial: Trial, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """States a share of Newton's moves on, and a beat later; None where the residual does not fall."""
         size = np.linalg.norm(trial.residual)
-        share = float(affordable(moves, trial.states, self.problem.largest_steps)[0])
-        for fraction in SHARES if self.exact else DAMPING:
-            states, after = self._later(trial.states + fraction * share * moves, SETTLING * self.exact)
-            there = self.problem.trial(states, after)
-            if there.finite[0] and np.linalg.norm(there.residual) < (1.0 - 0.1 * fraction * share) * size:
+        share = float(allowed_share(moves, trial.states, self.problem.largest_steps)[0])
+        for fraction in EXACT_DAMPING if self.exact else DAMPING:
+            states, after = self._after_beats(
+                trial.states + fraction * share * moves, BEATS_AFTER_EXACT_STEP * self.exact
+            )
+            next_trial = self.problem.trial(states, after)
+            if (
+                next_trial.finite[0]
+                and np.linalg.norm(next_trial.residual) < (1.0 - 0.1 * fraction * share) * size
+            ):
                 return states, after
         return None
 
-    def _ahead(
+    def _implicit_euler_step(
         self, trial: Trial, jacobian: np.ndarray, beats: float
     ) -> tuple[tuple[np.ndarray, np.ndarray] | None, float]:
         """Where some plain beats lead, by one implicit step of Euler's method, and how many to step next.
@@ -163,21 +169,21 @@ class _Newton:
         """
         step = -np.linalg.lstsq(np.eye(len(jacobian)) / beats + jacobian, trial.residual, rcond=None)[0]
         moves = step * self.problem.scale
-        share = affordable(moves, trial.states, self.problem.largest_steps)
-        states, after = self._later(trial.states + share * moves, SETTLING)
-        there = self.problem.trial(states, after)
-        if there.finite[0] and there.change[0] <= OVERSHOT * trial.change[0]:
-            return (states, after), min(2.0 * beats, LONGEST_AHEAD)
-        return (states, after) if there.finite[0] else None, beats / 4.0
+        share = allowed_share(moves, trial.states, self.problem.largest_steps)
+        states, after = self._after_beats(trial.states + share * moves, BEATS_AFTER_EXACT_STEP)
+        next_trial = self.problem.trial(states, after)
+        if next_trial.finite[0] and next_trial.change[0] <= LARGEST_RESIDUAL_GROWTH * trial.change[0]:
+            return (states, after), min(2.0 * beats, MOST_EULER_BEATS)
+        return (states, after) if next_trial.finite[0] else None, beats / 4.0
 
-    def _waited(self, result: Orbits, states: np.ndarray) -> Orbits:
+    def _result_after_waiting(self, result: Orbits, states: np.ndarray) -> Orbits:
         """No orbit: where plain beats lead, not an iterate of the search."""
         before = self._wait(states, WAITING_BEATS - 1)
         after = self._wait(before)
         if not np.isfinite(after).all():
             result.status[:] = Status.NOT_FINITE
             return result
-        _keep(result, self.problem.trial(before, after))
+        _store(result, self.problem.trial(before, after))
         result.beats[:] += WAITING_BEATS
         return result
 
@@ -185,18 +191,18 @@ class _Newton:
 def anchor_at(problem: OrbitProblem, state: np.ndarray, beats: int, width: int = 1) -> Anchor:
     """Steady state of a problem's one member and its inverse Jacobian, found from a state after some beats.
 
-    `state` itself where that leads nowhere.
+    The start `state` itself without convergence.
     """
-    search, nothing = compiled_search(problem.program, width), Anchor(state, np.eye(len(state)))
+    search, unchanged = compiled_search(problem.program, width), Anchor(state, np.eye(len(state)))
     states = search.wait(state[:, None], problem.packed, beats)
     if not np.isfinite(states).all():
-        return nothing
+        return unchanged
     options = OrbitOptions()
     newton = _Newton(search, problem, options)
     start = Anchor(states[:, 0], np.linalg.pinv(newton.jacobian(states)))
     solved = solve_orbits(problem, start, options, width)
     if not np.isfinite(solved.states).all():
-        return nothing
+        return unchanged
     return Anchor(solved.states[:, 0], np.linalg.pinv(newton.jacobian(solved.states)))
 
 
@@ -206,18 +212,18 @@ def inverse_at(problem: OrbitProblem, states: np.ndarray, width: int = 1) -> np.
     return np.linalg.pinv(newton.jacobian(states[:, None]))
 
 
-def affordable(moves: np.ndarray, states: np.ndarray, largest_steps: np.ndarray) -> np.ndarray:
+def allowed_share(moves: np.ndarray, states: np.ndarray, largest_steps: np.ndarray) -> np.ndarray:
     """Share of a step that moves no state further than is allowed; shape (members,)."""
-    return 1.0 / np.maximum((np.abs(moves) / allowed_moves(states, largest_steps)).max(axis=0), 1.0)
+    return 1.0 / np.maximum((np.abs(moves) / largest_allowed_steps(states, largest_steps)).max(axis=0), 1.0)
 
 
-def _nothing(n: int) -> Orbits:
+def _no_orbit(n: int) -> Orbits:
     return Orbits(
         np.full((n, 1), np.nan), np.array([Status.NOT_CONVERGED]), np.zeros(1, dtype=int),
         np.full(1, np.inf), np.full(1, np.inf),
     )  # fmt: skip
 
 
-def _keep(result: Orbits, trial: Trial) -> None:
+def _store(result: Orbits, trial: Trial) -> None:
     """Keep a member's trial as the best so far."""
     result.states[:], result.residual[:], result.drift[:] = trial.states, trial.change, trial.drift

@@ -1,4 +1,4 @@
-"""How a solve ended: a typed value with a sentence that says what to do."""
+"""How a solve ended: a typed value with a message on what to do."""
 
 from __future__ import annotations
 

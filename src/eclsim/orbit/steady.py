@@ -80,7 +80,7 @@ class Batch:
         """Parameters of one member."""
         return {name: self.value_of(name, which) for name in (HEART_RATE, *self.circuit.parameter_names())}
 
-    def all_of(self, which: int) -> Mapping[str, float]:
+    def all_values_of(self, which: int) -> Mapping[str, float]:
         """All values of one member, also those that its beat does not read."""
         return _Member(self, which)
 
@@ -90,12 +90,12 @@ class Batch:
         return float(value if np.ndim(value) == 0 else np.asarray(value)[which])
 
     def read_by_outputs(self, parameters: Sequence[str], members: np.ndarray) -> dict[str, np.ndarray]:
-        """Those of some parameters that have a value, of some members, each of shape (members,)."""
+        """Values of the parameters among these that have one, for some members, each of shape (members,)."""
         columns = {n: np.asarray(self.values[n], float) for n in parameters if n in self.values}
         return {n: np.full(len(members), v) if v.ndim == 0 else v[members] for n, v in columns.items()}
 
     def numbers_for(self, parameters: Sequence[str], member: int = 0) -> dict[str, float]:
-        """Those of some parameters that have a value, of one member."""
+        """Values of the parameters among these that have one, for one member."""
         return {name: float(v[0]) for name, v in self.read_by_outputs(parameters, np.array([member])).items()}
 
     def volume(self) -> Volume:
@@ -173,7 +173,7 @@ class SolvedOrbits(Orbits):
     adaptive_tolerance: float | None = None
 
     def take(self, members: np.ndarray) -> SolvedOrbits:
-        """Of some of the members."""
+        """The orbits of some of the members."""
         parts = {field.name: getattr(self, field.name)[..., members] for field in fields(Orbits)}
         batch, resolution = self.batch.take(members), self.resolution[members]
         return replace(self, batch=batch, resolution=resolution, **parts)
@@ -196,7 +196,7 @@ class SolvedOrbits(Orbits):
         """A sentence where the grid is too coarse for what oscillates in a member; None where it is fine."""
         if self.status[member] == Status.INVALID_INPUT or self.adaptive_tolerance is not None:
             return None
-        if self._surely_fine[member]:
+        if self._grid_is_fine[member]:
             return None
         if member not in self._grid_warnings:
             values, assembly = self.batch.member(member), assemble(self.batch.circuit)
@@ -208,7 +208,7 @@ class SolvedOrbits(Orbits):
         return {}
 
     @cached_property
-    def _surely_fine(self) -> np.ndarray:
+    def _grid_is_fine(self) -> np.ndarray:
         """Members whose grid is as fine as they need; what needs the finest may need one finer still."""
         needed = self.batch.resolutions()
         return (needed <= self.resolution) & (needed < RESOLUTIONS[-1])
@@ -238,7 +238,7 @@ def solve(
     options, execution = options or OrbitOptions(), execution or Execution()
     width = execution.width_for(batch.count)
     levels = batch.resolutions() if resolution is None else np.full(batch.count, resolution)
-    result = _not_begun(batch)
+    result = _empty_orbits(batch)
     solvable = result.status != Status.INVALID_INPUT
     for level in np.unique(levels[solvable]):
         members = np.flatnonzero(solvable & (levels == level))
@@ -256,7 +256,7 @@ def solve(
     return SolvedOrbits(**vars(result), batch=batch, resolution=levels, width=width)
 
 
-def _not_begun(batch: Batch) -> Orbits:
+def _empty_orbits(batch: Batch) -> Orbits:
     """Orbits to be filled in; members with values that are not allowed are marked."""
     n, count = assemble(batch.circuit).layout.size, batch.count
     packed = batch.packed(beat_program(batch.circuit))

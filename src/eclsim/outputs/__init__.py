@@ -1,1 +1,1 @@
-"""What clinicians read: pressures, flows, volumes, work, limits and alarms of a steady beat, labelled."""
+"""Outputs: pressures, flows, volumes, work, limits and alarms of a steady beat, labelled."""

@@ -1,4 +1,4 @@
-"""What a clinician must know of a steady beat: limits that it breaks, and how its numbers are to be read."""
+"""Alarms of a steady beat: limits that it breaks, and how its numbers are to be read."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["CAUTION", "Finding", "collapsed", "findings", "gravest_first", "impossible"]
 
-NO_PATIENT = "that no patient can have (a chamber without blood, a vein sucked shut)"
-"""What is said of beats that are `collapsed`."""
+IMPOSSIBLE_BEAT = "that no patient can have (a chamber without blood, a vein sucked shut)"
+"""Describes beats that are `collapsed`."""
 KINDS = (*GRAVEST_FIRST, CAUTION)
 THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
@@ -31,9 +31,9 @@ THIN_WALLED = {
 }  # fmt: skip
 _PULMONARY_ARTERY = ("pas", "part")
 _SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
-_PARTED_L_MIN = 0.1
+_SMALLEST_FLOW_DIFFERENCE_L_MIN = 0.1
 _LEFT = "the left ventricle itself ejects {} (LVO)"
-OPEN_ML_S = 30.0
+VALVE_OPEN_ML_S = 30.0
 """Peak flow from which a valve counts as opening although its net flow is that of a closed one."""
 
 
@@ -43,14 +43,15 @@ def findings(
     circuit: Circuit | None = None,
     values: Mapping[str, float] = NO_VALUES,
 ) -> list[Finding]:
-    """What there is to say about a beat, the gravest first.
+    """Findings about a beat, the gravest first.
 
     Args:
         outputs: scalar outputs by name.
         extremes: smallest and largest value of each waveform.
-        circuit: with fixed sites; without it nothing is said that depends on where devices are connected.
-        values: of all parameters; without them nothing is said of assumed ones and of labels, and limits are
-            those of the table whatever the patient's size.
+        circuit: with fixed sites; without it there are no findings that depend on where devices are
+            connected.
+        values: of all parameters; without them there are no findings on assumed ones and on labels, and
+            limits are those of the table whatever the patient's size.
     """
     result = [
         breach(limit, outputs[limit.quantity], entry.long_name, entry.unit)
@@ -61,7 +62,7 @@ def findings(
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
     if circuit is not None:
-        result += _shut_in(outputs, circuit)
+        result += _sealed_parts(outputs, circuit)
         for names in _devices_of(circuit):
             result += names.device.findings(names, outputs, circuit, values)
         result += assumptions(outputs, circuit, values)
@@ -69,17 +70,17 @@ def findings(
 
 
 def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
-    """The same in the order in which it is said."""
+    """The same, the gravest first."""
     return sorted(findings, key=lambda finding: KINDS.index(finding.kind))
 
 
-def sentences(found: Iterable[Finding]) -> list[str]:
-    """What findings say, as `warnings` of results have it."""
-    return [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in found]
+def sentences(findings: Iterable[Finding]) -> list[str]:
+    """Sentences of findings, as in the `warnings` of results."""
+    return [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in findings]
 
 
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
-    """Those of some waveforms whose extremes say whether a chamber is empty or a vessel sucked shut."""
+    """The waveforms whose extremes show whether a chamber is empty or a vessel sucked shut."""
     places = {*THIN_WALLED, *CHAMBERS}
     return tuple(name for name in signals if name[0] in "PV" and name[1:] in places)
 
@@ -134,7 +135,7 @@ def impossible(findings: Collection[Finding]) -> bool:
 
 
 def breach(limit: Limit, value: float, long_name: str, unit: str) -> Finding:
-    """What is said of a limit that a value breaks.
+    """The finding for a limit that a value breaks.
 
     Args:
         limit: the limit.
@@ -203,7 +204,7 @@ def _drained(circuit: Circuit) -> dict[str, str]:
 
 def stays_closed(aortic: float, peak: float = 0.0) -> bool:
     """Whether an aortic valve never opens in a beat: by its mean flow [L/min] and its largest [mL/s]."""
-    return abs(aortic) < CLOSED_L_MIN and peak < OPEN_ML_S
+    return abs(aortic) < CLOSED_L_MIN and peak < VALVE_OPEN_ML_S
 
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
@@ -213,7 +214,11 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
         return []
     carried, peak = sum(pumps.values()), outputs.get("peak_aortic_valve_flow", 0.0)
     text = f"aortic valve flow {round(aortic, 3) + 0.0:.3f} L/min: "
-    opens = f"the valve opens (peak flow {peak:.0f} mL/s)" if peak >= OPEN_ML_S else "the valve stays closed"
+    opens = (
+        f"the valve opens (peak flow {peak:.0f} mL/s)"
+        if peak >= VALVE_OPEN_ML_S
+        else "the valve stays closed"
+    )
     if aortic <= -CLOSED_L_MIN:
         text += f"{opens} and leaks {-aortic:.2f} L/min more than it lets through"
         if carried >= CLOSED_L_MIN:
@@ -221,7 +226,7 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
             share = f"{left:.2f}" if left > 0.0 else "nothing"
             text += f": of the {carried:.2f} L/min of the {' and the '.join(pumps)} the organs get {share}"
         return [Finding("alarm", "aortic_valve_flow", aortic, -CLOSED_L_MIN, text, concerns=("LVO",))]
-    if peak >= OPEN_ML_S:
+    if peak >= VALVE_OPEN_ML_S:
         text += f"{opens}, and as much as it lets through leaks back"
     elif carried >= CLOSED_L_MIN:
         text += (
@@ -245,13 +250,15 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         "the lungs get {}": outputs.get("pulmonary_flow", lungs),
     }
     apart = {
-        text: flow for text, flow in others.items() if abs(lungs - flow) > _PARTED_L_MIN + 0.05 * abs(lungs)
+        text: flow
+        for text, flow in others.items()
+        if abs(lungs - flow) > _SMALLEST_FLOW_DIFFERENCE_L_MIN + 0.05 * abs(lungs)
     }
     if not apart:
         return []
     place = "lungs"
     if "the lungs get {}" in apart:
-        place = f"pulmonary artery before the {_returned_there(circuit)}return"
+        place = f"pulmonary artery before the {_device_returning_to_pulmonary_artery(circuit)}return"
     messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
     if (organs := organ_flow(outputs)) is not None:
         messages.append(f"the organs get {organs:.2f} L/min")
@@ -259,14 +266,14 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     return [Finding(CAUTION, "CO", lungs, next(iter(apart.values())), text, concerns=("CO", "LVO"))]
 
 
-def _returned_there(circuit: Circuit | None) -> str:
+def _device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
     """What the device is called that returns blood to the pulmonary artery."""
     paths = () if circuit is None else circuit.connections
     result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
     return next((f"{names.label} " for names in result if names), "")
 
 
-def _shut_in(outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+def _sealed_parts(outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """Numbers of a beat that repeats with other volumes just as well."""
     result = sealed(outputs, circuit)
     if result is None:

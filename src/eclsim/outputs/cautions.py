@@ -10,22 +10,22 @@ from eclsim.devices.description import CAUTION, Finding
 from eclsim.parameters import regulation as keys
 
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
-FILLED_MMHG = 12.0
+CONGESTION_MMHG = 12.0
 """Wedge pressure below which a heart is not filled as those were to which these drugs were fitted."""
 SEPTIC_DYN, NOT_SEPTIC_DYN = 644.0, 700.0
 """Systemic resistance [dyn s/cm5] of the patients vasopressin was fitted to, and clearly more."""
 _DYN = 80.0
 """dyn s/cm5 in a mmHg min/L."""
-ADDED = 0.3
+LARGEST_COMBINED_LOGARITHM = 0.3
 """Logarithm by which several drugs change a factor beyond the one that changes it most."""
 BLOOD_PH = (6.8, 7.7)
 """pH between which the curves of blood were fitted, about."""
-FAR_MMHG, STUDIED_MMHG = 10.0, 25.0
+WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
 """PaCO2 above the set point from which the published answer to it has the wrong sign, and from which the one
 measured in patients, up to 19 mmHg, is extrapolated."""
 STANDING_L_MIN = 1e-3
 """Mean flow below which blood stands still: its gases are then those of no blood that anybody could draw."""
-_INSTEAD = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
+_ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
 class _Effect(NamedTuple):
@@ -39,19 +39,24 @@ _MULTIPLIED = (_Effect(0, "contractility"), _Effect(1, "systemic resistance"))
 
 
 def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """What there is to say about reflexes, drugs and the laws of blood.
+    """Cautions about reflexes, drugs and the laws of blood.
 
     Args:
         outputs: scalar outputs by name.
         values: of all parameters.
     """
-    felt = {
+    doses = {
         drug: given * values.get(keys.sensitivity(drug), 1.0)
         for drug in keys.DRUG_DOSES
         if (given := values.get(keys.dose(drug), 0.0)) > 0.0
     }
-    found = _emptied(outputs, felt) + _not_septic(outputs, felt) + _beyond(felt) + _together(felt)
-    return found + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
+    result = (
+        _venodilators_without_congestion(outputs, doses)
+        + _vasopressin_without_sepsis(outputs, doses)
+        + _extrapolated_doses(doses)
+        + _combined_effects(doses)
+    )
+    return result + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
 def organ_flow(outputs: Mapping[str, float]) -> float | None:
@@ -60,32 +65,34 @@ def organ_flow(outputs: Mapping[str, float]) -> float | None:
     return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
 
 
-def _about(quantity: str, value: float, text: str, *concerns: str) -> Finding:
+def _caution(quantity: str, value: float, text: str, *concerns: str) -> Finding:
     return Finding(CAUTION, quantity, value, float("nan"), text, concerns=concerns)
 
 
-def _emptied(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Finding]:
+def _venodilators_without_congestion(
+    outputs: Mapping[str, float], doses: Mapping[str, float]
+) -> list[Finding]:
     """Drugs whose effect on veins was measured in congested patients, given to one who is not."""
-    given = [drug for drug in VENODILATORS if drug in felt]
+    given = [drug for drug in VENODILATORS if drug in doses]
     wedge = outputs.get("PCWP")
-    if not given or wedge is None or not wedge < FILLED_MMHG:
+    if not given or wedge is None or not wedge < CONGESTION_MMHG:
         return []
     text = (
         f"{' and '.join(given)}: fitted to failing hearts with a wedge pressure above 20 mmHg; here it is "
         f"{wedge:.0f} mmHg, and blood that pools in dilated veins empties the heart: pressures and outputs "
         "are probably too low, and may fall although they rise in patients"
     )
-    return [_about("PCWP", wedge, text, "CO", "MAP")]
+    return [_caution("PCWP", wedge, text, "CO", "MAP")]
 
 
-def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Finding]:
+def _vasopressin_without_sepsis(outputs: Mapping[str, float], doses: Mapping[str, float]) -> list[Finding]:
     """Vasopressin in a patient whose vessels have not lost their tone."""
     names = ("MAP", "right_atrial_pressure")
     flow = organ_flow(outputs) or outputs.get("CO", 0.0)
-    if "vasopressin" not in felt or not set(names) <= outputs.keys() or not flow > 0.0:
+    if "vasopressin" not in doses or not set(names) <= outputs.keys() or not flow > 0.0:
         return []
     pressure = outputs["MAP"] - outputs["right_atrial_pressure"]
-    without = _DYN * pressure / flow / math.exp(_logarithms("vasopressin", felt["vasopressin"])[1])
+    without = _DYN * pressure / flow / math.exp(_logarithms("vasopressin", doses["vasopressin"])[1])
     if not without > NOT_SEPTIC_DYN:
         return []
     text = (
@@ -93,46 +100,46 @@ def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list
         f"drug, here {without:.0f}; it hardly raises the pressure of people who are not septic (Landry "
         "1997): the rise is probably too large"
     )
-    return [_about("systemic_resistance_factor", without, text, "MAP")]
+    return [_caution("systemic_resistance_factor", without, text, "MAP")]
 
 
-def _beyond(felt: Mapping[str, float]) -> list[Finding]:
-    """Doses that a patient feels as more than what was studied."""
+def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
+    """Doses whose effect, with the patient's sensitivity, is beyond what was studied."""
     result = []
-    for drug, dose in felt.items():
+    for drug, dose in doses.items():
         usual, unit = keys.DRUG_DOSES[drug].usual, keys.DRUG_DOSES[drug].unit
         if dose > usual:
             text = (
                 f"{drug}: dose times sensitivity is {dose:.3g} {unit}, above the usual {usual:g}: "
                 "its effect is extrapolated"
             )
-            result.append(_about(keys.dose(drug), dose, text, "MAP", "CO"))
+            result.append(_caution(keys.dose(drug), dose, text, "MAP", "CO"))
     return result
 
 
-def _together(felt: Mapping[str, float]) -> list[Finding]:
+def _combined_effects(doses: Mapping[str, float]) -> list[Finding]:
     """Drugs whose factors multiply to more than any pair that was studied."""
-    if len(felt) < 2:
+    if len(doses) < 2:
         return []
-    effects = [_logarithms(drug, dose) for drug, dose in felt.items()]
+    effects = [_logarithms(drug, dose) for drug, dose in doses.items()]
     parts = []
     for place, name in _MULTIPLIED:
         changes = [one[place] for one in effects]
         rises, falls = (sorted(abs(c) for c in changes if sign * c > 0.0) for sign in (1.0, -1.0))
-        if any(sum(side[:-1]) > ADDED for side in (rises, falls)):
+        if any(sum(side[:-1]) > LARGEST_COMBINED_LOGARITHM for side in (rises, falls)):
             parts.append(f"{name} x {math.exp(sum(changes)):.2g}")
     if not parts:
         return []
     text = (
-        f"{', '.join(felt)} together ({', '.join(parts)}): their factors are multiplied. This was compared "
+        f"{', '.join(doses)} together ({', '.join(parts)}): their factors are multiplied. This was compared "
         "with patients for one pair only, dobutamine and milrinone, whose effect was smaller: read it as an "
         "upper limit"
     )
-    return [_about("contractility_lv_factor", float("nan"), text, "MAP", "CO")]
+    return [_caution("contractility_lv_factor", float("nan"), text, "MAP", "CO")]
 
 
 def _logarithms(drug: str, dose: float) -> list[float]:
-    """Effects of a drug at a dose as it is felt, in the order of `eclsim.drugs.law.Effects`."""
+    """Effects of a drug at a dose times sensitivity, in the order of `eclsim.drugs.law.Effects`."""
     from eclsim.drugs.published import PUBLISHED
 
     published = PUBLISHED[drug]
@@ -143,7 +150,7 @@ def _logarithms(drug: str, dose: float) -> list[float]:
 def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
     """Nerves and organs that answer to a carbon dioxide far above the set point."""
     pressure, rest = outputs.get("PaCO2"), values.get(keys.PACO2_SET_POINT)
-    if pressure is None or rest is None or not pressure > rest + FAR_MMHG:
+    if pressure is None or rest is None or not pressure > rest + WRONG_SIGN_MMHG:
         return []
     measured = values.get(keys.CARBON_DIOXIDE, 0.0)
     published = [key for key in (keys.CHEMOREFLEX, keys.DILATION) if values.get(key, 0.0) > 0.0]
@@ -152,11 +159,11 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
         text += (
             "with the chemoreflex cardiac output and pulmonary pressure fall and resistance rises, whereas "
             "in healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen "
-            f"and Eger 1974, Kiely 1996){_INSTEAD}"
+            f"and Eger 1974, Kiely 1996){_ALTERNATIVE}"
         )
     elif measured < 1.0 and published:
         text += "the organs' response was published for small changes and not compared with people"
-        text += _INSTEAD
+        text += _ALTERNATIVE
     elif measured > 0.0:
         others = ()
         text += (
@@ -164,13 +171,13 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
             "unchanged in the patients with this measured resistance (Thorens 1996) and rises in healthy "
             "people (Kiely 1996): it is probably too low"
         )
-        if pressure > rest + STUDIED_MMHG:
+        if pressure > rest + LARGEST_STUDIED_MMHG:
             text += "; the response was measured up to 19 mmHg above, and is extrapolated"
             others = ("CO", "MPAP", "heart_rate")
-        return [_about("MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
+        return [_caution("MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
     else:
         return []
-    return [_about("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
+    return [_caution("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
 
 
 def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
@@ -182,7 +189,7 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
         f"pH {ph:.2f} of the arterial blood is outside of {low:g} to {high:g}, for which the laws of its "
         "gases were fitted: saturations and carbon dioxide are extrapolated"
     )
-    return [_about("pHa", ph, text, "SaO2", "PaCO2")]
+    return [_caution("pHa", ph, text, "SaO2", "PaCO2")]
 
 
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
@@ -194,4 +201,4 @@ def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
         "no blood flows through the lungs: that in the pulmonary artery stands still, and its gases are not "
         "those of mixed venous blood; read the saturation of the drained or venous blood instead"
     )
-    return [_about("SvO2", saturation, text, "SvO2", "PvO2")]
+    return [_caution("SvO2", saturation, text, "SvO2", "PvO2")]

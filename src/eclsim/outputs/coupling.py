@@ -39,11 +39,11 @@ def solved_for(circuit: Circuit) -> tuple[str, ...]:
 
 
 def open_parameters(batch: Batch) -> tuple[str, ...]:
-    """Those that are to be solved for: NaN in some member."""
+    """Parameters that are to be solved for: NaN in some member."""
     return tuple(name for name in solved_for(batch.circuit) if np.isnan(batch.values[name]).any())
 
 
-def with_neutral(values: Start) -> Start:
+def with_resting_values(values: Start) -> Start:
     """Values at which a search may begin: what is to be solved for as in a patient at rest."""
     if values is None or isinstance(values, Anchor):
         return values
@@ -66,7 +66,7 @@ class Measured(Protocol):
 
 @dataclass(frozen=True)
 class CoupledAnchor(Anchor):
-    """Where a search starts for each patient, what is solved for with the gases included.
+    """Start of a search for each patient, parameters solved for with the gases included.
 
     Args:
         names: of the parameters that are solved for.
@@ -125,14 +125,14 @@ def settle(
     search = _Search(batch, names, measure, options, start, place)
     enough = max(ACCURACY * options.error_tolerance, SMALLEST)
     for _ in range(ITERATIONS):
-        open_ = np.isfinite(search.missing).all(axis=0) & ~_settled(search.missing, enough)
+        open_ = np.isfinite(search.residual).all(axis=0) & ~_settled(search.residual, enough)
         members = np.flatnonzero(open_)
         if not len(members):
             break
-        newton = -np.einsum("mij,jm->im", response[members], search.missing[:, members])
+        newton = -np.einsum("mij,jm->im", response[members], search.residual[:, members])
         step, change = search.move(members, np.clip(newton, -LARGEST_STEP, LARGEST_STEP))
-        _learn(response, members, step, change)
-    return Coupled(search.solved(), _settled(search.missing, enough), response, search.beat)
+        _broyden_update(response, members, step, change)
+    return Coupled(search.solved(), _settled(search.residual, enough), response, search.beat)
 
 
 class _Search(Generic[Beat]):
@@ -143,7 +143,7 @@ class _Search(Generic[Beat]):
         place: logarithms of the parameters, shape (parameters, members).
 
     Attributes:
-        missing: log o(p) - log p, shape (parameters, members).
+        residual: log o(p) - log p, shape (parameters, members).
         orbits: the last ones.
         beat: of the last round, if all members were in it; else None.
     """
@@ -159,7 +159,7 @@ class _Search(Generic[Beat]):
     ):
         self.batch, self.names, self.measure = batch, names, measure
         self.options, self.start, self.place = options, start, place
-        beat, self.missing = self._missing_at(self._batch_at(place), start)
+        beat, self.residual = self._residual_at(self._batch_at(place), start)
         self.beat: Beat | None = beat
         self.orbits = replace(beat.orbits, resolution=np.array(beat.orbits.resolution))
         self._open = np.arange(0)
@@ -169,18 +169,18 @@ class _Search(Generic[Beat]):
         """Move some members by a step, halved where it ends without a steady beat or gas state.
 
         Returns:
-            The steps made, and how they changed what was missing; both (parameters, members).
+            The steps made, and how they changed the residual; both (parameters, members).
         """
         step, change = step.copy(), np.full_like(step, np.nan)
-        place, missing, begin = self.place[:, members], self.missing[:, members], self._begin(members)
+        place, residual, begin = self.place[:, members], self.residual[:, members], self._begin(members)
         trying = np.arange(len(members))
         for _ in range(1 + HALVINGS):
-            who = members[trying]
-            batch = self._batch_at(place[:, trying] + step[:, trying], who)
-            beat, after = self._missing_at(batch, begin.take(trying))
-            self.beat = beat if len(who) == self.batch.count else None
-            self._put(who, beat.orbits, place[:, trying] + step[:, trying], after)
-            change[:, trying] = after - missing[:, trying]
+            tried = members[trying]
+            batch = self._batch_at(place[:, trying] + step[:, trying], tried)
+            beat, after = self._residual_at(batch, begin.take(trying))
+            self.beat = beat if len(tried) == self.batch.count else None
+            self._store(tried, beat.orbits, place[:, trying] + step[:, trying], after)
+            change[:, trying] = after - residual[:, trying]
             trying = trying[~np.isfinite(after).all(axis=0)]
             if not len(trying):
                 break
@@ -196,14 +196,14 @@ class _Search(Generic[Beat]):
         part = self.batch if members is None else self.batch.take(members)
         return replace(part, values={**part.values, **dict(zip(self.names, np.exp(place), strict=True))})
 
-    def _missing_at(self, batch: Batch, start: Start) -> tuple[Beat, np.ndarray]:
+    def _residual_at(self, batch: Batch, start: Start) -> tuple[Beat, np.ndarray]:
         place = np.log(np.array([batch.values[name] for name in self.names]))
         beat = self.measure(batch, start)
         with np.errstate(invalid="ignore", divide="ignore"):
             return beat, np.log([beat.output(SOLVED_BY[name]) for name in self.names]) - place
 
     def _begin(self, members: np.ndarray) -> Anchor:
-        """Where the next searches of some members begin: at their last beats."""
+        """Starts of the next searches of some members: their last beats."""
         states = self.orbits.states[:, members]
         if isinstance(self.start, Anchor):
             given = self.start.take(members).inverse
@@ -213,19 +213,21 @@ class _Search(Generic[Beat]):
             self._open, self._inverses = members, inverses_near(near, self.start, self.options)
         return Anchor(states, self._inverses[..., np.searchsorted(self._open, members)])
 
-    def _put(self, members: np.ndarray, orbits: SolvedOrbits, place: np.ndarray, missing: np.ndarray) -> None:
+    def _store(
+        self, members: np.ndarray, orbits: SolvedOrbits, place: np.ndarray, residual: np.ndarray
+    ) -> None:
         beats = self.orbits.beats[members] + orbits.beats
         self.orbits.put(members, orbits)
         self.orbits.beats[members], self.orbits.resolution[members] = beats, orbits.resolution
-        self.place[:, members], self.missing[:, members] = place, missing
+        self.place[:, members], self.residual[:, members] = place, residual
 
 
-def _settled(missing: np.ndarray, enough: float) -> np.ndarray:
+def _settled(residual: np.ndarray, enough: float) -> np.ndarray:
     """Which members miss next to nothing."""
-    return np.abs(np.where(np.isfinite(missing), missing, np.inf)).max(axis=0) <= enough
+    return np.abs(np.where(np.isfinite(residual), residual, np.inf)).max(axis=0) <= enough
 
 
-def _learn(inverse: np.ndarray, members: np.ndarray, step: np.ndarray, change: np.ndarray) -> None:
+def _broyden_update(inverse: np.ndarray, members: np.ndarray, step: np.ndarray, change: np.ndarray) -> None:
     """Broyden's update of some members' inverse Jacobians, from changes that are finite."""
     for k, m in enumerate(members):
         h, s, y = inverse[m], step[:, k], change[:, k]
@@ -234,7 +236,7 @@ def _learn(inverse: np.ndarray, members: np.ndarray, step: np.ndarray, change: n
             inverse[m] = h + np.outer(s - h @ y, s @ h) / divisor
 
 
-def total(linear: Linearisation, outputs: int, parameters: int) -> Linearisation:
+def total_derivatives(linear: Linearisation, outputs: int, parameters: int) -> Linearisation:
     """Derivatives with what is solved for following along.
 
     Args:

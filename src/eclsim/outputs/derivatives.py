@@ -25,18 +25,18 @@ from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
 from eclsim.outputs.measures import Measures, Points, jacobian, single, whole_beat
-from eclsim.outputs.registry import all_outputs, contract, output
+from eclsim.outputs.registry import all_outputs, leading_outputs, output
 from eclsim.outputs.signals import needed_signals, output_names
 from eclsim.units import ML_S_PER_L_MIN
 
-WATCHED = ("CVP", "venous_pressure")
+FURTHER_USUAL_OUTPUTS = ("CVP", "venous_pressure")
 """Outputs that limits and searches ask for besides those that every result leads with."""
-Sum = tuple[str, int]
+WeightedSum = tuple[str, int]
 """A weighted sum that a measure depends on: its signal and its number."""
 
 
-class Result(NamedTuple):
-    """What a law gave, which a measure depends on: the number of the law's application, and its place."""
+class LawResult(NamedTuple):
+    """A result of a law that a measure depends on: the number of the law's application, and its place."""
 
     call: int
     place: int
@@ -54,7 +54,7 @@ class Dual:
     value: float
     slopes: Mapping[Hashable, float] = field(default_factory=dict)
 
-    def _joined(self, other: Dual, left: float, right: float, value: float) -> Dual:
+    def _combined(self, other: Dual, left: float, right: float, value: float) -> Dual:
         slopes = {k: left * v for k, v in self.slopes.items()}
         for k, v in other.slopes.items():
             slopes[k] = slopes.get(k, 0.0) + right * v
@@ -62,7 +62,7 @@ class Dual:
 
     def __add__(self, other: Dual | float) -> Dual:
         o = _dual(other)
-        return self._joined(o, 1.0, 1.0, self.value + o.value)
+        return self._combined(o, 1.0, 1.0, self.value + o.value)
 
     __radd__ = __add__
 
@@ -77,19 +77,19 @@ class Dual:
 
     def __mul__(self, other: Dual | float) -> Dual:
         o = _dual(other)
-        return self._joined(o, o.value, self.value, self.value * o.value)
+        return self._combined(o, o.value, self.value, self.value * o.value)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Dual | float) -> Dual:
         o = _dual(other)
-        return self._joined(o, 1.0 / o.value, -self.value / o.value**2, self.value / o.value)
+        return self._combined(o, 1.0 / o.value, -self.value / o.value**2, self.value / o.value)
 
     def __rtruediv__(self, other: Dual | float) -> Dual:
         return _dual(other) / self
 
     def __pow__(self, power: int) -> Dual:
-        return self._joined(Dual(0.0), power * self.value ** (power - 1), 0.0, self.value**power)
+        return self._combined(Dual(0.0), power * self.value ** (power - 1), 0.0, self.value**power)
 
 
 def _dual(x: Dual | float) -> Dual:
@@ -111,7 +111,7 @@ class LinearMeasures(Measures):
         parameters: Mapping[str, float] | None = None,
     ):
         super().__init__(waveforms, phases, circuit, parameters)
-        self.sums: dict[Sum, np.ndarray] = {}
+        self.sums: dict[WeightedSum, np.ndarray] = {}
         self.applied: list[tuple[list[Dual], np.ndarray]] = []
 
     def parameter(self, name: str) -> Dual:
@@ -123,18 +123,18 @@ class LinearMeasures(Measures):
         function: Law,
         numbers: Sequence[Dual | float],
         key: Key | None = None,
-        again: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
+        without_search: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
     ) -> Sequence[Dual]:
         """A function of some numbers; its results depend on themselves (see `slopes`)."""
         duals = [_dual(number) for number in numbers]
         at = np.array([number.value for number in duals])
-        if again is None:
+        if without_search is None:
             table = np.asarray(jacobian(function, key)(at))
         else:
-            table = np.asarray(jacobian(again, key)(at, single(function, key)(at)))
+            table = np.asarray(jacobian(without_search, key)(at, single(function, key)(at)))
         self.applied.append((duals, table[:, 1:]))
         call = len(self.applied) - 1
-        return [Dual(value, {Result(call, k): 1.0}) for k, value in enumerate(table[:, 0].tolist())]
+        return [Dual(value, {LawResult(call, k): 1.0}) for k, value in enumerate(table[:, 0].tolist())]
 
     def slopes(self, numbers: Sequence[Dual], quantities: Sequence[Hashable]) -> np.ndarray:
         """Derivatives of measures by sums and parameters, shape (measures, quantities), by the chain rule."""
@@ -145,7 +145,7 @@ class LinearMeasures(Measures):
             table = np.zeros((len(numbers), len(column)))
             for row, number in zip(table, numbers, strict=True):
                 for key, slope in number.slopes.items():
-                    if isinstance(key, Result):
+                    if isinstance(key, LawResult):
                         row += slope * of_results[key.call][key.place]
                     elif key in column:
                         row[column[key]] += slope
@@ -234,11 +234,11 @@ def linearise(
     weights = np.array([measures.sums[key] for key in keys]).reshape(len(keys), -1)
     weights[:, -1] += weights[:, 0]
     usual = usual_sums(program.assembly.circuit)
-    summed, found = _rounded_up(tuple(name for name, _ in keys), usual)
-    places = list(found)
-    wide = np.zeros((program.grid.n_steps, len(summed)))
+    summed_signals, positions = _smallest_usual_list(tuple(name for name, _ in keys), usual)
+    places = list(positions)
+    wide = np.zeros((program.grid.n_steps, len(summed_signals)))
     wide[:, places] = weights[:, 1:].T
-    orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, wide)
+    orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed_signals, wide)
     orbit = replace(orbit, sums=orbit.sums[places], sums_of_states=orbit.sums_of_states[places])
     table = measures.slopes(result, [*keys, *parameters])
     slopes, direct = np.ascontiguousarray(table[:, : len(keys)]), table[:, len(keys) :]
@@ -249,7 +249,7 @@ def linearise(
 
 
 @lru_cache(maxsize=256)
-def _rounded_up(
+def _smallest_usual_list(
     sums: tuple[str, ...], usual: tuple[tuple[str, ...], ...]
 ) -> tuple[tuple[str, ...], tuple[int, ...]]:
     """Signals of the smallest usual list of sums that holds some sums, and where these stand in it.
@@ -269,8 +269,8 @@ def _rounded_up(
 def usual_sums(circuit: Circuit) -> tuple[tuple[str, ...], ...]:
     """Signals of the weighted sums that usual questions about a circuit need, sorted, shortest list first.
 
-    Outputs that every result leads with, those of devices and `WATCHED`; with these the flows that carry
-    gases; all outputs and these flows.
+    Outputs that every result leads with, those of devices and `FURTHER_USUAL_OUTPUTS`; with these the flows
+    that carry gases; all outputs and these flows.
     """
     return _usual_sums(circuit, registered())
 
@@ -278,7 +278,7 @@ def usual_sums(circuit: Circuit) -> tuple[tuple[str, ...], ...]:
 @lru_cache(maxsize=64)
 def _usual_sums(circuit: Circuit, among: tuple[object, ...]) -> tuple[tuple[str, ...], ...]:
     plain = [name for name in output_names(circuit) if _reads_waveforms_alone(name)]
-    others = {*all_outputs(())} - {*(entry.name for entry in contract(())), *WATCHED}
+    others = {*all_outputs(())} - {*(entry.name for entry in leading_outputs(())), *FURTHER_USUAL_OUTPUTS}
     first = _sums_of([name for name in plain if name not in others], circuit)
     flows = ["Q" + connection.name for connection in circuit.connections]
     carried = [flow + MEAN if has_mean(circuit, flow) else flow for flow in flows]
@@ -292,7 +292,7 @@ def _reads_waveforms_alone(name: str) -> bool:
 
 
 def _sums_of(outputs: Sequence[str], circuit: Circuit) -> list[str]:
-    """Signals of the weighted sums that outputs are made of, found on made-up waveforms."""
+    """Signals of the weighted sums that outputs are made of, from made-up waveforms."""
     phases = np.linspace(0.0, 1.0, 6)
     signals = needed_signals(circuit, outputs)
     waveforms = {name: 2.0 + k + np.sin(7.0 * phases + k) for k, name in enumerate(signals)}

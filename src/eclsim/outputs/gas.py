@@ -53,7 +53,7 @@ def _total(name: str, label: str, unit: str, definition: str, gas: str, law: str
 
 
 def _tissue(suffix: str, at: str, label: str) -> tuple[Output, Output]:
-    """What is known of a tissue that stores carbon dioxide."""
+    """Quantities of a tissue that stores carbon dioxide."""
     tissue = f"{suffix}_tissue".lstrip("_")
     known = (GASES, f"{SOLUTES}.{tissue}_pco2_mmHg", "gas.respiratory_quotient")
     end = f"_{suffix}" if suffix else ""

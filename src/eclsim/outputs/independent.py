@@ -9,7 +9,7 @@ from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import all_signals, with_rates
 from eclsim.gas.network import STATUS
-from eclsim.orbit.independent import AdaptiveBeats, AdaptiveOptions, Waited
+from eclsim.orbit.independent import AdaptiveBeats, AdaptiveOptions, WaitingResult
 from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.model import Model
 from eclsim.orbit.status import Status
@@ -17,10 +17,10 @@ from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import labelled
-from eclsim.outputs.signals import needed_parameters, of_gases, output_names
-from eclsim.outputs.steady_beat import Waveforms, judged, statistics_of
+from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, output_names
+from eclsim.outputs.steady_beat import Waveforms, statistics_of, with_status
 
-RECORDED = PhaseGrid(4)
+RECORDING_GRID = PhaseGrid(4)
 """Grid of the recorded beat: fine enough that reading off extremes and means adds nothing to the error."""
 
 
@@ -40,33 +40,35 @@ def simulate_adaptive(
     batch, beats = Batch.of(model, policy), AdaptiveBeats(model, options)
     batch.volume()  # refuses an unknown policy
     refused = bool(allowed_values(model.circuit).refused(batch.packed(beat_program(model.circuit))).any())
-    nothing = Waited(np.full(len(start_state(model)), np.nan), 0, np.inf, np.inf, False)
-    waited = nothing if refused else beats.wait(batch.policy)
+    nothing = WaitingResult(np.full(len(start_state(model)), np.nan), 0, np.inf, np.inf, False)
+    waiting_result = nothing if refused else beats.wait(batch.policy)
     plain = all_signals(beats.program.explicit.assembly)
-    _, recorded = beats.record(waited.state, RECORDED.phases, with_rates(model.circuit, plain))
+    _, recorded = beats.record(waiting_result.state, RECORDING_GRID.phases, with_rates(model.circuit, plain))
     names = with_rates(model.circuit, plain)
     known = output_names(model.circuit)
     parameters = batch.read_by_outputs(needed_parameters(model.circuit, known), np.array([0]))
     waves = {n: recorded[:, [k]] for k, n in enumerate(names)}
-    measures = Measures(waves, RECORDED.phases, model.circuit, parameters)
+    measures = Measures(waves, RECORDING_GRID.phases, model.circuit, parameters)
     outputs = {n: output(n).compute(measures) for n in known}
-    with_gas = bool(of_gases(model.circuit, known))
+    with_gas = bool(gas_dependent_outputs(model.circuit, known))
     gas_status = np.asarray(measures.gas(*STATUS) if with_gas else [0], dtype=int)
     series = recorded[:, [names.index(n) for n in plain]]
-    beat = judged(
-        _orbits(batch, waited, refused, beats.options.tolerance), tuple(outputs), outputs, plain,
-        statistics_of(measures, plain, series[..., None]), {0: Waveforms(RECORDED.phases, series)},
+    beat = with_status(
+        _orbits(batch, waiting_result, refused, beats.options.tolerance), tuple(outputs), outputs, plain,
+        statistics_of(measures, plain, series[..., None]), {0: Waveforms(RECORDING_GRID.phases, series)},
         gas_status,
     )  # fmt: skip
     return labelled(beat, 0, model.name, model.doubts)
 
 
-def _orbits(batch: Batch, waited: Waited, refused: bool, tolerance: float) -> SolvedOrbits:
+def _orbits(batch: Batch, waiting_result: WaitingResult, refused: bool, tolerance: float) -> SolvedOrbits:
     """The end of waiting in the form of a search's."""
-    finite = np.isfinite(waited.change)
-    status = Status.CONVERGED if waited.steady else Status.NOT_CONVERGED if finite else Status.NOT_FINITE
+    finite = np.isfinite(waiting_result.change)
+    status = (
+        Status.CONVERGED if waiting_result.steady else Status.NOT_CONVERGED if finite else Status.NOT_FINITE
+    )
     return SolvedOrbits(
-        waited.state[:, None], np.array([Status.INVALID_INPUT if refused else status]),
-        np.array([waited.beats]), np.array([waited.change]), np.array([waited.drift]),
-        batch=batch, resolution=np.array([RECORDED.resolution]), width=1, adaptive_tolerance=tolerance,
+        waiting_result.state[:, None], np.array([Status.INVALID_INPUT if refused else status]),
+        np.array([waiting_result.beats]), np.array([waiting_result.change]), np.array([waiting_result.drift]),
+        batch=batch, resolution=np.array([RECORDING_GRID.resolution]), width=1, adaptive_tolerance=tolerance,
     )  # fmt: skip

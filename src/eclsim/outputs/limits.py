@@ -32,7 +32,7 @@ _HYPERCAPNIA = "hypercapnia: raise the ventilation, with ECMO the sweep"
 _FORRESTER = "Forrester et al. 1976"
 _ACIDOSIS = "acidaemia: heart and vessels answer less to drugs; treat its cause"
 _ALKALOSIS = "alkalaemia: less ventilation, sweep or bicarbonate"
-_OWN = "a convention of this project"
+_CONVENTION = "a convention of this project"
 _RANUCCI = "280 mL/min/m2 (Ranucci et al. 2005)"
 _RONCO = "4.5 mL/min/kg (Ronco et al. 1993)"
 _HIGH_VENOUS = "congestion of liver and kidneys"
@@ -51,25 +51,25 @@ _PATIENT = (
         "usual minimum on veno-arterial support", unassisted=True,
     ),
     Limit("right_atrial_pressure", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
-    Limit("right_atrial_pressure", "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
+    Limit("right_atrial_pressure", "alarm", "above", 20.0, _HIGH_VENOUS, _CONVENTION),
     *(
         limit
         for name in ("venous_pressure", *_CAVAL)
         for limit in (
             Limit(name, "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
-            Limit(name, "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
+            Limit(name, "alarm", "above", 20.0, _HIGH_VENOUS, _CONVENTION),
         )
     ),
     *(
         limit
         for name in _FILLINGS
         for limit in (
-            Limit(name, "warning", "below", 40.0, "the vein buckles: suction is near", _OWN),
-            Limit(name, "alarm", "below", 20.0, _SUCTION, _OWN),
+            Limit(name, "warning", "below", 40.0, "the vein buckles: suction is near", _CONVENTION),
+            Limit(name, "alarm", "below", 20.0, _SUCTION, _CONVENTION),
         )
     ),
     Limit("MPAP", "warning", "above", 20.0, "pulmonary hypertension", "ESC/ERS 2022"),
-    Limit("MPAP", "alarm", "above", 40.0, "severe pulmonary hypertension", _OWN),
+    Limit("MPAP", "alarm", "above", 40.0, "severe pulmonary hypertension", _CONVENTION),
     *(
         limit
         for name in ("PCWP", "left_atrial_pressure")
@@ -98,18 +98,18 @@ _PATIENT = (
         limit
         for name in ("PaCO2", "PaCO2_lower")
         for limit in (
-            Limit(name, "warning", "above", 60.0, _HYPERCAPNIA, _OWN),
-            Limit(name, "alarm", "above", 80.0, f"severe {_HYPERCAPNIA}", _OWN),
+            Limit(name, "warning", "above", 60.0, _HYPERCAPNIA, _CONVENTION),
+            Limit(name, "alarm", "above", 80.0, f"severe {_HYPERCAPNIA}", _CONVENTION),
         )
     ),
     Limit(
         "PaCO2", "warning", "below", 30.0,
-        "the brain's vessels constrict: lower the ventilation, with ECMO the sweep", _OWN,
+        "the brain's vessels constrict: lower the ventilation, with ECMO the sweep", _CONVENTION,
     ),
-    Limit("pHa", "warning", "below", 7.2, _ACIDOSIS, _OWN),
-    Limit("pHa", "alarm", "below", 7.0, _ACIDOSIS, _OWN),
-    Limit("pHa", "warning", "above", 7.55, _ALKALOSIS, _OWN),
-    Limit("pHa", "alarm", "above", 7.65, _ALKALOSIS, _OWN),
+    Limit("pHa", "warning", "below", 7.2, _ACIDOSIS, _CONVENTION),
+    Limit("pHa", "alarm", "below", 7.0, _ACIDOSIS, _CONVENTION),
+    Limit("pHa", "warning", "above", 7.55, _ALKALOSIS, _CONVENTION),
+    Limit("pHa", "alarm", "above", 7.65, _ALKALOSIS, _CONVENTION),
     Limit(
         "DO2", "warning", "below", 500.0, "oxygen delivery is low: raise flow or haemoglobin",
         f"{_RANUCCI}, for a patient of 1.8 m2",
@@ -118,23 +118,26 @@ _PATIENT = (
         "DO2", "alarm", "below", 300.0, "oxygen delivery is critical: raise flow or haemoglobin",
         f"{_RONCO}, for a patient of 67 kg",
     ),
-    Limit("O2ER", "warning", "above", 0.5, "most of the delivered oxygen is extracted", _OWN),
-    Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery", _OWN),
+    Limit("O2ER", "warning", "above", 0.5, "most of the delivered oxygen is extracted", _CONVENTION),
+    Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery",
+          _CONVENTION),
 )  # fmt: skip
 
 _REGULATED = (
     Limit(
         "reflex_use", "warning", "above", 90.0,
-        "the baroreflex saturates: a further fall of pressure is hardly answered", _OWN,
+        "the baroreflex saturates: a further fall of pressure is hardly answered", _CONVENTION,
     ),
     Limit(
         "reflex_use", "warning", "below", -90.0,
-        "the baroreflex saturates: a further rise of pressure is hardly answered", _OWN,
+        "the baroreflex saturates: a further rise of pressure is hardly answered", _CONVENTION,
     ),
-    Limit("heart_rate", "warning", "above", 150.0, "tachycardia: the heart has little time to fill", _OWN),
+    Limit("heart_rate", "warning", "above", 150.0, "tachycardia: the heart has little time to fill",
+          _CONVENTION),
     Limit(
         "heart_rate", "alarm", "above", 180.0,
-        "no sinus node of an adult beats so in shock: curves of reflex and drugs have no ceiling", _OWN,
+        "no sinus node of an adult beats so in shock: curves of reflex and drugs have no ceiling",
+        _CONVENTION,
     ),
 )  # fmt: skip
 
@@ -142,22 +145,34 @@ _UKKA = "UK Kidney Association 2023"
 _AT_40 = "a convention of this project: pH 7.2, 7.0, 7.55 and 7.65 at a PCO2 of 40 mmHg"
 _HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
 _NO_PLASMA = "no plasma that a case may start with: what it draws, and refill with it, are extrapolated"
-OF_COURSES = (
+COURSE_LIMITS = (
     Limit("potassium", "warning", "above", 6.0, _HYPERKALAEMIA, _UKKA),
     Limit("potassium", "alarm", "above", 6.5, _HYPERKALAEMIA, _UKKA),
-    Limit("potassium", "warning", "below", 3.0, _HYPOKALAEMIA, _OWN),
-    Limit("potassium", "alarm", "below", 2.5, _HYPOKALAEMIA, _OWN),
+    Limit("potassium", "warning", "below", 3.0, _HYPOKALAEMIA, _CONVENTION),
+    Limit("potassium", "alarm", "below", 2.5, _HYPOKALAEMIA, _CONVENTION),
     Limit("bicarbonate", "warning", "below", 15.0, _ACIDOSIS, _AT_40),
     Limit("bicarbonate", "alarm", "below", 10.0, _ACIDOSIS, _AT_40),
     Limit("bicarbonate", "warning", "above", 34.0, _ALKALOSIS, _AT_40),
     Limit("bicarbonate", "alarm", "above", 43.0, _ALKALOSIS, _AT_40),
     Limit(
-        "haematocrit", "warning", "below", 0.21, "haemoglobin 7 g/dL: usual threshold of transfusion", _OWN
+        "haematocrit",
+        "warning",
+        "below",
+        0.21,
+        "haemoglobin 7 g/dL: usual threshold of transfusion",
+        _CONVENTION,
     ),
-    Limit("haematocrit", "alarm", "below", 0.15, "haemoglobin 5 g/dL: anaemia is critical", _OWN),
-    Limit("haematocrit", "warning", "above", 0.55, "blood thickens: resistances rise steeply", _OWN),
-    Limit("plasma_protein", "warning", "below", 2.0, _NO_PLASMA, _OWN),
-    Limit("plasma_protein", "warning", "above", 10.0, _NO_PLASMA, _OWN),
+    Limit("haematocrit", "alarm", "below", 0.15, "haemoglobin 5 g/dL: anaemia is critical", _CONVENTION),
+    Limit(
+        "haematocrit",
+        "warning",
+        "above",
+        0.55,
+        "blood thickens: resistances rise steeply",
+        _CONVENTION,
+    ),
+    Limit("plasma_protein", "warning", "below", 2.0, _NO_PLASMA, _CONVENTION),
+    Limit("plasma_protein", "warning", "above", 10.0, _NO_PLASMA, _CONVENTION),
 )
 """Limits of what is followed in courses alone and is no output of a beat."""
 
@@ -177,7 +192,7 @@ _IMPOSSIBLE = tuple(
     for name in ("right_atrial_pressure", "venous_pressure", *_CAVAL)
 )  # fmt: skip
 
-_ALIKE = (
+_EQUIVALENT_OUTPUTS = (
     ("right_atrial_pressure", "venous_pressure", *_CAVAL),
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
     _FILLINGS,
@@ -185,7 +200,7 @@ _ALIKE = (
     ("PaO2", "PaO2_lower"),
     ("PaCO2", "PaCO2_lower"),
 )
-"""Outputs that say the same about a patient: the gravest limit of them is said, not each."""
+"""Groups of equivalent outputs: of their broken limits only the gravest is reported."""
 _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "ao": ("MAP", "pulse_pressure"),
@@ -252,12 +267,12 @@ def of_size(limits: Iterable[Limit], values: Mapping[str, float]) -> list[Limit]
         return list(limits)
     assert height is not None
     assert weight is not None
-    said = {
+    patient_limits = {
         "warning": (own[0], f"{_RANUCCI}, with the {body_surface(height, weight):.2f} m2 of this patient"),
         "alarm": (own[1], f"{_RONCO}, with the {weight:g} kg of this patient"),
     }
     return [
-        replace(limit, value=said[limit.kind][0], source=said[limit.kind][1])
+        replace(limit, value=patient_limits[limit.kind][0], source=patient_limits[limit.kind][1])
         if limit.quantity == "DO2"
         else limit
         for limit in limits
@@ -314,7 +329,7 @@ def levels(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES
     return result
 
 
-def worst(levels: Iterable[str]) -> str:
+def gravest(levels: Iterable[str]) -> str:
     """The gravest of some levels; "ok" if there is none."""
     result = set(levels)
     return next((kind for kind in GRAVEST_FIRST if kind in result), "ok")
@@ -352,9 +367,9 @@ def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
     Args:
         outputs: values by name.
     """
-    found = levels(outputs)
+    by_output = levels(outputs)
     return {
-        place: worst(found[name] for name in names if name in found)
+        place: gravest(by_output[name] for name in names if name in by_output)
         for place, names in places_with_limits(outputs).items()
     }
 
@@ -402,6 +417,6 @@ def group_of(quantity: str) -> str:
     """The first of the outputs that say the same as one; itself where no other does."""
     known = named_output(quantity)
     if known is None:
-        return next((names[0] for names in _ALIKE if quantity in names), quantity)
+        return next((names[0] for names in _EQUIVALENT_OUTPUTS if quantity in names), quantity)
     names, entry = known
     return next((names.output(alike[0]) for alike in names.device.alike if entry.name in alike), quantity)

@@ -29,10 +29,10 @@ from eclsim.gas.solutes import effective_shares
 
 SIDE_BY_SIDE = 16
 """Members whose laws are computed together; more at once do not fit the processor's caches."""
-WORTH_COMPILING = 1024
+FEWEST_TO_COMPILE = 1024
 """Members of a batch from which on that is done: together the laws of gases take half the time for each, but
 compile three times as long as for one."""
-VECTORISED = 3
+OPTIMISATION_LEVEL = 3
 """Level of the optimiser that brings a loop over patients into vectors; it compiles half as fast."""
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
@@ -65,13 +65,13 @@ class Measures:
         self.waveforms, self._phases, self._batch = waveforms, phases, batch
         self._widths = np.diff(phases)
         self._circuit, self._parameters = circuit, parameters or {}
-        self._found: dict[tuple[str, ...], Numbers] = {} if gases is None else {("gas",): gases}
+        self._cache: dict[tuple[str, ...], Numbers] = {} if gases is None else {("gas",): gases}
 
     def mean(self, name: str) -> Numbers:
         """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""
         if name + MEAN in self.waveforms:
-            return self.kept(("mean", name), lambda: self._whole({name + MEAN: self._moved}))
-        return self.kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
+            return self.cached(("mean", name), lambda: self._whole({name + MEAN: self._moved}))
+        return self.cached(("mean", name), lambda: self._whole({name: self._trapezoid}))
 
     def measure_means(self, names: Sequence[str], table: np.ndarray) -> None:
         """Measure the means of many waveforms at once: the same numbers, sooner.
@@ -85,7 +85,7 @@ class Measures:
         weighted = np.repeat(weights, patients, axis=1) * table.reshape(points, -1)
         means = dict(zip(names, weighted.sum(axis=0).reshape(-1, patients), strict=True))
         for name in names:
-            self._found["mean", name] = means.get(name + MEAN, means[name])
+            self._cache["mean", name] = means.get(name + MEAN, means[name])
 
     def measure_extremes(self, names: Sequence[str]) -> None:
         """Measure largest and smallest values of many waveforms at once: the same numbers, sooner.
@@ -101,13 +101,13 @@ class Measures:
         tables = {"": waves, RATE: rates}
         for kind, sign in (("maximum", 1.0), ("minimum", -1.0)):
             points = self._cubic(sign * waves, sign * rates, np.argmax(sign * waves[:-1], axis=0))
-            found = sum(weight * _at(tables[of], index) for of, index, weight in points)
-            for name, values in zip(names, np.split(found, len(names)), strict=True):
-                self._found[kind, name] = values
+            extremes = sum(weight * _at(tables[of], index) for of, index, weight in points)
+            for name, values in zip(names, np.split(extremes, len(names)), strict=True):
+                self._cache[kind, name] = values
 
     def maximum(self, name: str) -> Numbers:
         """Largest value over the beat."""
-        return self.kept(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
+        return self.cached(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
 
     def maximum_before(self, name: str, phase: str) -> Numbers:
         """Largest value up to the phase that a parameter gives."""
@@ -123,7 +123,7 @@ class Measures:
 
     def minimum(self, name: str) -> Numbers:
         """Smallest value over the beat."""
-        return self.kept(("minimum", name), lambda: self._sum(self._extreme(name, -1.0)))
+        return self.cached(("minimum", name), lambda: self._sum(self._extreme(name, -1.0)))
 
     def largest_ratio(self, above: str, below: str) -> Numbers:
         """Largest quotient of two waveforms, such as P / V."""
@@ -142,11 +142,11 @@ class Measures:
 
     def forward(self, connection: str) -> Numbers:
         """Mean [L/min] of the flow of a connection where it is positive, else 0."""
-        return self.kept(("forward", connection), lambda: self._one_way("Q" + connection, 1.0))
+        return self.cached(("forward", connection), lambda: self._one_way("Q" + connection, 1.0))
 
     def backward(self, connection: str) -> Numbers:
         """Mean [L/min] of the flow against its direction; forward less backward is the mean."""
-        return self.kept(("backward", connection), lambda: self._one_way("Q" + connection, -1.0))
+        return self.cached(("backward", connection), lambda: self._one_way("Q" + connection, -1.0))
 
     def _one_way(self, flow: str, sign: float) -> Numbers:
         moved = flow + MEAN in self.waveforms
@@ -165,7 +165,7 @@ class Measures:
         function: Law,
         numbers: Sequence[Numbers],
         key: Key | None = None,
-        again: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
+        without_search: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
     ) -> Sequence[Numbers]:
         """A function of some numbers, shape (n,), that gives others.
 
@@ -174,7 +174,7 @@ class Measures:
             numbers: one for each argument, or one for each patient.
             key: what tells the function from all others, so that its programs are kept on disk; left out, its
                 own name, or what it is made of.
-            again: see `FlowFunction`.
+            without_search: see `FlowFunction`.
         """
         table = np.empty((len(numbers), *np.broadcast_shapes(*map(np.shape, numbers))))
         for k, number in enumerate(numbers):
@@ -182,7 +182,7 @@ class Measures:
         flat = table.reshape(len(table), -1)
         if (flat == flat[:, :1]).all():
             result = np.repeat(np.asarray(single(function, key)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
-        elif self._batch < WORTH_COMPILING:
+        elif self._batch < FEWEST_TO_COMPILE:
             result = np.stack([np.asarray(single(function, key)(column)) for column in flat.T], axis=1)
         else:
             count = flat.shape[1]
@@ -193,7 +193,7 @@ class Measures:
 
     def gas(self, what: str, where: str, place: str) -> Numbers:
         """A number of the gas state (`eclsim.gas.network.Quantity`)."""
-        return self.kept(("gas",), self._gas)[Quantity(what, where, place)]
+        return self.cached(("gas",), self._gas)[Quantity(what, where, place)]
 
     def _gas(self) -> dict[Quantity, Numbers]:
         function = gas_of(self.circuit)
@@ -207,25 +207,25 @@ class Measures:
 
     def native(self, artery: str) -> Numbers:
         """Share of the blood in an artery that the left heart has pumped (`eclsim.gas.origin`)."""
-        shares = self.kept(("native",), lambda: self._carried(native_shares(self.circuit), ()))
+        shares = self.cached(("native",), lambda: self._carried(native_shares(self.circuit), ()))
         return shares[ARTERIES.index(artery)]
 
     def _carried(self, function: FlowFunction, more: Sequence[Numbers]) -> Sequence[Numbers]:
         """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
         numbers = [*flows, *map(self.parameter, function.parameters), *more]
-        return self.apply(function.compute, numbers, function.key, function.again)
+        return self.apply(function.compute, numbers, function.key, function.without_search)
 
     def loop_area(self, pressure: str, volume: str) -> Numbers:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
         p, v = self.waveforms[pressure], self.waveforms[volume]
         return self._product({pressure: _midpoint(-v), volume: _midpoint(p)})
 
-    def kept(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured:
+    def cached(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured:
         """Measure once: several outputs share an extreme or a solution."""
-        if key not in self._found:
-            self._found[key] = measure()
-        return self._found[key]
+        if key not in self._cache:
+            self._cache[key] = measure()
+        return self._cache[key]
 
     def _product(self, weights: Mapping[str, np.ndarray]) -> Numbers:
         """Value that is linear in either of two waveforms: half of each sum, but the slopes of both."""
@@ -316,7 +316,7 @@ def single(function: Law, key: Key | None) -> Callable[..., jax.Array]:
 def side_by_side(function: Law, key: Key | None) -> Callable[..., jax.Array]:
     """A function of `SIDE_BY_SIDE` patients' numbers, shape (numbers, patients), compiled."""
     several = jax.vmap(function, in_axes=1, out_axes=1)
-    return compiled(several, _named("side by side", function, key), VECTORISED, function)
+    return compiled(several, _named("side by side", function, key), OPTIMISATION_LEVEL, function)
 
 
 @lru_cache(maxsize=64)

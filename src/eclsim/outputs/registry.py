@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from eclsim.devices.description import BeatMeasures, Law, Numbers
 
 __all__ = [
-    "CHAMBERS", "VALVES", "Output", "UnknownOutputError", "all_outputs", "available", "contract", "output",
+    "CHAMBERS", "VALVES", "Output", "UnknownOutputError", "all_outputs", "available", "leading_outputs",
+    "output",
     "unavailable",
 ]  # fmt: skip
 
@@ -124,7 +125,7 @@ _REGIONS = (
         )
     ),
 )
-"""What the patient in regions has in place of `venous_pressure` and `systemic_flow`."""
+"""Outputs of the patient in regions in place of `venous_pressure` and `systemic_flow`."""
 
 
 _REST, _SUPERIOR = "caval_rest_volume_ml", "svc_vessel_share"
@@ -153,7 +154,7 @@ _COLLAPSIBLE = (
         _SUPERIOR,
     ),
 )  # fmt: skip
-"""What the patient has whose veins collapse."""
+"""Outputs of a patient whose veins collapse."""
 
 _MORE = (
     Output(
@@ -243,8 +244,8 @@ class _RenamedMeasures:
     def native(self, artery: str) -> Numbers:
         return self._measures.native(artery)
 
-    def kept(self, key: tuple[str, ...], measure: Callable[[], Numbers]) -> Numbers:
-        return self._measures.kept((self._names.key, *key), measure)
+    def cached(self, key: tuple[str, ...], measure: Callable[[], Numbers]) -> Numbers:
+        return self._measures.cached((self._names.key, *key), measure)
 
     @property
     def circuit(self) -> Circuit:
@@ -271,7 +272,7 @@ def _of_instance(entry: Output, names: Naming) -> Output:
     )
 
 
-def contract(instances: Iterable[Naming] | None = None) -> tuple[Output, ...]:
+def leading_outputs(instances: Iterable[Naming] | None = None) -> tuple[Output, ...]:
     """The outputs that every result file leads with, in their order; arguments as for `all_outputs`."""
     entries = [entry for entry in _of_devices(instances) if entry.in_contract]
     return (*_PRESSURES_AND_FLOWS, *entries, *_PULMONARY_PRESSURES_AND_VOLUMES)
@@ -286,7 +287,7 @@ def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
     if instances is None:
         return dict(_usual(registered()))
     more = [entry for entry in _of_devices(instances) if not entry.in_contract]
-    return {entry.name: entry for entry in (*contract(instances), *_MORE, *more)}
+    return {entry.name: entry for entry in (*leading_outputs(instances), *_MORE, *more)}
 
 
 @lru_cache(maxsize=8)
@@ -337,7 +338,7 @@ def _output(name: str, registered: tuple[object, ...]) -> Output:
     return _of_instance(known[1], known[0])
 
 
-_BROUGHT_BY = (
+_SECTION_OF_OUTPUT = (
     ("[physiology] regional = true", {s for entry in _REGIONS for s in entry.needs}),
     ("[physiology] bronchial_fraction", {"Qbronchial"}),
     ("[gas]", {GASES}),
@@ -361,7 +362,7 @@ def unavailable(name: str, names: Collection[str]) -> str:
     except UnknownOutputError:
         return spelling_hint(name, names)
     read, had = _reads([entry]), _reads(map(output, names))
-    missing = [section for section, brings in _BROUGHT_BY if read & brings and not had & brings]
+    missing = [section for section, brings in _SECTION_OF_OUTPUT if read & brings and not had & brings]
     known = named_output(name)
     if known is not None and not any(known[0].output(o.name) in names for o in known[0].device.outputs):
         missing.insert(0, f"[{known[0].key}]")

@@ -39,12 +39,12 @@ def _read(measures: BeatMeasures, reading: Reading) -> Numbers:
 
 
 def _use(measures: BeatMeasures) -> Numbers:
-    from eclsim.regulation.effects import reflex_of, use_law
+    from eclsim.regulation.effects import reflex_of, reflex_use_law
 
     control = reflex_of(measures.circuit)
     assert control is not None  # the output exists where there is one
     return measures.apply(
-        use_law(control), [measures.mean("Pao"), *map(measures.parameter, (SET_POINT, GAIN))]
+        reflex_use_law(control), [measures.mean("Pao"), *map(measures.parameter, (SET_POINT, GAIN))]
     )[0]
 
 
@@ -89,8 +89,8 @@ def _lung(m: BeatMeasures) -> Numbers:
 
 
 LOCAL_OUTPUTS = {bed: keys.local_factor(keys.local_resistance(bed)) for bed in keys.BEDS}
-"""Output of each bed that says what its gases do to its resistance."""
-BY_GASES = (
+"""Output of each bed: factor of its resistance by its gases."""
+GAS_RESPONSE_OUTPUTS = (
     *(
         Output(
             LOCAL_OUTPUTS[bed], f"resistance of the {label}, by oxygen and carbon dioxide", "1",
@@ -138,6 +138,6 @@ REGULATED = (
         ("Pao",), _use,
         parameters=(GAIN, SET_POINT),
     ),
-    *BY_GASES,
+    *GAS_RESPONSE_OUTPUTS,
 )  # fmt: skip
 """They exist in circuits with reflexes, drugs or extra volume, and where something answers to gases."""

@@ -25,7 +25,7 @@ from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
 from eclsim.outputs.alarms import findings, impossible, sentences
 from eclsim.outputs.recirculation import recirculation
-from eclsim.outputs.registry import contract, output
+from eclsim.outputs.registry import leading_outputs, output
 from eclsim.outputs.signals import signal_labels, unstressed_volume, watched_waveforms
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
@@ -55,7 +55,7 @@ def labelled(
         beat: solved and measured.
         member: which.
         name: `id` of the result.
-        doubts: of the model, which are said before what there is to say of the beat.
+        doubts: of the model, which come before the warnings of the beat.
     """
     values, circuit = beat.batch.member(member), beat.batch.circuit
     phases = beat.waveforms[member].phases
@@ -123,12 +123,12 @@ def simulate_many(
     start = model.values if nominal_values(model.circuit) is None else None
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(batch, outputs, waveforms=watched, options=options, start=start, execution=execution)
-    said = [beat.findings(k) for k in range(count)]
+    member_findings = [beat.findings(k) for k in range(count)]
     data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
     data["status"] = ("member", [Status(int(status)).word for status in beat.status])
     data["message"] = ("member", [beat.message(k) for k in range(count)])
-    data["warnings"] = ("member", ["\n".join(sentences(one)) for one in said])
-    data["impossible"] = ("member", [int(impossible(one)) for one in said])
+    data["warnings"] = ("member", ["\n".join(sentences(one)) for one in member_findings])
+    data["impossible"] = ("member", [int(impossible(one)) for one in member_findings])
     data["beats"] = ("member", beat.orbits.beats)
     if beat.of_gases:
         data["gas_status"] = ("member", [GasStatus(int(status)).word for status in beat.gas_status])
@@ -149,7 +149,7 @@ def simulate_many(
 def beat_warnings(
     case: ModelSource, volume_policy: str | None = None, shown: Collection[str] | None = None
 ) -> tuple[str, ...]:
-    """What there is to say of the steady beat behind an analysis, as `warnings` of `simulate` have it.
+    """Warnings of the steady beat behind an analysis, as `simulate` gives them.
 
     Args:
         case: as in `simulate`.
@@ -161,8 +161,8 @@ def beat_warnings(
     beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
     if not beat.converged[0]:
         return (*model.doubts, beat.message())
-    found = sentences(f for f in beat.findings() if shown is None or f.is_about(shown))
-    return (*model.doubts, *found)
+    warnings = sentences(f for f in beat.findings() if shown is None or f.is_about(shown))
+    return (*model.doubts, *warnings)
 
 
 def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:
@@ -275,7 +275,7 @@ def with_grid_check(model: Model, result: xr.Dataset) -> xr.Dataset:
     fine = simulate(model, result.attrs["blood_volume_policy"], resolution=finer)
     errors = {
         o.name: 100.0 * abs(float(result[o.name]) / float(fine[o.name]) - 1.0)
-        for o in contract()
+        for o in leading_outputs()
         if o.name in result and float(fine[o.name]) != 0.0
     }
     worst = max(errors, key=lambda name: errors[name])

@@ -13,7 +13,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.outputs.registry import CHAMBERS, VALVES, UnknownOutputError, output
 from eclsim.patient.sites import DRAINED, ONLY_REGIONAL
 
-SHUT_L_MIN = 1e-6
+CLOSED_VALVE_L_MIN = 1e-6
 """Mean flow of a valve that a search with its tolerance cannot tell from none: some 1e-5 mL a beat."""
 _VESSELS: dict[str, str] = {
     **dict.fromkeys(("pas", "part", "pvn"), "pulmonary vessels"),
@@ -39,14 +39,14 @@ class Sealed:
 
 
 def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
-    """What closed valves shut in, read off one beat; None where blood passes from any part to any other.
+    """Parts that closed valves shut in, by one beat; None where blood passes from any part to any other.
 
     Args:
         outputs: scalar outputs by name; a valve whose mean flow [L/min] is not among them counts as open.
         circuit: with fixed sites.
     """
     laws = {c.name: c.component for c in circuit.connections}
-    shut = (name for name in shut_valves(outputs) if name in laws)
+    shut = (name for name in closed_valves(outputs) if name in laws)
     valves = tuple(name for name in shut if laws[name].one_way and not laws[name].leaks)
     parts = _parts(circuit, valves) if valves else []
     if len(parts) < 2:
@@ -61,13 +61,15 @@ def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
     return Sealed(parts, reason, _sentence(parts, reason, beats), concerns)
 
 
-def shut_valves(outputs: Mapping[str, float]) -> tuple[str, ...]:
+def closed_valves(outputs: Mapping[str, float]) -> tuple[str, ...]:
     """Connections of the heart valves that carry no blood in a beat with these outputs."""
-    return tuple(n for n, valve in VALVES.items() if outputs.get(f"{valve}_valve_flow", 1.0) < SHUT_L_MIN)
+    return tuple(
+        n for n, valve in VALVES.items() if outputs.get(f"{valve}_valve_flow", 1.0) < CLOSED_VALVE_L_MIN
+    )
 
 
 def valve_flows(circuit: Circuit) -> tuple[str, ...]:
-    """Outputs that tell which heart valves of a circuit carry blood."""
+    """Outputs that show which heart valves of a circuit carry blood."""
     known = {c.name for c in circuit.connections}
     return tuple(f"{valve}_valve_flow" for n, valve in VALVES.items() if n in known)
 

@@ -18,7 +18,7 @@ from eclsim.devices.registry import registered
 from eclsim.outputs.alarms import watched_signals
 from eclsim.outputs.registry import available, output
 
-WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
+KIND_WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
 
 
 def output_names(circuit: Circuit) -> tuple[str, ...]:
@@ -32,8 +32,8 @@ def _output_names(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
     return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
 
 
-def of_gases(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
-    """Those of some outputs that follow from the gases of the blood."""
+def gas_dependent_outputs(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
+    """The outputs that follow from the gases of the blood."""
     followed = GASES in circuit.content_names()
     entries = {name: output(name) for name in outputs}
     return tuple(n for n, o in entries.items() if GASES in o.parameters or (followed and o.by_gases))
@@ -105,7 +105,7 @@ def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:
     signal = Signal.parse(name)
     head = signal.kind is Kind.PRESSURE and signal.place in {c.name for c in circuit.connections}
     head = head and signal.place not in {c.name for c in circuit.compartments}
-    kind_label = "head of" if head else WORDS[signal.kind]
+    kind_label = "head of" if head else KIND_WORDS[signal.kind]
     return {"units": signal.kind.unit, "long_name": f"{kind_label} {signal.place}"}
 
 

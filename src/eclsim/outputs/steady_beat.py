@@ -30,14 +30,21 @@ from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.outputs.alarms import Finding, collapsed, findings, gravest_first
-from eclsim.outputs.coupling import CoupledAnchor, open_parameters, settle, solved_for, total, with_neutral
+from eclsim.outputs.coupling import (
+    CoupledAnchor,
+    open_parameters,
+    settle,
+    solved_for,
+    total_derivatives,
+    with_resting_values,
+)
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gas import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import SOLVED_BY
-from eclsim.outputs.sealed import sealed, shut_valves, valve_flows
-from eclsim.outputs.signals import needed_parameters, needed_signals, of_gases, output_names
+from eclsim.outputs.sealed import closed_valves, sealed, valve_flows
+from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, needed_signals, output_names
 
 NO_GASES: Mapping[int, PlaceGases] = MappingProxyType({})
 DEMAND_MET = 0.99
@@ -122,7 +129,7 @@ class SteadyBeat:
     @property
     def of_gases(self) -> tuple[str, ...]:
         """Its outputs of gas exchange."""
-        return of_gases(self.batch.circuit, self.names)
+        return gas_dependent_outputs(self.batch.circuit, self.names)
 
     def output(self, name: str) -> np.ndarray:
         """An output of every member, shape (members,)."""
@@ -202,7 +209,7 @@ class SteadyBeat:
         result: list[Finding] = []
         if self.converged[member]:
             extremes = self.statistics[1:, :, member].T.tolist()
-            values = self.batch.all_of(member)
+            values = self.batch.all_values_of(member)
             circuit = self.batch.circuit.with_chosen_sites(values)
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
             result = findings(self.outputs(member), ranges, circuit, values) + self._gas_findings(member)
@@ -211,7 +218,7 @@ class SteadyBeat:
         return gravest_first(result)
 
     def _gas_findings(self, member: int) -> list[Finding]:
-        """What there is to say about gases besides limits."""
+        """Findings about gases besides limits."""
         read, status = self.of_gases, GasStatus(int(self.gas_status[member]))
         if status is not GasStatus.STEADY:
             return [Finding("alarm", "VO2", float("nan"), float("nan"), status.message, concerns=read)]
@@ -234,7 +241,7 @@ class SteadyBeat:
         if not self.converged[member]:
             raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
         gases = GasStatus(int(self.gas_status[member]))
-        if gases is not GasStatus.STEADY and of_gases(self.batch.circuit, outputs):
+        if gases is not GasStatus.STEADY and gas_dependent_outputs(self.batch.circuit, outputs):
             raise NoDerivativesError(Status(int(self.status[member])), gases.message, gases=gases.word)
         read = (*outputs, *(SOLVED_BY[name] for name in self.coupled))
         names = (*parameters, *self.coupled)
@@ -244,7 +251,7 @@ class SteadyBeat:
         values = self.batch.numbers_for(needed_parameters(self.batch.circuit, read), member)
         state, circuit = self.orbits.states[:, member], self.batch.circuit
         linear = linearise(problem, state, read, names, slopes, values, circuit)
-        return total(linear, len(outputs), len(parameters)) if self.coupled else linear
+        return total_derivatives(linear, len(outputs), len(parameters)) if self.coupled else linear
 
 
 def steady_beat(
@@ -280,7 +287,7 @@ def steady_beat(
     execution = replace(execution, width=execution.width_for(batch.count))
     threads = execution.thread_count()
     keep = range(batch.count) if keep is None else keep
-    first = with_neutral(start) if solved_for(batch.circuit) else start
+    first = with_resting_values(start) if solved_for(batch.circuit) else start
 
     def orbits_of(part: Batch, begin: Mapping[str, float] | Anchor | None) -> SolvedOrbits:
         return solve(part, options, start=begin, resolution=resolution, execution=execution)
@@ -314,12 +321,12 @@ def measured(
     """One more beat of every member, recorded and measured."""
     circuit, count = orbits.batch.circuit, orbits.batch.count
     requested = output_names(circuit) if outputs is None else tuple(outputs)
-    names = tuple(dict.fromkeys((*requested, *judging_outputs(circuit))))
+    names = tuple(dict.fromkeys((*requested, *status_outputs(circuit))))
     signals = all_signals(assemble(circuit)) if waveforms is None else tuple(waveforms)
     values, statistics = np.full((len(names), count), np.nan), np.full((3, len(signals), count), np.nan)
     kept: dict[int, Waveforms] = {}
     gases: dict[int, PlaceGases] = {}
-    with_gas, gas_status = bool(of_gases(circuit, names)), np.zeros(count, dtype=int)
+    with_gas, gas_status = bool(gas_dependent_outputs(circuit, names)), np.zeros(count, dtype=int)
 
     def measure(members: np.ndarray) -> None:
         recorded, series, phases = _recorded(orbits, members, needed_signals(circuit, names, signals))
@@ -342,7 +349,7 @@ def measured(
 
     in_threads(measure, _blocks(orbits), threads)
     outcome = dict(zip(names, values, strict=True))
-    return judged(orbits, requested, outcome, signals, statistics, kept, gas_status, gases)
+    return with_status(orbits, requested, outcome, signals, statistics, kept, gas_status, gases)
 
 
 def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
@@ -369,7 +376,7 @@ def _recorded(
     return recorded, whole_beat(series), search.program.grid.phases
 
 
-def judged(
+def with_status(
     orbits: SolvedOrbits,
     names: tuple[str, ...],
     outputs: Mapping[str, np.ndarray],
@@ -384,7 +391,7 @@ def judged(
     Args:
         orbits: solved orbits.
         names: of the outputs wanted.
-        outputs: by name, those of `judging_outputs` among them, shape (members,).
+        outputs: by name, those of `status_outputs` among them, shape (members,).
         signals: names of the waveforms.
         statistics: of the waveforms, see `SteadyBeat`.
         waveforms: of the members that are kept.
@@ -402,7 +409,7 @@ def judged(
     undetermined = {}
     for member in map(int, np.flatnonzero(status == Status.CONVERGED)):
         flows = {name: float(outputs[name][member]) for name in valve_flows(circuit)}
-        if shut_valves(flows):
+        if closed_valves(flows):
             result = sealed(flows, circuit.with_chosen_sites(orbits.batch.member(member)))
             if result is not None:
                 undetermined[member], status[member] = result.reason, Status.ONE_OF_MANY
@@ -445,13 +452,13 @@ def _left_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
     return tuple(name for name in ("aortic_valve_flow", *assists) if name in known)
 
 
-def judging_outputs(circuit: Circuit) -> tuple[str, ...]:
-    """Outputs of a circuit that tell whether its heart ejects and which valves carry blood."""
-    return _judging_outputs(circuit, registered())
+def status_outputs(circuit: Circuit) -> tuple[str, ...]:
+    """Outputs of a circuit that show whether its heart ejects and which valves carry blood."""
+    return _status_outputs(circuit, registered())
 
 
 @lru_cache(maxsize=256)
-def _judging_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
+def _status_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
     known = output_names(circuit)
     names = (*valve_flows(circuit), *left_outputs(circuit), "CO")
     return tuple(name for name in dict.fromkeys(names) if name in known)

@@ -72,7 +72,7 @@ def reproduce_cohort(
         cohort: table of measurements; None takes the synthetic cohort.
         explore: explored sets of parameters for each free one.
         executor: runs the fits.
-        progress: is told what is being computed.
+        progress: called with what is being computed.
     """
     reading = read_cohort(cohort or SYNTHETIC)
     settings = FitSettings(multi_start=MultiStart.quick(explore))

@@ -1,4 +1,4 @@
-"""One number held against another: what was expected, what came out, and what to make of the two.
+"""Comparison of a number with an expected one, and the verdict on it.
 
 `eclsim reproduce` compares with what the paper prints, `eclsim validate` with other solvers and measurements.
 """
@@ -15,7 +15,7 @@ YES_NO = "yes/no"
 
 
 class Verdict(StrEnum):
-    """What a comparison came to."""
+    """Outcome of a comparison."""
 
     AGREES = "as printed"
     EXPLAINED = "explained"
@@ -31,7 +31,7 @@ class Explanation:
         text: the reason.
         evidence: rows that hold if the reason is the right one: what eclsim gives where the reason is taken
             away, or the very number that the reason was shown to account for.
-        undecided: whether the source does not say what it takes to tell who is right.
+        undecided: whether the source leaves open which of both is right.
     """
 
     text: str
@@ -46,7 +46,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Row:
-    """One number held against another.
+    """One number compared with an expected one.
 
     Args:
         name: what is compared.
@@ -79,7 +79,7 @@ class Row:
 
     @property
     def verdict(self) -> Verdict:
-        """What the comparison came to."""
+        """Outcome of the comparison."""
         if self.holds:
             return Verdict.AGREES
         if self.explanation is not None and self.explanation.holds:

@@ -92,7 +92,7 @@ class UnprintedValues:
 
 
 @lru_cache(maxsize=1)
-def search_unstated() -> UnprintedValues:
+def search_unprinted_values() -> UnprintedValues:
     """Blood volume and heart rate with which the numbers of section 3.3 come out best."""
     from scipy.interpolate import RegularGridInterpolator
     from scipy.optimize import minimize
@@ -169,35 +169,35 @@ class CrrtComparison:
 
     Args:
         rows: one for each number and statement.
-        unstated: what the paper does not say about the patient of section 3.3, as found.
+        unprinted: values of the patient of section 3.3 that the paper does not print, from the search.
         study: the CRRT study of the patient as assumed.
         explained: the same with the values found.
     """
 
     rows: tuple[Row, ...]
-    unstated: UnprintedValues
+    unprinted: UnprintedValues
     study: CrrtStudy
     explained: CrrtStudy
 
 
 def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtComparison:
-    """Compute the study twice, as assumed and with the unstated values found, and compare."""
+    """Compute the study twice, as assumed and with the unprinted values of the search, and compare."""
     progress("blood volume and heart rate of the paper's patient")
-    unstated = search_unstated()
+    unprinted = search_unprinted_values()
     studies = []
-    for label, case in (("as assumed", paper_case()), ("as found", explained_case(unstated))):
+    for label, case in (("as assumed", paper_case()), ("as found", explained_case(unprinted))):
         progress(f"CRRT study of the paper's patient, {label}")
         studies.append(crrt_study(case, volume_policy=AS_PUBLISHED))
     study, explained = studies
-    rows = [_row(printed, study, explained, unstated) for printed in TEXT]
+    rows = [_row(printed, study, explained, unprinted) for printed in TEXT]
     rows += [
         statement(s.section, s.sentence, s.holds(study), s.reason, s.holds(explained)) for s in STATEMENTS
     ]
-    return CrrtComparison(tuple(rows), unstated, study, explained)
+    return CrrtComparison(tuple(rows), unprinted, study, explained)
 
 
-def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unstated: UnprintedValues) -> Row:
-    volume = f"{unstated.blood_volume_ml:.0f} mL"
+def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unprinted: UnprintedValues) -> Row:
+    volume = f"{unprinted.blood_volume_ml:.0f} mL"
     reason = printed.remark or f"{volume} of blood, which are not printed, bring it nearer"
     row = printed_number(
         printed.section, printed.description, printed.unit, printed.value, compute(printed, study),
@@ -266,7 +266,7 @@ class Statement:
 
     Args:
         section: where it is printed.
-        sentence: what is said.
+        sentence: the statement.
         holds: whether it holds for a study.
         reason: said where it does not.
     """
@@ -305,7 +305,7 @@ def _most_on_veins(study: CrrtStudy) -> bool:
     return max(result, key=lambda k: result[k]) == "Psvn" and min(result, key=lambda k: result[k]) == "Psart"
 
 
-def _loops_follow(study: CrrtStudy) -> bool:
+def _loops_show_schemes_a_and_h(study: CrrtStudy) -> bool:
     """Scheme a has the smallest right-ventricular volumes and stroke volume, h the largest volumes."""
     means = _at_case(study)
     stroke = means["EDVRV"] - means["ESVRV"]
@@ -330,7 +330,7 @@ def _monotone(study: CrrtStudy, name: str, sign: float) -> bool:
     return bool((sign * _upper(study)[name].diff("speed") > 0.0).all())
 
 
-def _more_with_speed(study: CrrtStudy) -> bool:
+def _grows_with_speed(study: CrrtStudy) -> bool:
     variation = study.summary["Psart_variation"].sel(policy=AS_PUBLISHED).sel(speed=_upper(study)["speed"])
     return bool((variation.diff("speed") > 0.0).all())
 
@@ -348,7 +348,7 @@ def _falls_upstream_of_the_pump(study: CrrtStudy) -> bool:
     return bool((falls.values == upstream).all() and (rises.values == ~upstream).all())
 
 
-def _best_three(study: CrrtStudy) -> bool:
+def _g_d_c_keep_access_limit(study: CrrtStudy) -> bool:
     """g, d and c keep the access pressure below 190 mmHg up to larger flows than the others but h."""
     flows = study.limits["largest_flow"].sel(policy=AS_PUBLISHED, limit="access_190")
     return float(flows.sel(scheme=list("gdc")).min()) > float(flows.sel(scheme=list("abefi")).max())
@@ -367,7 +367,7 @@ STATEMENTS = (
     Statement(_AT_ITS_SPEED, "relative variation is largest in the veins, smallest in the arteries",
               _most_on_veins, _UNPRINTED),
     Statement(_AT_ITS_SPEED, "right ventricle: a smallest volumes and stroke volume, h largest volumes",
-              _loops_follow),
+              _loops_show_schemes_a_and_h),
     Statement(_AT_ITS_SPEED, "all line pressures are within the usual alarms", _within_alarms),
     Statement(_AT_ITS_SPEED, "a line pressure is negative in scheme h alone", _negative_only_in_h),
     Statement(_ANY, "arterial pressure rises with flow in every scheme",
@@ -375,7 +375,7 @@ STATEMENTS = (
     Statement(_ANY, "pulmonary arterial pressure falls with flow in every scheme",
               lambda s: _monotone(s, "Ppart", -1.0)),
     Statement(_ANY, "venous pressure falls with flow in every scheme", lambda s: _monotone(s, "Psvn", -1.0)),
-    Statement(_ANY, "the variation of the arterial pressure grows with speed", _more_with_speed, _LARGEST),
+    Statement(_ANY, "the variation of the arterial pressure grows with speed", _grows_with_speed, _LARGEST),
     Statement(_ANY, "which scheme has the highest or lowest arterial pressure depends on flow",
               _order_changes, _ORDER),
     Statement(_ANY, "return pressure falls with flow in b, c, h, i and rises in the others",
@@ -383,7 +383,7 @@ STATEMENTS = (
     Statement("4", "return pressures are positive in all schemes at 3425 rpm",
               lambda s: bool((_at_case(s)["Pcrrttuout"] > 0.0).all())),
     Statement("4", "access is below 190 mmHg up to larger flows in g, d, c than in a, b, e, f, i",
-              _best_three),
+              _g_d_c_keep_access_limit),
     Statement("4", "the ECMO flow lies between those of Wu et al., 3.1 and 4.4 L/min",
               lambda s: 3.1 <= float(_at_case(s)["PF"].median()) <= 4.4),
 )  # fmt: skip

@@ -63,16 +63,16 @@ def write_reproduction(
 
 def as_object(result: Reproduction) -> dict[str, object]:
     """The comparison as plain values."""
-    unstated = result.crrt.unstated
+    unprinted = result.crrt.unprinted
     return {
         "parts": list(result.parts),
         "samples": None if result.sensitivity is None else result.sensitivity.samples,
         "synthetic_cohort": None if result.cohort is None else result.cohort.synthetic,
         "unstated_patient": {
-            "blood_volume_ml": unstated.blood_volume_ml,
-            "heart_rate_bpm": unstated.heart_rate_bpm,
-            "misfit": unstated.misfit,
-            "misfit_as_assumed": unstated.assumed_misfit,
+            "blood_volume_ml": unprinted.blood_volume_ml,
+            "heart_rate_bpm": unprinted.heart_rate_bpm,
+            "misfit": unprinted.misfit,
+            "misfit_as_assumed": unprinted.assumed_misfit,
         },
         "rows": [_values(row) for row in (*result.rows, *result.tables)],
     }
@@ -102,7 +102,7 @@ def reproduction_page(result: Reproduction, drawn: Mapping[str, Sequence[str]]) 
         counts=counts(result.rows),
         result=result,
         patient=result.crrt.study.case.patient,
-        unstated=result.crrt.unstated,
+        unstated=result.crrt.unprinted,
         items=items,
         chapters=[c for name, _, numbers in CHAPTERS if (c := _chapter(result, name, numbers, drawn))],
         tables=[

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 PARTS = ("crrt", "sensitivity", "positions", "cohort")
 """Parts of the paper: the CRRT study; sensitivity of the circulation; positions of the CRRT lines as inputs
 of a sensitivity analysis; fits of the cohort."""
-USUAL_SAMPLES = 512
-USUAL_EXPLORE = 30
+DEFAULT_SAMPLES = 512
+DEFAULT_EXPLORE = 30
 
 
 INDEX = "index.html"
 FILES = (INDEX, "reproduction.csv", "reproduction.json")
 PRELOAD = ("scipy.stats", "eclsim.sensitivity.runs", "eclsim.identification.cohort")
-"""What a worker needs before its first task."""
+"""Modules that a worker loads before its first task."""
 RUNS = "runs"
 """Folder of what takes long, so that it can be gone on with."""
 
@@ -41,8 +41,8 @@ class ReproductionSettings:
         cohort: table of measurements; None takes the synthetic cohort.
     """
 
-    samples: int = USUAL_SAMPLES
-    explore: int = USUAL_EXPLORE
+    samples: int = DEFAULT_SAMPLES
+    explore: int = DEFAULT_EXPLORE
     cohort: Path | None = None
 
 
@@ -89,7 +89,7 @@ def reproduce(
         folder: keeps what takes long, so that it can be gone on with.
         settings: how much is computed.
         parts: of `PARTS`; the CRRT study is always done, but not by a shard.
-        progress: is told what is being computed.
+        progress: called with what is being computed.
         distribution: where the runs of the long parts are computed, and which of them; left out, here, anew.
 
     Raises:
@@ -97,7 +97,7 @@ def reproduce(
         ShardDone: this was a shard, whose runs are in the folder now.
     """
     from eclsim.paper.cohort import reproduce_cohort
-    from eclsim.paper.crrt import reproduce_crrt, search_unstated, table_rows
+    from eclsim.paper.crrt import reproduce_crrt, search_unprinted_values, table_rows
     from eclsim.paper.sensitivity import reproduce_circulation, reproduce_positions
 
     chosen = settings or ReproductionSettings()
@@ -106,12 +106,12 @@ def reproduce(
         long_parts: dict[str, Callable[[Path], object]] = {
             "sensitivity": lambda at: reproduce_circulation(at, chosen.samples, executor, progress),
             "positions": lambda at: reproduce_positions(
-                at, search_unstated(), chosen.samples, executor, progress
+                at, search_unprinted_values(), chosen.samples, executor, progress
             ),
             "cohort": lambda at: reproduce_cohort(at, chosen.cohort, chosen.explore, executor, progress),
         }
         names = [name for name in long_parts if name in parts]
-        results = executor.each([partial(long_parts[name], folder / name) for name in names])
+        results = executor.run_each([partial(long_parts[name], folder / name) for name in names])
     compared: dict[str, Any] = dict.fromkeys(long_parts) | dict(zip(names, results, strict=True))
     return Reproduction(reproduce_crrt(progress), tables=tuple(table_rows()), **compared)
 

@@ -86,7 +86,7 @@ def reproduce_circulation(
         folder: keeps the runs.
         samples: rows N of each design, a power of two.
         executor: runs them.
-        progress: is told what is being computed.
+        progress: called with what is being computed.
     """
 
     def run(name: str, case: Case, state: str = "") -> SensitivityResult:
@@ -102,7 +102,7 @@ def reproduce_circulation(
 
     woman, man = healthy_parameters_case(False), healthy_parameters_case(True)
     analyses = [partial(run, "assumed", woman), *(partial(run, "average", man, s) for s in ("", *TARGETS))]
-    assumed, average, *others = executor.each(analyses)
+    assumed, average, *others = executor.run_each(analyses)
     states = dict(zip(TARGETS, others, strict=True))
     rows = (*_table_2(assumed.indices, average.indices), *_statements(assumed, average, states))
     return CirculationComparison(rows, assumed, average, states, samples)
@@ -138,59 +138,59 @@ def _statements(
     more = ", ".join(sorted(union - set(TABLE_2)))
     messages = (
         ("3.1", "Csart acts on SP and DP more than on the others",
-         lambda i: _top(i, "Csart") == {"SP", "DP"}),
-        ("3.1", "Edla acts on PCWP alone (others below 0.1)", _edla_alone),
+         lambda i: _top_outputs(i, "Csart") == {"SP", "DP"}),
+        ("3.1", "Edla acts on PCWP alone (others below 0.1)", _edla_acts_on_wedge_pressure_only),
         ("3.1", "Emaxrv acts on MPAP and PCWP more than on the others",
-         lambda i: _top(i, "Emaxrv") == {"MPAP", "PCWP"}),
+         lambda i: _top_outputs(i, "Emaxrv") == {"MPAP", "PCWP"}),
         ("3.1", "Rsvn acts on MPAP and PCWP more than on the others",
-         lambda i: _top(i, "Rsvn") == {"MPAP", "PCWP"}),
-        ("3.1", "Rpmc acts on MPAP more than on the others", lambda i: "MPAP" in _top(i, "Rpmc", 1)),
+         lambda i: _top_outputs(i, "Rsvn") == {"MPAP", "PCWP"}),
+        ("3.1", "Rpmc acts on MPAP more than on the others", lambda i: "MPAP" in _top_outputs(i, "Rpmc", 1)),
         ("3.1", "the seven of Table 2 have the largest sums, in its order",
          lambda i: list(i.sums)[: len(TABLE_2)] == list(TABLE_2)),
-        ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)", _additive),
+        ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)", _is_additive),
     )  # fmt: skip
-    reason, lacking = "start values are not printed", _missing_from(first)
+    reason, lacking = "start values are not printed", _outputs_without_rmc_or_emaxlv(first)
     rows = [
         statement(where, sentence, holds(first), reason, holds(second)) for where, sentence, holds in messages
     ]
     return [
         printed_number("2.3", "runs at N = 2048 for 24 parameters", "1", RUNS, runs),
         statement("3.1", "Rmc and Emaxlv are among those that make up 90 % of every output", not lacking,
-                  f"{lacking} is not", not _missing_from(second)),
+                  f"{lacking} is not", not _outputs_without_rmc_or_emaxlv(second)),
         *rows,
         statement("3.1", "the seven are selected over the three states", set(TABLE_2) <= union),
         printed_number("3.1", "number of parameters selected over the three states", "1", len(TABLE_2),
                        len(union), reason=f"besides the seven: {more}; {_CUT}" if more else ""),
-        statement("2.3", "leading total orders have standard deviations below 5 %", _settled(first),
-                  f"at N = {first.samples}; the paper's N is {SAMPLES}", _settled(second)),
+        statement("2.3", "leading total orders have standard deviations below 5 %", _leading_precise(first),
+                  f"at N = {first.samples}; the paper's N is {SAMPLES}", _leading_precise(second)),
     ]  # fmt: skip
 
 
-def _missing_from(indices: Indices) -> str:
-    """Where Rmc and Emaxlv are not among those that make up 90 % of an output."""
+def _outputs_without_rmc_or_emaxlv(indices: Indices) -> str:
+    """Outputs for which Rmc and Emaxlv are not among the factors that make up 90 %."""
     selected, two = indices.selected(), ("Rmc", "Emaxlv")
     result = [f"{name} of {o}" for o, names in selected.items() for name in two if name not in names]
     return ", ".join(result)
 
 
-def _top(indices: Indices, name: str, count: int = 2) -> set[str]:
+def _top_outputs(indices: Indices, name: str, count: int = 2) -> set[str]:
     """Outputs on which a parameter has its largest total orders."""
     total = indices.estimates.ST[:, indices.factors.index(name)]
     return {indices.outputs[k] for k in np.argsort(-total)[:count]}
 
 
-def _edla_alone(indices: Indices) -> bool:
+def _edla_acts_on_wedge_pressure_only(indices: Indices) -> bool:
     total = indices.estimates.ST[:, indices.factors.index("Edla")]
     return all(
         (value > SMALL) == (name == "PCWP") for name, value in zip(indices.outputs, total, strict=True)
     )
 
 
-def _additive(indices: Indices) -> bool:
+def _is_additive(indices: Indices) -> bool:
     return float(np.max(indices.estimates.ST - indices.estimates.S1)) < ADDITIVE
 
 
-def _settled(indices: Indices) -> bool:
+def _leading_precise(indices: Indices) -> bool:
     """Standard deviation of the leading total order of each output, relative to it."""
     e = indices.estimates
     leading = np.argmax(e.ST, axis=1)[:, None]
@@ -241,14 +241,14 @@ class RedrawnChoices:
         return self.evaluator(drawn, count)
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the inputs."""
         names = [choice.name for choice in self.choices]
         return self.evaluator.description() | {"drawn_over_the_design": names, "drawn_seed": self.seed}
 
 
 def reproduce_positions(
     folder: Path,
-    unstated: UnprintedValues,
+    unprinted: UnprintedValues,
     samples: int,
     executor: Executor,
     progress: Progress = lambda _: None,
@@ -257,12 +257,12 @@ def reproduce_positions(
 
     Args:
         folder: keeps the runs.
-        unstated: of the patient, as found with the numbers of section 3.3.
+        unprinted: of the patient, as found with the numbers of section 3.3.
         samples: rows N of each design, a power of two.
         executor: runs them.
-        progress: is told what is being computed.
+        progress: called with what is being computed.
     """
-    case = explained_case(unstated)
+    case = explained_case(unprinted)
     settings = SobolSettings(samples=samples, groups=("R", "C", "L", "E"), include=(ACCESS, RETURN, SPEED))
     plan = plan_analysis(case, settings)
     choices = tuple(i for i in plan.design.inputs if isinstance(i, Categorical))
@@ -274,7 +274,7 @@ def reproduce_positions(
             progress=lambda p: progress(f"{title}: {p.done} of {p.total} blocks"),
         )  # fmt: skip
 
-    designed, drawn = executor.each((
+    designed, drawn = executor.run_each((
         partial(run, plan, "designed", "sensitivity to the CRRT's positions"),
         partial(run, redrawn, "drawn", "the same, positions drawn over the design"),
     ))  # fmt: skip
@@ -282,19 +282,35 @@ def reproduce_positions(
 
 
 def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
-    """What the text says of Figures 7 and S-5 to S-7."""
+    """Statements of the text on Figures 7 and S-5 to S-7."""
     ours, theirs = designed.indices, drawn.indices
     seven, five = "3.3, Figure 7", "3.3, Figure S-5"
     messages = (
         (seven, "pump speed has the largest sum of total orders", lambda i: next(iter(i.sums)) == SPEED),
         (seven, "the resistances come second", lambda i: list(i.sums)[1] == "R"),
-        (seven, "on MPAP and CO, C and L matter at least half as much as the positions", _as_c_and_l),
-        (seven, "on MPAP and CO, E matters at most twice as much as the return position", _as_e),
-        (five, "the access position helps to make up 90 % of MPAP and CO", lambda i: _selected(i, ACCESS)),
-        (five, "the return position helps to make up 90 % of MPAP and CO", lambda i: _selected(i, RETURN)),
-        ("4", "first orders of both positions are below 0.05 on MPAP and CO", _no_first),
-        ("4", "the strongest pair is that of both positions, or resistances and pump speed", _strongest_pair),
-        ("4", "that pair is beyond its 95 % interval and above 0.05 for MPAP or CO", _strong_pair),
+        (seven, "on MPAP and CO, C and L matter at least half as much as the positions", _c_and_l_comparable),
+        (seven, "on MPAP and CO, E matters at most twice as much as the return position", _e_comparable),
+        (
+            five,
+            "the access position helps to make up 90 % of MPAP and CO",
+            lambda i: _is_selected_for_flow(i, ACCESS),
+        ),
+        (
+            five,
+            "the return position helps to make up 90 % of MPAP and CO",
+            lambda i: _is_selected_for_flow(i, RETURN),
+        ),
+        ("4", "first orders of both positions are below 0.05 on MPAP and CO", _positions_have_no_first_order),
+        (
+            "4",
+            "the strongest pair is that of both positions, or resistances and pump speed",
+            _strongest_pair_is_expected,
+        ),
+        (
+            "4",
+            "that pair is beyond its 95 % interval and above 0.05 for MPAP or CO",
+            _strongest_pair_is_significant,
+        ),
     )
     rows = [
         statement(where, sentence, holds(ours), _DRAWN, holds(theirs)) for where, sentence, holds in messages
@@ -321,7 +337,7 @@ def _total(indices: Indices, output: str, factor: str) -> float:
     return float(indices.estimates.ST[indices.outputs.index(output), indices.factors.index(factor)])
 
 
-def _as_c_and_l(indices: Indices) -> bool:
+def _c_and_l_comparable(indices: Indices) -> bool:
     return all(
         min(_total(indices, output, "C"), _total(indices, output, "L"))
         >= 0.5 * max(_total(indices, output, ACCESS), _total(indices, output, RETURN))
@@ -329,15 +345,15 @@ def _as_c_and_l(indices: Indices) -> bool:
     )
 
 
-def _as_e(indices: Indices) -> bool:
+def _e_comparable(indices: Indices) -> bool:
     return all(_total(indices, o, "E") <= 2.0 * _total(indices, o, RETURN) for o in ("MPAP", "CO"))
 
 
-def _selected(indices: Indices, factor: str) -> bool:
+def _is_selected_for_flow(indices: Indices, factor: str) -> bool:
     return all(factor in indices.selected()[output] for output in ("MPAP", "CO"))
 
 
-def _no_first(indices: Indices) -> bool:
+def _positions_have_no_first_order(indices: Indices) -> bool:
     rows = [indices.outputs.index(o) for o in ("MPAP", "CO")]
     columns = [indices.factors.index(f) for f in (ACCESS, RETURN)]
     return bool((indices.estimates.S1[np.ix_(rows, columns)] < NEGLIGIBLE).all())
@@ -354,16 +370,16 @@ def _pairs(indices: Indices, output: str) -> list[tuple[float, float, frozenset[
     return sorted(result, key=lambda pair: -pair[0])
 
 
-_NAMED = (frozenset((ACCESS, RETURN)), frozenset(("R", SPEED)))
+_EXPECTED_PAIRS = (frozenset((ACCESS, RETURN)), frozenset(("R", SPEED)))
 
 
-def _strongest_pair(indices: Indices) -> bool:
-    return all(_pairs(indices, output)[0][2] in _NAMED for output in ("MPAP", "CO"))
+def _strongest_pair_is_expected(indices: Indices) -> bool:
+    return all(_pairs(indices, output)[0][2] in _EXPECTED_PAIRS for output in ("MPAP", "CO"))
 
 
-def _strong_pair(indices: Indices) -> bool:
+def _strongest_pair_is_significant(indices: Indices) -> bool:
     return any(
-        names in _NAMED and value > max(width, PAIR)
+        names in _EXPECTED_PAIRS and value > max(width, PAIR)
         for output in ("MPAP", "CO")
         for value, width, names in _pairs(indices, output)
     )

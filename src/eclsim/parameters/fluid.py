@@ -21,7 +21,7 @@ INTERSTITIUM_TO_BLOOD = (1.0 - FCELLS * 0.45) / 0.230
 TISSUES = ("tissue", "upper_tissue", "lower_tissue")
 """Exchanges of a patient's tissues, where a circuit has them."""
 PERICAPILLARY = f"{SECTION}.pericapillary_share"
-FOLLOWED, STORES_HOLD = f"{SOLUTES}.followed", f"{SOLUTES}.stores_hold"
+SOLUTES_FOLLOWED, CARBON_DIOXIDE_STORES_HOLD = f"{SOLUTES}.followed", f"{SOLUTES}.stores_hold"
 _PATIENT = "of the patient; default assumed (intensive care)"
 _NOT_VERIFIED = "textbook value, not verified"
 _VOLUME = "of the patient; left out, 2.59 times the blood volume: Moore 1966 (bromide space, 10 healthy men)"
@@ -112,6 +112,6 @@ STARTS = frozenset(
 capillary wall is balanced at the start, with the wall of the start."""
 
 
-def says_start(key: str) -> bool:
-    """Whether a key of a case file says how a course starts; what it becomes is followed."""
+def sets_initial_value(key: str) -> bool:
+    """Whether a key of a case file sets the start of a course, from where its quantity is followed."""
     return key in STARTS or key.endswith(".haematocrit_in")

@@ -1,4 +1,4 @@
-"""What a model parameter is: a number with its unit, meaning, origin and allowed range."""
+"""Model parameters: a number with its unit, meaning, origin and allowed range."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from eclsim.units import quantity_of
 
-RANGE = math.log(100.0)
-"""What the allowed range of a parameter on a linear scale is long in its coordinate."""
+DEFAULT_LOG_RANGE = math.log(100.0)
+"""Length of the allowed range of a parameter on a linear scale, in its coordinate."""
 
 
 class Bounds(NamedTuple):
@@ -53,7 +53,7 @@ class Parameter:
 
     @property
     def quantity(self) -> str | None:
-        """What is measured: "resistance", "compliance", "elastance", "inertance" ..., or None."""
+        """Kind of quantity: "resistance", "compliance", "elastance", "inertance" ..., or None."""
         return quantity_of(self.unit)
 
     @property
@@ -69,7 +69,7 @@ class Parameter:
     @property
     def linear_unit(self) -> float:
         """The change that stands for 100 % where a share of the value says nothing; else 0."""
-        return (self.maximum - self.minimum) / RANGE if self.is_linear else 0.0
+        return (self.maximum - self.minimum) / DEFAULT_LOG_RANGE if self.is_linear else 0.0
 
     def varied(self, value: float, share: float) -> tuple[float, float]:
         """Range of an analysis around a value; `share` is its half width as a share of it, such as 0.25."""

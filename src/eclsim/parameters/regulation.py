@@ -23,7 +23,7 @@ PAO2_SET_POINT = f"{REGULATION}.set_point_pao2_mmHg"
 PACO2_SET_POINT = f"{REGULATION}.set_point_paco2_mmHg"
 VENOUS_O2_SET_POINT = f"{REGULATION}.set_point_venous_o2_ml_dl"
 BEDS = ("sart", "upper", "lower")
-"""Where organs are fed from: all of them, or those of a region."""
+"""Vascular beds that supply organs: of the whole body, or of its regions."""
 SENSED_PAO2, SENSED_PACO2 = f"{REGULATION}.sensed_pao2_mmHg", f"{REGULATION}.sensed_paco2_mmHg"
 LUNG_RESISTANCE = f"{REGULATION}.hypoxic_resistance"
 LUNG_AT_REST = f"{REGULATION}.hypoxic_resistance_at_rest"
@@ -73,7 +73,7 @@ CHEMOREFLEX_SET_POINTS = (PAO2_SET_POINT, PACO2_SET_POINT)
 DILATION_SET_POINTS = tuple(
     dict.fromkeys(key for bed in BEDS for key in (paco2_set_point(bed), of_bed(VENOUS_O2_SET_POINT, bed)))
 )
-"""What the answers to gases refer to; that of the lung is `LUNG_AT_REST`."""
+"""Values at rest that answers to gases refer to; that of the lung is `LUNG_AT_REST`."""
 
 
 def local_resistance(bed: str) -> str:
@@ -82,7 +82,7 @@ def local_resistance(bed: str) -> str:
 
 
 def local_factor(resistance: str) -> str:
-    """Output that says what such a factor is in the beat."""
+    """Output with the value of such a factor in the beat."""
     return resistance.partition(".")[2] + "_factor"
 
 
@@ -97,7 +97,7 @@ def sensitivity(drug: str) -> str:
 
 
 SOLVED_FOR = (SENSED_PAO2, SENSED_PACO2, *map(local_resistance, BEDS), LUNG_RESISTANCE)
-"""What answers to gases: NaN in a case, and solved for with its beat."""
+"""Parameters that answer to gases: NaN in a case, and solved for with its beat."""
 _BED_WORDS = {"sart": "", "upper": ", upper body", "lower": ", lower body"}
 # key, value, unit, description, source, minimum, maximum, group
 _TABLE = (

@@ -47,7 +47,7 @@ from eclsim.components import (
     VentricularSystole,
 )
 from eclsim.components.base import Key
-from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
+from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, SOLUTES
 from eclsim.parameters.physiology import BRONCHIAL, CAVAL_BLOOD, CAVAL_SHARE, SECTION, VALVES
 from eclsim.patient import regional
 from eclsim.patient.sites import DRAINED
@@ -61,7 +61,7 @@ SHI_HOSE_NAMES = {"pas": "pas", "part": "pat", "pvn": "pvn", "ao": "sas", "sart"
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What a patient has beyond the published circulation.
+    """Parts of a patient beyond the published circulation.
 
     Args:
         regional: upper and lower body, aortic arch, descending aorta and two venae cavae.
@@ -152,7 +152,7 @@ def _heart_and_lungs(anatomy: Anatomy) -> Circuit:
 
 
 def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circuit:
-    """What exchanges oxygen and carbon dioxide in the patient, to be joined to the circulation.
+    """Exchangers of oxygen and carbon dioxide in the patient, to be joined to the circulation.
 
     Args:
         anatomy: what the patient has beyond the published circulation.
@@ -166,7 +166,7 @@ def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circu
     for name, (at, share) in places.items():
         law = Tissue(share=share)
         if stores:
-            law = replace(law, held=STORES_HOLD, stored=f"{SOLUTES}.{name}_pco2_mmHg")
+            law = replace(law, held=CARBON_DIOXIDE_STORES_HOLD, stored=f"{SOLUTES}.{name}_pco2_mmHg")
         tissues.append(Exchange(name, law, at))
     return Circuit(exchanges=(*tissues, Exchange("lung", NativeLung(), "part")))
 
@@ -222,7 +222,7 @@ def _vessel(name: str) -> Compartment:
 # --- veins that collapse ----------------------------------------------------------------------------
 
 
-PUBLISHED_MMHG = 4.0
+PUBLISHED_VENOUS_MMHG = 4.0
 """Start pressure of the published veins, at which the vena cava has the resistance of its parameter."""
 _RESISTANCE = "caval_resistance_share"
 _RIGHT_HEART = ("ra", "rv")
@@ -245,21 +245,21 @@ def with_collapsible_veins(circuit: Circuit) -> Circuit:
     stores, paths = list[Compartment](), list[Connection]()
     for store in circuit.compartments:
         if store.name in veins:
-            stores += _divided(store, circuit.connection(store.name))
+            stores += _split_vein(store, circuit.connection(store.name))
         else:
             emptied = CollapsibleChamber(store.component, "chamber_emptying_ml")
             stores.append(replace(store, component=emptied) if store.name in _RIGHT_HEART else store)
     for path in circuit.connections:
-        paths += _through(path) if path.name in veins else [path]
+        paths += _split_outlet(path) if path.name in veins else [path]
     return replace(circuit, compartments=tuple(stores), connections=tuple(paths))
 
 
-def _times(total: Key, share: Key) -> Scaled:
+def _scaled(total: Key, share: Key) -> Scaled:
     """A share of a key that may be a share itself."""
     return replace(total, by=(*total.by, share)) if isinstance(total, Scaled) else Scaled(total, (share,))
 
 
-def _divided(vein: Compartment, path: Connection) -> tuple[Compartment, Compartment]:
+def _split_vein(vein: Compartment, path: Connection) -> tuple[Compartment, Compartment]:
     """The veins without the vena cava, and the vena cava."""
     law, inlet = vein.component, path.component
     assert isinstance(law, ElasticVessel)
@@ -267,20 +267,20 @@ def _divided(vein: Compartment, path: Connection) -> tuple[Compartment, Compartm
     assert vein.total_fraction is not None
     divided = replace(
         vein,
-        component=replace(law, compliance=_times(law.compliance, Complement(CAVAL_SHARE))),
-        total_fraction=_times(vein.total_fraction, Complement(CAVAL_BLOOD)),
+        component=replace(law, compliance=_scaled(law.compliance, Complement(CAVAL_SHARE))),
+        total_fraction=_scaled(vein.total_fraction, Complement(CAVAL_BLOOD)),
     )
     regions = law.compliance.by if isinstance(law.compliance, Scaled) else ()
     cava = CollapsibleVein(
-        _times(law.compliance, CAVAL_SHARE), Scaled("caval_rest_volume_ml", regions), "caval_collapse_mmHg",
-        _times(inlet.ohmic, _RESISTANCE), PUBLISHED_MMHG,
+        _scaled(law.compliance, CAVAL_SHARE), Scaled("caval_rest_volume_ml", regions), "caval_collapse_mmHg",
+        _scaled(inlet.ohmic, _RESISTANCE), PUBLISHED_VENOUS_MMHG,
     )  # fmt: skip
     return divided, Compartment(DRAINED[vein.name], cava, start=vein.start)
 
 
-def _through(path: Connection) -> tuple[Connection, Connection]:
+def _split_outlet(path: Connection) -> tuple[Connection, Connection]:
     """From the veins into the vena cava, and from there to where the veins led."""
     assert isinstance(path.component, Resistance)
-    inlet = Resistance(_times(path.component.ohmic, Complement(_RESISTANCE)))
+    inlet = Resistance(_scaled(path.component.ohmic, Complement(_RESISTANCE)))
     cava = DRAINED[path.name]
     return replace(path, component=inlet, target=cava), Connection(cava, Resistance(0.0), cava, path.target)

@@ -26,7 +26,7 @@ from eclsim.components.base import Key
 from eclsim.parameters.physiology import BRONCHIAL, UPPER_SHARE
 
 _UPPER, _LOWER = UPPER_SHARE, Complement(UPPER_SHARE)
-_BEHIND_ARCH = Complement("ascending_drop_share")
+_DESCENDING_SHARE = Complement("ascending_drop_share")
 _IN_ARTERIES = ("arch", "descending", "upper")
 _ARTERIES = tuple(f"{name}_vessel_share" for name in _IN_ARTERIES)
 
@@ -40,14 +40,14 @@ def systemic(bronchial: bool = False) -> Circuit:
     organs = (Complement(BRONCHIAL),) if bronchial else ()
     connections = (
         _artery("ao", "Rao", "Lao", "ao", "arch", by=("ascending_drop_share",)),
-        _artery("archupper", "Rao", "Lao", "arch", "upper", by=(_BEHIND_ARCH,), over=(_UPPER,)),
+        _artery("archupper", "Rao", "Lao", "arch", "upper", by=(_DESCENDING_SHARE,), over=(_UPPER,)),
         _artery(
-            "arch", "Rao", "Lao", "arch", "descending", by=(_BEHIND_ARCH, "descending_drop_share"),
+            "arch", "Rao", "Lao", "arch", "descending", by=(_DESCENDING_SHARE, "descending_drop_share"),
             over=(_LOWER,),
         ),
         _artery(
             "descending", "Rao", "Lao", "descending", "lower",
-            by=(_BEHIND_ARCH, Complement("descending_drop_share")), over=(_LOWER,),
+            by=(_DESCENDING_SHARE, Complement("descending_drop_share")), over=(_LOWER,),
         ),
         _artery("upper", ("Rsart", "Rmc"), "Lsart", "upper", "svc", over=(_UPPER, *organs)),
         _artery("lower", ("Rsart", "Rmc"), "Lsart", "lower", "ivc", over=(_LOWER, *organs)),
@@ -66,7 +66,7 @@ def systemic(bronchial: bool = False) -> Circuit:
 
 
 def bronchial_return(artery: str) -> Connection:
-    """What the bronchial arteries carry past the right heart, a share of the systemic conductance."""
+    """Share of the systemic conductance that is bronchial arteries, which bypass the right heart."""
     return Connection("bronchial", Resistance(Scaled(("Rsart", "Rmc"), (), (BRONCHIAL,))), artery, "pvn")
 
 

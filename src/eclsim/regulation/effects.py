@@ -1,4 +1,4 @@
-"""What controllers have in effect once the circulation is steady, as a function of what they read."""
+"""Effects of controllers once the circulation is steady, as a function of what they read."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def steady_controls(circuit: Circuit) -> tuple[Control, ...]:
 
 
 def readings_of(controls: Sequence[Control]) -> tuple[Reading, ...]:
-    """What controllers read, one after the other."""
+    """Inputs of controllers, one after the other."""
     return tuple(reading for control in controls for reading in control.reads)
 
 
@@ -65,7 +65,7 @@ def effect_law(controls: tuple[Control, ...], parameters: tuple[str, ...]) -> Ef
 
 
 @dataclass(frozen=True, eq=False)
-class UseLaw:
+class ReflexUseLaw:
     """From arterial pressure, set point and gain to the share of a reflex's range in use, -100 to 100 %.
 
     Args:
@@ -76,15 +76,15 @@ class UseLaw:
 
     def __call__(self, n: Array) -> Array:
         """The share."""
-        return jnp.stack([jnp.where(n[2] > 0.0, 100.0 * self.model.use(n[0] - n[1]), 0.0)])
+        return jnp.stack([jnp.where(n[2] > 0.0, 100.0 * self.model.share_in_use(n[0] - n[1]), 0.0)])
 
 
 @lru_cache(maxsize=8)
-def use_law(control: Control) -> UseLaw:
+def reflex_use_law(control: Control) -> ReflexUseLaw:
     """The law of a reflex, the same object each time."""
     reflex = control.component
     assert isinstance(reflex, Reflex)
-    return UseLaw(reflex.model)
+    return ReflexUseLaw(reflex.model)
 
 
 def reflex_of(circuit: Circuit) -> Control | None:

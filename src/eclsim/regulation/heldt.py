@@ -35,7 +35,7 @@ PERIOD = 60.0 / 70.0
 
 
 class Gains(NamedTuple):
-    """What differs between the sets, by mmHg of effective deviation.
+    """Gains of a set, by mmHg of effective deviation.
 
     Attributes:
         resistance: of each bed, arterial and cardiopulmonary [mmHg s/mL].

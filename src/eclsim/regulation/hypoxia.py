@@ -25,19 +25,19 @@ from eclsim.parameters.regulation import LUNG_RESISTANCE, REGULATION
 from eclsim.slow import Named, SlowLaw, SlowState
 
 VENOUS, ALVEOLAR = 0.41, 0.59
-EXPONENT, HALF, LARGEST = -2.616, 6.683e-5, 3.15
+EXPONENT, HALF_EFFECT, LARGEST = -2.616, 6.683e-5, 3.15
 LAG_S = 300.0
 """Time constant of the rapid part [s]: minutes; not verified."""
 LEAST_MMHG = 1.0
 LUNG_SETTINGS = ("gas.alveolar_ventilation_l_min", "gas.fio2", "gas.shunt_fraction", TEMPERATURE)
-WANTED = "hypoxic_resistance_wanted"
-"""Output that says what the oxygen now would bring about."""
+WANTED_RESISTANCE = "hypoxic_resistance_wanted"
+"""Output: the relative resistance that the present oxygen would lead to."""
 
 
 def relative_resistance(venous: Number, alveolar: Number) -> Number:
     """Resistance relative to that without hypoxia, from mixed venous and alveolar PO2 [mmHg]."""
     stimulus = jnp.maximum(venous, LEAST_MMHG) ** VENOUS * jnp.maximum(alveolar, LEAST_MMHG) ** ALVEOLAR
-    return 1.0 + (LARGEST - 1.0) / (1.0 + HALF * stimulus**-EXPONENT)
+    return 1.0 + (LARGEST - 1.0) / (1.0 + HALF_EFFECT * stimulus**-EXPONENT)
 
 
 def alveolar_po2(venous: Number, uptake: Number, gained_co2: Number, settings: Sequence[Number]) -> Number:
@@ -80,20 +80,20 @@ class HypoxicVasoconstriction(SlowLaw):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """What the oxygen now would bring about."""
-        return (WANTED,)
+        """Resistance that the present oxygen leads to in time."""
+        return (WANTED_RESISTANCE,)
 
     def start(self, settings: Named, beat: Named) -> Named:
         """Long since in effect."""
-        return {self.factor: np.log(beat[WANTED])}
+        return {self.factor: np.log(beat[WANTED_RESISTANCE])}
 
     def in_effect(self, states: Named, settings: Named) -> Named:
         """The factor, which the beat then does not solve for."""
         return {LUNG_RESISTANCE: np.exp(states[self.factor])}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:
-        """Towards what the oxygen now would bring about; none where nothing says what that is."""
-        target = np.asarray(beat[WANTED])
+        """Towards the value that the present oxygen would lead to; zero where that is not known."""
+        target = np.asarray(beat[WANTED_RESISTANCE])
         known = target > 0.0
         return {
             self.factor: np.where(known, np.log(np.where(known, target, 1.0)) - states[self.factor], 0.0)

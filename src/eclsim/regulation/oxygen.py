@@ -111,14 +111,14 @@ def chemoreceptor_firing(gases: Gases) -> Number:
 
 
 def sympathetic_input(outflow: Outflow, gases: Gases) -> Number:
-    """What gases add to the input of sympathetic nerves [1/s]."""
+    """Input of sympathetic nerves that gases add [1/s]."""
     central = outflow.most / (1.0 + jnp.exp((gases.oxygen - outflow.middle) / outflow.slope))
     central = central + outflow.per_mmhg * (gases.carbon_dioxide - NORMAL_PCO2)
     return outflow.chemoreceptors * chemoreceptor_firing(gases) + central
 
 
 def sympathetic_effect(deviation: Number, added: Number) -> Number:
-    """What gains of sympathetic effectors are multiplied by, with an input that gases add [1/s]."""
+    """Factor of the gains of sympathetic effectors, with an input that gases add [1/s]."""
     least = ursino1998.SYMPATHETIC_AT_HIGH_PRESSURE
     span = ursino1998.sympathetic_firing(ursino1998.carotid_firing(deviation)) - least
     firing = jnp.minimum(least + span * jnp.exp(ursino1998.SYMPATHETIC_RATE * added), LARGEST_SYMPATHETIC)
@@ -126,7 +126,7 @@ def sympathetic_effect(deviation: Number, added: Number) -> Number:
 
 
 def gas_drives(deviation: Number, strength: Number, now: Gases, rest: Gases) -> list[Number]:
-    """What gases change of the drive along each pathway of `ursino1998` at an arterial pressure."""
+    """Change by gases of the drive along each pathway of `ursino1998` at an arterial pressure."""
     before = sympathetic_effect(deviation, 0.0)
     added = [strength * (sympathetic_input(o, now) - sympathetic_input(o, rest)) for o in OUTFLOWS]
     vagal = VAGAL_WEIGHT * strength * (chemoreceptor_firing(now) - chemoreceptor_firing(rest))
@@ -134,7 +134,7 @@ def gas_drives(deviation: Number, strength: Number, now: Gases, rest: Gases) -> 
 
 
 class ChemoreflexConstants(NamedTuple):
-    """Of the baroreflex at a gain of 1; its own gain, strength of the chemoreflex, gases now, at rest."""
+    """The baroreflex at a gain of 1; its own gain, strength of the chemoreflex, gases now and at rest."""
 
     gain: Number
     set_points: tuple[Number, ...]
@@ -173,7 +173,7 @@ class Chemoreflex(Reflex):
     carbon_dioxide_response: Key = keys.CARBON_DIOXIDE
 
     def constants(self, values: Values) -> ReflexConstants:
-        """Those of the baroreflex, and gases."""
+        """Constants of the baroreflex, and gases."""
         constants = super().constants(values)
         now, rest = (
             Gases(value_of(values, oxygen), value_of(values, carbon_dioxide))

@@ -18,7 +18,7 @@ from eclsim.circuit.network import BLOOD_VOLUME, Reading
 from eclsim.components.base import Constants, Controller, ControlState, Key, Number, Values, value_of
 from eclsim.parameters.regulation import GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
 
-FAR_MMHG = 1000.0
+EXTREME_DEVIATION_MMHG = 1000.0
 """Deviation of pressure by which a reflex has saturated."""
 
 
@@ -49,7 +49,7 @@ class Pathway(NamedTuple):
 
 @dataclass(frozen=True)
 class Effector:
-    """What pathways do to one parameter: theta_i + sum over pathways of gain * drive, of beds in parallel.
+    """Effect of pathways on one parameter: theta_i + sum over pathways of gain * drive, of beds in parallel.
 
     Args:
         parameter: it acts on.
@@ -121,7 +121,7 @@ class ReflexModel:
         """The same where pressures have been so for long; deviations from the set points in mmHg."""
         return self.effects([gain * drive for drive in self.drives(deviations)], blood_volume_ml)
 
-    def use(self, arterial_deviation: Number) -> Number:
+    def share_in_use(self, arterial_deviation: Number) -> Number:
         """Share of the resistance's range in use: 1 at the lowest arterial pressure, -1 at the highest."""
         resistance = next(e for e in self.effectors if e.parameter == "Rmc")
         pathway = next(k for k, gain in enumerate(resistance.gains[0]) if gain)
@@ -130,7 +130,9 @@ class ReflexModel:
             rest = [0.0] * (len(self.reads) - 1)
             return self.drives([deviation, *rest])[pathway]
 
-        end = jnp.where(arterial_deviation < 0.0, drive(-FAR_MMHG), -drive(FAR_MMHG))
+        end = jnp.where(
+            arterial_deviation < 0.0, drive(-EXTREME_DEVIATION_MMHG), -drive(EXTREME_DEVIATION_MMHG)
+        )
         return drive(arterial_deviation) / end
 
 

@@ -54,7 +54,7 @@ def vagal_firing(carotid: Number, xp: ModuleType = jnp) -> Number:
 
 
 def sympathetic_effect(deviation: Number, xp: ModuleType = jnp) -> Number:
-    """What gains of sympathetic effectors are multiplied by [-]."""
+    """Factor of the gains of sympathetic effectors [-]."""
     firing = sympathetic_firing(carotid_firing(deviation, xp), xp)
     return xp.log(xp.maximum(firing - THRESHOLD + 1.0, 1.0))
 

@@ -164,7 +164,7 @@ def instances_at(places: Iterable[str]) -> list[Naming]:
     return sorted(result.values(), key=lambda naming: order.index(naming.device.key))
 
 
-def place_words(signal: str) -> str:
+def place_label_of(signal: str) -> str:
     """What the place of a waveform is called."""
     kind, place = signal[0], signal[1:]
     names = naming_at(place)

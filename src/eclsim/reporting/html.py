@@ -66,7 +66,7 @@ def _environment() -> jinja2.Environment:
         finalize=_printable,
     )
     environment.globals["version"] = __version__
-    environment.filters |= {"inline_svg": _inlined, "number": number}
+    environment.filters |= {"inline_svg": _labelled_svg, "number": number}
     return environment
 
 
@@ -80,7 +80,7 @@ def _printable(value: object) -> object:
     return "".join(allowed).encode("utf-8", "replace").decode("utf-8")
 
 
-def _inlined(svg: str, key: str, label: str) -> str:
+def _labelled_svg(svg: str, key: str, label: str) -> str:
     return inline_svg(svg, key).replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1)
 
 

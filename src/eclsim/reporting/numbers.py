@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 MINUS = "\N{MINUS SIGN}"
 MISSING = "–"
-WRITTEN_OUT = 1e6
+LARGEST_WITHOUT_EXPONENT = 1e6
 """Numbers below have no power of ten."""
 
 
@@ -36,7 +36,7 @@ def number(
     if value is None or not math.isfinite(value):
         return missing
     text = f"{value:.{digits}g}" if decimals is None else f"{value:.{decimals}f}"
-    if "e+" in text and abs(value) < WRITTEN_OUT:
+    if "e+" in text and abs(value) < LARGEST_WITHOUT_EXPONENT:
         text = f"{float(text):.0f}"
     if float(text) == 0.0:
         text = text.lstrip("-")
@@ -69,7 +69,7 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Coll
 
 # --- tables in a terminal ---------------------------------------------------------------------------
 
-WIDTH_OF_PIPES = 140
+WIDTH_WITHOUT_TERMINAL = 140
 """Columns of the text where standard output is no terminal."""
 
 
@@ -107,4 +107,4 @@ def show_text(text: str) -> None:
 def _console() -> Console:
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else WIDTH_OF_PIPES, highlight=False)
+    return Console(width=None if sys.stdout.isatty() else WIDTH_WITHOUT_TERMINAL, highlight=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-STOPS = (
+COLOUR_STOPS = (
     (40.0, "#0D0887"), (60.0, "#3E1CA8"), (75.0, "#6E2AB2"), (88.0, "#AE4C92"), (95.0, "#DA6068"),
     (100.0, "#F58C46"),
 )  # fmt: skip
@@ -20,23 +20,25 @@ LIGHT_LETTERS = "#FFFFFF"
 
 def colour_of(saturation: float) -> str:
     """The colour of a saturation [%]."""
-    red, green, blue = _mixed(saturation)
+    red, green, blue = _interpolated(saturation)
     return f"#{red:02X}{green:02X}{blue:02X}"
 
 
-def letters_on(saturation: float) -> str:
+def text_colour_on(saturation: float) -> str:
     """The colour of letters that can be read on that of a saturation [%]: contrast of 4.5 and more."""
-    bright = sum(weight * _linear(part) for weight, part in zip(_WEIGHTS, _mixed(saturation), strict=True))
+    bright = sum(
+        weight * _linear(part) for weight, part in zip(_WEIGHTS, _interpolated(saturation), strict=True)
+    )
     return LIGHT_LETTERS if 1.05 / (bright + 0.05) >= 4.5 else DARK_LETTERS
 
 
-_PARTS = [(at, tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5))) for at, colour in STOPS]
-_SPANS = list(pairwise(_PARTS))
+_RGB_STOPS = [(at, tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5))) for at, colour in COLOUR_STOPS]
+_SPANS = list(pairwise(_RGB_STOPS))
 _WEIGHTS = (0.2126, 0.7152, 0.0722)
 
 
-def _mixed(saturation: float) -> tuple[int, int, int]:
-    at = min(max(saturation, STOPS[0][0]), STOPS[-1][0])
+def _interpolated(saturation: float) -> tuple[int, int, int]:
+    at = min(max(saturation, COLOUR_STOPS[0][0]), COLOUR_STOPS[-1][0])
     (low, first), (high, second) = next(pair for pair in _SPANS if at <= pair[1][0])
     share = (at - low) / (high - low)
     red, green, blue = (round(a + share * (b - a)) for a, b in zip(first, second, strict=True))

@@ -48,7 +48,7 @@ from eclsim.reporting.style import GREY, MM_PER_INCH, figure_style, plain_text
 if TYPE_CHECKING:
     import xarray as xr
 
-_PILL = 7.6
+_SATURATION_WIDTH = 7.6
 """Width [mm] of the field that holds a saturation."""
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
 
@@ -237,7 +237,9 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
                 pen.text(x, height, text, **style)
                 continue
             pen.text(x - BOX_WIDTH / 2 + 0.9, height, text, ha="left", **style | {"size": 6.3})
-            pen.saturation((x + BOX_WIDTH / 2 - _PILL / 2 - 0.7, height), saturation, _PILL)
+            pen.saturation(
+                (x + BOX_WIDTH / 2 - _SATURATION_WIDTH / 2 - 0.7, height), saturation, _SATURATION_WIDTH
+            )
 
 
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:

@@ -16,13 +16,13 @@ from matplotlib.transforms import Bbox
 from eclsim.devices.description import Look
 from eclsim.devices.device import Device
 from eclsim.devices.registry import device_of
-from eclsim.reporting.saturation import STOPS, colour_of, letters_on
+from eclsim.reporting.saturation import COLOUR_STOPS, colour_of, text_colour_on
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
 
 # Tried in this order: the straightest arc that runs past all boxes and text.
-_BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
+_ARC_BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
 
 
 _PATIENT = Look("#222222", "#F7F7F7", 1.3)
@@ -147,13 +147,13 @@ class Pen:
         patch = FancyBboxPatch(corner, width, 3.1, boxstyle=style, facecolor=colour, edgecolor="none")
         patch.set_zorder(7)
         self.ax.add_patch(patch)
-        self.text(x, y - 0.1, f"{percent:.0f} %", size=6, weight="bold", color=letters_on(percent))
+        self.text(x, y - 0.1, f"{percent:.0f} %", size=6, weight="bold", color=text_colour_on(percent))
 
     def saturation_scale(self, right: float, y: float) -> None:
         """The scale of saturations as fields from low to high, ending at the right."""
-        for index, (percent, _) in enumerate(reversed(STOPS)):
+        for index, (percent, _) in enumerate(reversed(COLOUR_STOPS)):
             self.saturation((right - 4.5 - 9.0 * index, y), percent, 9.0)
-        self.text(right - 9.0 * len(STOPS) - 1.5, y, "oxygen saturation", size=6.5, ha="right")
+        self.text(right - 9.0 * len(COLOUR_STOPS) - 1.5, y, "oxygen saturation", size=6.5, ha="right")
 
     def between(self, first: Box, second: Box) -> tuple[Point, Point]:
         """Ends of a straight line between two boxes of one row or one column."""
@@ -168,8 +168,8 @@ class Pen:
         """A bent arrow between two boxes anywhere on the page, past boxes and text; returns its middle."""
         start, stop = _border(first, _middle(second)), _border(second, _middle(first))
         obstacles = [*self._texts(), *(Bbox.from_extents(*box) for box in blocked)]
-        curves = {bend: _curve(start, stop, bend) for bend in _BENDS}
-        bend = min(_BENDS, key=lambda b: sum(box.contains(*p) for p in curves[b] for box in obstacles))
+        curves = {bend: _curve(start, stop, bend) for bend in _ARC_BENDS}
+        bend = min(_ARC_BENDS, key=lambda b: sum(box.contains(*p) for p in curves[b] for box in obstacles))
         arrow = FancyArrowPatch(
             start, stop, connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", zorder=3, shrinkA=0, shrinkB=0
         )

@@ -105,7 +105,7 @@ def _path(
         edge = x - BOX_WIDTH / 2 if side == "left" else x + BOX_WIDTH / 2
         level = y + 3.0 * slot
         return [(edge, level), (lane_x, level), (lane_x, heights[-1]), *end]
-    start_x = x + 5.0 * slot + _clearance(x, port_x, slot)
+    start_x = x + 5.0 * slot + _shifted_aside(x, port_x, slot)
     start_y = y + BOX_HEIGHT / 2 if side == "up" else y - BOX_HEIGHT / 2
     path = [(start_x, start_y), (start_x, heights[0])]
     if len(heights) > 1:
@@ -113,14 +113,14 @@ def _path(
     return path + end
 
 
-def _clearance(x: float, port_x: float, slot: float) -> float:
+def _shifted_aside(x: float, port_x: float, slot: float) -> float:
     """Moves a line aside where another device's line comes down over the same box."""
     if x == port_x or slot or x not in (30.0, 150.0):
         return 0.0
     return 5.0 if x == 30.0 else -5.0
 
 
-class Way(NamedTuple):
+class Detour(NamedTuple):
     """Way of a connection between boxes that are no neighbours.
 
     Attributes:
@@ -134,35 +134,35 @@ class Way(NamedTuple):
     align: str
 
 
-def detour(plan: Plan, page: Layout, wire: Wire, wider: float = 0.0) -> Way | None:
+def detour(plan: Plan, page: Layout, wire: Wire, margin: float = 0.0) -> Detour | None:
     """Way of a connection past boxes in between; None where there are none.
 
     Args:
         plan: of the circuit.
         page: with the boxes.
         wire: the connection.
-        wider: by how much the boxes are drawn wider on either side [mm].
+        margin: by how much the boxes are drawn wider on either side [mm].
     """
     (x, low), (other, high) = page.places[wire.source], page.places[wire.target]
-    half = BOX_WIDTH / 2 + wider
+    half = BOX_WIDTH / 2 + margin
     if wire.source == "sart" and wire.target == "pvn":  # inside the ring
         # Between what stands in the middle and the labels of the heart, which are wider on the page.
-        beside = 19.5 if wider else 26.0
+        beside = 19.5 if margin else 26.0
         channel = MIDDLE + (30.0 if plan.bridges else beside)
         start, end = low + BOX_HEIGHT / 2, high - 4.0
         inside = [(x + 8.0, start), (x + 8.0, start + 3.0), (channel, start + 3.0)]
         label = (channel - 1.5, high - 10.0 if plan.bridges else start + 9.0)
-        return Way([*inside, (channel, end), (other - half, end)], label, "right")
+        return Detour([*inside, (channel, end), (other - half, end)], label, "right")
     if wire.target == "pvn" and low < high:  # outside of the left heart
-        edge, aside = other + half, other + half + 1.4 - 0.4 * wider
+        edge, aside = other + half, other + half + 1.4 - 0.4 * margin
         path = [(x + half, low + 2.0), (aside, low + 2.0), (aside, high - 3.0), (edge, high - 3.0)]
-        return Way(path, (x + half + 2.5, low + 6.5), "left")
+        return Detour(path, (x + half + 2.5, low + 6.5), "left")
     if x != other or not any(x == at and low < y < high for at, y in page.places.values()):
         return None
     edge = x - half
-    aside = edge - 1.4 + 0.4 * wider
+    aside = edge - 1.4 + 0.4 * margin
     path = [(edge, low + 3.0), (aside, low + 3.0), (aside, high - 3.0), (edge, high - 3.0)]
-    return Way(path, (edge + 1.0, low + 6.0 + BOX_HEIGHT / 2), "left")
+    return Detour(path, (edge + 1.0, low + 6.0 + BOX_HEIGHT / 2), "left")
 
 
 _PORT = 7.0
@@ -196,11 +196,11 @@ def _cost(paths: Sequence[Path]) -> float:
     for index, first in enumerate(pieces):
         cost += 1e-4 * sum(abs(a[0] - b[0]) + abs(a[1] - b[1]) for a, b in first)
         for second in pieces[index + 1 :]:
-            cost += sum(_meeting(p, q) for p in first for q in second)
+            cost += sum(_crossing_cost(p, q) for p in first for q in second)
     return cost
 
 
-def _meeting(p: tuple[Point, Point], q: tuple[Point, Point]) -> float:
+def _crossing_cost(p: tuple[Point, Point], q: tuple[Point, Point]) -> float:
     """1 for a crossing, a penalty for two lines on top of each other, 0 for no contact."""
     (px0, px1), (py0, py1) = _span(p, 0), _span(p, 1)
     (qx0, qx1), (qy0, qy1) = _span(q, 0), _span(q, 1)

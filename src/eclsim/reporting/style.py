@@ -24,8 +24,8 @@ from eclsim.files import whole_file
 MM_PER_INCH = 25.4
 PAGE_WIDTH_MM = 170.0
 DOTS_PER_INCH = 200
-FEW_NAMES = 12
-LONG_NAME = 16
+MOST_HORIZONTAL_NAMES = 12
+LONGEST_FULL_NAME = 16
 """Letters; a longer name of a parameter is shown without its section."""
 
 OKABE_ITO = {
@@ -158,12 +158,12 @@ def draw_matrix(
 
 def turned_names(names: Sequence[str]) -> float:
     """Angle of names along an axis [degrees]: upright where they are many."""
-    return 90.0 if len(names) > FEW_NAMES else 0.0
+    return 90.0 if len(names) > MOST_HORIZONTAL_NAMES else 0.0
 
 
 def short_name(name: str) -> str:
     """The name of a parameter, without its section where it is long."""
-    return name.rpartition(".")[2] if len(name) > LONG_NAME else name
+    return name.rpartition(".")[2] if len(name) > LONGEST_FULL_NAME else name
 
 
 def curve_style(index: int) -> dict[str, object]:
@@ -264,13 +264,13 @@ class PlainLogLocator(Locator):
         decades = 10.0 ** np.arange(np.floor(np.log10(vmin)), np.ceil(np.log10(vmax)) + 1.0)
         for digits in _STEPS:
             ticks = np.sort(np.outer(decades, digits).ravel())
-            chosen = self._apart(ticks[(ticks >= vmin) & (ticks <= vmax)], vmin, vmax)
+            chosen = self._without_overlaps(ticks[(ticks >= vmin) & (ticks <= vmax)], vmin, vmax)
             if len(chosen) > 1:
                 return chosen
         even = np.array(MaxNLocator(4).tick_values(vmin, vmax))
-        return self._apart(even[(even >= vmin) & (even <= vmax)], vmin, vmax)
+        return self._without_overlaps(even[(even >= vmin) & (even <= vmax)], vmin, vmax)
 
-    def _apart(self, ticks: np.ndarray, low: float, high: float) -> list[float]:
+    def _without_overlaps(self, ticks: np.ndarray, low: float, high: float) -> list[float]:
         chosen: list[float] = []
         for tick in ticks.tolist():
             if not chosen or np.log(tick / chosen[-1]) >= self.gap * np.log(high / low):

@@ -25,8 +25,8 @@ from eclsim.inputs.mistakes import as_names, as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.orbit.status import Status
 from eclsim.sensitivity.design import Design, DesignError
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, missing_outputs, varied
-from eclsim.sensitivity.results import SensitivityResult, conclude
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, missing_outputs, varied_inputs
+from eclsim.sensitivity.results import SensitivityResult, indices_of_runs
 from eclsim.sensitivity.runs import Analysis, SampleFolder, SteadyBeatEvaluator, design_resolution
 from eclsim.simulation.target_flow import with_speed
 
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 PRELOAD = ("scipy.stats", "eclsim.outputs.steady_beat", "eclsim.sensitivity.runs")
-"""What a worker needs before its first block."""
-COPIES = 6
+"""Modules that a worker loads before its first block."""
+COPIES_IN_MEMORY = 6
 """How often the points of a design and its results are held at a time, at most."""
 SHARE_OF_MEMORY = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
 class SobolSettings:
-    """What is analysed.
+    """Settings of an analysis.
 
     Args:
         samples: N, rows of Saltelli's design, a power of two.
@@ -123,8 +123,8 @@ def sensitivity(
         case = with_speed(as_case(case), settings.volume_policy)[0]
         plan, model = plan_analysis(case, settings), model_of(case)
         around = replace(model, values={**model.values, **(settings.values or {})})
-        said = beat_warnings(around, settings.volume_policy, plan.evaluator.outputs)
-        plan = replace(plan, warnings=said)
+        warnings = beat_warnings(around, settings.volume_policy, plan.evaluator.outputs)
+        plan = replace(plan, warnings=warnings)
         place = stack.enter_context(TemporaryDirectory(prefix="eclsim-")) if folder is None else folder
         return run_analysis(plan, Path(place), distribution, until=settings.until, progress=progress)
 
@@ -137,7 +137,7 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     _check(s)
     base = dict(model_of(case).with_values(s.values).values)
     parameters = CARDIOVASCULAR if s.parameters is None else s.parameters
-    chosen = varied(case, base, parameters, s.include, s.groups, s.perturbation_percent)
+    chosen = varied_inputs(case, base, parameters, s.include, s.groups, s.perturbation_percent)
     available = output_names(chosen.circuit)
     usual = [o for o in OUTPUTS if o in available]
     outputs = tuple(dict.fromkeys(usual if s.outputs is None else s.outputs))
@@ -165,7 +165,7 @@ def check_memory(design: Design, outputs: int) -> None:
         DesignError: With the largest number of rows that fits.
     """
     available = _memory_bytes()
-    row = 8 * COPIES * (len(design.inputs) + outputs) * design.runs_per_row
+    row = 8 * COPIES_IN_MEMORY * (len(design.inputs) + outputs) * design.runs_per_row
     if available is None or row * design.samples <= SHARE_OF_MEMORY * available:
         return
     largest = 1 << max(int(SHARE_OF_MEMORY * available // row).bit_length() - 1, 1)
@@ -208,7 +208,7 @@ def run_analysis(
     for rows in _stages(design, until):
         blocks = range(rows // design.rows_per_block)
         run_tasks(plan.tasks, store, blocks, executor.run, progress)
-        result = conclude(replace(design, samples=rows), plan.evaluator.outputs, store.load(blocks))
+        result = indices_of_runs(replace(design, samples=rows), plan.evaluator.outputs, store.load(blocks))
         certain = until is not None and result.indices.estimates.ST_conf.max() <= until
         if certain and result.indices.ranked:
             break
@@ -223,12 +223,12 @@ def merge_shards(folder: Path) -> SensitivityResult:
     Raises:
         ExecutionError: a shard is missing, or the folder holds no analysis.
     """
-    store = SampleFolder.found_in(folder)
+    store = SampleFolder.of_folder(folder)
     with Distribution(merge=True).running() as executor:
         blocks = range(store.design.blocks)
         tasks = Tasks("sensitivity", "blocks", store.blocks.load, blocks)
         run_tasks(tasks, store, blocks, executor.run)
-        result = conclude(store.design, store.outputs, store.load(blocks))
+        result = indices_of_runs(store.design, store.outputs, store.load(blocks))
         store.finish(result.runs)
     return replace(result, indices=replace(result.indices, warnings=store.warnings))
 
@@ -251,7 +251,7 @@ TARGETS: MappingProxyType[str, float] = MappingProxyType(
 cohort's 113; the middle between the cohort's 55 and 65."""
 
 ADJUSTED = "Rmc"
-_WIDEST = 32.0
+_LARGEST_FACTOR = 32.0
 
 
 class StateError(ValueError):
@@ -278,7 +278,7 @@ def state_values(model: Model, state: str, policy: str = AS_PUBLISHED) -> dict[s
 
     low, high = _bracket(excess)
     if low is None or high is None:
-        limits = f"{ADJUSTED} / {_WIDEST:g} to {ADJUSTED} x {_WIDEST:g}"
+        limits = f"{ADJUSTED} / {_LARGEST_FACTOR:g} to {ADJUSTED} x {_LARGEST_FACTOR:g}"
         raise StateError(f"a mean arterial pressure of {target:g} mmHg: not reached from {limits}")
     root = brentq(excess, low, high, xtol=1e-6)
     return {ADJUSTED: model.values[ADJUSTED] * math.exp(float(root))}  # pyright: ignore[reportArgumentType]  # a number
@@ -289,7 +289,7 @@ def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | No
     excess_here, step = excess(0.0), math.log(2.0)
     direction = -1.0 if excess_here > 0.0 else 1.0
     log_factor = 0.0
-    while abs(log_factor) < math.log(_WIDEST):
+    while abs(log_factor) < math.log(_LARGEST_FACTOR):
         following = log_factor + direction * step
         excess_next = excess(following)
         if excess_here * excess_next <= 0.0:
@@ -299,7 +299,7 @@ def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | No
 
 
 def _mean_arterial_pressure(model: Model, policy: str) -> float:
-    """Of the steady beat; `StateError` where there is none."""
+    """Mean arterial pressure of the steady beat; `StateError` where there is none."""
     from eclsim.orbit.steady import Batch
     from eclsim.outputs.steady_beat import steady_beat
 

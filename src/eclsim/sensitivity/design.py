@@ -118,7 +118,7 @@ class Design:
         return block * self.rows_per_block, (block + 1) * self.rows_per_block
 
     def description(self) -> Description:
-        """As plain data: all that the numbers of a row follow from.
+        """Plain data: all that the numbers of a row follow from.
 
         The number of rows is not among it: a design is the beginning of the same design with more rows.
         """
@@ -203,7 +203,7 @@ def sobol_indices(
         factors: number of factors.
         seed: of the resampling.
         resamples: bootstrap resamples of the rows.
-        size: least size of an output, in its unit, that its rounding is held against.
+        size: smallest size of an output, in its unit, that rounding is compared with.
     """
     from scipy.stats import norm
 

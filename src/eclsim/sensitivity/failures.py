@@ -1,4 +1,4 @@
-"""Where among the inputs runs failed: the one or two that set the failed runs apart from the others.
+"""Region of the inputs in which runs failed: the one or two that set the failed runs apart from the others.
 
 A threshold on one input that most of the failed runs lie beyond and few of the others: the one at which the
 two distribution functions are furthest apart, which is the statistic of Kolmogorov and Smirnov. A second
@@ -17,8 +17,8 @@ import numpy as np
 
 from eclsim.sensitivity.design import Design
 
-CHANCE = 0.01
-CONDITIONS = 2
+CHANCE_LEVEL = 0.01
+MOST_CONDITIONS = 2
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class FailedRegion:
-    """Where most of the failed runs are.
+    """Region that holds most of the failed runs.
 
     Args:
         conditions: that hold there together; the first tells more than the second.
@@ -66,12 +66,12 @@ class FailedRegion:
         )
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {**vars(self), "conditions": [vars(condition) for condition in self.conditions]}
 
 
 def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
-    """Where most of the failed runs are; None where no input sets them apart.
+    """Region that holds most of the failed runs; None where no input sets them apart.
 
     Args:
         design: of the runs.
@@ -80,40 +80,40 @@ def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
     unit = design.unit(0, len(failed) // design.runs_per_row)
     columns = {chosen.name: chosen.table_column(unit[:, k]) for k, chosen in enumerate(design.inputs)}
     rows = np.arange(len(failed)) // design.runs_per_row
-    here, conditions = np.ones(len(failed), dtype=bool), []
-    for _ in range(CONDITIONS):
-        best, found, within = _least_by_chance(rows[here & failed], columns), None, here
+    in_region, conditions = np.ones(len(failed), dtype=bool), []
+    for _ in range(MOST_CONDITIONS):
+        best, best_condition, within = _least_by_chance(rows[in_region & failed], columns), None, in_region
         for name, values in columns.items():
-            for condition, beyond in _conditions(name, values, here, failed):
-                apart = float(beyond[here & failed].mean() - beyond[here & ~failed].mean())
-                if apart > best:
-                    best, found, within = apart, condition, here & beyond
-        if found is None:
+            for condition, beyond in _conditions(name, values, in_region, failed):
+                difference = float(beyond[in_region & failed].mean() - beyond[in_region & ~failed].mean())
+                if difference > best:
+                    best, best_condition, within = difference, condition, in_region & beyond
+        if best_condition is None:
             break
-        conditions.append(found)
-        here = within
-        del columns[found.name]
-        if failed[here].all():
+        conditions.append(best_condition)
+        in_region = within
+        del columns[best_condition.name]
+        if failed[in_region].all():
             break
     if not conditions:
         return None
     return FailedRegion(
-        tuple(conditions), int(failed[here].sum()), int(failed.sum()), float(failed[here].mean()),
-        float(failed[~here].mean()),
+        tuple(conditions), int(failed[in_region].sum()), int(failed.sum()), float(failed[in_region].mean()),
+        float(failed[~in_region].mean()),
     )  # fmt: skip
 
 
 def _least_by_chance(failed_rows: np.ndarray, columns: dict[str, np.ndarray]) -> float:
     """Distance that chance stays below, whichever of the inputs and sides is looked at."""
     rows, sides = len(np.unique(failed_rows)), 2 * len(columns)
-    return float(np.sqrt(np.log(max(sides, 1) / CHANCE) / (2.0 * rows))) if rows else np.inf
+    return float(np.sqrt(np.log(max(sides, 1) / CHANCE_LEVEL) / (2.0 * rows))) if rows else np.inf
 
 
 def _conditions(
-    name: str, values: np.ndarray, here: np.ndarray, failed: np.ndarray
+    name: str, values: np.ndarray, in_region: np.ndarray, failed: np.ndarray
 ) -> Iterator[tuple[Condition, np.ndarray]]:
     """Conditions on an input, and which runs meet each: every choice, or the best threshold on each side."""
-    bad, good = values[here & failed], values[here & ~failed]
+    bad, good = values[in_region & failed], values[in_region & ~failed]
     if not len(bad) or not len(good):
         return
     if values.dtype == object or values.dtype.kind in "US":

@@ -23,8 +23,8 @@ from eclsim.outputs.registry import UnknownOutputError
 from eclsim.outputs.registry import output as registered_output
 from eclsim.reporting.style import (
     CURVES,
-    FEW_NAMES,
     GREY,
+    MOST_HORIZONTAL_NAMES,
     OKABE_ITO,
     draw_matrix,
     figure_style,
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 
 LEADING = 7
 COLUMNS = 4
-"""Of panels; the last place of the last row holds the legend."""
+"""Columns of panels; the last place of the last row holds the legend."""
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
 LETTER_MM = 1.7
 MOST_PAIRED = 10
-TOO_FEW = "Only {} of {} rows have results: too few to rank from"
+TOO_FEW_ROWS_TEXT = "Only {} of {} rows have results: too few to rank from"
 SMALLEST_PAIR = 0.005
 Layout = Literal["sums", "paper"]
 
@@ -69,7 +69,7 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
     }
     if indices.estimates.S2 is not None and len(indices.factors) > 1:
         figures["pairs"] = lambda: plot_pairs(indices)
-    doubts = [] if indices.ranked else [TOO_FEW.format(indices.rows_used, indices.samples)]
+    doubts = [] if indices.ranked else [TOO_FEW_ROWS_TEXT.format(indices.rows_used, indices.samples)]
     return _save(figures, folder, [*untrusted(indices.warnings), *doubts])
 
 
@@ -117,7 +117,7 @@ def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -
         return f"{value:.2f}".removeprefix("0") if value >= 0.01 else ""
 
     with figure_style():
-        fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + _below(names))
+        fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + _room_for_names(names))
         axes = draw_matrix(
             fig, shown, names, result.outputs, "Blues", (0.0, top), text, lambda v: v > 0.5 * top,
             label=LABELS[index], shrink=0.9,
@@ -127,7 +127,7 @@ def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -
     return fig
 
 
-def _below(names: Sequence[str]) -> float:
+def _room_for_names(names: Sequence[str]) -> float:
     """Room [mm] for names along an axis, which are turned where they are many."""
     longest = max(len(short_name(name)) for name in names)
     return max(12.0, LETTER_MM * longest if turned_names(names) else 0.0)
@@ -138,10 +138,10 @@ def by_sum(result: Indices) -> list[int]:
     return [result.factors.index(name) for name in result.sums]
 
 
-def in_kinds(names: Sequence[str]) -> bool:
+def is_grouped_by_kind(names: Sequence[str]) -> bool:
     """Whether neighbouring parameters share their kind, so that the paper's layout groups them."""
     kinds = [key for key, _ in groupby(names, key=_kind)]
-    return len(names) > FEW_NAMES and len(kinds) == len(set(kinds)) > 1
+    return len(names) > MOST_HORIZONTAL_NAMES and len(kinds) == len(set(kinds)) > 1
 
 
 def _kind(name: str) -> str:
@@ -151,7 +151,7 @@ def _kind(name: str) -> str:
 
 def _mark_kinds(axes: Axes, names: Sequence[str]) -> None:
     """Kinds above the columns, with lines between them."""
-    if not in_kinds(names):
+    if not is_grouped_by_kind(names):
         return
     first = 0
     for kind, members in groupby(names, key=_kind):
@@ -201,7 +201,7 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
     union = {name for names in result.selected().values() for name in names}
     with figure_style():
         names = [result.factors[k] for k in order]
-        fig = new_figure(height_mm=68 + _below(names))
+        fig = new_figure(height_mm=68 + _room_for_names(names))
         axes = fig.add_subplot()
         bottom = np.zeros(len(order))
         # Hatched as well: told apart when printed in grey.

@@ -1,4 +1,4 @@
-"""Identifiability of a case: which parameters its measurements can tell apart, and a set worth fitting.
+"""Identifiability of a case: which parameters its measurements can distinguish, and a set to fit.
 
 Scaled sensitivities and the collinearity index: Brun, Reichert and Kuensch 2001, doi 10.1029/2000WR900350.
 Orthogonality: Yao et al. 2003, doi 10.1081/PRE-120024426. The Fisher information is that of independent
@@ -49,7 +49,7 @@ def change(name: str) -> tuple[float, str]:
 
 
 def _in_words(name: str, share: float) -> str:
-    """So many times that change: in percent, or in the unit of the parameter."""
+    """A share of a parameter's change in words: in percent, or in the unit of the parameter."""
     whole, unit = change(name)
     return f"{share * whole:.3g} {unit}".strip() if whole else f"{100 * share:.3g} %"
 
@@ -300,13 +300,13 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
 # --- identifiability of a case ----------------------------------------------------------------------
 
 
-FAR_OFF = 2.0
+LARGEST_DEVIATION = 2.0
 """Standard uncertainties."""
 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a set of measurements says about a set of parameters.
+    """Information of a set of measurements about a set of parameters.
 
     Args:
         name: of the case.
@@ -317,7 +317,7 @@ class Identifiability:
         subsets: collinearity indices of all sets, by size.
         fisher: Fisher information.
         proposal: a set to fit.
-        warnings: what there is to say of the case's beat, at which all of this holds.
+        warnings: of the case's beat, at which all of this holds.
     """
 
     name: str
@@ -343,7 +343,7 @@ class Identifiability:
         The analysis is local: it then speaks of another patient than the one that was measured.
         """
         off = {n: (self.simulated[n] - value) / self.uncertainties[n] for n, value in self.measured.items()}
-        return {n: d for n, d in off.items() if abs(d) > FAR_OFF}
+        return {n: d for n, d in off.items() if abs(d) > LARGEST_DEVIATION}
 
     @property
     def doubts(self) -> list[str]:
@@ -378,7 +378,7 @@ class Identifiability:
         )
 
     def as_object(self) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         s, names = self.scaled, self.scaled.parameters
         rows = (dict(zip(names, row.tolist(), strict=True)) for row in s.matrix)
         vectors = (dict(zip(names, column.tolist(), strict=True)) for column in self.fisher.eigenvectors.T)

@@ -1,4 +1,4 @@
-"""What a sensitivity analysis varies: numbers within bounds and choices, around the values of a case.
+"""Inputs of a sensitivity analysis: numbers within bounds and choices, around the values of a case.
 
 By default the paper's 24 cardiovascular parameters; further inputs are settings of the devices, the maker's
 sizes of cannulae, and the sites or the scheme of a CRRT. The uncertainties of the clinical measurements stand
@@ -33,7 +33,7 @@ CARDIOVASCULAR = (
 """The parameters of the paper's global sensitivity analysis (Figure 3)."""
 
 GROUPS = {"R": "resistance", "C": "compliance", "L": "inertance", "E": "elastance"}
-"""What the unit of the parameters of a group measures."""
+"""Quantities that the units of the groups' parameters measure."""
 MOST_LISTED = 60
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 
@@ -69,11 +69,11 @@ class Continuous:
         return {self.name: unit * (self.high - self.low) + self.low}
 
     def table_column(self, unit: np.ndarray) -> np.ndarray:
-        """What a table of samples shows."""
+        """Values as a table of samples shows them."""
         return self.settings(unit)[self.name]
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the input."""
         return {"name": self.name, "low": self.low, "high": self.high}
 
 
@@ -108,7 +108,7 @@ class Categorical:
         return np.array(self.levels, dtype=object)[self.choose(unit)]
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the input."""
         return {"name": self.name, "levels": list(self.levels), "sets": {p: list(v) for p, v in self.sets}}
 
 
@@ -124,8 +124,8 @@ def described_input(description: Description) -> Input:
 
 
 @dataclass(frozen=True)
-class Varied:
-    """What is varied around which model.
+class VariedInputs:
+    """Inputs of an analysis, and the model that they are varied around.
 
     Args:
         circuit: of the case; sites that are inputs are choices in it.
@@ -140,14 +140,14 @@ class Varied:
     groups: tuple[str, ...]
 
 
-def varied(
+def varied_inputs(
     case: Case,
     base: Mapping[str, float],
     parameters: Sequence[str] = CARDIOVASCULAR,
     include: Sequence[str] = (),
     groups: Sequence[str] = (),
     perturbation_percent: float = 25.0,
-) -> Varied:
+) -> VariedInputs:
     """Inputs of an analysis around a case.
 
     Args:
@@ -176,11 +176,11 @@ def varied(
         raise InputError(mistakes)
     base = dict(base) | positions
     names = [*dict.fromkeys([*parameters, *include])]
-    inputs = tuple(_input(name, case, circuit, base, perturbation_percent / 100.0) for name in names)
+    inputs = tuple(_make_input(name, case, circuit, base, perturbation_percent / 100.0) for name in names)
     _check_ranges(inputs, case)
     kinds = {n: letter_of(n) for n in parameters}
     labels = tuple(kinds[n] if kinds.get(n) in groups else n for n in names) if groups else ()
-    return Varied(circuit, base, inputs, labels)
+    return VariedInputs(circuit, base, inputs, labels)
 
 
 def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
@@ -259,7 +259,7 @@ def _wrong_groups(groups: Sequence[str], parameters: Sequence[str]) -> list[str]
     ]
 
 
-def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], share: float) -> Input:
+def _make_input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], share: float) -> Input:
     section, _, key = name.rpartition(".")
     device = case.instance(section)
     choices = {
@@ -271,17 +271,19 @@ def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], s
     if device is not None and key == SCHEME:
         return _schemes(name, device, case)
     if name in choices:
-        labels = tuple(device.sites()) if (device := _at(case, choices[name])) else choices[name].sites
+        labels = (
+            tuple(device.sites()) if (device := _device_of_line(case, choices[name])) else choices[name].sites
+        )
         return Categorical(name, labels, ((name, tuple(float(k) for k in range(len(labels)))),))
     sizes = device.device.sizes(device.section, key) if device is not None else ()
     if sizes:
-        return _within(name, sizes, base[name], share)
+        return _sizes_within(name, sizes, base[name], share)
     if (parameter := parameters().get(name)) is not None:
         return Continuous(name, *parameter.varied(base[name], share))
     return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
 
 
-def _at(case: Case, choice: Choice) -> Instance | None:
+def _device_of_line(case: Case, choice: Choice) -> Instance | None:
     """The device whose positions a line can be moved to."""
     return next(
         (device for device in case.instances() if tuple(device.sites().values()) == choice.sites), None
@@ -303,7 +305,7 @@ def _schemes(name: str, device: Instance, case: Case) -> Categorical:
     return Categorical(name, tuple(device.device.schemes), settings)
 
 
-def _within(name: str, sizes: Sequence[float], size: float, share: float) -> Categorical:
+def _sizes_within(name: str, sizes: Sequence[float], size: float, share: float) -> Categorical:
     """The maker's sizes within the perturbation."""
     inside = [s for s in sizes if abs(s - size) <= share * size]
     if len(inside) < 2:
@@ -316,7 +318,7 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
     for chosen in inputs:
         if not isinstance(chosen, Continuous):
             continue
-        allowed = _allowed(chosen.name, case)
+        allowed = _allowed_range(chosen.name, case)
         if chosen.low >= chosen.high:
             wrong.append(
                 f"{chosen.name}: its value is {chosen.low:g}, so a percentage of it does not vary it"
@@ -328,7 +330,7 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
         raise InputError(wrong)
 
 
-def _allowed(name: str, case: Case) -> tuple[float, float] | None:
+def _allowed_range(name: str, case: Case) -> tuple[float, float] | None:
     """Range of a parameter, of a speed, or of another number of a device's section."""
     if (parameter := parameter_of(name, [device.key for device in case.instances()])) is not None:
         return parameter.minimum, parameter.maximum
@@ -370,7 +372,7 @@ class Uncertainty:
 
 
 UNCERTAINTY = "eclsim.Uncertainty(3.0) in its unit, or eclsim.Uncertainty(relative=0.05)"
-_READ = 0.03
+_ROUNDING_L_MIN = 0.03
 """Of a flow that is given to 0.1 L/min: the standard deviation of what rounding leaves open [L/min]."""
 DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
     {
@@ -379,8 +381,8 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
         "MAP": Uncertainty(3.0),
         "MPAP": Uncertainty(2.0),
         "PCWP": Uncertainty(2.0),
-        "CO": Uncertainty(_READ, 0.10),
-        "PF": Uncertainty(_READ, 0.05),
+        "CO": Uncertainty(_ROUNDING_L_MIN, 0.10),
+        "PF": Uncertainty(_ROUNDING_L_MIN, 0.05),
         "CVP": Uncertainty(2.0),
         "drainage_pressure": Uncertainty(10.0),
         "pump_inlet_pressure": Uncertainty(10.0),
@@ -403,7 +405,7 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
 an ultrasonic flow meter; sensors of the circuit, of which 14 cm of height between them and the heart, which
 the model does not have, are 10 mmHg; of blood gases the analyser, and the minutes from the sample to the
 other readings. A percentage is one of the measured value. Give your own devices' where you know them."""
-LEAST_FLOW = 0.1
+SMALLEST_FLOW = 0.1
 """A flow measured as 0 has the uncertainty of this one [L/min]."""
 
 
@@ -429,7 +431,7 @@ def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Unce
         known: uncertainty of each, at least.
     """
     as_uncertainties({name: known[name] for name in values})
-    return {n: known[n].at(v) or known[n].at(LEAST_FLOW) for n, v in values.items()}
+    return {n: known[n].at(v) or known[n].at(SMALLEST_FLOW) for n, v in values.items()}
 
 
 def read_uncertainties(text: str) -> dict[str, Uncertainty]:

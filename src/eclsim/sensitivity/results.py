@@ -17,7 +17,7 @@ import numpy as np
 
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.files import csv_text, write_json, write_text
-from eclsim.outputs.alarms import NO_PATIENT
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
 from eclsim.sensitivity.failures import FailedRegion, failed_region
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SHARE = 0.9
-"""Of the total orders of an output, which the selected factors make up."""
+"""Share of the sum of an output's total-order indices that the selected factors make up."""
 FEWEST_ROWS = 64
 """Nothing is ranked or selected from fewer rows, nor from fewer than half of the design's."""
-SIZE = 1.0
-"""Least size of an output, in its unit, that its rounding is held against."""
-SMALLEST = 16
+SMALLEST_SIZE = 1.0
+"""Smallest size of an output, in its unit, that rounding is compared with."""
+FIRST_CONVERGENCE_ROWS = 16
 MOST_PAIRS = 20
-FAINTEST = 0.005
+SMALLEST_PAIR_INDEX = 0.005
 """Pairs below it are rounding of the first orders and not shown."""
 
 
@@ -71,7 +71,7 @@ class Indices:
         failed: runs without a result; all runs of their rows are left out of the estimates.
         rows_used: rows that the estimates rest on.
         seconds: wall clock time.
-        warnings: what there is to say of the beat at the values that the inputs are varied around.
+        warnings: of the beat at the values that the inputs are varied around.
         constant: outputs that vary by no more than rounding, whose indices are zero.
         impossible: runs in these rows with a beat that no patient can have, a chamber without blood or a vein
             sucked shut.
@@ -98,7 +98,7 @@ class Indices:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What there is to say of the runs: failures, too few rows, outputs that do not vary."""
+        """Doubts about the runs: failures, too few rows, outputs that do not vary."""
         return tuple(_doubts(self))
 
     @property
@@ -181,7 +181,7 @@ class Indices:
         )
 
     def as_object(self, second_order: bool = False) -> dict[str, Any]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {
             "samples": self.samples,
             "evaluations": self.evaluations,
@@ -233,7 +233,7 @@ class SensitivityResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What there is to say of the beat that the inputs are varied around, and of the runs."""
+        """Warnings of the beat that the inputs are varied around, and doubts about the runs."""
         return (*self.indices.warnings, *self.indices.doubts)
 
     @property
@@ -247,7 +247,7 @@ class SensitivityResult:
         return convergence(self)
 
 
-def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
+def indices_of_runs(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
     """Indices of the runs of a whole design.
 
     A row with a failed run is left out whole: the estimators compare the runs of a row with each other.
@@ -262,8 +262,8 @@ def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sensitivit
             f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from "
             f"(failed runs by status: {reasons}){where}; eclsim simulate says what it means of one patient"
         )
-    estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SIZE)
-    moves = varies(values[good], SIZE)
+    estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SMALLEST_SIZE)
+    moves = varies(values[good], SMALLEST_SIZE)
     constant = tuple(name for name, moving in zip(outputs, moves, strict=True) if not moving)
     failed = tuple(
         _failed_run(design, int(run), int(runs.status[run])) for run in np.flatnonzero(runs.status)
@@ -294,7 +294,7 @@ def point_name(design: Design, position: int) -> str:
     return f"{('AB', 'BA')[kind]} {design.factors[factor]}"
 
 
-def convergence(result: SensitivityResult, smallest: int = SMALLEST) -> xr.Dataset:
+def convergence(result: SensitivityResult, smallest: int = FIRST_CONVERGENCE_ROWS) -> xr.Dataset:
     """Indices at `smallest`, twice that ... up to all rows, by index, rows, output and factor.
 
     `mean` and `spread` (standard deviation) are those over the repeats of a size, and `mean_conf` is the mean
@@ -315,7 +315,7 @@ def convergence(result: SensitivityResult, smallest: int = SMALLEST) -> xr.Datas
     for s, size in enumerate(sizes):
         pieces = [slice(k, k + size) for k in range(0, design.samples, size)]
         repeats = [
-            sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SIZE)
+            sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SMALLEST_SIZE)
             for p in pieces
             if good[p].sum() > 1
         ]
@@ -392,7 +392,11 @@ def pairs_text(indices: Indices) -> str:
     s2, width = indices.estimates.S2, indices.estimates.S2_conf
     if s2 is None or width is None or not indices.ranked:
         return ""
-    pairs = [(k, i, j) for k, i, j in zip(*(s2 > width).nonzero(), strict=True) if s2[k, i, j] > FAINTEST]
+    pairs = [
+        (k, i, j)
+        for k, i, j in zip(*(s2 > width).nonzero(), strict=True)
+        if s2[k, i, j] > SMALLEST_PAIR_INDEX
+    ]
     if not pairs:
         return "second order: no pair of factors is beyond its 95 % half width"
     pairs.sort(key=lambda at: -s2[at])
@@ -407,10 +411,10 @@ def pairs_text(indices: Indices) -> str:
     return f"Second order indices beyond their 95 % half width\n{table}{more}"
 
 
-def doubts(indices: Indices, state: str = "", said: Collection[str] = ()) -> list[str]:
-    """What there is to say of the beat that was varied and was not `said`, how many runs failed, and how."""
+def doubts(indices: Indices, state: str = "", reported: Collection[str] = ()) -> list[str]:
+    """Warnings of the beat varied around that are not `reported`, how many runs failed, and how."""
     before = f"{state}: " if state else ""
-    around = (f"at the values varied around: {line}" for line in indices.warnings if line not in said)
+    around = (f"at the values varied around: {line}" for line in indices.warnings if line not in reported)
     return [f"{before}{sentence}" for sentence in (*around, *indices.doubts)]
 
 
@@ -423,7 +427,7 @@ def _doubts(indices: Indices) -> Iterator[str]:
     if indices.impossible:
         share = 100.0 * indices.impossible / (indices.rows_used * indices.evaluations / indices.samples)
         yield (
-            f"{indices.impossible} of the runs that count ({share:.2g} %) are beats {NO_PATIENT}: "
+            f"{indices.impossible} of the runs that count ({share:.2g} %) are beats {IMPOSSIBLE_BEAT}: "
             "what the indices say rests on them too; narrow "
             "--perturbation, or lower the speed"
         )

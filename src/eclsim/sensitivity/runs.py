@@ -21,7 +21,7 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.circuit.network import Circuit
-from eclsim.devices.registry import own_files
+from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
 from eclsim.execution.folder import read_inputs
 from eclsim.files import whole_file
@@ -36,7 +36,7 @@ WITHOUT_GASES = 100
 
 @dataclass(frozen=True)
 class Runs:
-    """What some runs of a model gave.
+    """Outcome of some runs of a model.
 
     Args:
         values: outputs, shape (runs, outputs).
@@ -84,7 +84,7 @@ class Evaluator(Protocol):
         ...
 
     def description(self) -> Description:
-        """As plain data: all that the outputs follow from, besides the settings."""
+        """Plain data: all that the outputs follow from, besides the settings."""
         ...
 
 
@@ -125,7 +125,7 @@ class SteadyBeatEvaluator:
         return Runs(beat.values.T, status, beat.orbits.beats, beat.orbits.residual, beat.collapsed)
 
     def description(self) -> Description:
-        """As plain data."""
+        """Plain data that describe the runs."""
         return {
             "case": self.name,
             "circuit": str(self.circuit).splitlines(),
@@ -133,7 +133,7 @@ class SteadyBeatEvaluator:
             "outputs": list(self.outputs),
             "blood_volume_policy": self.policy,
             "resolution": self.resolution,
-            **own_files(),
+            **digests_of_own_files(),
         }
 
 
@@ -158,12 +158,12 @@ def status_word(status: int) -> str:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What is to be run.
+    """An analysis to be run.
 
     Args:
         design: points.
         evaluator: what they are run on.
-        warnings: what there is to say of the beat that the points lie around.
+        warnings: of the beat that the points lie around.
     """
 
     design: Design
@@ -208,7 +208,7 @@ class SampleFolder:
         )
 
     @classmethod
-    def found_in(cls, folder: Path) -> SampleFolder:
+    def of_folder(cls, folder: Path) -> SampleFolder:
         """For the analysis that a folder holds."""
         recorded: Description | None = read_inputs(folder / DESIGN)
         if recorded is None:

@@ -27,7 +27,7 @@ from eclsim.reporting.beat_values import (
     in_unit,
     instances_at,
     naming_at,
-    place_words,
+    place_label_of,
     scalar,
     summary_lines,
     two_beats,
@@ -197,7 +197,7 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     for index, name in enumerate(names):
         time, values = two_beats(result, name)
         mean = beat_mean(result, name)
-        label = place_words(name)
+        label = place_label_of(name)
         if panel.change:
             values = values - mean
             label = f"{label} (mean {number(mean, 0)} mL)"
@@ -210,7 +210,7 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * legend_rows)
     ax.legend(
         loc="lower left",
-        bbox_to_anchor=(_legend_start([place_words(name) for name in names]), 1.0),
+        bbox_to_anchor=(_legend_start([place_label_of(name) for name in names]), 1.0),
         ncols=_legend_columns(panel),
         borderaxespad=0.1,
         handletextpad=0.5,
@@ -226,11 +226,11 @@ def _legend_start(labels: list[str]) -> float:
     It would else run beyond the axes to the edge of the page.
     """
     columns = (labels[: math.ceil(len(labels) / 2)], labels[math.ceil(len(labels) / 2) :])
-    long = sum(max(map(len, column), default=0) for column in columns) > _LETTERS_ABOVE_THE_AXES
+    long = sum(max(map(len, column), default=0) for column in columns) > _CHARACTERS_ABOVE_AXES
     return -0.19 if long else 0.0
 
 
-_LETTERS_ABOVE_THE_AXES = 34
+_CHARACTERS_ABOVE_AXES = 34
 """Letters of two columns of a legend that fit above the axes."""
 
 
@@ -254,7 +254,7 @@ def _legend_rows(result: xr.Dataset, panel: Panel) -> int:
 # --- mean flows and pressures as dot charts ---------------------------------------------------------
 
 _PATIENT = ("o", OKABE_ITO["black"])
-_ROOM_FOR_NUMBERS = 0.24
+_SPACE_FOR_NUMBERS = 0.24
 """Share of the axis that is kept free beside the largest value for its number."""
 
 
@@ -298,7 +298,9 @@ def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) ->
         mark = (names.device.look.marker, names.device.look.colour)
         rows += [(names.label, mark, n) for n in map(names.place, labels) if n in waveforms]
     return [
-        _Row(plain_text(place_words(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit))
+        _Row(
+            plain_text(place_label_of(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit)
+        )
         for group, mark, n in rows
     ]
 
@@ -360,7 +362,7 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
     ax.set_xlabel(axis_label)
     ax.margins(x=0.06)
     left, right = ax.get_xlim()
-    ax.set_xlim(left, right + _ROOM_FOR_NUMBERS * (right - left))
+    ax.set_xlim(left, right + _SPACE_FOR_NUMBERS * (right - left))
 
 
 # --- pressure-volume loops --------------------------------------------------------------------------
@@ -467,7 +469,7 @@ PANELS = (
         ("left, end-diastolic", "left, end-systolic", "right, end-diastolic", "right, end-systolic"),
     ),
 )  # fmt: skip
-"""Of the patient; flows and circuits of devices are added to them."""
+"""Panels of the patient; flows and circuits of devices are added to them."""
 _AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
 
 

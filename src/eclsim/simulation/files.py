@@ -13,7 +13,7 @@ from eclsim import files
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.files import finite, frame_text, write_text
 from eclsim.orbit.model import CASE
-from eclsim.simulation.target_flow import speed_found
+from eclsim.simulation.target_flow import solved_speed_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +94,7 @@ def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
     return result[selected]
 
 
-def _headed(result: xr.Dataset, name: str) -> str:
+def _header_of(result: xr.Dataset, name: str) -> str:
     unit = result[name].attrs.get("units", "")
     return f"{name} [{unit}]" if unit else name
 
@@ -104,7 +104,7 @@ def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
 
     variables = (*result.coords, *result.data_vars)
     names = [str(name) for name in variables if result[name].dims == (dimension,)]
-    table = pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
+    table = pd.DataFrame({_header_of(result, name): result[name].to_numpy() for name in names})
     return with_doubts(table, result.attrs.get("warnings", ()))
 
 
@@ -117,7 +117,7 @@ def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
         row = {name: result.attrs.get(name) for name in about}
         row["warnings"] = "; ".join(result.attrs.get("warnings", ()))
         scalars = [str(name) for name, variable in result.data_vars.items() if variable.ndim == 0]
-        rows.append(row | {_headed(result, name): result[name].item() for name in scalars})
+        rows.append(row | {_header_of(result, name): result[name].item() for name in scalars})
     return pd.DataFrame(rows)
 
 
@@ -159,7 +159,7 @@ def case_object(result: xr.Dataset) -> dict[str, object]:
 
 def _solved(result: xr.Dataset) -> dict[str, object]:
     """What was solved for, under the keys of a case file."""
-    solved = speed_found(result)
+    solved = solved_speed_of(result)
     if solved is None:
         return {}
     return {"target": {solved.flow_key: solved.flow}, "solved": {solved.speed_key: solved.speed_rpm}}

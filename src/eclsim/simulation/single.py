@@ -47,13 +47,13 @@ def simulate(
         resolution: of the phase grid; left out, what the circuit's time constants need.
         solver: "semi-implicit" (the orbit is solved) or "adaptive" (Dopri8 with tight tolerance, the orbit is
             waited for: slow, for verification; without options and resolution).
-        check_grid: solve once more with half the step and say how much the outputs change.
+        check_grid: solve once more with half the step and give the change of the outputs.
 
     Returns:
         Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged; NaN where
         it did not. The attribute `case` is the case as JSON text, for `Case.model_validate_json`, with the
         speed that was computed. With `ecmo.flow_l_min` also the flow wanted and the pump speed solved for it
-        (`target_flow.speed_found`); if no speed gives the flow, a Dataset without numbers whose status is
+        (`target_flow.solved_speed_of`); if no speed gives the flow, a Dataset without numbers whose status is
         "flow_not_reached" and whose message says why.
     """
     OneOf((SEMI_IMPLICIT, ADAPTIVE))("solver", solver)
@@ -66,7 +66,7 @@ def simulate(
     try:
         solved, speed = with_speed(case, volume_policy)
     except FlowNotReachedError as error:
-        return not_reached(case, volume_policy or case.volume_policy, str(error))
+        return result_without_flow(case, volume_policy or case.volume_policy, str(error))
     result = _beat(model_of(solved), volume_policy, options, resolution, solver, check_grid)
     if speed is not None:
         result.attrs |= speed.attributes()
@@ -219,7 +219,7 @@ def _beat(
     return results.with_grid_check(model, result) if check_grid else result
 
 
-def not_reached(case: Case, policy: str, sentence: str) -> xr.Dataset:
+def result_without_flow(case: Case, policy: str, sentence: str) -> xr.Dataset:
     """What stands for the beat of a case whose target flow cannot be had: the reason and no numbers."""
     attributes = {
         "id": case.patient.id,

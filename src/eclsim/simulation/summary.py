@@ -12,7 +12,7 @@ from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import devices, named_output
 from eclsim.outputs.regulation import REGULATED
 from eclsim.reporting.numbers import text_table
-from eclsim.simulation.target_flow import speed_found
+from eclsim.simulation.target_flow import solved_speed_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
     from eclsim.simulation.sweep import Sweep
 
-_FEW = 3
-_MANY = (
+_MOST_COLUMNS = 3
+_OUTPUTS_OF_ROWS = (
     "SP", "DP", "MAP", "right_atrial_pressure", "MPAP", "PCWP", "systemic_flow", "CO", "PF",
     "ejection_fraction_lv",
 )  # fmt: skip
-_WIDTH_OF_PIPES = 120
+_WIDTH_WITHOUT_TERMINAL = 120
 _GROUPS = (
     ("Arteries", ("SP", "DP", "MAP", "pulse_pressure")),
     ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO", "bronchial_flow")),
@@ -89,9 +89,11 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
     """
     from rich.console import Console
 
-    width = None if sys.stdout.isatty() else _WIDTH_OF_PIPES
+    width = None if sys.stdout.isatty() else _WIDTH_WITHOUT_TERMINAL
     console = Console(width=width, highlight=False)
-    console.print(_side_by_side(results, changes) if len(results) <= _FEW else _one_row_each(results))
+    console.print(
+        _side_by_side(results, changes) if len(results) <= _MOST_COLUMNS else _table_of_rows(results)
+    )
     if text := legend(results):
         console.print(text)
 
@@ -116,7 +118,7 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
         table.add_column(Text(head), justify="right")
     table.add_column("unit")
     for title, names in _groups(results):
-        _add_group(table, title, [n for n in names if _worth_showing(n, results)], results, changes)
+        _add_group(table, title, [n for n in names if _is_shown(n, results)], results, changes)
     table.add_section()
     none = [""] if compared else []
     table.add_row("", "converged", *(_verdict(result) for result in results), *none, "")
@@ -125,7 +127,7 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
         table.add_row("", "possible in a patient", *verdicts, *none, "")
     policies = [str(result.attrs["blood_volume_policy"]) for result in results]
     table.add_row("", "blood volume", *policies, *none, "")
-    if any(map(speed_found, results)):
+    if any(map(solved_speed_of, results)):
         speeds = (_speed(result) or "-" for result in results)
         table.add_row("", "pump speed for the flow wanted", *speeds, *none, "rpm")
     if any("grid_error_percent" in result.attrs for result in results):
@@ -145,7 +147,7 @@ def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     return [*of_patient, *(group for instance in instances for group in instance.tabled())]
 
 
-def _worth_showing(name: str, results: Sequence[xr.Dataset]) -> bool:
+def _is_shown(name: str, results: Sequence[xr.Dataset]) -> bool:
     """Whether any case has it; the flow through the lungs only where it is another than CO."""
     holding = [result for result in results if name in result]
     if name != "pulmonary_flow":
@@ -176,13 +178,13 @@ def _add_group(
         table.add_row(f"  {symbol}", description, *cells, about.get("units", ""))
 
 
-def _one_row_each(results: Sequence[xr.Dataset]) -> Table:
+def _table_of_rows(results: Sequence[xr.Dataset]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
     table = Table(title="Steady beat", title_justify="left", box=None, pad_edge=False)
     table.add_column("id", max_width=30)
-    names = [name for name in _MANY if any(name in result for result in results)]
+    names = [name for name in _OUTPUTS_OF_ROWS if any(name in result for result in results)]
     for name in names:
         units = [result[name].attrs.get("units", "") for result in results if name in result]
         table.add_column(f"{_SYMBOLS.get(name, name)}\n{units[0] if units else ''}", justify="right")
@@ -205,7 +207,7 @@ def _mark(result: xr.Dataset, name: str) -> str:
 
 
 def _speed(result: xr.Dataset) -> str:
-    solved = speed_found(result)
+    solved = solved_speed_of(result)
     return "" if solved is None else f"{solved.speed_rpm:.0f}"
 
 
@@ -239,7 +241,7 @@ _SWEPT = (
 def sweep_text(sweep: Sweep) -> str:
     """A row for each value; one without a steady beat has its reason in place of numbers."""
     columns = [(name, head) for name, head in _SWEPT if any(name in result for result in sweep.results)]
-    solved = any(map(speed_found, sweep.results))
+    solved = any(map(solved_speed_of, sweep.results))
     head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
     head += (["rpm"] if solved else []) + [f"{head} " for _, head in columns] + ["beat"]
     rows = []

@@ -14,15 +14,15 @@ import xarray as xr
 
 from eclsim import files
 from eclsim.cases.fit_mark import untrusted
-from eclsim.devices.registry import usual_setting
+from eclsim.devices.registry import example_setting
 from eclsim.files import frame_text, write_text
 from eclsim.orbit.model import CASE, case_record, circuit_of, values_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import labelled
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.simulation.files import case_object
-from eclsim.simulation.single import not_reached
-from eclsim.simulation.target_flow import FlowNotReachedError, speed_found, with_speed
+from eclsim.simulation.single import result_without_flow
+from eclsim.simulation.target_flow import FlowNotReachedError, solved_speed_of, with_speed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -113,7 +113,7 @@ def sweep_cases(
         try:
             solved, speed = with_speed(case, policy)
         except FlowNotReachedError as error:
-            results.append(not_reached(case, policy, str(error)))
+            results.append(result_without_flow(case, policy, str(error)))
             continue
         results.append(None)
         values.append(values_of(solved))
@@ -182,7 +182,7 @@ def _steps(ends: Sequence[str], text: str) -> list[str]:
     return [f"{first + k * step:.12g}" for k in range(math.floor(count + 1e-9) + 1)]
 
 
-def stops_short(text: str) -> list[str]:
+def remarks_on_last_values(text: str) -> list[str]:
     """A sentence for each range of a sweep, as `parse_sweep` takes it, whose steps miss its last value."""
     messages = []
     for part in text.partition("=")[2].split(","):
@@ -196,7 +196,7 @@ def stops_short(text: str) -> list[str]:
 
 
 def _allowed() -> str:
-    return f"allowed: KEY=first:last:step or KEY=value,value, such as {usual_setting()}=2000:4500:250"
+    return f"allowed: KEY=first:last:step or KEY=value,value, such as {example_setting()}=2000:4500:250"
 
 
 def _no_sweep(text: str) -> str:
@@ -216,8 +216,8 @@ def as_table(sweep: Sweep) -> xr.Dataset:
     for name in names:
         about = next(r[name].attrs for r in results if name in r)
         labels = {k: about[k] for k in ("units", "long_name", "definition") if k in about}
-        data[name] = ("value", np.array([_settled(r, name) for r in results]), labels)
-    solved = [speed_found(result) for result in results]
+        data[name] = ("value", np.array([_value_if_converged(r, name) for r in results]), labels)
+    solved = [solved_speed_of(result) for result in results]
     for key in dict.fromkeys(speed.speed_key for speed in solved if speed):
         speeds = np.array([np.nan if speed is None else speed.speed_rpm for speed in solved])
         labels = {"units": "rpm", "long_name": "pump speed that gives the flow wanted"}
@@ -238,7 +238,7 @@ def as_table(sweep: Sweep) -> xr.Dataset:
     return xr.Dataset(data, coords={"value": ("value", list(sweep.values), labels)}, attrs=attributes)
 
 
-def _settled(result: xr.Dataset, name: str) -> float:
+def _value_if_converged(result: xr.Dataset, name: str) -> float:
     """An output, NaN unless the beat converged."""
     return float(result[name]) if result.attrs["converged"] and name in result else math.nan
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from eclsim.orbit.execution import Execution
 
 TOLERANCE_L_MIN = 1e-6
-SCANNED = 9
+SPEEDS_SCANNED = 9
 """Speeds over the pump's range that are tried first; the flow is sought between two of them."""
 MOST_TRIALS = 60
 
@@ -39,7 +39,7 @@ class FlowNotReachedError(ValueError):
 
 
 @dataclass(frozen=True)
-class SpeedFound:
+class SolvedSpeed:
     """A target and the speed that reaches it.
 
     Args:
@@ -65,17 +65,17 @@ class SpeedFound:
         }  # fmt: skip
 
 
-def speed_found(result: xr.Dataset) -> SpeedFound | None:
+def solved_speed_of(result: xr.Dataset) -> SolvedSpeed | None:
     """What was solved for a result; None where nothing was."""
     about = result.attrs
     if "solved" not in about:
         return None
     values = (about[f"{role}_{about[role].replace('.', '_')}"] for role in ("target", "solved"))
     flow, speed = map(float, values)
-    return SpeedFound(about["target"], flow, about["solved"], speed)
+    return SolvedSpeed(about["target"], flow, about["solved"], speed)
 
 
-def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SpeedFound | None]:
+def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SolvedSpeed | None]:
     """The case with the pump speed that gives its target flow, and that speed.
 
     Args:
@@ -87,7 +87,7 @@ def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SpeedFound 
     """
     solved = solve_speeds(case, {}, policy)
     if solved is None:
-        return _with_rest_solved(case, policy), None
+        return _with_resting_speed(case, policy), None
     if solved.reasons[0]:
         raise FlowNotReachedError(solved.reasons[0])
     return solved.case_at(float(solved.speeds[0])), solved.solved_speed(0)
@@ -135,10 +135,10 @@ class SolvedSpeeds:
         keys = {self.target.key: None, self.target.setting: speed}
         return self.case.with_section(self.instance.key, **keys)
 
-    def solved_speed(self, member: int) -> SpeedFound:
+    def solved_speed(self, member: int) -> SolvedSpeed:
         """What was solved for a member."""
         speed_key = f"{self.instance.key}.{self.target.setting}"
-        return SpeedFound(self.flow_key, float(self.flows[member]), speed_key, float(self.speeds[member]))
+        return SolvedSpeed(self.flow_key, float(self.flows[member]), speed_key, float(self.speeds[member]))
 
 
 def solve_speeds(
@@ -175,7 +175,7 @@ def solve_speeds(
             f"{' and '.join(targets)} both name a flow: only one can be solved for, give the others a speed"
         )
         raise FlowNotReachedError(message)
-    (instance, target), shared = next(iter(targets.values())), _with_rest_solved(case, policy)
+    (instance, target), shared = next(iter(targets.values())), _with_resting_speed(case, policy)
     sweep = instance.device.sweep(instance.section)
     if sweep is None:
         raise UnknownValueError(f"{instance.key} has no pump speed that could be solved for")
@@ -206,7 +206,7 @@ def solve_speeds(
     return SolvedSpeeds(shared, instance, target, varied_keys, flows, speeds, messages)
 
 
-def _with_rest_solved(case: Case, policy: str | None) -> Case:
+def _with_resting_speed(case: Case, policy: str | None) -> Case:
     """The case, whose open set points refer to a rest with its speed solved for."""
     if case.regulation is None or not case.regulation.open_set_points or not case.at_rest().targets():
         return case
@@ -232,18 +232,18 @@ def speeds_for_flows(
     Returns:
         Speeds, NaN where there is none, and for each member why, empty where there is one.
     """
-    count, tried = len(targets), np.linspace(*span, SCANNED)
-    result, messages = flows(np.repeat(np.arange(count), SCANNED), np.tile(tried, count))
+    count, tried = len(targets), np.linspace(*span, SPEEDS_SCANNED)
+    result, messages = flows(np.repeat(np.arange(count), SPEEDS_SCANNED), np.tile(tried, count))
     searches = [
         _Search(targets[k], tried, result[scanned], messages[scanned][-1])
         for k in range(count)
-        for scanned in [slice(k * SCANNED, (k + 1) * SCANNED)]
+        for scanned in [slice(k * SPEEDS_SCANNED, (k + 1) * SPEEDS_SCANNED)]
     ]
     while running := [k for k, search in enumerate(searches) if search.running]:
         trials = np.array([searches[k].trial() for k in running])
         result, messages = flows(np.array(running), trials)
         for k, speed, flow, message in zip(running, trials, result, messages, strict=True):
-            searches[k].learn(float(speed), float(flow), message)
+            searches[k].record(float(speed), float(flow), message)
     return np.array([search.speed for search in searches]), [search.reason for search in searches]
 
 
@@ -269,7 +269,7 @@ class _Search:
         if not len(solved):
             self.reason = f"no steady beat was found at any speed: {message}"
         elif ends is None:
-            self.reason = _out_of_reach(target, speeds, flows, solved)
+            self.reason = _unreachable_text(target, speeds, flows, solved)
         else:
             self.ends = (self.low, self.high) = tuple(float(speeds[k]) for k in ends)
             self.below, self.above = (float(flows[k] - target) for k in ends)
@@ -287,7 +287,7 @@ class _Search:
         secant = (self.low * self.above - self.high * self.below) / (self.above - self.below)
         return secant if self.trials % 8 != 7 else 0.5 * (self.low + self.high)
 
-    def learn(self, speed: float, flow: float, message: str) -> None:
+    def record(self, speed: float, flow: float, message: str) -> None:
         """Take the flow at the speed that was tried."""
         excess, self.trials = flow - self.target, self.trials + 1
         if not np.isfinite(flow):
@@ -306,7 +306,7 @@ class _Search:
             self.reason = f"the flow jumps over it between {self.low:.6g} and {self.high:.6g} rpm"
 
 
-def _out_of_reach(target: float, speeds: np.ndarray, result: np.ndarray, solved: np.ndarray) -> str:
+def _unreachable_text(target: float, speeds: np.ndarray, result: np.ndarray, solved: np.ndarray) -> str:
     most, least = solved[np.argmax(result[solved])], solved[np.argmin(result[solved])]
     if target > result[most]:
         text = f"the highest flow reached is {result[most]:.2f} L/min, at {speeds[most]:.0f} rpm"

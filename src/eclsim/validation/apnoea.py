@@ -61,21 +61,21 @@ def apnoea(fio2: float, **gas: float) -> xr.Dataset:
 
 def time_to(beats: xr.Dataset, saturation: float) -> float:
     """Minutes until the arterial saturation [%] has fallen to a value; NaN where it has not."""
-    time, found = beats["time_min"].to_numpy(), beats["SaO2"].to_numpy()
-    below = np.flatnonzero(found <= saturation)
+    time, oxygen_saturation = beats["time_min"].to_numpy(), beats["SaO2"].to_numpy()
+    below = np.flatnonzero(oxygen_saturation <= saturation)
     if not len(below):
         return float("nan")
     k = int(below[0])
-    return float(np.interp(-saturation, -found[k - 1 : k + 1], time[k - 1 : k + 1]))
+    return float(np.interp(-saturation, -oxygen_saturation[k - 1 : k + 1], time[k - 1 : k + 1]))
 
 
 def fall(beats: xr.Dataset) -> float:
-    """Of the arterial saturation from 90 to 60 % [%/min]."""
+    """Rate at which arterial saturation falls from 90 to 60 % [%/min]."""
     return 30.0 / (time_to(beats, 60.0) - time_to(beats, 90.0))
 
 
 def rises(beats: xr.Dataset) -> tuple[float, float]:
-    """Of PaCO2 in the first minute [mmHg], and in the three that follow [mmHg/min]."""
+    """Rises of PaCO2 in the first minute [mmHg], and in the three that follow [mmHg/min]."""
     start, first, fourth = np.interp((0.0, 1.0, 4.0), beats["time_min"], beats["PaCO2"])
     return float(first - start), float((fourth - first) / 3.0)
 

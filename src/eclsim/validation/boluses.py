@@ -1,4 +1,4 @@
-"""What is given against what stays of it in people: courses with the published wall, nothing fitted.
+"""Volume given and volume that stays, in people: courses with the published wall, nothing fitted.
 
 Kept apart: fluid that is given to people who lost nothing, and fluid that takes the place of blood. How long
 studies took is not in their abstracts; `OVER_MIN` and what follows it are taken.
@@ -41,10 +41,10 @@ REHM = (
 )
 CYSTECTOMY = "10.1186/s13054-024-04821-6, 42 patients bled 848 mL in surgery, regression, abstract"
 GIVEN_ML, OVER_MIN, AFTER_MIN = 1000.0, 30.0, 240.0
-TEN = 10.0
+SPREAD = 10.0
 """Spread of shares of what was given [%] where none is printed; that of Jacob's patients."""
 SALINE, ALBUMIN = (9.0, 23.0), (52.0, 84.0)
-"""Of Ernest's patients: mean and standard deviation of what plasma gains [% of what was given]."""
+"""Ernest's patients: mean and standard deviation of the gain of plasma [% of the volume given]."""
 PER_GROUP = 20
 MOST_ERROR_ML_KG = 2.9 / 2.365
 """Standard error of Haskell's rise of 2.9 mL/kg at P = 0.05, by Student's t of 8 men."""
@@ -53,7 +53,7 @@ HASKELL_ML_KG, HASKELL_ML, HASKELL_KG = 2.9, 234.0, 77.6
 
 
 class Given(NamedTuple):
-    """What one study gave and took.
+    """Fluids that one study gave and took.
 
     Attributes:
         body: of the people, `[patient]` without an id.
@@ -83,10 +83,10 @@ WIDE = (("fluid", (("filtration_ml_min_mmHg", 4.0),)), ("parameters", (("Csvn", 
 """Sections of the experiment: soft veins (CVSim), a reflex, and a wall between that of dialysis patients and
 the forearm's 0.0036 mL/min/mmHg for each 100 mL of tissue (Clin Physiol 3:433, 1983; 2.5 in 70 kg). Where
 between was chosen with these rows in sight: it shows the reason and is no test."""
-SOFT = WIDE[1:]
-WIDER = "4 mL/min/mmHg, Csvn 95 and heldt2010"
-STIFF = "the published patient has stiff veins"
-SOFTENED = "with Csvn 95 and heldt2010 at the same wall the row holds"
+COMPLIANT = WIDE[1:]
+WIDE_TEXT = "4 mL/min/mmHg, Csvn 95 and heldt2010"
+STIFF_VEINS = "the published patient has stiff veins"
+COMPLIANT_TEXT = "with Csvn 95 and heldt2010 at the same wall the row holds"
 Sections = tuple[tuple[str, tuple[tuple[str, object], ...]], ...]
 
 USUAL, HEALTHY = (0.30, 6.0), (0.42, 7.0)
@@ -139,7 +139,8 @@ def bolus_rows() -> Iterator[Row]:
 
 def _nothing_lost(saline: Given) -> Iterator[Row]:
     """People who lost nothing."""
-    text = f"the wall is that of dialysis patients, and {STIFF}; with {WIDER} both rows are as measured"
+    wall = f"the wall is that of dialysis patients, and {STIFF_VEINS}"
+    text = f"{wall}; with {WIDE_TEXT} both rows are as measured"
     for after, expected, spread, words in ((0.0, 55.0, 5.0, "as it ends"), (30.0, 17.5, 2.5, "30 min later")):
         given, label = VOLUNTEER._replace(after_min=after), f"a litre of Ringer's in 30 min, {words} (test)"
         shown = within(f"{label}, experiment", expected, share(given, WIDE), spread, "%")
@@ -153,8 +154,10 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
     men = Given(body("male", 25, 178, HASKELL_KG, 65), HEALTHY, (("albumin_ml", HASKELL_ML),), 10.0, 60.0)
     to_percent = 100.0 * HASKELL_KG / HASKELL_ML
     label, expected, spread = "5 % albumin, 234 mL in men, after 1 h", HASKELL_ML_KG, MOST_ERROR_ML_KG
-    text = f"{STIFF} and no reflex; {SOFTENED}"
-    soft = within(f"{label}, experiment", to_percent * expected, share(men, SOFT), to_percent * spread, "%")
+    text = f"{STIFF_VEINS} and no reflex; {COMPLIANT_TEXT}"
+    soft = within(
+        f"{label}, experiment", to_percent * expected, share(men, COMPLIANT), to_percent * spread, "%"
+    )
     yield within(f"{label} (test)", to_percent * expected, share(men), to_percent * spread, "%",
                  source=HASKELL, explanation=Explanation(text, (soft,)))  # fmt: skip
 
@@ -162,17 +165,17 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
 def _blood_lost() -> Iterator[Row]:
     """Fluid in place of blood."""
     label, (loss, given) = "blood lost and Ringer's lactate: blood volume (test)", (1097.0, 3430.0)
-    text = f"{STIFF}; {SOFTENED}"
-    soft = Explanation(text, (within("experiment", -459.0, gained(LACTATE, SOFT)[1], 185.0, "mL"),))
+    text = f"{STIFF_VEINS}; {COMPLIANT_TEXT}"
+    soft = Explanation(text, (within("experiment", -459.0, gained(LACTATE, COMPLIANT)[1], 185.0, "mL"),))
     blood = gained(LACTATE)[1]
     yield within(label, -459.0, blood, 185.0, "mL", source=JACOB, explanation=soft)
-    yield within("the same: share of it that stays (test)", 17.0, 100.0 * (loss + blood) / given, TEN, "%",
+    yield within("the same: share of it that stays (test)", 17.0, 100.0 * (loss + blood) / given, SPREAD, "%",
                  source=JACOB)  # fmt: skip
     replaced = 100.0 * (1150.0 + gained(REPLACED)[1]) / 1333.0
     label = "blood lost and 5 % albumin: share of it that stays (test)"
-    yield within(label, 100.0 * 1150.0 / 1333.0, replaced, TEN, "%", source=REHM)
+    yield within(label, 100.0 * 1150.0 / 1333.0, replaced, SPREAD, "%", source=REHM)
     stays = 100.0 * (848.0 + gained(SURGERY)[1]) / (3.0 * 848.0)
-    yield within("bled in surgery: share of Ringer's lactate that stays (test)", 18.0, stays, TEN, "%",
+    yield within("bled in surgery: share of Ringer's lactate that stays (test)", 18.0, stays, SPREAD, "%",
                  source=f"{CYSTECTOMY}; 10 % taken as spread")  # fmt: skip
 
 
@@ -214,7 +217,7 @@ def protein_changed(given: Given, sections: Sections = ()) -> float:
 
 @lru_cache(maxsize=64)
 def followed(given: Given, sections: Sections = ()) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """What blood is before fluid was given and some time after; the arguments are those of `gained`."""
+    """Blood before fluid was given and some time after; the arguments are those of `gained`."""
     first = {"at_min": 10.0, "give": dict(given.give), "over_min": given.over_min}
     later = [
         {"at_min": 10.0 + after, "give": {kind: ml}, "over_min": minutes}

@@ -119,7 +119,7 @@ class Arm:
 
     @property
     def label(self) -> str:
-        """What was given, with its dose where the study has several."""
+        """Drug, with its dose where the study has several."""
         several = len({arm.doses for arm in arms() if (arm.study, arm.arm) == (self.study, self.arm)}) > 1
         return f"{self.arm} {self.doses[0][1]:g}" if several else self.arm
 
@@ -198,7 +198,7 @@ ADDA = "Adda 2021 (10.1186/s13054-021-03711-5), 30 patients: 0.32 to 0.26 ug/kg/
 PERSICHINI = "Persichini 2012 (10.1097/CCM.0b013e318260c6c3), 16 patients: 0.30 to 0.19 ug/kg/min"
 LEGS_ML = 300.0
 """Blood that raised legs give [mL]; the row does not depend on it."""
-ALL, SLACK = Effects(1.0, 1.0, 1.0, 1.0, 1.0), Effects(1.0, 0.0, 0.0, 1.0, 0.0)
+ALL, WITHOUT_VESSELS = Effects(1.0, 1.0, 1.0, 1.0, 1.0), Effects(1.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Experiment(NamedTuple):
@@ -259,18 +259,18 @@ REASONS: dict[str, tuple[Experiment, ...]] = {
     ),
     "Lowes 2001 dobutamine": (
         Experiment("carvedilol blocks the receptors by which it dilates; without its effect on vessels the "
-                   "row holds", acting=SLACK),
+                   "row holds", acting=WITHOUT_VESSELS),
         FASTER,
     ),
     "Additive effects of milrinone and dobutamine dobutamine": (FASTER,),
     "Additive effects of milrinone and dobutamine milrinone": (HALF_DOSE,),
     "Additive effects of milrinone and dobutamine both": (FASTER,),
     "Coronary surgery 1979 dobutamine": (
-        Experiment(f"{GOOD_HEARTS}{NO_VESSELS}", acting=SLACK),
+        Experiment(f"{GOOD_HEARTS}{NO_VESSELS}", acting=WITHOUT_VESSELS),
         Experiment(f"{GOOD_HEARTS}{NO_VESSELS} and with three times that on contractility",
-                   acting=SLACK._replace(contractility=3.0)),
+                   acting=WITHOUT_VESSELS._replace(contractility=3.0)),
         Experiment(f"{GOOD_HEARTS}{NO_VESSELS}, with three times that on contractility and four times that "
-                   "on the heart rate", acting=SLACK._replace(contractility=3.0, heart_rate=4.0)),
+                   "on the heart rate", acting=WITHOUT_VESSELS._replace(contractility=3.0, heart_rate=4.0)),
     ),
     "Butterworth 1992 dobutamine": (FASTER,),
     "Butterworth 1992 adrenaline": (
@@ -283,7 +283,7 @@ REASONS: dict[str, tuple[Experiment, ...]] = {
                    sensitivity=0.085 / 0.026, acting=ALL._replace(systemic_resistance=2.0)),
     ),
     "Moran 1993 adrenaline": (
-        Experiment(f"{SEPTIC}{NO_VESSELS}", acting=SLACK),
+        Experiment(f"{SEPTIC}{NO_VESSELS}", acting=WITHOUT_VESSELS),
         Experiment(f"{SEPTIC}without its effect on arterioles and with half of that on contractility",
                    acting=Effects(0.5, 0.0, 0.0, 1.0, 1.0)),
     ),
@@ -311,12 +311,12 @@ def drugs_check() -> Check:
 def _explained(arm: Arm) -> list[Row]:
     """Rows of an arm, each with the first of its experiments in which it holds, else the last."""
     tried = REASONS.get(f"{arm.study} {arm.arm}", ())
-    found = [_arm_rows(arm, one.done(patient_of(arm))) for one in tried]
+    rows_of_experiments = [_arm_rows(arm, one.done(patient_of(arm))) for one in tried]
     rows = _arm_rows(arm, patient_of(arm))
     for k, row in enumerate(rows):
         reasons = [
             Explanation(one.words, (shown[k],), one.undecided)
-            for one, shown in zip(tried, found, strict=True)
+            for one, shown in zip(tried, rows_of_experiments, strict=True)
         ]
         if reasons:
             best = next((reason for reason in reasons if reason.holds), reasons[-1])
@@ -377,9 +377,11 @@ def _noradrenaline_reduced() -> list[Row]:
     def change(values: np.ndarray, first: int) -> float:
         return 100.0 * float(values[first + 1] / values[first] - 1.0)
 
-    def persichini(found: Measured, explanation: Explanation | None = None) -> Row:
-        return Row("Persichini 2012: mean systemic pressure (test)", change(found["Pms"], 2), -32.0, -11.0,
-                   "%", -21.2, explanation, f"{PERSICHINI}; 2 standard errors of 12 and 10 mmHg")  # fmt: skip
+    def persichini(pressures: Measured, explanation: Explanation | None = None) -> Row:
+        return Row(
+            "Persichini 2012: mean systemic pressure (test)", change(pressures["Pms"], 2), -32.0, -11.0, "%",
+            -21.2, explanation, f"{PERSICHINI}; 2 standard errors of 12 and 10 mmHg",
+        )  # fmt: skip
 
     def legs(high: int, explanation: Explanation | None = None) -> Row:
         return within("Adda 2021: rise of mean systemic pressure with raised legs, high over low dose (test)",

@@ -29,7 +29,7 @@ from eclsim.regulation.attach import REFLEXES
 from eclsim.regulation.heldt import HELDT_2010
 from eclsim.slow import INFLOWS
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
-from eclsim.validation.gas import unseen_in_five
+from eclsim.validation.gas import not_significant_in_five
 from eclsim.validation.matching import with_outputs
 from eclsim.validation.reference_cases import PROTOCOLS
 
@@ -54,12 +54,12 @@ LOW_COEFFICIENT = PUBLISHED - SPREAD
 LOWEST_COEFFICIENT = 0.43
 """The lowest of the source of the forces, whose three groups have 0.43, 1.29 and 5.93 mL/min/mmHg."""
 SESSION_H = 4.0
-"""Of a dialysis; the abstracts do not say it."""
+"""Length of a dialysis; the abstracts do not state it."""
 COLUMN_MMHG, LEGS = 58.5, 0.32
 """Legs stand 0.75 m below the heart and are that share of the body."""
-CM = 0.738
+MMHG_PER_CM = 0.738
 """Pressure of a cm of blood [mmHg]; this and what follows on standing is that of CVSim 1.0."""
-CAROTID_MMHG = CM * 25.0
+CAROTID_MMHG = MMHG_PER_CM * 25.0
 """The carotid sinus is 25 cm above the heart; the reflex reads so much less."""
 CHEST_MMHG = -3.5
 """Change of the pressure in the chest: veins, arteries and capillaries outside of it have so much less."""
@@ -83,19 +83,19 @@ class Veins(NamedTuple):
         return 2.0 * self.most / np.pi * np.arctan(0.5 * np.pi * self.compliance * pressure / self.most)
 
 
-TO_HEART = CM * (6.0 / 2.0 + 14.5 / 3.0)
+TO_HEART = MMHG_PER_CM * (6.0 / 2.0 + 14.5 / 3.0)
 VEINS = (
     Veins(20.0, 1000.0, COLUMN_MMHG),  # legs
-    Veins(60.0, 1500.0, TO_HEART + CM * 5.0 / 2.0),  # splanchnic organs
+    Veins(60.0, 1500.0, TO_HEART + MMHG_PER_CM * 5.0 / 2.0),  # splanchnic organs
     Veins(5.0 + 1.3, 650.0, TO_HEART),  # kidneys, abdominal veins
-    Veins(7.0, 1e6, -CM * (20.0 / 2.0 + 14.5 / 2.0)),  # head and arms, above the heart
+    Veins(7.0, 1e6, -MMHG_PER_CM * (20.0 / 2.0 + 14.5 / 2.0)),  # head and arms, above the heart
 )
 """In CVSim legs have a column of 31.9 mmHg; here that of their capillaries."""
 SOFT = {"Csvn": 7.0 + 1.3 + 5.0 + 60.0 + 20.0 + 1.3 + 0.5, "Cpvn": 9.0, "Cpart": 3.4}
 """Compliances of CVSim 1.0 [mL/mmHg], those of its systemic veins together."""
 BEFORE = {"MAP": 89.5, "right_atrial_pressure": 5.8, "CO": 5.5, "PCWP": 8.0}
 """Men before a loss: pressures and a heart rate of 59 of the first six; flow and wedge pressure of health."""
-UF = "uf"
+ULTRAFILTRATION_KEY = "uf"
 
 
 class Patient:
@@ -144,15 +144,21 @@ class Patient:
 
         Args:
             hours: length.
-            rates_ml_s: what is given, bled ("bleed_ml") or filtered (`UF`).
+            rates_ml_s: what is given, bled ("bleed_ml") or filtered (`ULTRAFILTRATION_KEY`).
             stands: whether at a time [s]; then veins of the legs hold blood and capillaries a column of it.
             then: a time [s] and the rates from there on.
         """
-        law = replace(fluid_law(self.model.circuit, self.model.values), ultrafiltration=(UF,))
+        law = replace(
+            fluid_law(self.model.circuit, self.model.values), ultrafiltration=(ULTRAFILTRATION_KEY,)
+        )
         first, second = (
             (
-                _arrays({**self.model.values, UF: 3600.0 * rates.get(UF, 0.0)}),
-                _arrays(dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates.items() if k != UF}),
+                _arrays(
+                    {**self.model.values, ULTRAFILTRATION_KEY: 3600.0 * rates.get(ULTRAFILTRATION_KEY, 0.0)}
+                ),
+                _arrays(
+                    dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates.items() if k != ULTRAFILTRATION_KEY}
+                ),
             )
             for rates in (rates_ml_s, then[1])
         )
@@ -241,30 +247,30 @@ def _person(age: float, rate: float, reflex: str | None = None, **sections: obje
 
 
 @lru_cache(maxsize=4)
-def dialysed(coefficient: float, near_share: float = 1.0) -> Patient:
+def dialysed(coefficient: float, pericapillary_share: float = 1.0) -> Patient:
     """A patient of the dialysis unit, 1.6 L overloaded."""
     blood = {"haematocrit": 0.33, "plasma_protein_g_dl": 6.8, "filtration_ml_min_mmHg": coefficient,
-             "pericapillary_share": near_share}  # fmt: skip
+             "pericapillary_share": pericapillary_share}  # fmt: skip
     plain = _person(60.0, 75.0, fluid=blood).values["fluid.interstitial_volume_ml"]
     overloaded = blood | {"interstitial_volume_ml": plain + 1600.0}
     return Patient(_person(60.0, 75.0, "heldt2004", fluid=overloaded))
 
 
 def fall_of_blood(patient: Patient, removed_ml: float) -> float:
-    """Of the blood volume at the end of a session [%]."""
-    _, states = patient.course(SESSION_H, {UF: removed_ml / (3600.0 * SESSION_H)})
+    """Fall of the blood volume at the end of a session [%]."""
+    _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     return float(100.0 * (1.0 - blood[-1] / blood[0]))
 
 
 def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
-    """What drives refill at the end of a session: all of it [mmHg], and the share of each force [%].
+    """Forces of refill at the end of a session: their sum [mmHg], and the share of each [%].
 
     The interstitium's oncotic pressure is that of its mean, as in the source.
     """
     settings = _arrays(patient.model.values)
-    law = replace(fluid_law(patient.model.circuit, patient.model.values), layered=False)
-    _, states = patient.course(SESSION_H, {UF: removed_ml / (3600.0 * SESSION_H)})
+    law = replace(fluid_law(patient.model.circuit, patient.model.values), has_pericapillary_layer=False)
+    _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
     blood = states[PLASMA] + states[RED_CELLS]
     last = {name: values[-1:] for name, values in states.items()}
     changed = law.forces(last, settings, patient.at(blood[-1:] - blood[0]))
@@ -287,7 +293,7 @@ DRIVES = (
 
 
 def _forces() -> list[Row]:
-    """What drives refill in a dialysis of 1.7 L."""
+    """Forces of refill in a dialysis of 1.7 L."""
     usual, tight = (driven(dialysed(k), 1700.0) for k in (PUBLISHED, LOWEST_COEFFICIENT))
     reason = (
         "at the published mean of the filtration coefficient small forces are enough for the refill; the "
@@ -300,11 +306,13 @@ def _forces() -> list[Row]:
     ]
 
 
-def force_rows(found: Mapping[str, float]) -> list[Row]:
+def force_rows(computed: Mapping[str, float]) -> list[Row]:
     """What `driven` gives against the analysis of six studies."""
-    total = Row("force that drives refill, 1.7 L filtered (test)", found[""], 5.4, 20.3, "mmHg", source=LEE)
+    total = Row(
+        "force that drives refill, 1.7 L filtered (test)", computed[""], 5.4, 20.3, "mmHg", source=LEE
+    )
     return [total] + [
-        within(f"its share by the {name} (test)", share, found[name], spread, "%", source=LEE)
+        within(f"its share by the {name} (test)", share, computed[name], spread, "%", source=LEE)
         for name, share, spread in DRIVES
     ]
 
@@ -420,7 +428,7 @@ MEASURED = (
     ("375 mL: stroke volume", -14.1, 7.1, "%", f"{LEONETTI}; half of it taken as spread"),
     ("375 mL: heart rate", 4.1, 8.0, "%", f"{LEONETTI}; not significant, 8 % taken as spread"),
 )
-"""What healthy people showed: words, value, spread, unit, source."""
+"""Measurements in healthy people: words, value, spread, unit, source."""
 
 
 _FLOOR = "an empty right ventricle of the published patient has 2.5 mmHg (RV_Pd_beta)"
@@ -445,8 +453,8 @@ def _bled(reflex: str) -> list[Row]:
     for name, expected, spread, unit, source in MEASURED:
         label = f"{name}, {reflex} (test)"
         evidence = [
-            (words, within(f"{label}, experiment", expected, found[name], spread, unit))
-            for words, found in tried
+            (words, within(f"{label}, experiment", expected, computed[name], spread, unit))
+            for words, computed in tried
         ]
         words, shown = next((one for one in evidence if one[1].holds), evidence[-1])
         rows.append(
@@ -469,7 +477,7 @@ def _stores() -> list[Row]:
             YES_NO, 1.0, source=MENDES),
         within(
             "1.5 L/min: change of PaCO2 with sweep 3 to 10 L/min (test)", 0.0, slow[50] - slow[0], 5.0,
-            "mmHg", source=MENDES, explanation=unseen_in_five(slow[0] - slow[50]),
+            "mmHg", source=MENDES, explanation=not_significant_in_five(slow[0] - slow[50]),
         ),
     ]  # fmt: skip
 
@@ -509,8 +517,8 @@ SHORT_MMHG, SPREAD_MMHG = -114.0, 52.0
 """Flow with and without enough blood at one speed, and the pressure of the venous line then [mmHg]."""
 SPEED = f"{ECMO.key}.speed_rpm"
 LOST_ML = -740.0
-"""Where the search for the blood that is missing begins."""
-UNLIKE = (
+"""Start of the search for the blood that is missing."""
+UNLIKE_THE_MODEL = (
     "suction: the abstract names neither cannulae nor pump; eclsim has 25 and 19 Fr, a Rotaflow, and a "
     "patient in place of a mock circulation"
 )
@@ -556,7 +564,12 @@ def suction_check() -> Check:
     ]  # fmt: skip
     bar = "1 standard deviation, sign; compared, not required"
     return Check(
-        "suction", "Suction, a patient short of blood", bar, tuple(rows), required=False, remarks=(UNLIKE,)
+        "suction",
+        "Suction, a patient short of blood",
+        bar,
+        tuple(rows),
+        required=False,
+        remarks=(UNLIKE_THE_MODEL,),
     )
 
 

@@ -229,7 +229,7 @@ def _superior_cava(beats: Mapping[str, np.ndarray], variant: int) -> float:
     model = _femoral("ivc")
     parts = (e.component for e in model.circuit.exchanges if e.at == "upper")
     tissue = next(part for part in parts if isinstance(part, Tissue))
-    consumed = float(tissue.wanted(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][variant]}))
+    consumed = float(tissue.oxygen_demand(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][variant]}))
     arterial = gases(po2=beats["PaO2"][variant], pco2=beats["PaCO2"][variant], haemoglobin=9.0)
     fall = consumed / (10.0 * beats["upper_body_flow"][variant])
     venous = gases_with_contents(
@@ -315,7 +315,12 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         "but no measurement shows one",
         (
             *(
-                at_least(f"given off from 45 to 33 mmHg ({law})", _given_off(law), 0.0, "mL/min per g/dL")
+                at_least(
+                    f"given off from 45 to 33 mmHg ({law})",
+                    _released_carbon_dioxide(law),
+                    0.0,
+                    "mL/min per g/dL",
+                )
                 for law in LAWS
             ),
             at_least("PaCO2 with such a membrane", _with_cells(cells)[1], 0.0, "mmHg per g/dL"),
@@ -348,7 +353,7 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
             "consumption does not follow temperature here; in animals it rises by about 10 % per degree",
             (Row("with 10 % more consumption for each degree", warm[1] - warm[0], 2.25, 9.0, "mmHg per C"),),
         ),
-        "mendes 1.5": unseen_in_five(numbers["mendes 1.5"]),
+        "mendes 1.5": not_significant_in_five(numbers["mendes 1.5"]),
         "haematocrit": _diluted(), "sweep 10": _other_membrane(), "bachmann high": _formula(numbers),
         **_sheep(numbers),
         "falk drained svc": _faster(numbers), "falk sign drained": _faster(numbers),
@@ -378,7 +383,7 @@ def _with_cells(share: float) -> tuple[float, float]:
     return ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]
 
 
-def _given_off(law: str) -> float:
+def _released_carbon_dioxide(law: str) -> float:
     """How much more carbon dioxide 3 L/min of blood give off for each g/dL, at given pressures."""
     return float(np.diff(30.0 * _between(np.array([9.5, 10.5]), 33.0, law))[0])
 
@@ -462,7 +467,7 @@ def _sheep(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     return {"hou ivc": balance, "hou svc": lungs, "hou pa": lungs}
 
 
-def unseen_in_five(fall: float) -> Explanation:
+def not_significant_in_five(fall: float) -> Explanation:
     """Whether five animals could have had a fall of PaCO2 [mmHg] without a significant one."""
     spread = fall * math.sqrt(5.0) / STUDENT_FOUR
     return Explanation(

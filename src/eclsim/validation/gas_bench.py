@@ -42,7 +42,7 @@ class GivenBlood(GasExchanger):
 
 
 class Pass(NamedTuple):
-    """What an oxygenator did.
+    """Measurements of an oxygenator.
 
     Attributes:
         oxygen: given to the blood [mL/min STPD].

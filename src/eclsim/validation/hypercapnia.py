@@ -37,7 +37,7 @@ REASON = (
     "in patients (carbon_dioxide_response) in their place the sign is as measured"
 )
 SEDATED = {"baroreflex": 0.5, "set_point_pao2_mmHg": 90.0, "set_point_venous_o2_ml_dl": 10.0} | MEASURED
-FELT = 0.01
+SMALLEST_CHANGE = 0.01
 """Share from which a change is told from none."""
 
 
@@ -50,11 +50,11 @@ def healthy_rows() -> Iterator[Row]:
     """Directions of change with carbon dioxide in a healthy man, by what responds to it."""
     measured = _in_health(NERVES | MEASURED)
     for words, keys in {"chemoreflex": NERVES, "and organs": NERVES | ORGANS}.items():
-        found = _in_health(keys)
+        computed = _in_health(keys)
         for name, expected, source in HEALTHY:
             shown = sign(f"{_label(name)}, measured response", expected, measured[name], source)
             reason = Explanation(REASON, (shown,))
-            yield sign(f"hypercapnia, {words}: {_label(name)}", expected, found[name], source, reason)
+            yield sign(f"hypercapnia, {words}: {_label(name)}", expected, computed[name], source, reason)
     for name, expected, source in HEALTHY:
         yield sign(f"hypercapnia, measured response: {_label(name)} (test)", expected, measured[name], source)
 
@@ -68,15 +68,15 @@ def _in_health(keys: Mapping[str, float]) -> dict[str, float]:
 def patient_rows() -> Iterator[Row]:
     """Patients whose ventilation is turned down, sedated."""
     for study in PROTOCOLS["hypercapnia"].values():
-        found = _in_patient(study)
+        computed = _in_patient(study)
         for name, expected in study["changes"].items():
             label = f"{study['label']}: {_label(name)}, change"
             kind = "fit" if name in study.get("fitted", ()) else "test"
             spread = max(0.5 * abs(expected), study["least_spread"])
-            yield within(f"{label} ({kind})", expected, 100.0 * found[name], spread, "%",
+            yield within(f"{label} ({kind})", expected, 100.0 * computed[name], spread, "%",
                          source=study["source"])  # fmt: skip
         for name, expected in study.get("signs", {}).items():
-            yield sign(f"{study['label']}: {_label(name)} (test)", expected, found[name], study["source"])
+            yield sign(f"{study['label']}: {_label(name)} (test)", expected, computed[name], study["source"])
 
 
 def _in_patient(study: Mapping[str, Any]) -> dict[str, float]:
@@ -102,7 +102,7 @@ def _changes(before: xr.Dataset, after: xr.Dataset, rate: float) -> dict[str, fl
 
     names = ("CO", "heart_rate", "stroke_volume_lv", "MAP", "MPAP", RIGHT_ATRIUM, SYSTEMIC, PULMONARY)
     changes = {name: read(after, name) / read(before, name) - 1.0 for name in names}
-    return {name: change if abs(change) > FELT else 0.0 for name, change in changes.items()}
+    return {name: change if abs(change) > SMALLEST_CHANGE else 0.0 for name, change in changes.items()}
 
 
 def _label(name: str) -> str:

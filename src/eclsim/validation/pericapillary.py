@@ -63,8 +63,8 @@ def _lost() -> Iterator[Row]:
     stays = refill.saline_stays(SECTIONS)
     yield within("saline 4 h after a loss of 620 mL: share that stays in the plasma (test)",
                  100.0 * 0.43 / 1.43, stays, 10.0, "%", source=refill.MOORE)  # fmt: skip
-    stays = 0.05 * (500.0 + boluses.gained(refill.BOTH, SECTIONS)[1])
-    yield within("500 mL bled and 2 L of crystalloid: share that stays (test)", refill.BOTH_STAYS, stays,
+    stays = 0.05 * (500.0 + boluses.gained(refill.LOSS_AND_INFUSION, SECTIONS)[1])
+    yield within("500 mL bled and 2 L of crystalloid: share that stays (test)", refill.INFUSION_STAYS, stays,
                  10.0, "%", source=refill.TWO_LITRES)  # fmt: skip
     yield within("1.1 L bled and Ringer's lactate: blood volume (test)", -459.0,
                  boluses.gained(boluses.LACTATE, SECTIONS)[1], 185.0, "mL", source=boluses.JACOB)  # fmt: skip

@@ -33,7 +33,7 @@ QUICK = tuple(PROTOCOLS["reference"]["quick"])
 RELATIVE = 0.005
 ABSOLUTE = {"mmHg": 0.1, "L/min": 0.02, "mL": 0.5}
 """An output may be off by half a percent, or by this much."""
-OF_RANGE = 0.01
+SHARE_OF_RANGE = 0.01
 WAVEFORM_ABSOLUTE = {"P": 0.3, "Q": 2.0, "V": 0.5}
 """Mean, minimum and maximum of a waveform may be off by one percent of its range, or by this much."""
 WAVEFORM_UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
@@ -130,7 +130,7 @@ def waveform_rows(name: str) -> list[Row]:
     """Mean, minimum and maximum of every waveform of a case."""
     result, rows = reference_result(name), []
     for signal, expected in expected_results()[name]["waveforms"].items():
-        tolerance = max(OF_RANGE * (expected["max"] - expected["min"]), WAVEFORM_ABSOLUTE[signal[0]])
+        tolerance = max(SHARE_OF_RANGE * (expected["max"] - expected["min"]), WAVEFORM_ABSOLUTE[signal[0]])
         for kind, value in waveform_statistics(result, signal).items():
             label, unit = f"{name} {signal} {kind}", WAVEFORM_UNITS[signal[0]]
             reason = explanation(label, expected[kind], value, tolerance)

@@ -16,16 +16,16 @@ from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
 from eclsim.parameters.fluid import PARAMETERS
 from eclsim.validation.boluses import (
     HEALTHY,
-    STIFF,
+    STIFF_VEINS,
     WIDE,
-    WIDER,
+    WIDE_TEXT,
     Given,
     Sections,
     body,
     gained,
     protein_changed,
 )
-from eclsim.validation.fluid import UF, Patient, healthy
+from eclsim.validation.fluid import ULTRAFILTRATION_KEY, Patient, healthy
 from eclsim.validation.reference_cases import compared
 
 SAITO = (
@@ -36,7 +36,7 @@ JANETZKO = (
     "Janetzko 2001, older donors of 450 mL, haematocrit, median 208, quartiles 134 and 298 mL, abstract; "
     "half of what lies between these taken"
 )
-HUNDRED = (
+DONORS_100 = (
     "Evaluation of small acute blood loss in man, 100 donors of 460 to 480 mL, labelled albumin, abstract; "
     "two standard errors of its 10 % between donors"
 )
@@ -57,25 +57,25 @@ MOORE = (
     "Hemorrhage in normal man (bromide), 6 men, 4 h after 10.5 to 14.3 % in 20 min 2 L of saline in 4 h: "
     "what stays in plasma is 0.43 of what stays outside of it, abstract; 10 % taken as spread"
 )
-FAST = (
+ALBUMIN_INFUSION = (
     "Fast versus slow infusion of 20 % albumin (10.1186/s40635-022-00458-3), 12 volunteers, 225 mL in 30 "
     "min, largest rise 16.1 +- 6.5 %; two standard errors"
 )
-STAYS = (
+ALBUMIN_LOSS = (
     "Plasma disappearance rate of albumin (10.1186/s13054-022-03979-1), people without much bleeding, 20 %: "
     "3.8 % of what was given in an hour, abstract; half of it taken as spread"
 )
-LEAKS = (
+ALBUMIN_LEAK = (
     "the same, introduction: 5 % of the plasma's albumin in an hour; Haskell 1997 (J Appl Physiol 83:407) "
     "8.4 +- 0.5; 2 % taken as spread"
 )
 LYMPH = "fluid.lymph_ml_min"
 DONOR = body("male", 40, 172, 70, 70)
-BOTH = Given(DONOR, HEALTHY, (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0)), 60.0, 0.0)
-BOTH_STAYS = 100.0 * (500.0 + 5000.0 * (0.9 * 14.3 / 12.15 - 1.0)) / 2000.0
-"""Of 2 L given to those who lost 500 mL, what stays [%], by the haemoglobin of `TWO_LITRES`."""
+LOSS_AND_INFUSION = Given(DONOR, HEALTHY, (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0)), 60.0, 0.0)
+INFUSION_STAYS = 100.0 * (500.0 + 5000.0 * (0.9 * 14.3 / 12.15 - 1.0)) / 2000.0
+"""Share of 2 L given after a loss of 500 mL that stays [%], by the haemoglobin of `TWO_LITRES`."""
 LOST_SHARE = 0.1
-"""Of the blood, by 500 mL of the trial's donors; their refilled share hardly depends on it."""
+"""Share of the blood that the trial's donors lost, 500 mL; their refilled share hardly depends on it."""
 POSTURE = (
     "donors who walk in and lie down dilute their blood without losing any, by more than the spread of these "
     "rows; carbon monoxide found no refill, haemoglobin half of the loss: no model meets both"
@@ -104,15 +104,15 @@ def _donors() -> Iterator[Row]:
         yield within(label, expected, refilled(1000.0 * litre), spread, "mL", source=source,
                      explanation=unlike)  # fmt: skip
     blood = refilled(470.0, 10.0) - 470.0
-    yield within("470 mL, 10 min later: blood volume (test)", -259.0, blood, 100.0, "mL", source=HUNDRED,
+    yield within("470 mL, 10 min later: blood volume (test)", -259.0, blood, 100.0, "mL", source=DONORS_100,
                  explanation=unlike)  # fmt: skip
     early, late = (0.1 * (1000.0 * LOST_SHARE - 1000.0 * (1.0 - kept)) / LOST_SHARE for kept in diluted())
     for label, expected, after in (("as it ends", early, 0.0), ("an hour later", late, 60.0)):
         share = refilled(500.0, after) / 5.0
         yield within(f"500 mL: share refilled {label} (test)", expected, share, 20.0, "%",
                      source=CRYSTALLOID, explanation=unlike)  # fmt: skip
-    found = refilled(500.0) - 500.0
-    yield within("500 mL by carbon monoxide: blood volume as it ends (test)", -523.0, found, 100.0, "mL",
+    change = refilled(500.0) - 500.0
+    yield within("500 mL by carbon monoxide: blood volume as it ends (test)", -523.0, change, 100.0, "mL",
                  source=FALZ, explanation=unlike)  # fmt: skip
 
 
@@ -131,16 +131,16 @@ def _hours() -> Iterator[Row]:
     yield within("saline 4 h after a loss of 620 mL: share that stays in the plasma (test)",
                  100.0 * 0.43 / 1.43, saline_stays(), 10.0, "%", source=MOORE)  # fmt: skip
     label = "500 mL bled and 2 L of crystalloid: share that stays"
-    text = f"the wall is that of dialysis patients, and {STIFF}; with {WIDER} the row holds"
-    stays = [0.05 * (500.0 + gained(BOTH, sections)[1]) for sections in ((), WIDE)]
-    shown = within(f"{label}, experiment", BOTH_STAYS, stays[1], 10.0, "%")
-    yield within(f"{label} (test)", BOTH_STAYS, stays[0], 10.0, "%", source=TWO_LITRES,
+    text = f"the wall is that of dialysis patients, and {STIFF_VEINS}; with {WIDE_TEXT} the row holds"
+    stays = [0.05 * (500.0 + gained(LOSS_AND_INFUSION, sections)[1]) for sections in ((), WIDE)]
+    shown = within(f"{label}, experiment", INFUSION_STAYS, stays[1], 10.0, "%")
+    yield within(f"{label} (test)", INFUSION_STAYS, stays[0], 10.0, "%", source=TWO_LITRES,
                  explanation=Explanation(text, (shown,)))  # fmt: skip
 
 
-CONCENTRATED = {"albumin_ml": 900.0 / 1800.0, UF: 675.0 / 1800.0}
+CONCENTRATED = {"albumin_ml": 900.0 / 1800.0, ULTRAFILTRATION_KEY: 675.0 / 1800.0}
 """225 mL of 20 % albumin in 30 min: 900 mL of 5 %, of which 675 mL of water are taken."""
-URINE = (1800.0, {UF: 560.0 / 18000.0})
+URINE = (1800.0, {ULTRAFILTRATION_KEY: 560.0 / 18000.0})
 """What volunteers pass in the 5 h after it: 2.5 times the 225 mL (10.1186/s13054-020-02855-0)."""
 
 
@@ -150,14 +150,20 @@ def _concentrated() -> Iterator[Row]:
     minutes, states = man.course(5.5, CONCENTRATED, then=URINE)
     plasma = np.interp(30.0, minutes, states[PLASMA]) / states[PLASMA][0]
     yield within("20 % albumin, 225 mL in 30 min: plasma gained (test)", 16.1, 100.0 * (plasma - 1.0),
-                 2.0 * 6.5 / 12.0**0.5, "%", source=FAST)  # fmt: skip
+                 2.0 * 6.5 / 12.0**0.5, "%", source=ALBUMIN_INFUSION)  # fmt: skip
     text = "lymph brings back too little protein, so too little leaves; with lymph_ml_min 6 the row holds"
-    for label, expected, spread, found, source in (
-        ("45 g of albumin: what leaves in an hour, of what was given (test)", 3.8, 1.9, _albumin_lost, STAYS),
-        ("protein of the plasma that leaves in an hour at rest (test)", 5.0, 2.0, _leak, LEAKS),
+    for label, expected, spread, compute, source in (
+        (
+            "45 g of albumin: what leaves in an hour, of what was given (test)",
+            3.8,
+            1.9,
+            _albumin_lost,
+            ALBUMIN_LOSS,
+        ),
+        ("protein of the plasma that leaves in an hour at rest (test)", 5.0, 2.0, _leak, ALBUMIN_LEAK),
     ):
-        shown = within(f"{label}, experiment", expected, found(drained), spread, "%/h")
-        yield within(label, expected, found(man), spread, "%/h", source=source,
+        shown = within(f"{label}, experiment", expected, compute(drained), spread, "%/h")
+        yield within(label, expected, compute(man), spread, "%/h", source=source,
                      explanation=Explanation(text, (shown,)))  # fmt: skip
 
 
@@ -168,14 +174,14 @@ def with_lymph(ml_min: float) -> Patient:
 
 
 def _albumin_lost(man: Patient) -> float:
-    """Of the protein given, what has left the plasma in an hour, over 5 h [%]."""
+    """Share of the protein given that leaves the plasma in an hour, over 5 h [%]."""
     minutes, states = man.course(5.5, CONCENTRATED, then=URINE)
     before, given, left = np.interp((0.0, 30.0, 330.0), minutes, states[PROTEIN])
     return float(100.0 * (given - left) / (given - before) / 5.0)
 
 
 def _leak(man: Patient) -> float:
-    """Of the plasma's protein, what leaves in an hour at rest [%]: as much as lymph brings back."""
+    """Share of the plasma's protein that leaves in an hour at rest [%]: as much as lymph brings back."""
     values = man.model.values
     plasma, _ = blood_at_start({key: np.array(value) for key, value in values.items()})
     back = values[LYMPH] * values["fluid.interstitial_protein_g_dl"]

@@ -193,7 +193,7 @@ def animal(study: str, **sections: object) -> Model:
     return other.with_values({name: v for name, v in matched.values.items() if name in other.values})
 
 
-def holding(patient: Model, name: str, stronger: float = 1.0) -> Model:
+def with_output_held(patient: Model, name: str, stronger: float = 1.0) -> Model:
     """The patient given blood, or bled, until an output is what it is before a change of flow.
 
     Args:
@@ -212,7 +212,7 @@ def ecmo_rows() -> Iterator[Row]:
     for study in ANIMALS:
         patient = animal(study)
         low, volume_held = simulate(patient), simulate(patient.with_values({FLOW: HIGH_FLOW}))
-        filled, strong = (simulate(holding(patient, RIGHT_ATRIUM, s)) for s in (1.0, STRONGER))
+        filled, strong = (simulate(with_output_held(patient, RIGHT_ATRIUM, s)) for s in (1.0, STRONGER))
         for row in (row for row in table if row["study"] == study):
             start, end, name = float(row["from"]), float(row["to"]), row["quantity"]
             spread = math.hypot(float(row["from_sd"]), float(row["to_sd"])) / start
@@ -259,13 +259,13 @@ def lvad_rows() -> Iterator[Row]:
     """Mean change of a step over the whole ramp, awake patients, by reflex."""
     for pump, (first, last, step) in RAMPS.items():
         assist = {"pump": pump, "speed_rpm": first, "inlet_site": "lv", "outlet_site": "ao"}
-        found = {name: _ramp(assist, last, step, regulated) for name, regulated in _ramped().items()}
+        computed = {name: _ramp(assist, last, step, regulated) for name, regulated in _ramped().items()}
         for reflex in REFLEXES:
             for name, expected, spread in RAMP_EFFECTS:
-                got, unit = found[reflex][name], output(name).unit
+                got, unit = computed[reflex][name], output(name).unit
                 label = f"{pump} +{step:g} rpm, {reflex}: {output(name).long_name}"
                 reason, experiment = EXPERIMENTS.get(name, ("", reflex))
-                shown = within(f"{label}, {experiment}", expected, found[experiment][name], spread, unit)
+                shown = within(f"{label}, {experiment}", expected, computed[experiment][name], spread, unit)
                 if expected:
                     yield sign(label, expected, got, RAMP)
                 yield within(f"{label}, change", expected, got, spread, unit, source=RAMP,
@@ -341,13 +341,13 @@ WITHDRAWN = (
 def donker_rows() -> list[Row]:
     """Both with a reflex whose set point is the pressure before ECMO and with fixed tone."""
     reflex = {"baroreflex": 1.0, "set_point_mmHg": FAILING["MAP"]}
-    found = {"reflex": _donker(regulation=reflex), "fixed tone": _donker()}
+    computed = {"reflex": _donker(regulation=reflex), "fixed tone": _donker()}
     sicker, less = _donker(SICKER, SOFT), _donker(lost_ml=LESS_ML)
     rows = []
-    for tone, changes in found.items():
+    for tone, changes in computed.items():
         for k, (name, expected, unit) in enumerate(DONKER_ROWS):
             label, spread = f"{tone}, {name}", 0.5 * abs(expected)
-            fixed = sign(label, expected, found["fixed tone"][k], DONKER)
+            fixed = sign(label, expected, computed["fixed tone"][k], DONKER)
             other = within(f"{label}, experiment", expected, (sicker if k < 2 else less)[k], spread, unit)
             rows.append(sign(label, expected, changes[k], DONKER, Explanation(WITHDRAWN, (fixed,))))
             rows.append(within(label, expected, changes[k], spread, unit, source=DONKER,

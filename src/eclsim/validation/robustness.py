@@ -154,7 +154,7 @@ def sweep(name: str, points: dict[str, np.ndarray]) -> Sweep:
     change = np.abs(orbits.wait(settled, start, RECHECK_BEATS) - start)
     moved[settled] = (change / np.maximum(np.abs(start), least)).max(axis=0, initial=0.0)
     if len(unsettled):
-        output[unsettled], drift[unsettled] = _waited(model, orbits, unsettled)
+        output[unsettled], drift[unsettled] = _after_waiting(model, orbits, unsettled)
     return Sweep(name, points, beat.status, output, drift, orbits.beats, moved)
 
 
@@ -196,7 +196,7 @@ def sweeps(count: int, effort: Effort) -> list[Sweep]:
     return results_by_name
 
 
-def _waited(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _after_waiting(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Left output [L/min] and drift [mL a beat] after many plain beats from the published start."""
     starts = [start_state(replace(model, values=orbits.batch.member(int(k)))) for k in members]
     before = orbits.wait(members, np.stack(starts, axis=1), SETTLING_BEATS)

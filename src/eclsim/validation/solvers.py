@@ -22,7 +22,7 @@ from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import Model
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.independent import simulate_adaptive
-from eclsim.outputs.registry import contract, output
+from eclsim.outputs.registry import leading_outputs, output
 from eclsim.outputs.results import derivatives, simulate
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, at_most, within
@@ -68,7 +68,7 @@ def adaptive_check(effort: Effort) -> Check:
 def _both(name: str) -> list[Row]:
     result, other = reference_result(name), simulate_adaptive(reference_model(name))
     rows = []
-    for entry in contract():
+    for entry in leading_outputs():
         if entry.name in result:
             expected, got = float(other[entry.name]), float(result[entry.name])
             tolerance = max(RELATIVE * abs(expected), ABSOLUTE[entry.unit])
@@ -152,9 +152,9 @@ def _shi_hose_value(name: str) -> float:
 
 CASES: dict[str, str] = PROTOCOLS["gradients"]
 """Key of `gradients.json`, and the reference case it belongs to."""
-OF_LARGEST = 0.01
+SHARE_OF_LARGEST = 0.01
 BAR = "1 % of the largest of each output"
-OF_LARGEST_OWN = 1e-5
+SHARE_OF_LARGEST_DIFFERENCES = 1e-5
 STEP = 2e-5
 """Relative step h of the own differences, extrapolated from h and h/2 to fourth order.
 
@@ -222,10 +222,12 @@ def gradient_checks() -> list[Check]:
     own_differences_rows: list[Row] = []
     for key, case in CASES.items():
         computed = elasticities(key)
-        half_step = _rows(case, computed, computed.finer, computed.published, OF_LARGEST)
-        differences = _rows(case, computed, computed.exact, computed.own_differences, OF_LARGEST_OWN)
+        half_step = _rows(case, computed, computed.finer, computed.published, SHARE_OF_LARGEST)
+        differences = _rows(
+            case, computed, computed.exact, computed.own_differences, SHARE_OF_LARGEST_DIFFERENCES
+        )
         whys = [Explanation(GRID, evidence) for evidence in zip(half_step, differences, strict=True)]
-        published += _rows(case, computed, computed.exact, computed.published, OF_LARGEST, whys)
+        published += _rows(case, computed, computed.exact, computed.published, SHARE_OF_LARGEST, whys)
         finer += half_step
         own_differences_rows += differences
     title = "Derivatives against central differences of the published code"

@@ -59,7 +59,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
 }
 """Parts of the validation by the name that `--only` takes."""
 PRELOAD = ("eclsim.validation.suite", "eclsim.outputs.steady_beat")
-"""What a worker needs before its first task."""
+"""Modules that a worker loads before its first task."""
 FIT = "(fit"
 """In the name of a row that constants were fitted to; all others are tests."""
 RED = ("miss, explained", "not decidable", "MISS")
@@ -74,7 +74,7 @@ def run(
     Args:
         effort: how much to compute.
         parts: names of `PARTS`; left out, all.
-        announce: is told the name of each part before it starts.
+        announce: called with the name of each part before it starts.
     """
     for name in parts or PARTS:
         announce(name)
@@ -156,18 +156,18 @@ def _summary(checks: Iterable[Check]) -> str:
         most, red = worst(check.rows), Counter(map(_verdict, check.missed))
         fits = [row for row in check.rows if FIT in row.name]
         others = [row for row in check.rows if FIT not in row.name]
-        cells = (_held(fits), _held(others), *(str(red[verdict] or "") for verdict in RED))
+        cells = (_rows_held(fits), _rows_held(others), *(str(red[verdict] or "") for verdict in RED))
         rows.append((check.title, check.bar.partition(";")[0], *cells, f"{most.name}: {_error(most)}"))
     others = "others within" if any(row[2] for row in rows) else "rows within"
     return _table(("comparison", "tolerance", "fits within", others, *RED, "worst row"), rows)
 
 
-def _held(rows: Sequence[Row]) -> str:
+def _rows_held(rows: Sequence[Row]) -> str:
     return f"{sum(row.holds for row in rows)} of {len(rows)}" if rows else ""
 
 
 def _reasons(missed: Iterable[tuple[str, Row]]) -> list[str]:
-    """Of rows that miss and are explained, each once."""
+    """Reasons of rows that miss and are explained, each once."""
     return list(dict.fromkeys(row.explained for _, row in missed if row.explained))
 
 

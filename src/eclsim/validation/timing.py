@@ -70,7 +70,7 @@ class Measurement:
         return None if self.published is None else self.published / self.value
 
     def as_object(self) -> dict[str, object]:
-        """As plain data for JSON."""
+        """Plain data for JSON."""
         return {
             "name": self.name, "value": self.value, "unit": self.unit, "processor_time": self.processor,
             "bar": self.bar, "holds": self.holds, "published_code": self.published,

@@ -24,8 +24,8 @@ test("minutes are read as on a clock, with days in front", () => {
 });
 
 test("a beat of a later minute has a time", () => {
-  assert.equal(timeOf({ minute: 252, passing: false }), "04:12");
-  assert.equal(timeOf({ minute: 1.5, passing: true }), "00:01:30");
+  assert.equal(timeOf({ minute: 252, transient: false }), "04:12");
+  assert.equal(timeOf({ minute: 1.5, transient: true }), "00:01:30");
   assert.deepEqual([{ minute: 0 }, null, undefined].map(timeOf), ["", "", ""]);
 });
 

@@ -2,7 +2,7 @@
 import { fill, leftOut, listening, timeOf } from "eclsim-page";
 
 const TOPICS = { monitor: "bands", loops: "bands", gases: "bands", outputs: "bands", ramp: "ramp_bands" };
-const ENOUGH = 0.9; // of the draws: a band of fewer is one of a part of what is possible
+const SMALLEST_SHARE = 0.9; // of the draws: a band of fewer is one of a part of what is possible
 const summary = (bands) => {
   if (!bands) return bands;
   const { of, failed, count, lost, impossible, fewest } = bands;
@@ -68,7 +68,7 @@ export default {
     },
     isThin() {
       const { count, fewest } = this[this.topic];
-      return fewest < ENOUGH * count;
+      return fewest < SMALLEST_SHARE * count;
     },
   },
   methods: {

@@ -2,11 +2,11 @@
 import { markRaw } from "vue";
 import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
 
-const PATIENCE = 5000; // ms that the server may take to answer
-const ASK = 1500; // ms after which the server is asked whether it is there, where what was sent has no answer
-const PALE = 400; // ms after which numbers that do not know of a turn or of another state are pale
-const SILENCE = 2000; // ms without a report of what runs, after which the server is asked as well
-const REST = 1000; // ms without another outcome after which a screen reader is told
+const ANSWER_TIMEOUT = 5000; // ms that the server may take to answer
+const ASK_AFTER = 1500; // ms without an answer after which the server is asked whether it is there
+const PALE_AFTER = 400; // ms after which numbers that do not know of a turn or of another state are pale
+const REPORT_TIMEOUT = 2000; // ms without a report of what runs, after which the server is asked as well
+const ANNOUNCE_AFTER = 1000; // ms without another outcome after which a screen reader announces it
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
 const SHORTCUTS = [
   ["z", "ctrl", "undo"],
@@ -28,12 +28,12 @@ export default {
     <div class="ecl-status" :class="shownKind">
       <span class="dot"></span><span class="message" :title="shown">{{ shown }}</span>
     </div>
-    <span class="ecl-hidden" role="status">{{ said }}</span>
+    <span class="ecl-hidden" role="status">{{ announced }}</span>
   </div>`,
   props: { texts: Object },
-  data: () => ({ message: "", kind: "busy", cut: "", late: false, warnings: "", said: "" }),
+  data: () => ({ message: "", kind: "busy", cut: "", late: false, warnings: "", announced: "" }),
   computed: {
-    // A beat that is long in coming is said: its numbers are not there, whatever the last ones were.
+    // A beat that is long in coming is announced: its numbers are not there, whatever the last ones were.
     isLate() {
       return this.late && this.kind !== "busy";
     },
@@ -51,7 +51,7 @@ export default {
     // A screen reader hears the outcome once, when it has come to rest, and not every beat of a turn.
     spoken(words) {
       clearTimeout(this.speaking);
-      this.speaking = setTimeout(() => (this.said = words), this.cut ? 0 : REST);
+      this.speaking = setTimeout(() => (this.announced = words), this.cut ? 0 : ANNOUNCE_AFTER);
     },
   },
   created() {
@@ -76,7 +76,7 @@ export default {
         this.answered();
         tab.keep("last", { link: state.link, of: state.of });
         this.links = remember(this.links ?? {}, state.of, state.link, 2);
-        this.behind ??= setTimeout(() => this.markStale(false, 0), PALE);
+        this.behind ??= setTimeout(() => this.markStale(false, 0), PALE_AFTER);
       }),
       bus.on("error", () => {
         this.answered();
@@ -86,11 +86,11 @@ export default {
       bus.on("view", (view) => tab.keep("view", view)),
       bus.on("turned", () => {
         this.expect();
-        this.paling ??= setTimeout(() => this.markStale(true), PALE);
+        this.paling ??= setTimeout(() => this.markStale(true), PALE_AFTER);
       }),
       bus.on("alive", () => this.answered()),
       ...["fit", "posterior"].flatMap((job) => [
-        bus.on(`${job}_progress`, () => this.hearFrom(SILENCE)),
+        bus.on(`${job}_progress`, () => this.hearFrom(REPORT_TIMEOUT)),
         bus.on(`${job}_ended`, () => this.hearFrom(0)),
       ]),
       bus.on("taken_back", () => {
@@ -149,8 +149,8 @@ export default {
     // Whatever is sent has an answer, if only that the server is there.
     expect() {
       if (this.cut) return;
-      this.waiting ??= setTimeout(() => this.lost("silent"), PATIENCE);
-      this.asking ??= setTimeout(() => this.$emit("ask"), ASK);
+      this.waiting ??= setTimeout(() => this.lost("silent"), ANSWER_TIMEOUT);
+      this.asking ??= setTimeout(() => this.$emit("ask"), ASK_AFTER);
     },
     // The server does not answer: knobs go back to where the numbers that are shown belong, and what was
     // changed since does not happen later either.
@@ -177,7 +177,7 @@ export default {
         if (answer.type === "opaqueredirect") this.cut = fill(this.texts.signed_out, { what: this.what });
         bus.publish("cut", this.cut);
       } catch {
-        // the server is gone: what is said already
+        // the server is gone: announced already
       }
     },
     // There is a connection again.
@@ -207,7 +207,7 @@ export default {
       this.markStale();
     },
     // Numbers that do not belong to where the knobs stand are pale, those of no patient are struck through.
-    markStale(late = false, wait = late ? 0 : PALE) {
+    markStale(late = false, wait = late ? 0 : PALE_AFTER) {
       const beat = bus.last("beat");
       const { of } = bus.last("state") ?? {};
       const stale = late || beat?.of !== of;
@@ -243,8 +243,8 @@ export default {
       if (!beat.converged) this.say("bad", `${this.texts.not_converged}: ${beat.message}`);
       else if (!beat.possible) this.say("bad", `${this.texts.impossible}: ${alarms}`);
       else {
-        const what = beat.passing ? beat.message : this.texts[alarms ? "limit_broken" : "ready"];
-        const words = beat.minute ? `${what}, ${clock(beat.minute, beat.passing)}` : what;
+        const what = beat.transient ? beat.message : this.texts[alarms ? "limit_broken" : "ready"];
+        const words = beat.minute ? `${what}, ${clock(beat.minute, beat.transient)}` : what;
         this.say(alarms ? "broken" : "good", alarms ? `${words}: ${alarms}` : words);
       }
       this.markStale();

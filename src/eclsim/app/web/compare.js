@@ -14,7 +14,7 @@ import {
 } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
-const NAMES = "names"; // of the saved states of this tab, by what they were computed from
+const STORAGE_KEY = "names"; // of the saved states of this tab, by what they were computed from
 const format = (value) => (typeof value === "number" ? compact(value) : (value ?? "–"));
 
 export default {
@@ -128,7 +128,7 @@ export default {
   },
   methods: {
     setUp() {
-      this.names = tab.read(NAMES) ?? {};
+      this.names = tab.read(STORAGE_KEY) ?? {};
     },
     column(state, k) {
       const slot = this.slot(k);
@@ -153,9 +153,9 @@ export default {
     },
     eventsRow() {
       const [over, min] = [this.texts.timeline_over, this.texts.timeline_minutes];
-      const said = ({ at, words, lasts }) =>
+      const eventText = ({ at, words, lasts }) =>
         `${clock(at, at % 1 > 0)} ${words}${lasts ? ` ${over} ${lasts} ${min}` : ""}`;
-      const cells = this.columns.map((s) => (s.events ?? []).map(said).join(", ") || "–");
+      const cells = this.columns.map((s) => (s.events ?? []).map(eventText).join(", ") || "–");
       return { key: "events", label: this.texts.timeline_events, unit: "", cells, kind: "knob" };
     },
     outputRow(name) {
@@ -183,7 +183,7 @@ export default {
     },
     name(state, name) {
       this.names = { ...this.names, [state.slot]: name.trim() };
-      tab.keep(NAMES, this.names);
+      tab.keep(STORAGE_KEY, this.names);
       this.show();
     },
     show() {

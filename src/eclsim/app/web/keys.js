@@ -1,7 +1,7 @@
 // The numbers that matter most, always in sight: where the page scrolls, in a strip below its head.
 import { MISSING, SIGNS, fill, fixed, gravest, isPossible, listening, signed } from "eclsim-page";
 
-const BRIEF = 8; // figures of the strip, and those that break a limit
+const FIGURES_IN_STRIP = 8; // figures of the strip, and those that break a limit
 
 export default {
   template: `
@@ -60,7 +60,7 @@ export default {
   },
   computed: {
     brief() {
-      return this.seen.filter(({ level }, k) => k < BRIEF || level !== "ok");
+      return this.seen.filter(({ level }, k) => k < FIGURES_IN_STRIP || level !== "ok");
     },
     // The limits that are broken, in a few words, the gravest first.
     broken() {

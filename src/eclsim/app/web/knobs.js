@@ -1,7 +1,7 @@
 // The panel of knobs: a slider and a typed number each, a list for each choice.
 import { bus, clock, fill, latency, listening, positionOf, positions, valueAt } from "eclsim-page";
 
-const WAIT = 400; // ms after which a turn is sent although the last one is not yet drawn
+const SEND_AFTER = 400; // ms after which a turn is sent although the last one is not yet drawn
 let seq = 0;
 
 const written = (value) => (typeof value === "number" ? String(Number(value.toPrecision(4))) : value);
@@ -33,8 +33,8 @@ const Knob = {
       :disabled="!connected" @input="$emit('move', knob, Number($event.target.value))" />
     <p v-if="error" :id="id + '-error'" role="alert">{{ error }}</p>
   </div>`,
-  // `told` counts refusals: one more puts the field back although the reason is the same.
-  props: ["knob", "id", "value", "error", "told", "connected", "typed"],
+  // `refusals` counts them: one more puts the field back although the reason is the same.
+  props: ["knob", "id", "value", "error", "refusals", "connected", "typed"],
   emits: ["send", "enter", "move", "type", "left"],
   computed: {
     text() {
@@ -73,9 +73,10 @@ export default {
       </header>
       <p v-if="errors[group.key]" class="refused" role="alert">{{ errors[group.key] }}</p>
       <Knob v-for="k in panel.filter((k) => k.group === group.key)" :key="k.key" :knob="k" :id="id(k)"
-        :value="values[k.key]" :error="errors[k.key]" :told="errors[k.key] && told" :connected="connected"
-        :typed="typed?.key === k.key ? typed.text : undefined" @send="send" @enter="enter" @move="move"
-        @type="(key, text) => (typed = { key, text })" @left="typed = typed?.entered ? typed : undefined" />
+        :value="values[k.key]" :error="errors[k.key]" :refusals="errors[k.key] && refusals"
+        :connected="connected" :typed="typed?.key === k.key ? typed.text : undefined"
+        @send="send" @enter="enter" @move="move" @type="(key, text) => (typed = { key, text })"
+        @left="typed = typed?.entered ? typed : undefined" />
     </section>
     <section class="group-model" :aria-label="texts.group_model">
       <header><h2>{{ texts.group_model }}</h2></header>
@@ -113,7 +114,7 @@ export default {
       },
       beat(beat) {
         this.minute = beat.minute;
-        this.passing = beat.passing;
+        this.transient = beat.transient;
         this.arrived(beat.seq);
       },
       failed() {
@@ -129,20 +130,20 @@ export default {
     panel: [],
     values: {},
     errors: {},
-    told: 0,
+    refusals: 0,
     devices: {},
     policy: "as_published",
     connected: true,
     typed: undefined,
     minute: 0,
-    passing: false,
+    transient: false,
     recording: false,
   }),
   computed: {
     // A later minute is shown, and the knobs do not stand as they do then.
     later() {
       if (!this.minute || this.recording) return "";
-      return fill(this.texts.knobs_of_start, { time: clock(this.minute, this.passing) });
+      return fill(this.texts.knobs_of_start, { time: clock(this.minute, this.transient) });
     },
   },
   methods: {
@@ -167,8 +168,8 @@ export default {
       seq += 1;
       latency.start(seq);
       this.next = { key, value, seq };
-      if (!this.away || performance.now() - this.away.since > WAIT) this.flush();
-      else this.timer ??= setTimeout(() => this.flush(), WAIT);
+      if (!this.away || performance.now() - this.away.since > SEND_AFTER) this.flush();
+      else this.timer ??= setTimeout(() => this.flush(), SEND_AFTER);
     },
     flush() {
       clearTimeout(this.timer);
@@ -202,7 +203,7 @@ export default {
     },
     refuse(error) {
       this.typed = undefined;
-      this.told += 1;
+      this.refusals += 1;
       this.errors = { ...this.errors, [error.key]: error.messages.join(" ") };
       this.away = this.held = undefined;
       this.flush();

@@ -19,7 +19,7 @@ import {
 const GAP = 16; // px without a trace before the head
 const L_MIN = 0.06; // of 1 mL/s
 const [GRID, EDGE, TICKS, SHADOW] = ["#2A3644", "#1B2530", "#93A1B0", "#7C8896"];
-const LEAST = { flow: 1, pressure: 6, mean: 6 }; // of a stretched scale
+const SMALLEST_RANGE = { flow: 1, pressure: 6, mean: 6 }; // of a stretched scale
 
 export default {
   template: `
@@ -134,7 +134,7 @@ export default {
         v === null ? NaN : v * factor,
       );
       if (this.auto) {
-        const [low, high] = extent(values, LEAST[trace.form]) ?? trace.scales[0];
+        const [low, high] = extent(values, SMALLEST_RANGE[trace.form]) ?? trace.scales[0];
         return niceRange(low, high, this.scales[trace.signal]);
       }
       const [low, high] = extent(values) ?? trace.scales[0];

@@ -18,9 +18,9 @@ import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
 const ROWS = { 2: [[0.54, 1], [0, 0.46]], 3: [[0.78, 1], [0.52, 0.72], [0, 0.45]] }; // prettier-ignore
-const LETTERS = 11; // px
+const LETTER_HEIGHT = 11; // px
 const TITLE = 12; // px of an axis
-const ROOM = 18; // px beyond the last limit, for its name
+const NAME_SPACE = 18; // px beyond the last limit, for its name
 const MARGIN = { l: 56, r: 14, t: 24, b: 66 };
 const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
 
@@ -98,7 +98,7 @@ export default {
       );
       const [bottom, top] = extent([low, high, ...near.map(({ value }) => value)]);
       const panel = this.panel();
-      const margin = (ROOM / panel.height) * (top - bottom) + 1;
+      const margin = (NAME_SPACE / panel.height) * (top - bottom) + 1;
       const yRange = [bottom - margin, top + margin];
       const places = placeLabels(near, { ...panel, curves, yRange });
       return {
@@ -122,7 +122,12 @@ export default {
     },
     named({ short, number }, { kind, value }) {
       const text = `${short} ${this.texts[`kind_${kind}`]} ${fixed(value, 0)}`;
-      return { value, text, wide: textWidth(text, `${LETTERS}px ${FONT}`), colour: stroke(number).colour };
+      return {
+        value,
+        text,
+        wide: textWidth(text, `${LETTER_HEIGHT}px ${FONT}`),
+        colour: stroke(number).colour,
+      };
     },
     limitLine: ({ value, colour }) => ({
       type: "line",
@@ -143,7 +148,7 @@ export default {
       y: value,
       yanchor: above ? "bottom" : "top",
       showarrow: false,
-      font: { size: LETTERS, color: colour },
+      font: { size: LETTER_HEIGHT, color: colour },
       borderpad: 0,
     }),
     // An upright axis: where a low panel has no room for its title, the unit alone.

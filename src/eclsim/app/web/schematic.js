@@ -13,10 +13,10 @@ import {
   textWidth,
 } from "eclsim-page";
 
-const LETTERS = 4.05; // mm, as in the style sheet
+const LETTER_HEIGHT = 4.05; // mm, as in the style sheet
 const FONTS = {
-  name: { size: LETTERS, weight: 400 },
-  saturation: { size: LETTERS, weight: 700 },
+  name: { size: LETTER_HEIGHT, weight: 400 },
+  saturation: { size: LETTER_HEIGHT, weight: 700 },
   pressure: { size: 5.4, weight: 700 },
 };
 const LEAST_LETTER = 11; // px: where letters would be smaller, the circuit does not fit its pane
@@ -146,7 +146,7 @@ export default {
     least() {
       if (this.isWhole) return {};
       const [, , width, height] = this.drawing.view;
-      const px = (mm) => `${Math.ceil((LEAST_LETTER / LETTERS) * mm)}px`;
+      const px = (mm) => `${Math.ceil((LEAST_LETTER / LETTER_HEIGHT) * mm)}px`;
       return { minWidth: px(width), minHeight: px(height) };
     },
     // Boxes that a line can be moved to.
@@ -165,7 +165,7 @@ export default {
       const [, , width, height] = this.drawing.view;
       const tall = getComputedStyle(this.$el).getPropertyValue("--tall").trim(); // of a page that scrolls
       const room = tall ? parseFloat(tall) || Infinity : sheet.clientHeight;
-      const fitted = LETTERS * Math.min(sheet.clientWidth / width, room / height);
+      const fitted = LETTER_HEIGHT * Math.min(sheet.clientWidth / width, room / height);
       // What stands below takes room: in one pane the smaller letters count, or the circuit never rests.
       const pane = `${this.$el.clientWidth} ${this.$el.clientHeight}`;
       this.fitted = pane === this.pane ? Math.min(fitted, this.fitted) : fitted;

@@ -20,8 +20,8 @@ import {
 
 const SPEEDS = [1, 10, 60, 600, 3600];
 const [WIDTH, LANE] = [1000, 40];
-const LEAST = 250; // ms between two minutes that are asked for
-const PLACE = "timeline"; // of this tab: how long a course, and which minute of it
+const SHORTEST_INTERVAL = 250; // ms between two minutes that are asked for
+const STORAGE_KEY = "timeline"; // of this tab: how long a course, and which minute of it
 const STEPS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
 
 export default {
@@ -284,11 +284,11 @@ export default {
     // Where this tab is, so that one that is loaded again, or whose server was started again, goes on there.
     keepPlace() {
       const { of, length, minute, recording } = this;
-      tab.keep(PLACE, this.isOpen ? { of, length, minute, recording } : null);
+      tab.keep(STORAGE_KEY, this.isOpen ? { of, length, minute, recording } : null);
     },
     goOn() {
       this.begun = true;
-      const { of, length, minute, recording } = tab.read(PLACE) ?? {};
+      const { of, length, minute, recording } = tab.read(STORAGE_KEY) ?? {};
       if (of !== this.of || !this.lengths.includes(length) || !(minute >= 0)) return;
       this.follow(minute, length);
       this.again = fill(this.texts.timeline_again, { time: this.time(minute) });
@@ -373,7 +373,7 @@ export default {
         this.asked = this.minute;
         this.keepPlace();
       };
-      this.later = setTimeout(send, Math.max(LEAST - (performance.now() - (this.sent ?? 0)), 0));
+      this.later = setTimeout(send, Math.max(SHORTEST_INTERVAL - (performance.now() - (this.sent ?? 0)), 0));
       this.sent = performance.now();
     },
     grab(event) {

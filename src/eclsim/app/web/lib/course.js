@@ -12,7 +12,7 @@ export function clock(minute, seconds = false) {
 }
 
 // The time that a beat is of, as on a clock; empty where it is that of the start.
-export const timeOf = (beat) => (beat?.minute ? clock(beat.minute, beat.passing) : "");
+export const timeOf = (beat) => (beat?.minute ? clock(beat.minute, beat.transient) : "");
 
 // Minute after some milliseconds of play, never beyond the end.
 export const playedTo = (minute, ms, speed, end) => Math.min(minute + (ms / 60_000) * speed, end);

@@ -1,6 +1,6 @@
 // Geometry of the schematic [mm, y downwards].
-const REACH = 14; // around a position, in which a line is dropped on it
-const HANDLE = 2.6; // from the end of a line to its round handle
+const DROP_DISTANCE = 14; // around a position, in which a line is dropped on it
+const HANDLE_DISTANCE = 2.6; // from the end of a line to its round handle
 
 export const polyline = (path) => path.map((point) => point.join(",")).join(" ");
 
@@ -27,14 +27,14 @@ export function placed({ path, more, at, symbol }, flow = 0) {
 export function handleOf({ path, end }) {
   const fromSite = path[0][0] === end[0] && path[0][1] === end[1] ? path : path.toReversed();
   const [[x0, y0], [x1, y1]] = fromSite;
-  return [end[0] + HANDLE * Math.sign(x1 - x0), end[1] + HANDLE * Math.sign(y1 - y0)];
+  return [end[0] + HANDLE_DISTANCE * Math.sign(x1 - x0), end[1] + HANDLE_DISTANCE * Math.sign(y1 - y0)];
 }
 
 const outside = (at, middle, size) => Math.max(Math.abs(at - middle) - size / 2, 0);
 
 // The box nearest to a place, if it is within reach.
 export function nearest(boxes, x, y) {
-  let best = { name: null, distance: REACH };
+  let best = { name: null, distance: DROP_DISTANCE };
   for (const { name, ...box } of boxes) {
     const distance = Math.hypot(outside(x, box.x + box.w / 2, box.w), outside(y, box.y + box.h / 2, box.h));
     if (distance < best.distance) best = { name, distance };

@@ -1,7 +1,7 @@
 // How wide texts are, and where the names of limits stand in a chart, so that they lie on no curve, line or
 // other name.
 export const FONT = 'system-ui, "Segoe UI", Roboto, sans-serif';
-const TALL = 13; // px
+const LABEL_HEIGHT = 13; // px
 const STEPS = 40; // places along a line that are tried, from the right
 const SAMPLES = 12; // of a curve along a name
 
@@ -52,7 +52,9 @@ export function placeLabels(labels, { xs, curves, upright, xRange, yRange, width
       const left = (1 - wide) * (1 - k / STEPS);
       for (const above of [true, false]) {
         const line = y(value);
-        const [top, bottom] = above ? [line - TALL - 2, line - 1] : [line + 1, line + TALL + 2];
+        const [top, bottom] = above
+          ? [line - LABEL_HEIGHT - 2, line - 1]
+          : [line + 1, line + LABEL_HEIGHT + 2];
         const box = { left, right: left + wide, top, bottom };
         const share = (place) => (place - xRange[0]) / (xRange[1] - xRange[0]);
         const hits = [

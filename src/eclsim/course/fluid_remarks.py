@@ -1,4 +1,4 @@
-"""What a course says of the fluid and blood that its events give and take, and how far people differ."""
+"""Remarks on the fluid and blood that the events of a course give and take, and how measurements differ."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _CRYSTALLOID = (
     "of crystalloid given beyond what was lost, with the default wall and veins, a fifth is in the plasma as "
     "half an hour of it ends and a twentieth half an hour later, in volunteers a half and a sixth (Hahn 2020)"
 )
-_NEAR = (
+_CRYSTALLOID_PERICAPILLARY = (
     "of crystalloid given beyond what was lost, with fluid.pericapillary_share = 0.12 and the default wall, "
     "a quarter is in the plasma as half an hour of it ends and a seventh half an hour later, in volunteers a "
     "half and a sixth (Hahn 2020); in place of lost blood more of it stays than in patients, 30 % for 18 in "
@@ -21,38 +21,39 @@ _ALBUMIN = (
     "of 5 % albumin given beyond what was lost two fifths are in the plasma after an hour, in patients after "
     "heart surgery a half (Ernest 2001), in healthy men nearly all (Haskell 1998)"
 )
-_INSTEAD = (
+_CONSEQUENCE = (
     "pressures and output fall back too soon; what takes the place of lost blood stays about as in patients, "
     "in volunteers more of it. fluid.filtration_ml_min_mmHg = 4, Csvn = 95 and the reflex heldt2010 keep "
     "crystalloid as in volunteers"
 )
-_PROTEIN = (
+_ALBUMIN_LOSS = (
     "the protein of given albumin leaves ten times too slowly, 0.4 % in an hour for 4 % in people (Hahn "
     "2022); with fluid.lymph_ml_min = 6 it leaves nearly as fast"
 )
-WIDE_ML_MIN_MMHG, SOFT_ML_MMHG, LYMPH_ML_MIN = 4.0, 60.0, 5.0
-"""Up to this wall, and from these veins and this lymph on, with a reflex, fluid stays about as measured."""
+LARGEST_WALL_ML_MIN_MMHG, SMALLEST_COMPLIANCE_ML_MMHG, SMALLEST_LYMPH_ML_MIN = 4.0, 60.0, 5.0
+"""Largest filtration coefficient, smallest venous compliance and lymph flow with which, and with a reflex,
+fluid stays in the plasma about as long as measured."""
 LOSS_SHARE = 0.05
-"""Of the blood; of smaller losses nothing is said."""
-STAYING = ("blood_ml", "red_cells_ml", "albumin_ml")
-_WALL = "fluid.filtration_ml_min_mmHg"
-FILTRATION = ".net_ultrafiltration_ml_h"
-_BLED = (
+"""Share of the blood; smaller losses get no remark."""
+RETAINED_FLUIDS = ("blood_ml", "red_cells_ml", "albumin_ml")
+_WALL_KEY = "fluid.filtration_ml_min_mmHg"
+ULTRAFILTRATION_KEY = ".net_ultrafiltration_ml_h"
+_HAEMORRHAGE = (
     "of blood that is lost two thirds come back from the tissues within an hour with the default wall and "
     "no reflex, two fifths to a half with heldt2010; measured was nothing right after 500 mL (carbon "
     "monoxide, Falz 2014), four fifths within 2 h (haemoglobin of donors), and less of larger losses "
     "(Adamson 1968). If less comes back, pressure and output of these hours are lower and the haematocrit is "
     "higher than shown; fluid.filtration_ml_min_mmHg = 1 with a reflex is the slow side"
 )
-_UNANSWERED = (
+_HAEMORRHAGE_WITHOUT_REFLEX = (
     "blood is lost without a reflex: the mean arterial pressure of the published patient falls by 45 mmHg "
     "for a litre in 20 min, that of healthy men by 9 (Johnson 2013); regulation.model = "
     '"heldt2010" is nearest to them'
 )
 
-TIGHT_ML_MIN_MMHG, NEAR_SHARE = 3.0, 0.2
+LARGEST_DIALYSIS_WALL_ML_MIN_MMHG, LARGEST_DIALYSIS_SHARE = 3.0, 0.2
 """Filtration coefficient, and pericapillary share, up to which a dialysis is about as measured."""
-_FILTERED = (
+_ULTRAFILTRATION = (
     "net ultrafiltration with the default wall, fluid.filtration_ml_min_mmHg = 10: refill is too quick, "
     "blood volume falls by 0.7 % in an hour where dialysis patients lost 3.2 % (1.7 L, Keane 2018), so that "
     "pressures fall too little and rates look tolerated that may not be; with "
@@ -64,7 +65,7 @@ _OWN_BLOOD = (
 )
 
 
-def said_of_gifts(timeline: Timeline) -> list[str]:
+def remarks_on_fluids(timeline: Timeline) -> list[str]:
     """Sentences about the fluid and blood that a course gives and takes.
 
     Args:
@@ -77,23 +78,25 @@ def said_of_gifts(timeline: Timeline) -> list[str]:
     case, values = timeline.case, timeline.start[1]
     refills = case.fluid is None or case.fluid.capillary_refill
     reflex = case.regulation is not None and bool(case.regulation.baroreflex)
-    soft = reflex and values.get("Csvn", 0.0) >= SOFT_ML_MMHG
-    wide = soft and values[_WALL] <= WIDE_ML_MIN_MMHG
+    compliant = reflex and values.get("Csvn", 0.0) >= SMALLEST_COMPLIANCE_ML_MMHG
+    retaining = compliant and values[_WALL_KEY] <= LARGEST_WALL_ML_MIN_MMHG
     crystalloid, albumin = (given.get(kind, 0.0) > 0.0 for kind in ("crystalloid_ml", "albumin_ml"))
     result = list[str]()
-    near = values[PERICAPILLARY] <= NEAR_SHARE
-    quick = [_CRYSTALLOID] * (crystalloid and not wide and not near) + [_ALBUMIN] * (albumin and not soft)
-    if quick and refills:
-        result.append(f"{'; '.join(quick)}: {_INSTEAD}")
-    if crystalloid and refills and near:
-        result.append(_NEAR)
-    if albumin and refills and values["fluid.lymph_ml_min"] < LYMPH_ML_MIN:
-        result.append(_PROTEIN)
-    if _bleeds(timeline):
-        result += [_BLED] if refills else []
-        result += [] if reflex else [_UNANSWERED]
-    if refills and _filters(timeline):
-        result.append(_FILTERED)
+    pericapillary = values[PERICAPILLARY] <= LARGEST_DIALYSIS_SHARE
+    escaping = [_CRYSTALLOID] * (crystalloid and not retaining and not pericapillary) + [_ALBUMIN] * (
+        albumin and not compliant
+    )
+    if escaping and refills:
+        result.append(f"{'; '.join(escaping)}: {_CONSEQUENCE}")
+    if crystalloid and refills and pericapillary:
+        result.append(_CRYSTALLOID_PERICAPILLARY)
+    if albumin and refills and values["fluid.lymph_ml_min"] < SMALLEST_LYMPH_ML_MIN:
+        result.append(_ALBUMIN_LOSS)
+    if _loses_blood(timeline):
+        result += [_HAEMORRHAGE] if refills else []
+        result += [] if reflex else [_HAEMORRHAGE_WITHOUT_REFLEX]
+    if refills and _removes_fluid_quickly(timeline):
+        result.append(_ULTRAFILTRATION)
     if any(e.give.get("blood_ml", 0.0) > e.give.get("bleed_ml", 0.0) for e in case.events):
         result.append(_OWN_BLOOD)
     if given.get("red_cells_ml", 0.0) > 0.0 and case.solutes is not None:
@@ -104,17 +107,25 @@ def said_of_gifts(timeline: Timeline) -> list[str]:
     return result
 
 
-def _bleeds(timeline: Timeline) -> bool:
+def _loses_blood(timeline: Timeline) -> bool:
     """Whether more is bled than takes its place at the same time, by a share of the blood that is felt."""
     gifts = (event.give for event in timeline.case.events)
-    lost = sum(max(give.get("bleed_ml", 0.0) - sum(give.get(k, 0.0) for k in STAYING), 0.0) for give in gifts)
+    lost = sum(
+        max(give.get("bleed_ml", 0.0) - sum(give.get(k, 0.0) for k in RETAINED_FLUIDS), 0.0) for give in gifts
+    )
     values = timeline.start[1]
     return lost >= LOSS_SHARE * (values[BLOOD_VOLUME] + values[EXTRA_VOLUME])
 
 
-def _filters(timeline: Timeline) -> bool:
+def _removes_fluid_quickly(timeline: Timeline) -> bool:
     """Whether fluid is removed through a wall that refills quickly."""
     values = dict(timeline.start[1])
     rates = [values, *(change.after for change in timeline.changes)]
-    removed = any(rate > 0.0 for one in rates for key, rate in one.items() if key.endswith(FILTRATION))
-    return removed and values[_WALL] > TIGHT_ML_MIN_MMHG and values[PERICAPILLARY] > NEAR_SHARE
+    removed = any(
+        rate > 0.0 for one in rates for key, rate in one.items() if key.endswith(ULTRAFILTRATION_KEY)
+    )
+    return (
+        removed
+        and values[_WALL_KEY] > LARGEST_DIALYSIS_WALL_ML_MIN_MMHG
+        and values[PERICAPILLARY] > LARGEST_DIALYSIS_SHARE
+    )

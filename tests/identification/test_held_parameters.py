@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from eclsim.cases.reading import read_mapping
 from eclsim.identification.fit import fit
-from eclsim.identification.held import left_open
+from eclsim.identification.held_parameters import undetermined_outputs
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import NORMAL_90
 from eclsim.identification.settings import FitSettings
@@ -27,7 +27,7 @@ def test_an_output_that_held_parameters_carry_is_left_open_as_far_as_the_measure
     others = {name: bounds.start for name, bounds in BOUNDS.items() if name not in ("Rmc", "Emaxlv")}
     case = CASE.model_copy(update={"parameters": others})
     at = derivatives(case, ("MAP", "CO"), ("Rmc", "Emaxlv"))["value"].to_numpy()
-    found = left_open(case, FREE, {"MAP": at[0]}, {"MAP": 2.0}, "as_published")
+    found = undetermined_outputs(case, FREE, {"MAP": at[0]}, {"MAP": 2.0}, "as_published")
     assert found is not None
     assert found.held == ("Emaxlv",)
     assert "Emaxlv is held at the usual value" in found.sentence
@@ -40,7 +40,7 @@ def test_an_output_that_held_parameters_carry_is_left_open_as_far_as_the_measure
     ]
     reach = found.outputs["CO"]
     assert reach.high == pytest.approx(max(ends), rel=1e-3)
-    assert reach.or_less
+    assert reach.open_below
     assert min(ends) < reach.low == pytest.approx(at[1] / 6.0, rel=1e-3)
 
 
@@ -95,9 +95,9 @@ def test_a_failing_right_heart_that_is_held_at_its_usual_strength_is_within_what
 def test_nothing_is_left_open_where_parameters_are_given_or_outputs_measured(given, errors):
     values = {name: BOUNDS[name].start for name in given}
     case = CASE.model_copy(update={"parameters": values})
-    assert left_open(case, FREE, dict.fromkeys(errors, 5.0), errors, "as_published") is None
+    assert undetermined_outputs(case, FREE, dict.fromkeys(errors, 5.0), errors, "as_published") is None
 
 
 def test_where_all_seven_are_free_nothing_is_held():
     free = {name: tuple(bounds)[:3] for name, bounds in BOUNDS.items()}
-    assert left_open(CASE, free, {"MAP": 80.0}, {"MAP": 2.0}, "as_published") is None
+    assert undetermined_outputs(CASE, free, {"MAP": 80.0}, {"MAP": 2.0}, "as_published") is None

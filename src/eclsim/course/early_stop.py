@@ -1,4 +1,4 @@
-"""What ends a march before its end: a steady beat that is not to be, as where a goal is broken."""
+"""Ends a march early: at a steady beat that meets a condition, such as a broken goal."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 
-class Watch:
-    """Tells when a member's march is over: behind the first moment that is shown with a broken beat.
+class EarlyStop:
+    """Ends a member's march after the first shown moment whose beat meets a condition.
 
     Args:
-        outputs: that are read of each step's beat.
-        broken: whether a beat with these values is not to be.
+        outputs: that the condition reads of each step's beat.
+        broken: the condition: whether a beat with these values breaks a goal.
         every: between moments that are shown [s], of each member.
     """
 

@@ -1,9 +1,9 @@
-"""What a fit's outputs would be if the parameters that it holds at their usual values were free as well.
+"""Outputs of a fit if the parameters that it holds at usual values were free as well.
 
 Blood gases, or few measurements, are often fitted with some of the seven parameters held, since their effects
-cannot be told from others'. What they are held at is then taken as known, and intervals of a failing heart
-come out as narrow ones of a healthy heart and wide vessels. Whether that may be so the derivatives at the
-fit tell; how far it goes, further fits do, with everything free and the output in question at other values
+cannot be told from others'. Their usual values are then taken as known, and a failing heart may come
+out as a healthy one with wide vessels, with narrow intervals. The derivatives at the fit show whether this is
+possible; further fits show how far it goes, with everything free and the output in question at other values
 (profile likelihood). To first order alone the cardiac output of 3 L/min of such a heart lay outside.
 
 Likewise an oxygen consumption by the formula, which nobody measured: arterial gases alone follow from it and
@@ -33,43 +33,43 @@ from eclsim.parameters.thiel2025 import BOUNDS
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-READ = ("CO", "PCWP", "MPAP")
+KEY_OUTPUTS = ("CO", "PCWP", "MPAP")
 """Outputs that a fit is read for, the gravest first."""
 CONSUMPTION_SPREAD = 0.25
 """Standard deviation of the logarithm of a critically ill patient's consumption about the formula, from
 the cooled to the septic: an assumption."""
-OPEN = 1.3
+WIDENING_RATIO = 1.3
 """Ratio of the ends of a 90 % interval to the value, from which an output counts as left open."""
-ELSEWHERE = (1.0, *np.geomspace(1.0 / 6.0, 4.0, 10).tolist())
-"""Values that an output is asked to take, as shares of the fit's, its own among them."""
-ASKED = 0.01
-"""How nearly it is asked to, as a share of that value."""
-AGAIN = 2
-"""How often what was not met is asked for again."""
+PROFILE_SHARES = (1.0, *np.geomspace(1.0 / 6.0, 4.0, 10).tolist())
+"""Values that an output is held near in further fits, as shares of the fit's value."""
+PROFILE_UNCERTAINTY = 0.01
+"""Standard uncertainty of such a value, as a share of it."""
+PROFILE_RETRIES = 2
+"""How often a fit that missed its value is repeated from another start."""
 
 
-class Reach(NamedTuple):
+class AdmissibleRange(NamedTuple):
     """Values of an output or parameter at which the measurements are met.
 
     Attributes:
         low: smallest, in its unit.
         high: largest.
-        or_less: nothing smaller was tried.
-        or_more: nothing larger was tried.
+        open_below: nothing smaller was tried.
+        open_above: nothing larger was tried.
     """
 
     low: float
     high: float
-    or_less: bool = False
-    or_more: bool = False
+    open_below: bool = False
+    open_above: bool = False
 
     def __str__(self) -> str:
         low, high = f"{self.low:.3g}", f"{self.high:.3g}"
-        return f"{low}{' or less' * self.or_less} to {high}{' or more' * self.or_more}"
+        return f"{low}{' or less' * self.open_below} to {high}{' or more' * self.open_above}"
 
 
 @dataclass(frozen=True)
-class LeftOpen:
+class UndeterminedOutputs:
     """What follows from held parameters.
 
     Attributes:
@@ -80,7 +80,7 @@ class LeftOpen:
     """
 
     held: tuple[str, ...]
-    outputs: Mapping[str, Reach]
+    outputs: Mapping[str, AdmissibleRange]
     values: Mapping[str, float]
     parameters: Mapping[str, tuple[float, float]]
 
@@ -100,7 +100,7 @@ class LeftOpen:
 
 
 @dataclass(frozen=True)
-class Carried:
+class ConsumptionUncertainty:
     """Free parameters that carry what is wrong with an oxygen consumption by the formula.
 
     Attributes:
@@ -126,12 +126,12 @@ class Carried:
         )
 
 
-def carried_consumption(
+def consumption_uncertainty(
     fitted: Case,
     free: Mapping[str, tuple[float, float, float]],
     errors: Mapping[str, float],
     policy: str,
-) -> Carried | None:
+) -> ConsumptionUncertainty | None:
     """Free parameters whose intervals a consumption by the formula makes too narrow; None where none are.
 
     Args:
@@ -146,27 +146,27 @@ def carried_consumption(
     consumed = model.values[VO2]
     reach = np.exp(CONSUMPTION_SPREAD * np.sqrt(3.0))
     more = {VO2: (consumed, consumed / reach, consumed * reach)}
-    linear = _linearised(model, free, more, errors, (), policy)
+    linear = _linearised_fit(model, free, more, errors, (), policy)
     if linear is None:
         return None
     own, narrow = linear.own, np.sqrt(np.diag(linear.covariance))
-    wide = np.sqrt(np.diag(linear.with_more))
+    wide = np.sqrt(np.diag(linear.covariance_with_more))
     intervals = {
         name: own.interval(k, own.start[k], wide[k])
         for k, name in enumerate(own.names)
-        if wide[k] > OPEN * narrow[k]
+        if wide[k] > WIDENING_RATIO * narrow[k]
     }
     gases = tuple(name for name in errors if name in MEASURED_GASES)
-    return Carried(consumed, gases, intervals) if intervals else None
+    return ConsumptionUncertainty(consumed, gases, intervals) if intervals else None
 
 
-def left_open(
+def undetermined_outputs(
     fitted: Case,
     free: Mapping[str, tuple[float, float, float]],
     measured: Mapping[str, float],
     errors: Mapping[str, float],
     policy: str,
-) -> LeftOpen | None:
+) -> UndeterminedOutputs | None:
     """Outputs that the parameters which a fit holds leave open; None where there are none.
 
     Args:
@@ -182,26 +182,26 @@ def left_open(
         for name, bounds in BOUNDS.items()
         if name not in free and stated(fitted, name) is None and name in model.values
     }
-    read = [name for name in READ if name not in errors]
+    read = [name for name in KEY_OUTPUTS if name not in errors]
     if not held or not read:
         return None
-    linear = _linearised(model, free, held, errors, read, policy)
+    linear = _linearised_fit(model, free, held, errors, read, policy)
     if linear is None:
         return None
-    suspected = _suspected(read, linear)
-    if next(iter(suspected), "") != READ[0]:
+    suspected = _widened_outputs(read, linear)
+    if next(iter(suspected), "") != KEY_OUTPUTS[0]:
         return None
-    curves = _curves(suspected, Target(model, measured, errors), Box.of({**free, **held}), policy)
-    return LeftOpen(
+    curves = _profile_outputs(suspected, Target(model, measured, errors), Box.of({**free, **held}), policy)
+    return UndeterminedOutputs(
         tuple(held),
         {name: curve.reach(name) for name, curve in zip(suspected, curves, strict=True)},
         suspected,
-        _wider(np.concatenate([curve.x[curve.rises <= RISE_90] for curve in curves]), linear),
+        _widened_intervals(np.concatenate([curve.x[curve.rises <= RISE_90] for curve in curves]), linear),
     )
 
 
-def _wider(within: np.ndarray, linear: _Linear) -> dict[str, tuple[float, float]]:
-    """Ends of the free parameters that reach further than those of the fit do, by more than `OPEN`.
+def _widened_intervals(within: np.ndarray, linear: _LinearisedFit) -> dict[str, tuple[float, float]]:
+    """Ends of the free parameters that reach further than those of the fit do, by more than `WIDENING_RATIO`.
 
     Args:
         within: coordinates of fits that meet the measurements, free parameters first, (fits, parameters).
@@ -212,12 +212,12 @@ def _wider(within: np.ndarray, linear: _Linear) -> dict[str, tuple[float, float]
     for k, name in enumerate(own.names):
         low, high = (float(end(within[:, k])) for end in (np.min, np.max))
         narrow = own.clip(own.start + np.outer((-NORMAL_90, NORMAL_90), errors))[:, k]
-        if max(high, narrow[1]) - min(low, narrow[0]) > OPEN * (narrow[1] - narrow[0]):
+        if max(high, narrow[1]) - min(low, narrow[0]) > WIDENING_RATIO * (narrow[1] - narrow[0]):
             wider[name] = (own.scale.value(k, low), own.scale.value(k, high))
     return wider
 
 
-class _Curve(NamedTuple):
+class _ProfileCurve(NamedTuple):
     """Fits with an output at several values, these rising, shape (fits, ...).
 
     Attributes:
@@ -231,33 +231,35 @@ class _Curve(NamedTuple):
     x: np.ndarray
 
     @classmethod
-    def of(cls, values: np.ndarray, rises: np.ndarray, x: np.ndarray) -> _Curve:
-        """Those of some fits that have a steady beat, in order."""
-        found = np.flatnonzero(np.isfinite(rises))
-        found = found[np.argsort(values[found], kind="stable")]
-        return cls(values[found], rises[found], x[found])
+    def of(cls, values: np.ndarray, rises: np.ndarray, x: np.ndarray) -> _ProfileCurve:
+        """The curve through the fits that have a steady beat, in order."""
+        order = np.flatnonzero(np.isfinite(rises))
+        order = order[np.argsort(values[order], kind="stable")]
+        return cls(values[order], rises[order], x[order])
 
-    def reach(self, name: str) -> Reach:
+    def reach(self, name: str) -> AdmissibleRange:
         """Where chi-square stays within 90 %."""
         low, high = interval_90(self.values, self.rises, Scale.of((name,)))
-        return Reach(low, high, bool(low <= self.values[0]), bool(high >= self.values[-1]))
+        return AdmissibleRange(low, high, bool(low <= self.values[0]), bool(high >= self.values[-1]))
 
 
-def _curves(values: Mapping[str, float], likelihood: Target, box: Box, policy: str) -> list[_Curve]:
-    """Fit again, everything free, with outputs that are asked to be elsewhere as if they were measured.
+def _profile_outputs(
+    values: Mapping[str, float], likelihood: Target, box: Box, policy: str
+) -> list[_ProfileCurve]:
+    """Fit again, everything free, with other values of outputs as if measured (profile likelihood).
 
-    From the fit alone such a search may end in a worse valley than there is: what was not met is asked for
-    again, from the patient found so far, whatever he was asked for, who comes nearest to it.
+    From the fit alone such a search may end in a local minimum: a value that was not met is tried again, from
+    the fitted patient whose output is nearest to it.
     """
-    names = [name for name in values for _ in ELSEWHERE]
-    asked = np.outer(list(values.values()), ELSEWHERE).ravel()
+    names = [name for name in values for _ in PROFILE_SHARES]
+    values_to_meet = np.outer(list(values.values()), PROFILE_SHARES).ravel()
     targets = [
         replace(
             likelihood,
             measured={**likelihood.measured, name: one},
-            scales={**likelihood.scales, name: ASKED * one},
+            scales={**likelihood.scales, name: PROFILE_UNCERTAINTY * one},
         )
-        for name, one in zip(names, asked.tolist(), strict=True)
+        for name, one in zip(names, values_to_meet.tolist(), strict=True)
     ]
     objective, points = Objective(targets, box.names, policy), np.arange(len(targets))
     places = np.array([objective.outputs.index(name) for name in names])
@@ -265,53 +267,54 @@ def _curves(values: Mapping[str, float], likelihood: Target, box: Box, policy: s
     def search(points: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coordinates, outputs and chi-square of the measurements alone."""
         fits = refine(objective, points, starts, box, REFITTING)
-        found = fits.outputs[np.arange(len(points)), places[points]]
-        chi_square = fits.costs - ((found / asked[points] - 1.0) / ASKED) ** 2
+        fitted = fits.outputs[np.arange(len(points)), places[points]]
+        chi_square = fits.costs - ((fitted / values_to_meet[points] - 1.0) / PROFILE_UNCERTAINTY) ** 2
         return fits.x, fits.outputs, np.where(np.isfinite(chi_square), chi_square, np.inf)
 
     x, outputs, rises = search(points, np.tile(box.start, (len(points), 1)))
-    for _ in range(AGAIN):
+    for _ in range(PROFILE_RETRIES):
         met = rises <= rises.min() + RISE_90
         again = points[~met]
         if not len(again) or not np.isfinite(rises).any():
             break
-        apart = np.abs(np.log(np.maximum(outputs[met][:, places[again]], 1e-9) / asked[again]))
+        apart = np.abs(np.log(np.maximum(outputs[met][:, places[again]], 1e-9) / values_to_meet[again]))
         more_x, more_outputs, more = search(again, x[met][np.argmin(apart, axis=0)])
         better = more < rises[again]
         chosen = again[better]
         x[chosen], outputs[chosen], rises[chosen] = more_x[better], more_outputs[better], more[better]
     rises -= rises.min()
     return [
-        _Curve.of(outputs[own, places[own]], rises[own], x[own]) for own in points.reshape(len(values), -1)
+        _ProfileCurve.of(outputs[own, places[own]], rises[own], x[own])
+        for own in points.reshape(len(values), -1)
     ]
 
 
-class _Linear(NamedTuple):
+class _LinearisedFit(NamedTuple):
     """The fit to first order, with its free parameters and with more of them.
 
     Attributes:
         own: bounds of the free parameters.
         covariance: of their coordinates.
-        with_more: of all coordinates, the further ones behind, where these are free as well.
+        covariance_with_more: of all coordinates, the further ones behind, where these are free as well.
         values: of the outputs that are read.
         slopes: of these, by all coordinates.
     """
 
     own: Box
     covariance: np.ndarray
-    with_more: np.ndarray
+    covariance_with_more: np.ndarray
     values: np.ndarray
     slopes: np.ndarray
 
 
-def _linearised(
+def _linearised_fit(
     model: Model,
     free: Mapping[str, tuple[float, float, float]],
     more: Mapping[str, tuple[float, float, float]],
     errors: Mapping[str, float],
     read: Sequence[str],
     policy: str,
-) -> _Linear | None:
+) -> _LinearisedFit | None:
     """The fit with its free parameters, and with more; None where the beat has no derivatives."""
     box, count, measured = Box.of({**free, **more}), len(free), len(errors)
     try:
@@ -321,7 +324,7 @@ def _linearised(
     by_coordinate = slopes.to_numpy() * box.scale.slopes(box.start)
     scaled = by_coordinate[:measured] / np.array(list(errors.values()))[:, None]
     own = Box(box.names[:count], box.start[:count], box.lower[:count], box.upper[:count])
-    return _Linear(
+    return _LinearisedFit(
         own,
         own.covariance(scaled[:, :count]),
         box.covariance(scaled),
@@ -330,19 +333,19 @@ def _linearised(
     )
 
 
-def _suspected(names: Sequence[str], linear: _Linear) -> dict[str, float]:
-    """Values of the outputs that are wider with everything free by more than `OPEN`, to first order."""
+def _widened_outputs(names: Sequence[str], linear: _LinearisedFit) -> dict[str, float]:
+    """Outputs wider with all free by more than `WIDENING_RATIO` to first order, and their values."""
     relative, free = linear.slopes / linear.values[:, None], len(linear.own.names)
-    everything = _reach(relative, linear.with_more)
-    without = _reach(relative[:, :free], linear.covariance)
+    everything = _upper_end_ratio(relative, linear.covariance_with_more)
+    without = _upper_end_ratio(relative[:, :free], linear.covariance)
     return {
         name: value
         for name, value, wide, narrow in zip(names, linear.values.tolist(), everything, without, strict=True)
-        if np.isfinite(wide) and value > 0.0 and wide > OPEN and wide > OPEN * narrow
+        if np.isfinite(wide) and value > 0.0 and wide > WIDENING_RATIO and wide > WIDENING_RATIO * narrow
     }
 
 
-def _reach(relative: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def _upper_end_ratio(relative: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Ratio of the upper end of 90 % to the value, shape (outputs,)."""
     variance = np.einsum("ij,jk,ik->i", relative, covariance, relative)
     return np.exp(NORMAL_90 * np.sqrt(np.maximum(variance, 0.0)))

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 
-class Kept(NamedTuple):
-    """A beat as it was seen.
+class ShownBeat(NamedTuple):
+    """A beat as it was shown.
 
     Attributes:
         state: what it was computed from.
@@ -48,16 +48,16 @@ def knobs_at(case: Case, minute: float) -> dict[str, Any]:
     return knobs_of(case_at(case, minute) if minute else case)
 
 
-async def computed_again(engine: Engine, state: PageState, moment: Moment) -> Kept:
+async def recomputed(engine: Engine, state: PageState, moment: Moment) -> ShownBeat:
     """A beat that was kept before the page was loaded again.
 
     Raises:
         CaseError: the course of the state cannot be followed.
     """
     if not moment.minute:
-        return Kept(state, await engine.beat(state, None))
+        return ShownBeat(state, await engine.beat(state, None))
 
     def work() -> Beat:
         return compute_course(state, moment.length).beat(moment.minute)
 
-    return Kept(state, await engine.study(work), moment)
+    return ShownBeat(state, await engine.study(work), moment)
