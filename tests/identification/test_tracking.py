@@ -9,8 +9,9 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification import tracking as track_module
 from eclsim.identification.filtering import GaussianMixture, InnovationTest
 from eclsim.identification.quantities import measurement_errors
+from eclsim.identification.series import elapsed_hours
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.tracking import Tracker, TrackSettings, elapsed_hours, track
+from eclsim.identification.tracking import Tracker, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate

@@ -162,7 +162,7 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
 
 def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
     """Whether the names of a patient's measurements are times, in their order."""
-    from eclsim.identification.tracking import elapsed_hours
+    from eclsim.identification.series import elapsed_hours
     from eclsim.inputs.mistakes import CaseError
 
     try:

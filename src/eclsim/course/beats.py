@@ -27,7 +27,7 @@ from eclsim.course.alarms import alarms
 from eclsim.course.gases import GasDynamics, Gases
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
-from eclsim.course.timeline import MINUTE, START, Timeline
+from eclsim.course.timeline import MINUTE, START, Timeline, refuse_reconnection
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
 from eclsim.inputs.mistakes import CaseError, Mistake, as_names
@@ -279,7 +279,7 @@ class BeatMarch:
     def __init__(self, timeline: Timeline, policy: str, outputs: Sequence[str] | None):
         self.timeline, self.policy = timeline, policy
         self.circuit, start = timeline.start
-        _refuse_reconnection(timeline)
+        refuse_reconnection(timeline)
         self.steady_laws = Laws(laws_of(self.circuit, start))
         self.laws = self.steady_laws.beat_by_beat()
         self.assembly = assemble(self.circuit)
@@ -592,11 +592,3 @@ def _numbers(values: Mapping[str, np.ndarray]) -> dict[str, float]:
 
 def _columns(values: Mapping[str, float]) -> dict[str, np.ndarray]:
     return {key: np.array([value], dtype=float) for key, value in values.items()}
-
-
-def _refuse_reconnection(timeline: Timeline) -> None:
-    """Beat by beat a circuit is one circuit."""
-    circuits: list[Circuit] = [timeline.circuit(k) for k in range(len(timeline.breaks) - 1)]
-    if any(circuit is not timeline.start[0] and circuit != timeline.start[0] for circuit in circuits):
-        message = "an event connects the circuit in another way, which no beat-by-beat course does"
-        raise CaseError([Mistake("events", message, allowed="leave --beats out")])

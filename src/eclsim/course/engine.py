@@ -36,10 +36,10 @@ from eclsim.course.handover import (
     reason_to_follow,
     slow_state_lag,
 )  # fmt: skip
-from eclsim.course.laws import Laws
+from eclsim.course.laws import Laws, message_without_rates
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
-from eclsim.course.timeline import START, Timeline
+from eclsim.course.timeline import START, Timeline, canonical_circuits
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
@@ -469,7 +469,7 @@ class Engine:
         for k in np.flatnonzero(solved & ~np.isfinite(rates).all(axis=0)):
             solved[k] = False
             lacking = [name for name in self.laws.reads if not np.isfinite(beat[name][k])]
-            self.messages[active[k]] = _message_without_rates(lacking)
+            self.messages[active[k]] = message_without_rates(lacking)
         return rates, solved
 
     def _differentiate(self, active: np.ndarray) -> None:
@@ -588,23 +588,8 @@ class Engine:
         return steady_beat(batch, reads, options=options, start=start, execution=self.execution)
 
 
-def _message_without_rates(lacking: Sequence[str]) -> str:
-    """Why slow states have no rates although a steady beat was found."""
-    if not lacking:
-        return "what changes slowly has no finite rate"
-    return f"the steady beat has no value of {', '.join(lacking)}, by which the course goes on"
-
-
 def _gases_read(circuits: Sequence[Sequence[Circuit]]) -> list[str]:
     """Gases of `LARGEST_GAS_CHANGE` that all circuits have."""
     unique = {id(circuit): circuit for of_member in circuits for circuit in of_member}.values()
     shared = set(LARGEST_GAS_CHANGE).intersection(*(output_names(circuit) for circuit in unique))
     return [name for name in LARGEST_GAS_CHANGE if name in shared]
-
-
-def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
-    """The circuit of each segment of each member, at last that of the `START`; equal ones are one object."""
-    return [
-        [timeline.circuit(k).canonical for k in (*range(len(timeline.breaks) - 1), START)]
-        for timeline in timelines
-    ]

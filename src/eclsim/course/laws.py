@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,3 +87,10 @@ class Laws:
 
     def _named(self, states: np.ndarray) -> Mapping[str, np.ndarray]:
         return dict(zip(self.names, states, strict=True))
+
+
+def message_without_rates(lacking: Sequence[str]) -> str:
+    """Why slow states have no rates although a steady beat was found."""
+    if not lacking:
+        return "what changes slowly has no finite rate"
+    return f"the steady beat has no value of {', '.join(lacking)}, by which the course goes on"

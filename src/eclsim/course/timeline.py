@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -293,3 +293,23 @@ def _refuse_overlap(changes: list[Change], event: int) -> None:
     if shared:
         message = f"changes {shared[0]} while an earlier event is still changing it"
         raise CaseError([Mistake(f"events[{event}].at_min", message, allowed="one change at a time")])
+
+
+def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
+    """The circuit of each segment of each member, at last that of the `START`; equal ones are one object."""
+    return [
+        [timeline.circuit(k).canonical for k in (*range(len(timeline.breaks) - 1), START)]
+        for timeline in timelines
+    ]
+
+
+def refuse_reconnection(timeline: Timeline) -> None:
+    """Refuse events that connect the circuit in another way: beat by beat a circuit is one circuit.
+
+    Raises:
+        CaseError: There are such events.
+    """
+    circuits: list[Circuit] = [timeline.circuit(k) for k in range(len(timeline.breaks) - 1)]
+    if any(circuit is not timeline.start[0] and circuit != timeline.start[0] for circuit in circuits):
+        message = "an event connects the circuit in another way, which no beat-by-beat course does"
+        raise CaseError([Mistake("events", message, allowed="leave --beats out")])

@@ -7,11 +7,14 @@ does not read a parameter, such as a shunt where no gases were taken, nothing is
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from eclsim.arguments import WholeNumber
+from eclsim.cases.cohort_rows import when
 from eclsim.cases.quantities import with_values
 from eclsim.identification.settings import (
     CLOTTED,
@@ -37,6 +40,9 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.identification.tracking import TrackedPoint
     from eclsim.orbit.model import CaseSource
+
+SECONDS_PER_HOUR = 3600.0
+_TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 
 Points = Sequence[tuple[str, "Case"]]
 """Measurements in order: their names and cases."""
@@ -196,3 +202,35 @@ def copied_measurements(before: TrackedPoint, now: TrackedPoint) -> str:
         f"all {len(new)} measurements are those of {before.name}: copied forward they count twice, and the "
         "intervals are too narrow; leave the row out"
     )
+
+
+def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
+    """Hours from each measurement to the next, or None where the names are no times.
+
+    Args:
+        names: of the measurements in their order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00.
+
+    Returns:
+        None for the first, hours for every other; None instead of all where a name is no time, or where some
+        have a time zone and others not.
+
+    Raises:
+        CaseError: A time before the one before it, or the same time again: it would count twice.
+    """
+    times = [when(_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name)) for name in names]
+    known = [t for t in times if t is not None]
+    if len(known) < len(names) or len({t.tzinfo is None for t in known}) > 1:
+        return None
+    hours = [(later - earlier).total_seconds() / SECONDS_PER_HOUR for earlier, later in pairwise(known)]
+    wrong = [
+        Mistake(
+            "measurement",
+            f"{'earlier than' if passed else 'the same time as'} {shown(names[k])}, which comes before it",
+            shown(names[k + 1]), "measurements in order of time, one for each",
+        )
+        for k, passed in enumerate(hours)
+        if passed <= 0.0
+    ]  # fmt: skip
+    if wrong:
+        raise CaseError(wrong)
+    return [None, *hours]

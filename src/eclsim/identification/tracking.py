@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import qmc
 
 from eclsim.arguments import Kind, WholeNumber, check_fields, number_of
-from eclsim.cases.cohort_rows import plain_id, when
+from eclsim.cases.cohort_rows import plain_id
 from eclsim.identification.density import (
     Gaussian,
     NoSteadyBeatError,
@@ -40,6 +38,7 @@ from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_o
 from eclsim.identification.series import (
     Series,
     copied_measurements,
+    elapsed_hours,
     falling_clotting,
     named_cases,
     passed_over,
@@ -59,8 +58,7 @@ if TYPE_CHECKING:
     from eclsim.circuit import Circuit
 
 SHARES = (0.05, 0.5, 0.95)
-HOURS_PER_DAY, SECONDS_PER_HOUR = 24.0, 3600.0
-_TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
+HOURS_PER_DAY = 24.0
 EXPLORED = 512
 MAXIMISATIONS = 4
 DRAWS = 512
@@ -573,35 +571,3 @@ def track(
         done.append(tracker.update(name, case, passed))
     interval = None if known else settings.interval_hours
     return TrackResult(patient, tuple(done), interval, tuple(series.remarks(cases[-1][1])))
-
-
-def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
-    """Hours from each measurement to the next, or None where the names are no times.
-
-    Args:
-        names: of the measurements in their order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00.
-
-    Returns:
-        None for the first, hours for every other; None instead of all where a name is no time, or where some
-        have a time zone and others not.
-
-    Raises:
-        CaseError: A time before the one before it, or the same time again: it would count twice.
-    """
-    times = [when(_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name)) for name in names]
-    known = [t for t in times if t is not None]
-    if len(known) < len(names) or len({t.tzinfo is None for t in known}) > 1:
-        return None
-    hours = [(later - earlier).total_seconds() / SECONDS_PER_HOUR for earlier, later in pairwise(known)]
-    wrong = [
-        Mistake(
-            "measurement",
-            f"{'earlier than' if passed else 'the same time as'} {shown(names[k])}, which comes before it",
-            shown(names[k + 1]), "measurements in order of time, one for each",
-        )
-        for k, passed in enumerate(hours)
-        if passed <= 0.0
-    ]  # fmt: skip
-    if wrong:
-        raise CaseError(wrong)
-    return [None, *hours]
