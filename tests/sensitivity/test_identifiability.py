@@ -158,5 +158,5 @@ def test_an_uncertainty_that_cannot_be_is_refused(numbers):
 
 
 def test_a_plain_number_as_uncertainty_says_what_to_write():
-    with pytest.raises(InputError, match=r"uncertainty of MAP: 3.0; allowed: Uncertainty\(3.0\)"):
+    with pytest.raises(InputError, match=r"uncertainty of MAP: 3; allowed: eclsim.Uncertainty\(3.0\)"):
         standard_uncertainties({"MAP": 80.0}, {"MAP": 3.0})  # pyright: ignore[reportArgumentType]  # the mistake

@@ -266,7 +266,7 @@ class InnovationTest:
         deviations: of each output in standard deviations; NaN where nothing was measured.
         unusual: outputs that do not fit the others.
         left_out: of these, those that the update goes without.
-        lasting: of these, those used now as they did not fit the last time either, in the same direction.
+        persistent: of these, those used now as they did not fit the last time either, in the same direction.
         chi_square: of all together.
         probability: of a larger one.
     """

@@ -190,8 +190,8 @@ class Optimum:
         jacobian: d output / d log parameter, shape (outputs, parameters).
         starts: all that were refined.
         explored: points explored.
-        dropped: of these without a steady beat.
-        shut: of these with one of many, behind valves that stay shut.
+        explored_without_beat: of these without a steady beat.
+        explored_one_of_many: of these with one of many, behind valves that stay shut.
         explored_without_gases: of these with a steady beat, without the gas state that measured gases need.
         status: how it ended.
         shared: of a fit with other data points; None where the point was fitted by itself.
