@@ -106,7 +106,7 @@ def measure(browser: Browser, url: str, started: float, options: argparse.Namesp
 
 
 def switch_gases_on(page: Page) -> None:
-    page.get_by_role("switch", name="Connect Blood gases").click()
+    page.get_by_role("switch", name="Blood gases: switch on").click()
     page.wait_for_function("Object.keys(eclsim.bus.last('beat').gas?.places ?? {}).length", timeout=120_000)
 
 
