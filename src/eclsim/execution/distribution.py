@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
-from eclsim.arguments import Kind, WholeNumber, check_fields, written
+from eclsim.arguments import Kind, WholeNumber, check_fields
 from eclsim.execution.folder import ExecutionError, Format, TaskFolder
 from eclsim.execution.tasks import Progress, Results, Store, Tasks, in_process, run_tasks, using_threads
 
@@ -80,9 +80,9 @@ class Distribution:
     force: bool = False
 
     def __post_init__(self) -> None:
-        if self.workers is not None and (isinstance(self.workers, bool) or not isinstance(self.workers, int)):
-            raise TypeError(f"workers = {written(self.workers)}: no whole number; allowed: 1 or more")
-        check_fields(self, shard=Kind(Shard, "eclsim.Shard(1, 16), the first of 16"))
+        check_fields(
+            self, workers=WholeNumber(None), shard=Kind(Shard, "eclsim.Shard(1, 16), the first of 16")
+        )
         if self.force and self.resume:
             raise ExecutionError("--resume keeps what is there and --force throws it away: give one of them")
         if self.force and self.shard is not None:

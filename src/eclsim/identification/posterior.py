@@ -32,9 +32,10 @@ from eclsim.identification.settings import (
     avoidable_assumptions,
     remarks_on_fixed_volume,
     remarks_on_unmeasured_oxygenator,
+    without_measurement,
 )
 from eclsim.identification.verdict import SIDES, Aspect, Level, possible_limits
-from eclsim.inputs.mistakes import CaseError, Mistake, as_settings
+from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.outputs.signals import output_names, watched_waveforms
@@ -370,7 +371,8 @@ def posterior(
     if not isinstance(fit, FitResult):
         kind = article(type(fit).__name__)
         raise TypeError(f"fit: {kind} is no fit; allowed: what eclsim.fit(case) returns")
-    _check_uncertainties(settings, fit)
+    if unused := without_measurement(settings.uncertainties or (), fit.measured):
+        raise CaseError(unused)
     models = _models_of(fit, predictions)
     started = time.perf_counter()
     density = density_of(fit, settings)
@@ -439,14 +441,6 @@ def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
     return PosteriorDensity(
         model_of(fit.case), dict(fit.measured), errors, Prior.within(fit.box, settings.prior), policy
     )
-
-
-def _check_uncertainties(settings: PosteriorSettings, fit: FitResult) -> None:
-    """Refuse uncertainties that change nothing."""
-    message = "not measured, so its uncertainty changes nothing"
-    wrong = [n for n in settings.uncertainties or {} if n not in fit.measured]
-    if wrong:
-        raise CaseError([Mistake("uncertainty", message, n, ", ".join(fit.measured)) for n in wrong])
 
 
 def _models_of(fit: FitResult, predictions: Sequence[tuple[str, CaseSource]]) -> list[tuple[str, Model]]:

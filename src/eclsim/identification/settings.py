@@ -506,12 +506,14 @@ def common_policy(cases: Sequence[Case], chosen: str | None = None) -> str:
 def unmeasured_uncertainties(cases: Iterable[Case], settings: FitSettings) -> list[Mistake]:
     """Uncertainties that change nothing, because no case has such a measurement."""
     measured = {n for case in cases for n in checked_fit(case, settings).targets}
-    return [
-        Mistake("uncertainty", "not measured, so its uncertainty changes nothing", name,
-                ", ".join(n for n in DEFAULTS if n in measured))
-        for name in settings.uncertainties
-        if measured and name not in measured
-    ]  # fmt: skip
+    return without_measurement(settings.uncertainties, measured) if measured else []
+
+
+def without_measurement(uncertainties: Iterable[str], measured: Collection[str]) -> list[Mistake]:
+    """Uncertainties, by name, of what was not measured."""
+    allowed = ", ".join(n for n in DEFAULTS if n in measured)
+    message = "not measured, so its uncertainty changes nothing"
+    return [Mistake("uncertainty", message, n, allowed) for n in uncertainties if n not in measured]
 
 
 def _bounds(
