@@ -372,11 +372,10 @@ def _text(result: xr.Dataset) -> str:
         for k, at in _rows(result, seconds).items()
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
-    balance = json.loads(result.attrs["balance"])
+    ml = {key: number(value, 0) for key, value in json.loads(result.attrs["balance"]).items()}
     words = (
-        f"blood volume {balance['blood_volume_start_ml']:.0f} mL at the start, "
-        f"{balance['blood_volume_end_ml']:.0f} mL at the end: given {balance['given_ml']:.0f}, removed "
-        f"{balance['removed_ml']:.0f}, refilled {balance['refilled_ml']:.0f} mL"
+        f"blood volume {ml['blood_volume_start_ml']} mL at the start, {ml['blood_volume_end_ml']} mL at the "
+        f"end: given {ml['given_ml']}, removed {ml['removed_ml']}, refilled {ml['refilled_ml']} mL"
     )
     took = f"{result.attrs['seconds']:.1f} s"
     if settling := result.attrs["settling_s"]:
