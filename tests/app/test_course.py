@@ -24,7 +24,7 @@ from eclsim.app.course import (
     without_event,
 )
 from eclsim.app.files import export
-from eclsim.app.knobs import VOLUME, connect
+from eclsim.app.knobs import VOLUME, connect, value_of
 from eclsim.app.state import PageState, link_of, preset_state, state_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
@@ -171,6 +171,13 @@ def test_the_page_follows_the_minutes_of_a_course():
     assert b"--until 360 --steady-only" in files.read(written).splitlines()[0]
     (plain,) = (file for file in files.namelist() if file.endswith(".json"))
     assert json.loads(files.read(plain))["events"][0]["give"] == {"bleed_ml": 400.0}
+
+
+def test_an_oxygenator_that_clots_later_is_an_event():
+    case = with_turn(connect(PAPER, "gas"), "parameters.ecmo.oxygenator.clotted_fraction", 0.7, 30.0)
+    assert case.events[0].set == {"ecmo.oxygenator.clotted_fraction": 0.7}
+    later = case_at(case, 31.0)
+    assert value_of(later, "parameters.ecmo.oxygenator.clotted_fraction") == 0.7
 
 
 def test_a_knob_that_is_turned_later_is_an_event_of_its_minute():

@@ -85,6 +85,14 @@ def test_nobody_is_fitted_from_the_heart_and_vessels_of_a_preset(preset):
         assert fitted_with(one) == circuit_text(state.case)
 
 
+def test_what_clots_in_a_device_of_a_preset_stays_in_the_fit_and_is_named():
+    state = preset_state("paper")
+    clotted = turn(turn(state.case, "parameters.Recmooxy", 3.0), "parameters.Rcrrtfil", 40.0)
+    turned = state.with_case(clotted)
+    assert dict(fitted_case(turned).parameters) == {"Recmooxy": 3.0, "Rcrrtfil": 40.0}
+    assert all(part in fitted_with(turned) for part in ("Recmooxy 3", "Rcrrtfil 40"))
+
+
 def test_what_is_held_in_a_fit_is_named_with_it():
     parameters = {"P0svn": 20.0, "RV_Pd_kappa": 0.025, "Emaxlv": 0.9}
     case = connect(CASE.model_copy(update={"parameters": parameters}), "gas")

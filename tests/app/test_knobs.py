@@ -163,6 +163,27 @@ def test_the_oxygenator_wins_over_an_older_resistance_of_its_own():
     assert model_of(other).values["Recmooxy"] == pytest.approx(0.6312)
 
 
+def test_an_oxygenator_clots_by_a_knob_and_a_new_one_has_its_own_resistance():
+    case = turn(connect(CASES["paper"], "gas"), "parameters.ecmo.oxygenator.clotted_fraction", 0.8)
+    assert case.parameters["ecmo.oxygenator.clotted_fraction"] == 0.8
+    whole, clotted = (compute_beat(PageState(one)) for one in (connect(CASES["paper"], "gas"), case))
+    assert clotted.outputs["SpostO2"] < whole.outputs["SpostO2"] - 5.0
+    blocked = turn(case, "parameters.Recmooxy", "3,5")
+    assert model_of(blocked).values["Recmooxy"] == 3.5
+    assert value_of(turn(blocked, "ecmo.oxygenator", "Nautilus MC3"), "parameters.Recmooxy") == 0.6312
+
+
+def test_the_filter_of_each_of_two_circuits_clots_by_itself():
+    raw = CASES["paper"].as_mapping()
+    raw["crrt"] = {"left": raw["crrt"], "right": raw["crrt"] | {"access_site": "svn", "return_site": "ra"}}
+    case = turn(read_mapping(raw).case, "parameters.crrt.right.Rcrrtfil", 60.0)
+    filters = [value_of(case, f"parameters.crrt.{name}.Rcrrtfil") for name in ("left", "right")]
+    assert filters == [15.75, 60.0]
+    knob = next(one for one in controls(case) if one.key == "parameters.crrt.right.Rcrrtfil")
+    assert knob.group == "crrt.right"
+    assert described(knob)["hint"] == "crrt.right.Rcrrtfil: Resistance of dialyzer"
+
+
 @pytest.mark.parametrize(
     ("drained", "returned", "mode"),
     [("svn", "sart", "VA"), ("ra", "svn", "VV"), ("lv", "pas", OTHER_MODE), ("part", "ao", OTHER_MODE)],

@@ -7,12 +7,12 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import VOLUME, connectable, controls
+from eclsim.app.knobs import VOLUME, connectable, controls, section_and_name
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sample, Sweep, Trace, Views
-from eclsim.devices.registry import device_of, devices, naming_of, parameters
+from eclsim.devices.registry import device_of, devices, naming_of, parameter_of
 from eclsim.gas.network import gas_exchanges
 from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.recirculation import recirculation_labels
@@ -239,8 +239,9 @@ def shape_of(case: Case) -> Circuit:
 
 def described(control: Control) -> dict[str, Any]:
     """A knob or picker as plain data."""
-    section, _, name = control.key.partition(".")
-    hint = f"{name}: {parameters()[name].description}" if section == "parameters" else ""
+    section, name = section_and_name(control.key)
+    parameter = parameter_of(name, [control.group]) if section == "parameters" else None
+    hint = f"{name}: {parameter.description}" if parameter else ""
     own = next((one for one in PATIENT_SECTIONS if one.section == section), None)
     hint = own.fields()[name].description if own else hint
     hint = text("volume_hint") if control.key == VOLUME else hint

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from eclsim.devices.device import Instance
 
 T = TypeVar("T")
+_PARAMETERS = "parameters"
 VOLUME = "volume_ml"
 _DIGITS = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
@@ -81,7 +82,7 @@ _resolved = _cached_by_case(resolve_parameters)
 def controls(case: Case) -> list[Control]:
     """What can be turned for a case, in the order of the panel."""
     offered: list[Control] = [
-        Knob(key, text(key), unit, low, high, step, key.startswith("parameters"), group)
+        Knob(key, text(key), unit, low, high, step, key.startswith(_PARAMETERS), group)
         for key, group, unit, low, high, step in _PATIENT_CONTROLS
     ]
     sites = case.sites()
@@ -91,11 +92,26 @@ def controls(case: Case) -> list[Control]:
             for control in instance.device.controls(instance.section, sites)
         )
         offered += [
-            replace(control, key=f"{instance.key}.{control.key}", group=instance.key)
+            replace(control, key=_key_in_case(instance, control), group=instance.key)
             for control in of_device
             if isinstance(control, Picker) or not control.needs or getattr(case, control.needs) is not None
         ]
     return [*offered, *_section_controls(case)]
+
+
+def _key_in_case(instance: Instance, control: Control) -> str:
+    """Where a case file holds what a knob or picker of a device stands at."""
+    if isinstance(control, Knob) and control.is_parameter:
+        return f"{_PARAMETERS}.{instance.parameter(control.key)}"
+    return f"{instance.key}.{control.key}"
+
+
+def section_and_name(key: str) -> tuple[str, str]:
+    """Section of a case file that a knob is of, and its name there, which has points in some parameters."""
+    if key.startswith(f"{_PARAMETERS}."):
+        return _PARAMETERS, key.removeprefix(f"{_PARAMETERS}.")
+    section, _, name = key.rpartition(".")
+    return section, name
 
 
 def _section_controls(case: Case) -> list[Control]:
@@ -160,9 +176,9 @@ def value_of(case: Case, key: str) -> float | str | None:
     """Where a knob or picker stands; None for what has no value."""
     if key == VOLUME:
         return _given_volume(case)
-    section, _, name = key.rpartition(".")
-    if section == "parameters":
-        return _parameter(case, name)
+    section, name = section_and_name(key)
+    if section == _PARAMETERS:
+        return case.parameters[name] if name in case.parameters else _resolved(case)[name]
     instance = _instances(case).get(section)
     value = (
         getattr(getattr(case, section), name)
@@ -192,7 +208,7 @@ def turn(case: Case, key: str, value: object) -> Case:
     value = turned_value(case, key, value)
     raw = case.as_mapping()
     raw["parameters"] = dict(raw.get("parameters", {}))
-    section, _, name = key.rpartition(".")
+    section, name = section_and_name(key)
     instance = case.instance(section)
     if key == VOLUME:
         raw["parameters"] |= _start_pressures(case, _volume(value))
@@ -219,7 +235,7 @@ def turned_value(case: Case, key: str, value: object) -> object:
         raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
     if suggestion := ambiguous_comma(value) or ambiguous_point(value, is_whole(case, key)):
         raise CaseError([Mistake(key, suggestion)])
-    section, _, name = key.rpartition(".")
+    section, name = section_and_name(key)
     switch = isinstance(getattr(getattr(case, section, None), name, None), bool)
     value = as_written(value)
     return _SWITCH.get(value, value) if switch and isinstance(value, str) else value

@@ -125,7 +125,8 @@ def fitted_case(state: PageState) -> Case:
     case = state.case
     if state.start.origin not in PRESETS:
         return case
-    of_devices = {name: value for name, value in case.parameters.items() if "." in name}
+    own = {entry.key for instance in case.instances() for entry in instance.device.parameters}
+    of_devices = {name: value for name, value in case.parameters.items() if "." in name or name in own}
     return case.model_copy(update={"parameters": of_devices})
 
 

@@ -294,7 +294,7 @@ class Knob:
     """A number that can be turned on the page.
 
     Args:
-        key: key of the section; the page puts the section in front.
+        key: key of the section, or name of a parameter; the page puts the section in front.
         label: in words.
         unit: unit of the number.
         low: left end of the slider; typed values may lie beyond, as far as a case file allows.
@@ -303,6 +303,7 @@ class Knob:
         logarithmic: whether equal ways on the slider are equal factors.
         group: section of the panel, which the page fills in for devices.
         needs: section of the case without which it has no effect, and is left out.
+        is_parameter: whether `key` is a parameter of the device, which a case file holds under `[parameters]`.
     """
 
     key: str
@@ -314,6 +315,7 @@ class Knob:
     logarithmic: bool = False
     group: str = ""
     needs: str = ""
+    is_parameter: bool = False
 
 
 @dataclass(frozen=True)

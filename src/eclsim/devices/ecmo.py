@@ -780,6 +780,7 @@ class EcmoDevice(Device[Ecmo]):
             *((mixing,) if own[0] == own[1] else ()),
             Knob("sweep_l_min", "Sweep gas", "L/min", 0.0, 12.0, 0.1, needs="gas"),
             Knob("fdo2", "Oxygen in the sweep (FdO2)", "", 0.21, 1.0, 0.01, needs="gas"),
+            *_CLOTTING,
         ]
 
     def shown(self, section: Ecmo, key: str) -> float | str:
@@ -863,6 +864,16 @@ class EcmoDevice(Device[Ecmo]):
             *_caution_on_left_ventricle(names, outputs, circuit),
             *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
+
+
+_CLOTTING = (
+    Knob("Recmooxy", "Oxygenator resistance", "mmHg s/mL", 0.05, 5.0, 0.01, True, is_parameter=True),
+    Knob(
+        "ecmo.oxygenator.clotted_fraction", "Clotted share of the membrane", "", 0.0, 0.99, 0.01,
+        needs="gas", is_parameter=True,
+    ),
+)  # fmt: skip
+"""An oxygenator clots in two ways that need not go together: blood passes with more effort, or past the gas."""
 
 
 def _exchanged(own: str, other: str) -> dict[str, str]:
