@@ -303,7 +303,7 @@ class Knob:
         logarithmic: whether equal ways on the slider are equal factors.
         group: section of the panel, which the page fills in for devices.
         needs: section of the case without which it has no effect, and is left out.
-        is_parameter: whether `key` is a parameter of the device, which a case file holds under `[parameters]`.
+        is_parameter: whether `key` is a parameter of the device, which a case file has in `[parameters]`.
     """
 
     key: str

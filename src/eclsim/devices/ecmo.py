@@ -873,7 +873,7 @@ _CLOTTING = (
         needs="gas", is_parameter=True,
     ),
 )  # fmt: skip
-"""An oxygenator clots in two ways that need not go together: blood passes with more effort, or past the gas."""
+"""It clots in two ways that need not go together: blood passes with more effort, or past the gas."""
 
 
 def _exchanged(own: str, other: str) -> dict[str, str]:
