@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from eclsim.cases.events import LONGEST_MIN
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -296,7 +297,6 @@ class Moment(NamedTuple):
 
 
 START = Moment()
-LONGEST_MIN = 31 * 1440
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,9 @@ class CourseOptions(CaseChanges, Distributed):
         "Case file with its [[events]]; or several, a table of data points, or a folder of case files.",
     )
     hours: float = option(24.0, "Length of the course [h].", minimum=0.01, maximum=744.0)
-    until: float | None = option(None, "Length [min], instead of --hours.", metavar="MINUTES", minimum=0.1)
+    until: float | None = option(
+        None, "Length [min], instead of --hours.", metavar="MINUTES", minimum=0.1, maximum=744.0 * 60.0
+    )
     every: float | None = option(
         None,
         "Minutes between the moments shown; default: about 144 moments.",

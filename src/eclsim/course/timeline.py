@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.cases.events import LONGEST_MIN
 from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import Fluid, Solutes
 from eclsim.cases.settings import put_in
@@ -86,8 +87,9 @@ class Timeline:
     overrides: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.end < math.inf:
-            raise CaseError([Mistake("minutes", "", f"{self.end / MINUTE:g}", "a length above 0 min")])
+        if not 0.0 < self.end <= LONGEST_MIN * MINUTE:
+            allowed = f"a length above 0 min, up to {LONGEST_MIN:g} min (31 days)"
+            raise CaseError([Mistake("minutes", "", f"{self.end / MINUTE:g}", allowed)])
         late = [
             Mistake(f"events[{n}].at_min", f"after the end of the course at {self.end / MINUTE:g} min",
                     f"{event.at_min:g}", f"below {self.end / MINUTE:g}, or a longer course")

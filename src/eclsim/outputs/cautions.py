@@ -185,9 +185,10 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
     ph, (low, high) = outputs.get("pHa"), BLOOD_PH
     if ph is None or not (ph < low or ph > high):
         return []
+    digits = 2 if not low <= round(ph, 2) <= high else 3
     text = (
-        f"pH {ph:.2f} of the arterial blood is outside of {low:g} to {high:g}, for which the laws of its "
-        "gases were fitted: saturations and carbon dioxide are extrapolated"
+        f"pH {ph:.{digits}f} of the arterial blood is outside of {low:g} to {high:g}, for which the laws of "
+        "its gases were fitted: saturations and carbon dioxide are extrapolated"
     )
     return [_caution("pHa", ph, text, "SaO2", "PaCO2")]
 
