@@ -407,7 +407,7 @@ class CrrtDevice(Device[Crrt]):
         """Flow, and where the lines are."""
         return [
             Knob("flow_ml_min", "Blood flow", "mL/min", 50, 400, 5),
-            Knob("Rcrrtfil", "Filter resistance", "mmHg s/mL", 5.0, 200.0, 0.5, True, is_parameter=True),
+            Knob("Rcrrtfil", "Dialyzer resistance", "mmHg s/mL", 5.0, 200.0, 0.5, True, is_parameter=True),
             picker("access_site", "Access line at", sites, sites, line="access"),
             picker("return_site", "Return line at", sites, sites, line="return"),
             *(
