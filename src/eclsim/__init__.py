@@ -1,7 +1,7 @@
 """Simulator of a patient's circulation on extracorporeal life support (ECMO, CRRT, LVAD).
 
-The public names stand in `__init__.pyi`, which type checkers read. Each is imported from its module on first
-use, so that ``import eclsim`` and ``eclsim --help`` stay fast: importing JAX alone takes over a second.
+The public names are declared in `__init__.pyi`, which type checkers read. Each is imported from its module on
+first use, so that ``import eclsim`` and ``eclsim --help`` stay fast: importing JAX alone takes over a second.
 """
 
 import sys
@@ -20,7 +20,7 @@ def __getattr__(name: str) -> object:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message, name=name, obj=sys.modules[__name__])
     value = getattr(import_module(_EXPORTS[name]), name)
-    # A package of the same name is bound to the name here as soon as it is imported; it can be called.
+    # Importing a package of the same name binds that package here; the package is callable.
     return globals().setdefault(name, sys.modules.get(f"{__name__}.{name}", value))
 
 

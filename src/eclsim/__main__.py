@@ -1,4 +1,4 @@
-"""`python -m eclsim` does what `eclsim` does."""
+"""Entry point of `python -m eclsim`, equivalent to the command `eclsim`."""
 
 from eclsim.cli import main
 

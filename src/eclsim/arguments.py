@@ -1,6 +1,7 @@
-"""What functions and settings are called with: of the right kind and size, else a sentence that says what is.
+"""Checks of the arguments of functions and of the fields of settings.
 
-A value of another kind is a `TypeError`, one that is not allowed a `ValueError`.
+A value of the wrong type raises `TypeError` and a value that is not allowed raises `ValueError`; the message
+says what is allowed.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from eclsim.spelling import spelling_hint
 
 
 def check_fields(settings: object, **checks: Callable[[str, Any], object]) -> None:
-    """Check the fields of frozen settings, and put down what they stand for (3 for NumPy's own 3).
+    """Check the fields of frozen settings and store the checked values (3 for NumPy's own 3).
 
     Args:
-        settings: to be checked.
-        checks: by field; None passes where it is the field's default.
+        settings: frozen dataclass to check; its fields are replaced in place.
+        checks: check of each field, by field name; a field whose default is None may be None.
     """
     for name, check in checks.items():
         value = getattr(settings, name)
@@ -29,18 +30,18 @@ def check_fields(settings: object, **checks: Callable[[str, Any], object]) -> No
 
 @dataclass(frozen=True)
 class WholeNumber:
-    """A whole number.
+    """Check for a whole number.
 
     Args:
-        least: smallest that is allowed; None where who reads it says so.
-        most: largest.
+        least: smallest number allowed; None for a number whose bounds the caller checks.
+        most: largest number allowed; None for no upper bound.
     """
 
     least: int | None = 0
     most: int | None = None
 
     def __call__(self, name: str, value: Any) -> int:
-        """The number as an `int`."""
+        """Return the number as an `int`."""
         allowed = f"{self.least} or more" if self.most is None else f"{self.least} to {self.most}"
         allowed = "one such as 1 or 2" if self.least is None else allowed
         if isinstance(value, bool) or not isinstance(value, Integral):
@@ -53,13 +54,13 @@ class WholeNumber:
 
 @dataclass(frozen=True)
 class FiniteNumber:
-    """A number that is neither infinite nor NaN.
+    """Check for a number that is neither infinite nor NaN.
 
     Args:
-        above: what it is larger than; infinite for no such bound.
-        least: smallest that is allowed.
-        most: largest.
-        unit: of the number.
+        above: exclusive lower bound; -inf for none.
+        least: inclusive lower bound; -inf for none.
+        most: inclusive upper bound; inf for none.
+        unit: unit of the number, for messages.
     """
 
     above: float = -math.inf
@@ -68,7 +69,7 @@ class FiniteNumber:
     unit: str = ""
 
     def __call__(self, name: str, value: Any) -> float:
-        """The number as a `float`."""
+        """Return the number as a `float`."""
         bounds = [f"above {self.above:g}"] if self.above > -math.inf else []
         bounds += [f"from {self.least:g}"] if self.least > -math.inf else []
         bounds += [f"up to {self.most:g}"] if self.most < math.inf else []
@@ -83,12 +84,12 @@ class FiniteNumber:
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of some names."""
+    """Check for one of several names."""
 
     names: Sequence[str]
 
     def __call__(self, name: str, value: Any) -> str:
-        """The name."""
+        """Return the name."""
         if not isinstance(value, str) or value not in self.names:
             hint = spelling_hint(value, self.names) if isinstance(value, str) else ""
             raise ValueError(f"{name} = {written(value)}; allowed: {', '.join(self.names)}{hint}")
@@ -97,18 +98,18 @@ class OneOf:
 
 @dataclass(frozen=True)
 class Kind:
-    """An object of a class.
+    """Check for an instance of a class.
 
     Args:
-        of: the class.
-        allowed: what to write; left out, the name of the class.
+        of: the class, or several of which any will do.
+        allowed: description of the allowed values for messages; empty for the name of the class.
     """
 
     of: type | tuple[type, ...]
     allowed: str = ""
 
     def __call__(self, name: str, value: Any) -> Any:
-        """The object."""
+        """Return the object."""
         if not isinstance(value, self.of):
             kinds = self.of if isinstance(self.of, tuple) else (self.of,)
             allowed = self.allowed or " or ".join(article(kind.__name__) for kind in kinds)
@@ -117,7 +118,7 @@ class Kind:
 
 
 def number_of(name: str, value: Any) -> float:
-    """A number of any library as a `float`; NaN and infinite ones are judged by who reads them."""
+    """Convert a number of any library to `float`; NaN and infinity are left for the caller to judge."""
     if isinstance(value, Real) and not isinstance(value, bool):
         return float(value)
     shape = getattr(value, "shape", ()) if hasattr(value, "__float__") else None
@@ -130,14 +131,14 @@ def number_of(name: str, value: Any) -> float:
 
 
 def flag(name: str, value: Any) -> bool:
-    """True or False, no text that could mean either."""
+    """Check for a Boolean, of Python or NumPy; texts and numbers are refused."""
     if isinstance(value, bool) or type(value).__name__ in ("bool", "bool_"):
         return bool(value)
     raise TypeError(f"{name} = {written(value)}; allowed: True or False")
 
 
 def written(value: object) -> str:
-    """A value in a message: a number or a text as it is written, anything else by its kind."""
+    """Format a value for a message: numbers and texts as written, any other value as the name of its type."""
     if value is None or isinstance(value, bool):
         return str(value)
     if isinstance(value, str):
@@ -150,5 +151,5 @@ def written(value: object) -> str:
 
 
 def article(kind: str) -> str:
-    """A kind with its article."""
+    """Return the name of a type with its indefinite article."""
     return f"{'an' if kind[:1].lower() in 'aeio' else 'a'} {kind}"

@@ -1,4 +1,4 @@
-"""Files that any room writes: whole or not at all; finite JSON, NetCDF, guarded CSV, names made from ids."""
+"""Writing of files: complete or not at all; finite JSON, NetCDF, guarded CSV and file names made from ids."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MADE_BY = "made_by"
-"""Key of every JSON object and attribute of every NetCDF file that says which version wrote it."""
+"""Key in every JSON object, and attribute of every NetCDF file, that states the version that wrote it."""
 VERSION_NAME = f"eclsim {__version__}"
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 _Cell = TypeVar("_Cell")
 
 _FILE_MODE = 0o644
-# HDF5 puts the number of the system's error into a page of text, and raises RuntimeError at times.
+# HDF5 buries the system's error number in a long text, and sometimes raises RuntimeError instead of OSError.
 _HDF5_ERROR = re.compile(r"file write failed: .*?errno = (\d+)", re.DOTALL)
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 _LONGEST_STEM = 60
@@ -40,14 +40,16 @@ _LONGEST_STEM = 60
 
 @contextmanager
 def whole_file(path: Path, least_bytes: int = 0) -> Iterator[Path]:
-    """A temporary file beside the target that takes its name when everything is written.
+    """Yield a temporary file beside the target, which replaces the target once everything is written.
 
     Args:
         path: the target; an existing file is replaced.
-        least_bytes: what will be written at least; looked for beforehand, as HDF5 may crash on a full disk.
+        least_bytes: lower bound on the bytes to be written; the free space is checked first, as HDF5 may
+            crash on a full disk.
 
     Raises:
-        OSError: With the target as its file name; of itself a full disk names none.
+        OSError: If writing fails; its file name is the target, also for a full disk, where the system gives
+            none.
     """
     partial: Path | None = None
     try:
@@ -87,11 +89,11 @@ def finite(value: float | None, digits: int | None = None) -> float | None: ...
 @overload
 def finite(value: object, digits: int | None = None) -> Json: ...
 def finite(value: object, digits: int | None = None) -> Json:
-    """Plain data for JSON: None for a number that is not finite, lists for tuples and arrays.
+    """Convert data to plain data for JSON: None for numbers that are not finite, lists for tuples and arrays.
 
     Args:
         value: numbers, texts, arrays, and lists, tuples and mappings of them.
-        digits: significant digits that numbers are rounded to; left out, nothing is rounded.
+        digits: significant digits to which numbers are rounded; None for no rounding.
     """
     if value is None or isinstance(value, (bool, int, str)):
         return value
@@ -109,7 +111,7 @@ def finite(value: object, digits: int | None = None) -> Json:
 
 
 def json_text(data: object) -> str:
-    """Data as JSON text, an object with the version that wrote it; null for numbers that are not finite."""
+    """Format data as JSON: an object states the version that wrote it; non-finite numbers become null."""
     marked = {MADE_BY: VERSION_NAME, **data} if isinstance(data, dict) else data
     return json.dumps(finite(marked), indent=1, allow_nan=False) + "\n"
 
@@ -123,9 +125,10 @@ def write_json(data: object, destination: Path | str) -> None:
 
 
 def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
-    """Write datasets with the version that wrote them into one file; the group "" is its root.
+    """Write datasets to one file, with the version that wrote them; the group "" is the root of the file.
 
-    Lists of sentences become texts, a line each, since NetCDF holds no empty list.
+    Attributes that are lists of sentences are stored as one text, a line each: NetCDF cannot hold an empty
+    list.
     """
     with whole_file(path, sum(data.nbytes for data in datasets.values())) as partial:
         for count, (group, data) in enumerate(datasets.items()):
@@ -139,22 +142,22 @@ def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
 
 
 def guarded(cell: _Cell) -> _Cell | str:
-    """A text that a spreadsheet would run as a formula behind an apostrophe; everything else as it is."""
+    """Put an apostrophe before a text that a spreadsheet would run as a formula; other cells stay as is."""
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
 
 
 def unguarded(text: str) -> str:
-    """The text that `guarded` was given."""
+    """Remove the apostrophe that `guarded` put before a text."""
     return text[1:] if text[:1] == "'" and text[1:].startswith(_FORMULA_STARTS) else text
 
 
 def csv_text(head: Sequence[str], rows: Iterable[Iterable[object]], digits: int | None = 8) -> str:
-    """A table as CSV, formulas guarded; a cell without a number is empty.
+    """Format a table as CSV with formulas guarded; NaN becomes an empty cell.
 
     Args:
-        head: names of the columns.
-        rows: cells.
-        digits: significant digits of numbers; None for all.
+        head: column names.
+        rows: cells of each row.
+        digits: significant digits of floats; None for all.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -164,7 +167,7 @@ def csv_text(head: Sequence[str], rows: Iterable[Iterable[object]], digits: int 
 
 
 def frame_text(frame: pd.DataFrame) -> str:
-    """A data frame as CSV without its index, formulas guarded."""
+    """Format a data frame as CSV without its index, with formulas guarded."""
     return frame.map(guarded).to_csv(index=False, lineterminator="\n")
 
 
@@ -180,15 +183,15 @@ def _cell(value: object, digits: int | None) -> object:
 
 
 def file_stem(name: str, *, slashes: bool = False) -> str:
-    """The beginning of a file name for an id; ids that differ get beginnings that differ.
+    """Return the beginning of a file name for an id; different ids get different beginnings.
 
-    ASCII letters, digits, `.`, `-` and `_` stay; an id with anything else, or a long one, gets a mark of the
-    whole id behind it.
+    ASCII letters, digits, `.`, `-` and `_` are kept. If the id has any other character or is long, a digest
+    of the whole id is appended.
 
     Args:
         name: the id.
-        slashes: whether ids are made of parts with a slash between: it becomes `_`, and an id that has a `_`
-            of its own gets a mark.
+        slashes: whether ids are parts joined by slashes. A slash then becomes `_`, and an id that contains
+            `_` itself gets a digest.
     """
     safe = re.sub(r"[^A-Za-z0-9._-]", "_", name)[:_LONGEST_STEM].strip(".")
     unchanged = safe == name.replace("/", "_") and "_" not in name if slashes else safe == name
@@ -199,7 +202,7 @@ def file_stem(name: str, *, slashes: bool = False) -> str:
 
 
 def file_stems(names: Sequence[str]) -> tuple[str, ...]:
-    """A readable beginning of file names for each id: letters, digits, dots and dashes, all different."""
+    """Return a readable, unique beginning of a file name for each id: letters, digits, dots, dashes."""
     taken: set[str] = set()
     stems = []
     for name in names:

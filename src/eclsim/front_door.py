@@ -1,4 +1,4 @@
-"""The public names of `eclsim`, and packages that can be called like the function of their name."""
+"""Public names of `eclsim`, and packages that can be called like the function of the same name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def public_names() -> dict[str, str]:
-    """The module that defines each public name: the lines `from module import name as name` of the stub."""
+    """Return the module of each public name, from the `from module import name as name` lines of the stub."""
     stub = os.path.join(os.path.dirname(__file__), "__init__.pyi")
     with open(stub, encoding="utf-8") as file:
         imports = [line.split() for line in file if line.startswith("from ")]
@@ -21,9 +21,10 @@ def public_names() -> dict[str, str]:
 
 
 class CallablePackage(ModuleType):
-    """A package whose call goes to the function of its own name, and whose help is that function's.
+    """A package that, when called, calls the function of its own name, and that shows this function's help.
 
-    Importing any of its modules binds the package to its name in `eclsim`, where users look for the function.
+    Importing any module of the package binds the package to its name in `eclsim`, where users expect the
+    function.
     """
 
     function_module: str
@@ -34,14 +35,14 @@ class CallablePackage(ModuleType):
 
     @property
     def __signature__(self) -> Signature:
-        """That of the function, for `inspect.signature`, notebooks and editors."""
+        """Signature of the function, for `inspect.signature`, notebooks and editors."""
         from inspect import signature
 
         return signature(self._function())
 
     @property
     def __doc__(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride] - read when help is asked for
-        """What the function does, how it is called, and its arguments: what `help` shows of a package."""
+        """Help of the function for `help`: its summary, how it is called, and its arguments."""
         from inspect import getdoc, signature
 
         function = self._function()
@@ -54,7 +55,7 @@ class CallablePackage(ModuleType):
 
 
 def make_callable(package: str, module: str) -> None:
-    """Let a call of a package go to the function of its name in a module."""
+    """Make a package callable: calls go to the function of its name in a module."""
     room = sys.modules[package]
     room.__class__ = CallablePackage
     setattr(room, "function_module", module)  # noqa: B010 - no attribute of the class that it had

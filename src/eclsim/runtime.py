@@ -1,12 +1,12 @@
-"""JAX set up once for the whole package: double precision, the processor and the compilation cache.
+"""Configuration of JAX for the whole package: double precision, default device and compilation cache.
 
-Every module that computes with JAX imports this one first. Where JAX sees a graphics processor too, the
-default device becomes the CPU, unless one was chosen before (`jax_default_device`): a beat has hundreds of
-small steps, and a graphics processor takes ten times as long for one patient (docs, page Numerics).
+Every module that computes with JAX imports this one first. If JAX also finds a GPU, the default device is set
+to the CPU, unless one was chosen before (`jax_default_device`): a beat consists of hundreds of small steps,
+and a GPU takes ten times as long for one patient (docs, page Numerics).
 
-The compiled programs are kept in the cache folder (`ECLSIM_CACHE_DIR`, else `$XDG_CACHE_HOME/eclsim` or
-`~/.cache/eclsim`), so that a second process starts without compiling. `ECLSIM_CACHE_DIR=off` switches the
-cache off.
+Compiled programs are stored in the cache folder (`ECLSIM_CACHE_DIR`, else `$XDG_CACHE_HOME/eclsim` or
+`~/.cache/eclsim`), so that a second process starts without compiling. `ECLSIM_CACHE_DIR=off` turns the cache
+off.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from typing import Any
 
 import jax
 
-SETTINGS: Any = jax.config  # its attributes appear when it is made: no type checker sees them
+SETTINGS: Any = jax.config  # JAX creates these attributes at run time, so type checkers do not know them
 
 
 def cache_folder() -> Path | None:
-    """Folder of compiled programs, private to the user and to the kind of processor; None if switched off."""
+    """Return the folder of compiled programs, one per type of processor; None if the cache is turned off."""
     chosen = os.environ.get("ECLSIM_CACHE_DIR")
     if chosen is not None and chosen.strip().lower() in {"", "off", "0", "none"}:
         return None
@@ -31,7 +31,7 @@ def cache_folder() -> Path | None:
 
 
 def _processor_key() -> str:
-    """Short key of the processor's instruction sets: a program compiled for one may not run on another."""
+    """Return a short key of the CPU's instruction sets: a program compiled for one may not run on another."""
     import hashlib
 
     try:
@@ -55,7 +55,7 @@ def _configure() -> None:
     platforms = SETTINGS.jax_platforms
     if SETTINGS.jax_default_device is None and (not platforms or "cpu" in platforms.split(",")):
         jax.config.update("jax_default_device", "cpu")
-    # Dispatched programs wait in the threads that they need themselves: two at a time can wait for ever.
+    # Asynchronously dispatched programs occupy the threads that they wait for, so two at a time can deadlock.
     jax.config.update("jax_cpu_enable_async_dispatch", False)
     folder = cache_folder()
     if folder is None:

@@ -1,7 +1,7 @@
-"""Laws of what changes over minutes and hours: fluid, blood, solutes, drugs.
+"""Slow laws: changes of fluid, blood, solutes and drugs over minutes and hours.
 
-A slow law reads the steady beat as means and sets parameters of the circuit; the heart beats many times
-while a slow state hardly moves, so its rates are those at the steady beat (averaging over the fast scale).
+A slow law reads means of the steady beat and sets parameters of the circuit. Many beats pass while a slow
+state hardly changes, so its rates are evaluated at the steady beat (averaging over the fast time scale).
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ Named: TypeAlias = "Mapping[str, np.ndarray]"
 """Values by name, each of shape (members,)."""
 
 INFLOWS = ("crystalloid_ml", "albumin_ml", "red_cells_ml", "blood_ml", "bleed_ml")
-"""What events give, mL; bleeding is positive and leaves the patient."""
+"""Amounts that events give, mL; bleeding is positive and leaves the patient."""
 
 
 class SlowState(NamedTuple):
-    """A number that changes over minutes and hours.
+    """A state that changes over minutes and hours.
 
     Attributes:
-        name: such as "fluid.plasma_ml".
-        unit: of its value.
-        scale: a change that is felt; the tolerance of its error is relative to it.
-        is_amount: whether there cannot be less than nothing of it; a course ends where there would be.
+        name: name such as "fluid.plasma_ml".
+        unit: unit of the value.
+        scale: smallest change that matters; the error tolerance of the integrator is relative to it.
+        is_amount: whether the state cannot be negative; a course ends where it would become so.
     """
 
     name: str
@@ -40,10 +40,10 @@ class DerivedQuantity(NamedTuple):
     """A quantity that follows from slow states, such as a concentration.
 
     Attributes:
-        name: such as "urea".
-        unit: of its values.
-        description: what it is.
-        values: of shape (members,).
+        name: name such as "urea".
+        unit: unit of the values.
+        description: description of the quantity.
+        values: array of shape (members,).
     """
 
     name: str
@@ -53,60 +53,60 @@ class DerivedQuantity(NamedTuple):
 
 
 class SlowLaw(ABC):
-    """How some slow states change, and what they set in the circuit; of all members of a batch at once.
+    """Rates of change of slow states, and circuit parameters set by them, for all members of a batch.
 
-    Volumes that went through a door (given, removed, refilled) are states like others, so that a balance
-    holds to the rounding of the integrator.
+    Volumes that were transferred (given, removed, refilled) are states as well, so that a balance is exact to
+    the rounding of the integrator.
     """
 
     @property
     @abstractmethod
     def states(self) -> tuple[SlowState, ...]:
-        """The states, in the order of their names' first use."""
+        """Slow states, in a fixed order."""
 
     @property
     @abstractmethod
     def reads(self) -> tuple[str, ...]:
-        """Names of outputs that are read off the steady beat."""
+        """Names of the outputs of the steady beat that the law reads."""
 
     @abstractmethod
     def start(self, settings: Named, beat: Named) -> Named:
-        """States at time 0.
+        """Return the states at time 0.
 
         Args:
-            settings: the case's parameters, by key.
-            beat: what is read, of the steady beat without slow states.
+            settings: parameters of the case, by key.
+            beat: outputs named by `reads`, of the steady beat without slow states.
         """
 
     @abstractmethod
     def in_effect(self, states: Named, settings: Named) -> Named:
-        """Parameters of the circuit that slow states set, by key."""
+        """Return the circuit parameters set by the slow states, by key."""
 
     @abstractmethod
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:
-        """Change of each state per second.
+        """Return the rate of change of each state per second.
 
         Args:
-            states: of all laws, by name.
-            settings: the case's parameters at that moment, events and ramps applied.
-            beat: what is read, of the steady beat at these states.
-            inflows: what events give at that moment, mL/s by the names of `INFLOWS`.
+            states: states of all laws, by name.
+            settings: parameters of the case at that moment, with events and ramps applied.
+            beat: outputs named by `reads`, of the steady beat at these states.
+            inflows: rates at which events give fluid at that moment, mL/s, by the names in `INFLOWS`.
         """
 
     @property
     def blood(self) -> tuple[str, ...]:
-        """States of how far the blood has followed [mmHg], not needed where beats are followed."""
+        """Names of states in which blood lags behind tissues [mmHg], unused where beats are followed."""
         return ()
 
     def beat_by_beat(self) -> SlowLaw:
-        """The law where gases of the blood are followed beat by beat."""
+        """Return the law to use where blood gases are followed beat by beat."""
         return self
 
     def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:
-        """Quantities that follow from the states and are shown beside them.
+        """Return quantities that follow from the states and are shown beside them.
 
         Args:
-            states: of all laws, by name.
-            in_effect: parameters, by key, those included that the laws set.
+            states: states of all laws, by name.
+            in_effect: parameters by key, including those that the laws set.
         """
         return ()

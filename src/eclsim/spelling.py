@@ -1,25 +1,25 @@
-"""Nearest right spellings of a misspelt name."""
+"""Suggestions of correct spellings for a misspelt name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-# Candidates that are this much less like the word than the best one are not worth naming.
+# Candidates less similar to the word than the best one by this much are not suggested.
 _SPREAD = 0.12
 _MOST = 3
 
 
 def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
-    """The candidates most like a word, best first; upper and lower case are not told apart.
+    """Return the candidates most similar to a word, best first; case is ignored.
 
-    A word that is the beginning of a longer name ("age" of "age_years") means that name.
+    A word that is the beginning of a longer name ("age" of "age_years") is taken to mean that name.
 
     Args:
-        word: What was written.
-        candidates: The right spellings.
+        word: The word as written.
+        candidates: The correct spellings.
 
     Returns:
-        An empty tuple where nothing is near.
+        At most three candidates; empty if none is similar.
     """
     from difflib import SequenceMatcher, get_close_matches
 
@@ -38,11 +38,11 @@ def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
 
 
 def did_you_mean(word: str, candidates: Iterable[str]) -> str:
-    """The nearest spellings as one phrase ("Rmc or Rpmc"); empty where nothing is near."""
+    """Return the nearest spellings as a phrase ("Rmc or Rpmc"); empty if none is similar."""
     return " or ".join(nearest(word, candidates))
 
 
 def spelling_hint(word: str, candidates: Iterable[str]) -> str:
-    """End of a message about a misspelt name, "; did you mean Rmc or Rpmc?"; empty where nothing is near."""
+    """End of a message about a misspelt name, "; did you mean Rmc or Rpmc?"; empty if no name is similar."""
     phrase = did_you_mean(word, candidates)
     return f"; did you mean {phrase}?" if phrase else ""

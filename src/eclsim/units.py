@@ -1,4 +1,4 @@
-"""The one place where units are converted.
+"""Unit conversion for the whole package.
 
 Inside eclsim pressures are in mmHg, volumes in mL and times in s, so flows are in mL/s,
 resistances in mmHg s/mL, compliances in mL/mmHg and inertances in mmHg s^2/mL. Users write
@@ -19,7 +19,7 @@ MMHG_S_PER_ML_PER_WOOD = 60.0 / 1000.0
 MMHG_S_PER_ML_PER_DYN = 0.1 / PA_PER_MMHG
 SECONDS_PER_MINUTE = 60.0
 
-# unit -> (quantity, how many of the quantity's internal unit one of it is)
+# unit -> (quantity, value of one such unit in the internal unit of the quantity)
 _FACTORS: dict[str, tuple[str, float]] = {
     "mL/s": ("flow", 1.0),
     "L/min": ("flow", ML_S_PER_L_MIN),
@@ -109,19 +109,19 @@ _BY_LOWER_CASE = {unit.lower(): unit for unit in _FACTORS} | _SPELLINGS
 
 
 def known_unit(text: str) -> str | None:
-    """The unit that a spelling such as "mmhg", "French" or "dyn.s/cm5" means, or None."""
+    """Return the unit meant by a spelling such as "mmhg", "French" or "dyn.s/cm5", or None if unknown."""
     text = " ".join(text.split())
     return text if text in _FACTORS else _BY_LOWER_CASE.get(text.lower())
 
 
 def quantity_of(unit: str) -> str | None:
-    """What a unit measures ("flow", "pressure", ...), or None for one that is not known."""
+    """Return the quantity that a unit measures ("flow", "pressure", ...), or None for an unknown unit."""
     known = known_unit(unit)
     return None if known is None else _FACTORS[known][0]
 
 
 def units_of(quantity: str) -> tuple[str, ...]:
-    """All known units of a quantity, the internal one first."""
+    """Return all known units of a quantity, the internal one first."""
     return tuple(unit for unit, (measured, _) in _FACTORS.items() if measured == quantity)
 
 
@@ -130,8 +130,8 @@ def convert(value: float, from_unit: str, to_unit: str) -> float:
 
     Args:
         value: The number, in `from_unit`.
-        from_unit: Any spelling that `known_unit` understands, such as "L/min".
-        to_unit: Likewise, such as "mL/s".
+        from_unit: Unit in any spelling that `known_unit` understands, such as "L/min".
+        to_unit: Unit in any such spelling, such as "mL/s".
 
     Raises:
         ValueError: If a unit is unknown or the two measure different quantities.
