@@ -1,4 +1,4 @@
-"""Running what has many parts: in threads, on Dask or as shards; resumable, with the same bits everywhere."""
+"""Execution of many tasks in threads, on Dask or as shards: resumable, with bitwise identical results."""
 
 from eclsim.execution.distribution import Distribution, Executor, Shard, ShardDone, as_executor
 from eclsim.execution.folder import ExecutionError, Format, TaskFolder, as_folder, json_format

@@ -1,8 +1,8 @@
 """Tasks on a Dask cluster: the extra `eclsim[dask]`.
 
-Workers of this machine are processes with one thread each, started while the work is planned. A fork server
-imports eclsim once and the workers are forks of it. It computes nothing itself, so there are no threads to
-lose. Where there is no fork server (macOS, Windows), each worker starts and imports on its own.
+Local workers are single-threaded processes, started while the work is being planned. A fork server imports
+eclsim once, and the workers are forked from it. The fork server itself computes nothing, so no threads are
+lost in forking. Without a fork server (macOS, Windows), each worker starts and imports separately.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ LOCAL = "local"
 
 @contextmanager
 def on_dask(address: str, preload: Iterable[str] = ()) -> Iterator[Callable[..., Results]]:
-    """What sends tasks to the workers of a cluster.
+    """Yield a function that runs tasks on the workers of a cluster.
 
     Args:
-        address: of the scheduler (`tcp://host:8786`), or "local" for workers of this machine.
-        preload: modules that local workers need before their first task.
+        address: address of the scheduler (`tcp://host:8786`), or "local" for workers on this machine.
+        preload: modules to import in local workers before their first task.
     """
     if importlib.util.find_spec("distributed") is None:
         raise ExecutionError("--dask needs Dask: pip install 'eclsim[dask]'")
@@ -51,7 +51,7 @@ def on_dask(address: str, preload: Iterable[str] = ()) -> Iterator[Callable[...,
 
 
 def _start_fork_server(preload: list[str]) -> str:
-    """How workers are started: from a fork server that is importing already, or anew."""
+    """Start a fork server that imports the modules, and return the start method; "spawn" except on Linux."""
     if sys.platform != "linux":
         return "spawn"
     from multiprocessing import forkserver
@@ -71,7 +71,7 @@ def _local_cluster(workers: int, method: str) -> LocalCluster:
         "distributed.nanny.pre-spawn-environ": {},
     }
     with dask.config.set(settings):
-        # No dashboard: None is what Dask documents for it and its annotation leaves out.
+        # No dashboard: Dask documents None for this, but its type annotation does not allow it.
         return LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)  # pyright: ignore[reportArgumentType]
 
 
@@ -85,9 +85,9 @@ def _run(
 
     with _client(cluster()) as client:
         shared = client.scatter(tasks.compute, broadcast=True)
-        # A scheduler that several people use answers a name it knows with the result it has: no name twice.
+        # A shared scheduler returns a stored result for a key it knows, so each run has its own keys.
         run = uuid4().hex
-        # In order of number: stopped early, the tasks done are the first ones.
+        # In order of number, so that a run stopped early has completed the first tasks.
         futures = [
             client.submit(
                 _on_worker, shared, tasks.arguments[number], number, __version__,
@@ -108,7 +108,7 @@ def _client(cluster: str | LocalCluster) -> Client:
     from dask.distributed import Client
 
     try:
-        # Not everybody's: what else runs in this process would go to a client that is closed by then.
+        # Not the default client, or other code in this process would use it after it is closed.
         return Client(cluster, set_as_default=False)
     except (OSError, ValueError) as error:
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
@@ -128,9 +128,9 @@ def _on_worker(
 
 @lru_cache(maxsize=1)
 def _keep_freed_memory() -> None:
-    """Let the process keep the memory of a task for the next one.
+    """Make the process keep a task's memory for the next one.
 
-    Dask has its workers return freed memory to the system at once (`MALLOC_TRIM_THRESHOLD_`); fetching it
+    Dask makes its workers return freed memory to the system at once (`MALLOC_TRIM_THRESHOLD_`); getting it
     back, page by page, costs a sixth of the processor time of a steady beat.
     """
     import ctypes
@@ -139,6 +139,6 @@ def _keep_freed_memory() -> None:
     try:
         library = ctypes.CDLL(None)
         library.mallopt(trim_threshold, 512 * 2**20)
-        library.mallopt(mmap_threshold, 32 * 2**20)  # the largest that it takes
-    except (AttributeError, OSError, TypeError):  # another C library than the GNU one
+        library.mallopt(mmap_threshold, 32 * 2**20)  # the largest value allowed
+    except (AttributeError, OSError, TypeError):  # a C library other than glibc
         return

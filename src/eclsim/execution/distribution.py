@@ -1,4 +1,4 @@
-"""Where tasks run and which of them: in this process, on Dask, as one shard of several."""
+"""Distribution of tasks: in this process, on Dask, or as one of several shards."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MOST_NAMED = 10
 
 
 class ShardDone(Exception):  # noqa: N818 - no error: the work of one shard ends here
-    """A shard has left its results in the folder; the rest is for the others and the merge."""
+    """A shard has stored its results in the folder; the other shards and the merge remain to be run."""
 
     def __init__(self, shard: Shard, unit: str, folder: Path):
         super().__init__(f"shard {shard}: its {unit} are in {folder}")
@@ -28,11 +28,11 @@ class ShardDone(Exception):  # noqa: N818 - no error: the work of one shard ends
 
 @dataclass(frozen=True)
 class Shard:
-    """One of several runs that share the tasks, on as many machines.
+    """One of several runs that share the tasks, for example on several machines.
 
     Args:
-        number: from 1.
-        count: of all.
+        number: number of this shard, from 1.
+        count: number of shards.
     """
 
     number: int
@@ -45,7 +45,7 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str) -> Shard:
-        """Read "3/16"."""
+        """Parse a shard written as "3/16"."""
         number, _, count = text.partition("/")
         if not (text.isascii() and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
             raise ExecutionError(f"--shard {text}: allowed: k/n with k from 1 to n, such as 3/16")
@@ -55,21 +55,22 @@ class Shard:
         return f"{self.number}/{self.count}"
 
     def numbers(self, total: int) -> range:
-        """Its share of the tasks."""
+        """Return the numbers of this shard's tasks, out of `total` tasks."""
         return range((self.number - 1) * total // self.count, self.number * total // self.count)
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """Where tasks run, which of them, and what becomes of earlier results. It changes no number.
+    """Where tasks run, which of them, and whether earlier results are kept. It does not change any result.
 
     Args:
-        workers: threads, or Dask workers of this machine; None: `ECLSIM_THREADS`, else all processors.
+        workers: number of threads, or of Dask workers on this machine; None for `ECLSIM_THREADS`, else all
+            processors.
         dask: "local", or the address of a scheduler (`tcp://host:8786`).
-        shard: run this share only and leave its results in the folder.
-        merge: run nothing; take the results that the shards left.
-        resume: go on with the results in the folder.
-        force: throw them away.
+        shard: run only this shard and leave its results in the folder.
+        merge: run nothing and combine the results that the shards left.
+        resume: continue from the results in the folder.
+        force: delete the results in the folder first.
     """
 
     workers: int | None = None
@@ -94,19 +95,21 @@ class Distribution:
 
     @property
     def continues(self) -> bool:
-        """Whether results that are there are kept."""
+        """Whether existing results are kept."""
         return self.resume or self.merge or self.shard is not None
 
     def numbers(self, total: int) -> range:
-        """Numbers of the tasks to run: those of the shard, else all."""
+        """Return the numbers of the tasks to run: those of the shard, or all without one."""
         return range(total) if self.shard is None else self.shard.numbers(total)
 
     @contextmanager
     def running(self, preload: Iterable[str] = ()) -> Iterator[Executor]:
-        """What runs tasks. Enter it before they are planned: local Dask workers start meanwhile.
+        """Yield the executor.
+
+        Enter this context before planning tasks, so that local Dask workers start meanwhile.
 
         Args:
-            preload: modules that local workers need before their first task.
+            preload: modules to import in local workers before their first task.
         """
         with using_threads(self.workers):
             if self.dask is None or self.merge:
@@ -120,11 +123,11 @@ class Distribution:
 
 @dataclass(frozen=True)
 class Executor:
-    """Runs tasks.
+    """Executor of tasks.
 
     Args:
-        distribution: which of them, and what becomes of earlier results.
-        run: where.
+        distribution: which tasks to run and whether earlier results are kept.
+        run: function that runs tasks, in this process or on Dask.
     """
 
     distribution: Distribution
@@ -137,17 +140,17 @@ class Executor:
         format: Format[Result],
         progress: Progress | None = None,
     ) -> list[Result]:
-        """All results, in order.
+        """Run the tasks and return all results, in order.
 
         Args:
-            tasks: what is to be done.
-            folder: keeps the results; None keeps them for this call alone.
-            format: of the files in it.
-            progress: called as tasks are done.
+            tasks: the tasks.
+            folder: folder in which results are stored; None for a temporary one.
+            format: file format of the results.
+            progress: called whenever a task is done.
 
         Raises:
             ExecutionError: the folder does not fit, a result is missing, or the workers cannot be reached.
-            ShardDone: this was a shard, whose results are in the folder now.
+            ShardDone: this run was a shard; its results are now in the folder.
         """
         results = self.completed_by_this_shard(tasks, folder, format, progress)
         if (shard := self.distribution.shard) is not None and folder is not None:
@@ -161,7 +164,7 @@ class Executor:
         format: Format[Result],
         progress: Progress | None = None,
     ) -> dict[int, Result]:
-        """Results by number: those of a shard, else all. Arguments are those of `complete`."""
+        """Run the tasks of the shard, or all, and return results by number; arguments as in `complete`."""
         if folder is None and self.distribution.continues:
             raise ExecutionError(f"{tasks.title}: --resume, --shard and merge need a folder, --out DIR")
         numbers = self.distribution.numbers(len(tasks.arguments))
@@ -172,10 +175,10 @@ class Executor:
             return {number: store.load(number) for number in numbers}
 
     def run_each(self, works: Iterable[Callable[[], Combined]]) -> list[Combined]:
-        """What several works return, one after the other; a shard does its share of all before it ends.
+        """Call functions in turn and return their results; a shard calls all of them before it ends.
 
         Raises:
-            ShardDone: these were shards, whose results are in their folders now.
+            ShardDone: these were shards; their results are now in their folders.
         """
         results, ended = [], None
         for work in works:
@@ -190,13 +193,13 @@ class Executor:
     def run_shard(
         self, tasks: Tasks[Argument, Result], store: Store[Result], folder: Path, progress: Progress | None
     ) -> None:
-        """Run the tasks of the shard, if it is one, and end with `ShardDone`."""
+        """Run the tasks of the shard and raise `ShardDone`; do nothing if this run is not a shard."""
         if (shard := self.distribution.shard) is not None:
             run_tasks(tasks, store, self.distribution.numbers(len(tasks.arguments)), self.run, progress)
             raise ShardDone(shard, tasks.unit, folder)
 
     def open(self, store: TaskFolder[Result], numbers: range) -> None:
-        """Open a folder as it was asked for; what is damaged in it is refused before anything is computed."""
+        """Open a folder as the distribution requires; damaged results raise before anything is computed."""
         chosen = self.distribution
         if chosen.merge and not store.file.exists():
             raise ExecutionError(f"{store.file.parent}: holds no shards ({store.file.name} is missing)")
@@ -206,10 +209,10 @@ class Executor:
 
 
 def as_executor(given: Executor | None) -> Executor | None:
-    """What runs tasks, or None for this process.
+    """Check an executor given by the user; None stands for this process.
 
     Raises:
-        TypeError: Something else.
+        TypeError: It is not an executor.
     """
     if given is not None:
         Kind(Executor, "what `with eclsim.Distribution(...).running() as executor` gives")("executor", given)
@@ -217,7 +220,7 @@ def as_executor(given: Executor | None) -> Executor | None:
 
 
 def _run_nothing(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
-    """A merge runs nothing: what is missing is named."""
+    """Run nothing, for a merge: raise an error that names the missing tasks."""
     if numbers:
         names = ", ".join(map(str, numbers[:_MOST_NAMED])) + (" ..." if len(numbers) > _MOST_NAMED else "")
         text = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({names})"

@@ -1,7 +1,7 @@
-"""Results of tasks in a folder: each file whole or absent, and none of other inputs.
+"""Folder of task results: each file is complete or absent, and all results belong to the same inputs.
 
-inputs.json     all that the results follow from, version and fingerprint
-00003.json      result of task 3, in the form that its `Format` gives it
+inputs.json     everything that determines the results, with version and fingerprint
+00003.json      result of task 3, in the form given by its `Format`
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ _MOST_NAMED = 5
 
 
 class ExecutionError(RuntimeError):
-    """Work that cannot be begun, continued or joined; the text says why and what to do."""
+    """Work that cannot be started, continued or merged; the message gives the reason and the remedy."""
 
 
 @dataclass(frozen=True)
 class Format(Generic[Result]):
-    """How a result becomes a file.
+    """File format of a result.
 
     Args:
-        suffix: of the file.
-        write: writes a result to a path, with the mark of its inputs and its task.
-        read: reads it, with the mark found; `ValueError` where the file is damaged.
+        suffix: suffix of the file name.
+        write: writes a result to a path, with a mark that identifies its inputs and its task.
+        read: reads a result and its mark; raises `ValueError` if the file is damaged.
     """
 
     suffix: str
@@ -44,7 +44,7 @@ class Format(Generic[Result]):
 
 
 def json_format(kind: type[Result]) -> Format[Result]:
-    """Results as JSON with a checksum: plain data, dataclasses and named tuples of it; floats stay exact."""
+    """JSON format with a checksum, for plain data, dataclasses and named tuples; floats stay exact."""
 
     def write(path: Path, result: Result, fingerprint: str) -> None:
         from pydantic import TypeAdapter
@@ -65,10 +65,10 @@ def json_format(kind: type[Result]) -> Format[Result]:
 
 
 def as_folder(given: str | os.PathLike[str] | None) -> Path | None:
-    """A folder of results, or None for none.
+    """Return the folder of results as a path, or None.
 
     Raises:
-        TypeError: No path.
+        TypeError: It is not a path.
     """
     if given is None:
         return None
@@ -77,15 +77,15 @@ def as_folder(given: str | os.PathLike[str] | None) -> Path | None:
 
 
 class TaskFolder(Generic[Result]):
-    """Finished results of one piece of work.
+    """Stored results of one set of tasks.
 
     Args:
-        folder: of the results; made when it is opened.
-        inputs: all that the results follow from, as plain data.
-        format: of the files of results.
-        file: that states the inputs; left out, `inputs.json` in the folder.
+        folder: folder of the results; it is created by `open`.
+        inputs: everything that determines the results, as plain data.
+        format: file format of the results.
+        file: file that states the inputs; None for `inputs.json` in the folder.
         beside: further entries of that file, which may change.
-        name: of the files of results, before their number.
+        name: prefix of the names of result files, before the number.
     """
 
     def __init__(
@@ -107,18 +107,19 @@ class TaskFolder(Generic[Result]):
 
     @property
     def about(self) -> dict[str, object]:
-        """What the file of the inputs holds."""
+        """Content of the inputs file."""
         return self.inputs | {"hash": self.fingerprint} | self.beside
 
     def open(self, *, resume: bool = False, force: bool = False) -> None:
-        """Make the folder, or check that its results can be continued.
+        """Create the folder, or check that its results can be continued.
 
         Args:
-            resume: go on with what is there.
-            force: throw away what is there.
+            resume: continue from existing results.
+            force: delete existing results first.
 
         Raises:
-            ExecutionError: results are there already, or are of other inputs, or damaged.
+            ExecutionError: results exist and `resume` is False, or they belong to other inputs or are
+                damaged.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -148,35 +149,35 @@ class TaskFolder(Generic[Result]):
             raise ExecutionError(f"{place}: holds results already; --resume goes on, --force starts anew")
 
     def clear(self) -> None:
-        """Take away what the folder holds of this work."""
+        """Delete the inputs file and the results."""
         for path in [self.file, *(self.path(number) for number in self.finished())]:
             path.unlink(missing_ok=True)
 
     def path(self, number: int) -> Path:
-        """File of a result."""
+        """Return the path of a task's result."""
         return self.folder / f"{self.name}{number:05d}{self.format.suffix}"
 
     def finished(self) -> set[int]:
-        """Numbers of the tasks whose results are there; files of other names are nobody's results."""
+        """Return the numbers of the tasks whose results exist; files with other names are ignored."""
         files = self.folder.glob(f"{self.name}[0-9]*{self.format.suffix}")
         texts = (path.name.removesuffix(self.format.suffix).removeprefix(self.name) for path in files)
         return {int(text) for text in texts if re.fullmatch(r"[0-9]{5,}", text)}
 
     def save(self, number: int, result: Result) -> None:
-        """Keep a result."""
+        """Store the result of a task."""
         with whole_file(self.path(number)) as partial:
             self.format.write(partial, result, self._mark(number))
 
     def load(self, number: int) -> Result:
-        """A result that was kept."""
+        """Read the stored result of a task."""
         return self.read(self.path(number), self.format.read, self._mark(number))
 
     def _mark(self, number: int) -> str:
-        """Mark of a task's file: digest of the inputs and number of the task; a renamed file is refused."""
+        """Return the mark of a task's file, digest of inputs and task number: a renamed file is refused."""
         return f"{self.fingerprint}-{number}"
 
     def read(self, path: Path, read: Callable[[Path], tuple[Result, str]], mark: str = "") -> Result:
-        """Results in a file, if they are of these inputs and of the task of a mark, if there is one."""
+        """Read a result file and check its mark: that of a task if given, else the digest of these inputs."""
         try:
             result, found_mark = read(path)
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -189,7 +190,7 @@ class TaskFolder(Generic[Result]):
 
 
 def read_inputs(file: Path) -> dict[str, object] | None:
-    """What a file of inputs holds; None where there is none."""
+    """Read an inputs file; return None if it does not exist."""
     if not file.exists():
         return None
     try:
@@ -206,7 +207,7 @@ def _checksum(content: object) -> str:
 
 
 def _differences(before: object, now: object, path: str = "") -> list[str]:
-    """Entries that differ; with both values where they are short."""
+    """Return the entries that differ, with both values where they are short."""
     if isinstance(before, dict) and isinstance(now, dict):
         keys = sorted({*before, *now})
         nested = (_differences(before.get(k), now.get(k), f"{path}.{k}" if path else k) for k in keys)

@@ -1,4 +1,4 @@
-"""Tasks: a pure function, what it is called with, and how its results are kept."""
+"""Tasks: a pure function, its arguments, and the running of it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CHOSEN: ContextVar[int | None] = ContextVar("threads", default=None)
 
 
 def threads() -> int:
-    """Number of threads: of `using_threads`, else `ECLSIM_THREADS`, else the processors of this process."""
+    """Return the number of threads: from `using_threads`, `ECLSIM_THREADS`, or the CPUs of this process."""
     if (chosen := _CHOSEN.get()) is not None:
         return chosen
     setting = os.environ.get("ECLSIM_THREADS", "")
@@ -28,7 +28,7 @@ def threads() -> int:
 
 @contextmanager
 def using_threads(count: int | None) -> Iterator[None]:
-    """What is computed within, in this thread, uses so many threads; None leaves the number as it is."""
+    """Set the number of threads for computations of this thread; None leaves it unchanged."""
     if count is None:
         yield
         return
@@ -51,17 +51,19 @@ _LISTENER: ContextVar[Callable[[str], None] | None] = ContextVar("listener", def
 
 @dataclass(frozen=True)
 class Tasks(Generic[Argument, Result]):
-    """Many pieces of work of one kind, done in any order and anywhere.
+    """Many tasks of one kind, which can be run in any order and anywhere.
 
     Args:
-        title: of the work, in progress and messages: "sensitivity", "fits".
-        unit: what one task is called, in the plural: "blocks".
-        compute: gives the result of an argument: picklable, without side effects, the same bits whatever was
-            computed before or is computed beside it. What all tasks share is kept in it.
-        arguments: one for each task, small and picklable.
-        inputs: all that the results follow from, as plain data for JSON; results of other inputs are refused.
-        side_by_side: in one process, a task runs in one thread and several run at a time; otherwise one runs
-            after the other, each with all threads.
+        title: title of the work in progress lines and messages: "sensitivity", "fits".
+        unit: plural noun for the tasks: "blocks".
+        compute: computes the result of an argument. It must be picklable, without side effects, and
+            independent to the last bit of what was computed before or is computed beside it. It holds the
+            data that tasks share.
+        arguments: one argument for each task, small and picklable.
+        inputs: everything that determines the results, as plain data for JSON; results of other inputs are
+            refused.
+        side_by_side: whether, in one process, several tasks run at a time, each in one thread; otherwise
+            tasks run one after another, each with all threads.
     """
 
     title: str
@@ -73,29 +75,29 @@ class Tasks(Generic[Argument, Result]):
 
 
 class Store(Protocol[StoredResult]):
-    """Where finished results are kept."""
+    """Store of finished results."""
 
     def finished(self) -> set[int]:
-        """Numbers of the tasks whose results are there."""
+        """Return the numbers of the tasks whose results exist."""
         ...
 
     def save(self, number: int, result: StoredResult) -> None:
-        """Keep the result of a task."""
+        """Store the result of a task."""
         ...
 
 
 @dataclass(frozen=True)
 class TaskProgress:
-    """How far the work is; as text, the line to show.
+    """Progress of the work; as text, the line to show.
 
     Args:
-        title: of the work.
-        unit: what one task is called, in the plural.
-        done: tasks done, those of earlier runs included.
-        total: tasks to do in all.
-        seconds: since this run started.
-        left: estimated seconds to go; None before the first task is done.
-        detail: what a task is doing, in its own words.
+        title: title of the work.
+        unit: plural noun for the tasks.
+        done: number of tasks done, including those of earlier runs.
+        total: total number of tasks.
+        seconds: time since this run started, s.
+        left: estimated remaining time, s; None before the first task is done.
+        detail: message from the running task.
     """
 
     title: str
@@ -117,7 +119,7 @@ Progress = Callable[[TaskProgress], None]
 
 
 def announce(text: str) -> None:
-    """Say within a task what is being done; it is shown where the task runs in the user's own process."""
+    """Report what a task is doing; it is shown only where the task runs in the user's own process."""
     if (listener := _LISTENER.get()) is not None:
         listener(text)
 
@@ -134,7 +136,7 @@ def run_tasks(
     run: Run[Argument, Result],
     progress: Progress | None = None,
 ) -> None:
-    """Run the tasks of these numbers that are not finished, and keep each result as soon as it is there."""
+    """Run the numbered tasks that are not finished, storing each result as soon as it is available."""
     chosen, finished, started = list(numbers), store.finished(), time.perf_counter()
     missing = [number for number in chosen if number not in finished]
     before = len(chosen) - len(missing)
@@ -168,9 +170,9 @@ def _listening(listener: Callable[[str], None]) -> Iterator[None]:
 
 
 def in_process(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
-    """Run tasks in this process; closing the generator starts no more."""
+    """Run tasks in this process; once the generator is closed, no further task is started."""
     count = min(threads(), len(numbers)) if tasks.side_by_side else 1
-    # The first task compiles; the others would wait for it or compile the same once more.
+    # The first task compiles; others started beside it would wait for that or compile the same program again.
     in_turn = numbers[:1] if count > 1 else numbers
     for number in in_turn:
         with using_threads(1 if tasks.side_by_side else None):
