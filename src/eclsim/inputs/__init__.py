@@ -1,1 +1,1 @@
-"""Input from outside: fields with unit and range, numbers as written, files, and mistakes in them."""
+"""User input: fields with unit and range, numbers as written, files, and the mistakes found in them."""

@@ -1,4 +1,4 @@
-"""One key of a section of a case file: meaning, unit, allowed range or names."""
+"""Description of one key of a case-file section: meaning, unit, and allowed range or names."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ _NO_ALIASES: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One key of a section; stands in the annotation of the section's attribute, which names it.
+    """One key of a section, given in the annotation of the section's attribute, whose name is the key.
 
     Attributes:
-        description: What it is.
+        description: Meaning of the value.
         kind: "number", "text" or "name" (one of `names`).
         unit: Unit of a number.
         minimum: Smallest allowed number.
         maximum: Largest allowed number.
-        typical: A usual value, from which the unit of an impossible number is guessed.
-        required: Whether a case file must hold it.
+        typical: Typical value, used to guess the unit of an impossible number.
+        required: Whether a case file must contain the key.
         may_be_missing: Whether "NA", nan and the like stand for "not measured".
         names: Allowed names.
-        aliases: Other spellings that are read, and the name they become.
-        also_allowed: What is allowed besides, in words.
-        least: Smallest number above 0, where 0 is allowed too and less could only be in another unit.
+        aliases: Other accepted spellings, each with the name that it stands for.
+        also_allowed: Further allowed values, in words; for a number it replaces the stated range.
+        least: Smallest number above 0, where 0 is allowed and smaller numbers can only be in another unit.
         name: The key.
-        read: Reads the value, in place of the reader of its kind; raises `RefusedValueError`.
+        read: Reads the value instead of the default reader of its kind; raises `RefusedValueError`.
     """
 
     description: str
@@ -62,7 +62,7 @@ def number(
     description: str, unit: str, minimum: float, maximum: float, typical: float, *,
     required: bool = True, may_be_missing: bool = False, allowed: str = "",
 ) -> Field:  # fmt: skip
-    """A number in a unit; `allowed` says in other words than minimum and maximum what may stand there."""
+    """Field for a number with a unit; `allowed` describes the allowed values in place of the range."""
     return Field(
         description, "number", unit, minimum, maximum, typical, required, may_be_missing,
         also_allowed=allowed,
@@ -76,19 +76,19 @@ def one_of(
     aliases: Mapping[str, str] = _NO_ALIASES,
     required: bool = True,
 ) -> Field:
-    """One of some names."""
+    """Field for one of several names."""
     return Field(description, "name", names=names, aliases=aliases, required=required)
 
 
 def measured(description: str, unit: str, minimum: float, maximum: float, typical: float) -> Field:
-    """A number that may not have been measured."""
+    """Field for a number that may not have been measured."""
     return number(description, unit, minimum, maximum, typical, required=False, may_be_missing=True)
 
 
 def setting(
     parameter: Parameter, allowed: str = "", read: Callable[[object, Field], object] | None = None
 ) -> Field:
-    """A number with the meaning, unit and range of a parameter; left out, it has a default."""
+    """Field for an optional number with the meaning, unit and range of a parameter."""
     return Field(
         parameter.description, "number", parameter.unit, parameter.minimum, parameter.maximum,
         parameter.value or 1.0, required=False, also_allowed=allowed, read=read,

@@ -1,4 +1,4 @@
-"""Files that somebody gives as input: opened without waiting, never more of them than is allowed."""
+"""Reading of input files without blocking and with a limit on size."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from typing import Any
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 MOST_DOTS = 16
-"""Dots outside texts on one line of TOML; the memory a dotted key takes grows with the square of them."""
+"""Largest number of dots outside strings on one line of TOML; memory grows as the square of a key's depth."""
 _TEXTS_AND_COMMENTS = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|#.*')
 _KINDS = {stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device",
           stat.S_ISBLK: "a device"}  # fmt: skip
 
 
 def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") -> bytes:
-    """The whole of a regular file.
+    """Read the whole of a regular file.
 
     Args:
         file: path.
-        most: bytes allowed.
-        kind: what belongs here, for messages.
-        too_large: what to do where it is larger.
+        most: largest size allowed, bytes.
+        kind: kind of file expected, for messages.
+        too_large: advice for a file that is too large.
 
     Raises:
-        CaseError: It is missing, no regular file, too large, or a symbolic link that leaves its folder.
+        CaseError: The file is missing, not regular, too large, or a symbolic link out of its folder.
     """
     try:
         _refuse_links_to_other_folders(file)
@@ -41,12 +41,12 @@ def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") 
     except IsADirectoryError:
         raise file_error(file, f"a folder, not {kind}") from None
     except PermissionError:
-        if os.path.isdir(file):  # how Windows answers
+        if os.path.isdir(file):  # Windows raises PermissionError for a folder
             raise file_error(file, f"a folder, not {kind}") from None
         raise file_error(file, "no permission to read it") from None
     except OSError as error:
         raise file_error(file, f"cannot be read: {error.strerror or error}") from None
-    except CaseError:  # a ValueError too, which has its message
+    except CaseError:  # CaseError is a ValueError with a message of its own
         raise
     except ValueError as error:
         raise file_error(file, f"no path: {error}") from None
@@ -57,10 +57,10 @@ def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") 
 
 
 def decoded(data: bytes, file: str, expected: str = "text in UTF-8") -> str:
-    """Text in UTF-8, lines ended by line feeds alone.
+    """Decode UTF-8 text, and convert line endings to line feeds.
 
     Raises:
-        CaseError: It is in another encoding, or no text.
+        CaseError: The data is in another encoding or is not text.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise file_error(file, "encoded as UTF-16", expected)
@@ -76,7 +76,7 @@ def decoded(data: bytes, file: str, expected: str = "text in UTF-8") -> str:
 
 
 def too_deep(text: str) -> int | None:
-    """Line of TOML on which keys are nested more deeply than any case file needs, or None."""
+    """Return the first line of TOML whose keys are nested more deeply than any case file needs, or None."""
     for number, line in enumerate(text.split("\n"), start=1):
         if line.count(".") > MOST_DOTS and _TEXTS_AND_COMMENTS.sub("", line).count(".") > MOST_DOTS:
             return number
@@ -84,10 +84,10 @@ def too_deep(text: str) -> int | None:
 
 
 def json_of(text: str, file: str) -> Any:
-    """Plain data of a JSON text.
+    """Parse a JSON text to plain data.
 
     Raises:
-        CaseError: No valid JSON, nested too deeply, or an object with one key twice.
+        CaseError: The text is not valid JSON, is nested too deeply, or repeats a key within an object.
     """
     try:
         return json.loads(text, object_pairs_hook=_without_double_keys)
@@ -101,7 +101,7 @@ def json_of(text: str, file: str) -> Any:
 
 
 def file_error(file: str, message: str, allowed: str = "") -> CaseError:
-    """The error for a file as a whole."""
+    """Return the error for a file as a whole."""
     shown = file if file.isprintable() else file.encode("unicode_escape").decode("ascii")
     return CaseError([Mistake("", message, allowed=allowed, file=shown)])
 

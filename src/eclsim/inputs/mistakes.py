@@ -1,4 +1,4 @@
-"""Mistakes in an input, with what is needed to correct them."""
+"""Mistakes in an input, with the information needed to correct them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from eclsim.arguments import article
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """One thing to say about one key of an input: an error, a warning or a note.
+    """One remark about one key of an input: an error, a warning or a note.
 
     Attributes:
-        key: Dotted name of the field ("patient.age_years"), empty where the whole file is meant.
-        message: What is wrong.
-        value: What was written, as text; empty where nothing was.
-        allowed: What is allowed, empty where the message has it.
-        suggestion: The nearest right spelling or value, or empty.
-        file: Where it was read, such as a path or "--set".
-        line: Line in the file, counted from 1, where known.
+        key: Dotted name of the field ("patient.age_years"); empty for a remark about the whole file.
+        message: Description of the problem.
+        value: Value as written, as text; empty if there was none.
+        allowed: Allowed values; empty if the message states them.
+        suggestion: Nearest correct spelling or value; empty if there is none.
+        file: Source of the value, such as a path or "--set".
+        line: Line in the file, counted from 1; None if unknown.
     """
 
     key: str
@@ -42,12 +42,12 @@ class Mistake:
         return text
 
     def at(self, file: str, line: int | None) -> Mistake:
-        """The same with its place in a file."""
+        """Return the same remark with its place in a file."""
         return replace(self, file=file, line=line)
 
 
 class CaseError(ValueError):
-    """An input that cannot be used; `mistakes` holds everything wrong with it, in file order."""
+    """An input that cannot be used; `mistakes` holds all errors found in it, in file order."""
 
     def __init__(self, mistakes: Sequence[Mistake]):
         self.mistakes = tuple(mistakes)
@@ -56,12 +56,12 @@ class CaseError(ValueError):
 
 @dataclass(slots=True)
 class Remarks:
-    """Collects mistakes, warnings and notes about an input, so that one mistake does not hide another.
+    """Collection of errors, warnings and notes about an input, so that one error does not hide another.
 
     Attributes:
         mistakes: Errors; with any of them the input must not be used.
-        warnings: Doubts; the input is used.
-        notes: What was filled in, converted or left out.
+        warnings: Warnings; the input is used.
+        notes: Values that were filled in, converted or left out.
     """
 
     mistakes: list[Mistake] = field(default_factory=list)
@@ -72,13 +72,13 @@ class Remarks:
         self, key: str, message: str, value: str = "", allowed: str = "", suggestion: str = "",
         line: int | None = None,
     ) -> None:  # fmt: skip
-        """Add a mistake; the arguments are those of `Mistake`."""
+        """Add an error; the arguments are those of `Mistake`."""
         self.mistakes.append(Mistake(key, message, value, allowed, suggestion, line=line))
 
     def warning(
         self, key: str, message: str, value: str = "", suggestion: str = "", line: int | None = None
     ) -> None:
-        """Add a doubt."""
+        """Add a warning."""
         self.warnings.append(Mistake(key, message, value, suggestion=suggestion, line=line))
 
     def note(self, key: str, message: str, value: str = "", line: int | None = None) -> None:
@@ -86,29 +86,29 @@ class Remarks:
         self.notes.append(Mistake(key, message, value, line=line))
 
     def refused(self) -> set[str]:
-        """Keys that were given with a wrong value, so that they are not missing."""
+        """Return the keys given with a wrong value, so that they are not also reported as missing."""
         return {mistake.key for mistake in self.mistakes}
 
     def raise_mistakes(self) -> None:
-        """Raise `CaseError` with all mistakes if there are any."""
+        """Raise `CaseError` with all errors if there are any."""
         if self.mistakes:
             raise CaseError(self.mistakes)
 
 
 class NumberAsWritten(float):
-    """A number that remembers its digits, so that 1e400 and 1e-400 differ from inf and 0."""
+    """A number that keeps its digits as written, so that 1e400 and 1e-400 can be told from inf and 0."""
 
     text: str
 
     def __new__(cls, text: str) -> NumberAsWritten:
-        """Read the digits; too large gives inf, too small 0."""
+        """Convert the digits to a float; overflow gives inf, underflow 0."""
         number = super().__new__(cls, text)
         number.text = text
         return number
 
 
 def shown(value: object) -> str:
-    """A value as it stands in messages: short, on one line, text in quotes."""
+    """Format a value for a message: short, on one line, text in quotes."""
     match value:
         case NumberAsWritten():
             text = value.text
@@ -132,14 +132,14 @@ def shown(value: object) -> str:
 
 
 def as_names(given: Sequence[str], what: str) -> tuple[str, ...]:
-    """Names as a tuple; one text is one name.
+    """Return names as a tuple; a single string is one name.
 
     Args:
         given: names.
-        what: the argument is called.
+        what: name of the argument, for messages.
 
     Raises:
-        TypeError: It is no list of texts.
+        TypeError: An entry is not a string.
     """
     names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
     for name in names:
@@ -152,15 +152,15 @@ Settings = TypeVar("Settings")
 
 
 def as_settings(given: Settings | None, kind: type[Settings], what: str = "settings") -> Settings:
-    """The settings given, or the usual ones.
+    """Return the given settings, or the default ones.
 
     Args:
-        given: settings; None for the usual ones.
-        kind: class of them.
-        what: the argument is called.
+        given: settings; None for the defaults.
+        kind: class of the settings.
+        what: name of the argument, for messages.
 
     Raises:
-        TypeError: Of another kind, such as a dict.
+        TypeError: The settings are of another type, such as a dict.
     """
     if given is None:
         return kind()

@@ -1,4 +1,4 @@
-"""Reading one number of a case file, and saying what was meant where it is none."""
+"""Reading of one number of a case file, with suggestions for values that are not numbers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _WITH_UNIT = re.compile(rf"\s*({_NUMBER.pattern})\s*(\D.*?)\s*")
 
 
 class RefusedValueError(Exception):
-    """Why a value is refused; `mistake` says it without key and place."""
+    """A value that is refused; `mistake` gives the reason, without key and place."""
 
     def __init__(self, message: str, allowed: str = "", suggestion: str = ""):
         self.mistake = Mistake("", message, allowed=allowed, suggestion=suggestion)
@@ -35,24 +35,24 @@ class RefusedValueError(Exception):
 
 
 def is_missing(value: object) -> bool:
-    """Whether a value says that nothing was measured: nan, "NA", "n/a", "-", "." and the like."""
+    """Whether a value stands for "not measured": nan, "NA", "n/a", "-", "." and the like."""
     if isinstance(value, float):
         return math.isnan(value)
     return isinstance(value, str) and value.strip().lower() in _MISSING
 
 
 def is_number(value: object) -> TypeGuard[int | float]:
-    """Whether a value is a number that a float can be."""
+    """Whether a value is a number within the range of a float; Booleans and NaN are not."""
     if not isinstance(value, (int, float)) or isinstance(value, bool):
         return False
     return abs(value) <= sys.float_info.max
 
 
 def read_number(value: object, field: Field) -> float:
-    """The number of a field in its unit.
+    """Read the value of a number field, in the field's unit.
 
     Raises:
-        RefusedValueError: For anything else, and for a number outside the allowed range.
+        RefusedValueError: The value is not a number or is outside the allowed range.
     """
     number = _finite(value, field)
     too_little = 0.0 < number < field.least
@@ -65,7 +65,7 @@ def read_number(value: object, field: Field) -> float:
 
 
 def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[float, float]) -> str:
-    """Which unit an impossible number may be in, as "800 dyn s/cm^5 = 0.6 mmHg s/mL"; else empty."""
+    """Guess the unit of an impossible number, as "800 dyn s/cm^5 = 0.6 mmHg s/mL"; empty if none fits."""
     quantity = quantity_of(unit)
     best, best_distance = "", math.log(30.0)
     for other in units_of(quantity) if quantity else ():
@@ -101,7 +101,7 @@ def _finite(value: object, field: Field) -> float:
 
 
 def _digits(value: object) -> bool:
-    """Whether a number was written with a digit other than 0 in front of its exponent."""
+    """Whether a number was written with a digit other than 0 before its exponent."""
     written = value.text if isinstance(value, NumberAsWritten) else ""
     return any(digit in "123456789" for digit in re.split("[eE]", written)[0])
 
@@ -139,10 +139,10 @@ def _number_with_unit(text: str, number: float, unit: str, field: Field) -> floa
 
 
 def number_meant(text: str) -> str:
-    """The number that a text with something behind its digits may mean; empty where that would be a guess.
+    """Return the number probably meant by a text with characters after its digits; empty if that is a guess.
 
-    A unit is left out, digits in groups are joined, and letters that look like digits are read as such. A
-    date or anything else gives nothing.
+    A unit is dropped, groups of digits are joined, and letters that look like digits are read as digits. A
+    date or any other text gives an empty result.
     """
     written = text.strip()
     if _DIGIT_GROUPS.fullmatch(written):

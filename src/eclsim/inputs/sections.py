@@ -1,4 +1,4 @@
-"""A section of a case file: a pydantic model whose annotations say what each key may hold."""
+"""Sections of a case file: pydantic models whose annotations describe the values allowed for each key."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from eclsim.spelling import did_you_mean
 
 MAXIMUM_ID_LENGTH = 64
 CHECKED = {"checked": True}
-"""Context of a validation whose data were checked already."""
+"""Validation context for data that are already checked."""
 Raw = Mapping[str, Any]
-"""Keys and values as a case file holds them."""
+"""Keys and values as in a case file."""
 
 _BIRTH_DATE = re.compile(r"(19|20)\d\d[-./ ]?\d\d[-./ ]?\d\d|\d{1,2}[-./]\d{1,2}[-./](19|20)?\d\d")
 _RECORD_NUMBER = re.compile(r"\d{6,}")
@@ -37,42 +37,42 @@ class Section(BaseModel):
 
         speed_rpm: Annotated[float, number("Speed", "rpm", 0, 15000, typical=5000)]
 
-    or is the parameter of its name, such as "gas.fio2" for `fio2` of [gas].
+    or takes the description of the parameter of the same name, such as "gas.fio2" for `fio2` of [gas].
 
-    Building one checks it as a case file is checked.
+    Creating an instance runs the checks of a case file.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     section: ClassVar[str]
     """Name of the section in a case file."""
     parameters: ClassVar[Mapping[str, Parameter]] = {}
-    """Table of the attributes that have no `Field`."""
+    """Parameters that describe the attributes without a `Field`, by key."""
     exclusive: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """Pairs of keys of which one is given: setting the one takes the other away."""
+    """Pairs of mutually exclusive keys: setting one removes the other."""
 
     @classmethod
     def fields(cls) -> Mapping[str, Field]:
-        """The keys, in the order in which they are written."""
+        """Return the fields by key, in the order in which they are written."""
         return _fields(cls)
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Fill in what follows from other keys of the section, and see that the rest is there.
+        """Fill in values that follow from other keys, and check what depends on several keys.
 
         Args:
-            raw: what was given.
-            values: what of it is right; gets what is filled in.
-            key: of the section, such as "ecmo" or "ecmo.left".
-            remarks: collects mistakes, warnings and notes.
+            raw: values as given.
+            values: the valid ones of these values; values that are filled in are added.
+            key: key of the section, such as "ecmo" or "ecmo.left".
+            remarks: collects errors, warnings and notes.
         """
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """See that it goes together with the other sections, whether the case has it or not.
+        """Check that the section agrees with the other sections; called even if the case lacks this section.
 
         Args:
-            sections: what is right of each section that the case has, by its key.
-            remarks: collects mistakes, warnings and notes.
+            sections: valid values of each section of the case, by section key.
+            remarks: collects errors, warnings and notes.
         """
 
     @model_validator(mode="before")
@@ -103,7 +103,7 @@ def _parameter_field(section: type[Section], name: str) -> Field:
 
 
 def plain(data: Raw) -> dict[str, Any]:
-    """The mapping with models turned into mappings, and without keys that are None."""
+    """Convert models in a mapping to mappings, and drop keys whose value is None."""
     dumped = {
         key: value.model_dump(exclude_none=True) if isinstance(value, BaseModel) else value
         for key, value in data.items()
@@ -118,17 +118,17 @@ def check_section(
     remarks: Remarks,
     other_place: Callable[[str], str] = lambda key: "",
 ) -> dict[str, Any]:
-    """Check the fields of one section, each on its own, and fill in what follows from others.
+    """Check the fields of one section one by one, then fill in values that follow from others.
 
     Args:
-        section: what belongs there.
-        raw: what was given.
-        key: of the section in the case file.
-        remarks: collects mistakes, warnings and notes.
-        other_place: tells in which other sections a key belongs.
+        section: class of the section.
+        raw: section as given.
+        key: key of the section in the case file.
+        remarks: collects errors, warnings and notes.
+        other_place: returns the other sections in which a key belongs, as text; empty for none.
 
     Returns:
-        The values as far as they are right.
+        The valid values.
     """
     values: dict[str, Any] = {}
     if not isinstance(raw, Mapping):
@@ -151,7 +151,7 @@ def check_section(
 
 
 def check_field(key: str, value: object, field: Field, values: dict[str, Any], remarks: Remarks) -> None:
-    """Read one value into `values`, or report why it is refused."""
+    """Read one value into `values`, or record why it is refused."""
     if field.may_be_missing and (value is None or is_missing(value)):
         message = "not measured, so not fitted" if key.startswith("measurements") else "not given"
         remarks.note(key, message, shown(value))
@@ -166,10 +166,10 @@ def check_field(key: str, value: object, field: Field, values: dict[str, Any], r
 
 
 def read_value(value: object, field: Field) -> object:
-    """The value of a field.
+    """Read the value of a field.
 
     Raises:
-        RefusedValueError: Saying what is allowed.
+        RefusedValueError: The value is not allowed; the error states the allowed values.
     """
     if field.read is not None:
         return field.read(value, field)
@@ -193,10 +193,10 @@ def _read_text(value: object, field: Field) -> str:
 
 
 def read_name(value: object, field: Field) -> str:
-    """One of the names of a field.
+    """Read one of the names of a field.
 
     Raises:
-        RefusedValueError: Saying what is allowed.
+        RefusedValueError: It is not an allowed name; the error states the allowed names.
     """
     if isinstance(value, str):
         name = value.strip()
@@ -212,7 +212,7 @@ def read_name(value: object, field: Field) -> str:
 
 
 def read_share(value: object, field: Field) -> object:
-    """A fraction; a percentage is refused with what it means."""
+    """Read a fraction; 10 to 70 is refused as a percentage, with the fraction suggested."""
     if is_number(value) and 10.0 <= value <= 70.0:
         raise RefusedValueError("a percentage; a fraction belongs here", field.allowed, f"{value / 100.0:g}")
     return read_number(value, replace(field, read=None))
@@ -226,12 +226,12 @@ def _read_switch(value: object, field: Field) -> bool:
 
 
 def switch(description: str) -> Field:
-    """A key that is true or false."""
+    """Field for a key that is true or false."""
     return Field(description, "name", required=False, names=("true", "false"), read=_read_switch)
 
 
 def looks_identifiable(text: object) -> bool:
-    """Whether an id looks like a name, a birth date or a record number of a hospital."""
+    """Whether an id looks like a name, a birth date or a hospital record number."""
     if not isinstance(text, str):
         return False
     written = text.strip()[:_LONGEST_CHECKED_TEXT]
@@ -241,7 +241,7 @@ def looks_identifiable(text: object) -> bool:
 
 
 def short(key: object) -> str:
-    """A key as it stands in messages."""
+    """Shorten a key to 64 characters and escape unprintable ones, for messages."""
     text = str(key)
     text = text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
     return text if len(text) <= 64 else text[:60] + "..."
