@@ -1,4 +1,4 @@
-"""Patients and their devices: case files read, checked, changed and written."""
+"""Patients and their devices: reading, checking, changing and writing of case files."""
 
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.checking import check_case

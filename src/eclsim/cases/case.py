@@ -1,4 +1,4 @@
-"""A case: one patient with the devices connected, checked and complete."""
+"""A case: one patient with the connected devices, checked and complete."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ _PUBLISHED = tuple(PublishedDevices.model_fields)
 
 
 class Case(PublishedDevices):
-    """One patient, the measurements and the devices connected.
+    """One patient with measurements and connected devices.
 
-    The only instance of a published device is an attribute (`case.ecmo`, None where it is absent); all others
-    are `other_devices` by the key of their section ("lvad.left", or a device from outside the package).
-    `instances()` lists all. `blood_volume_policy` is the one that the case was made or fitted with, None
-    where it does not say.
+    A published device that is connected once is an attribute (`case.ecmo`, None if absent). All other devices
+    are in `other_devices`, by section key ("lvad.left", or a device from outside the package). `instances()`
+    returns all of them. `blood_volume_policy` is the policy with which the case was made or fitted, or None
+    if not stated.
 
-    Building one checks everything a case file is checked for and raises `pydantic.ValidationError`
-    with all mistakes; `eclsim.cases.read_case` also tells file and line, and keeps the warnings.
+    Creating a `Case` runs all checks of a case file and raises `pydantic.ValidationError` with all errors;
+    `eclsim.cases.read_case` also reports file and line, and keeps the warnings.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -63,9 +63,9 @@ class Case(PublishedDevices):
     parameters: dict[str, float] = Field(default_factory=dict)
     events: tuple[Event, ...] = ()
     as_written: Case | None = Field(default=None, exclude=True, repr=False)
-    """The case of the file where settings were put over it; what open set points of reflexes refer to."""
+    """The case of the file before settings changed it; open set points of reflexes refer to it."""
     fit_mark: FitMark | None = Field(default=None, exclude=True, repr=False)
-    """Verdict of its file on the fit that gave its parameters."""
+    """Verdict in the case file on the fit that gave the parameters."""
 
     @model_validator(mode="before")
     @classmethod
@@ -82,25 +82,25 @@ class Case(PublishedDevices):
 
     @property
     def volume_policy(self) -> Policy:
-        """The blood volume policy to simulate the case with: its own, else the published one."""
+        """Blood volume policy to simulate the case with: its own if stated, else the published one."""
         return self.blood_volume_policy or "as_published"
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Doubts about the fit that gave its parameters, for its results; empty where it is good."""
+        """Warnings about the fit that gave the parameters, to be shown with results; empty for a good fit."""
         mark = self.fit_mark
         return () if mark is None or mark.level == "good" else (mark.sentence,)
 
     @property
     def refusal(self) -> str:
-        """Why studies of many leave it out: its fit is poor; empty where they do not."""
+        """Reason why studies of many patients exclude this one (a poor fit); empty if they include it."""
         return "" if self.fit_mark is None else self.fit_mark.refusal
 
     def with_volume_policy(self, policy: str) -> Case:
-        """The same case, saying how its circuits are filled.
+        """Return the case with another blood volume policy, which says whose blood fills the circuits.
 
         Raises:
-            CaseError: If there is no such policy.
+            CaseError: There is no such policy.
         """
         checked = check_case(self.as_mapping() | {"blood_volume_policy": policy})
         if checked.mistakes:
@@ -108,7 +108,7 @@ class Case(PublishedDevices):
         return self.model_copy(update={"blood_volume_policy": policy})
 
     def instances(self) -> tuple[Instance, ...]:
-        """All devices connected, in the order of the registry."""
+        """Return all connected devices, in the order of the registry."""
         sections = {key: section for key in _PUBLISHED if (section := getattr(self, key)) is not None}
         sections |= self.other_devices
         known = devices()
@@ -121,11 +121,11 @@ class Case(PublishedDevices):
         return tuple(sorted(result, key=lambda instance: order.index(instance.device)))
 
     def instance(self, key: str) -> Instance | None:
-        """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
+        """Return the device of a section such as "lvad" or "lvad.left"; None if it is not connected."""
         return next((instance for instance in self.instances() if instance.key == key), None)
 
     def with_section(self, key: str, **changes: object) -> Case:
-        """The same case with some keys of a device's section changed; the values are right."""
+        """Return the case with some keys of a device's section changed; the new values are not checked."""
         instance = self.instance(key)
         assert instance is not None
         section = instance.section.model_copy(update=changes)
@@ -134,7 +134,7 @@ class Case(PublishedDevices):
         return self.model_copy(update={"other_devices": {**self.other_devices, key: section}})
 
     def targets(self) -> tuple[tuple[Instance, Target], ...]:
-        """Devices that name a value in place of a setting, such as a pump flow in place of a speed."""
+        """Return the devices with a target, such as a pump flow, in place of a setting, such as a speed."""
         return tuple(
             (instance, target)
             for instance in self.instances()
@@ -142,22 +142,23 @@ class Case(PublishedDevices):
         )
 
     def sites(self) -> dict[str, str]:
-        """Where a device can be connected, in words: positions in other devices, and the patient."""
+        """Return the sites where a device can be connected, in other devices and the patient, with labels."""
         patient = patient_sites(self.physiology is not None and self.physiology.regional)
         return {
             k: label for instance in self.instances() for k, label in instance.site_words().items()
         } | patient
 
     def at_rest(self) -> Case:
-        """The case that open set points refer to: as it was written, unregulated, without extra volume."""
+        """Return the case that open set points refer to: as written, without reflexes, [fluid] or events."""
         return (self.as_written or self).model_copy(
             update={"regulation": None, "fluid": None, "as_written": None, "events": ()}
         )
 
     def with_set_points(self, values: Mapping[str, float]) -> Case:
-        """The same case with the set points that its reflexes leave open, of `values` by key.
+        """Return the case with its open reflex set points taken from `values`, by parameter key.
 
-        A case that was changed keeps those of the case as it was written, which a file of it cannot tell.
+        Open set points of a changed case are those of the case as written, which cannot be derived from a
+        file of the changed case.
         """
         if self.regulation is None:
             return self
@@ -167,12 +168,12 @@ class Case(PublishedDevices):
         )
 
     def setting(self, section: str, name: str) -> Any:
-        """A value as a case file holds it, such as "speed_rpm" of "lvad.left"; None if absent."""
+        """Return a value of the case file, such as "speed_rpm" of "lvad.left"; None if absent."""
         part = within(self.as_mapping(), section)
         return None if part is None else part.get(name)
 
     def as_mapping(self) -> dict[str, Any]:
-        """The case as a case file holds it: sections and keys that are absent are left out."""
+        """Return the case as the mapping of its case file; absent sections and keys are left out."""
         dumped = self.model_dump(exclude_none=True)
         result = {key: dumped[key] for key in _BEFORE_DEVICES if key in dumped}
         result = _nested(
@@ -189,7 +190,7 @@ _BEFORE_DEVICES = (
 
 
 def _nested(mapping: dict[str, Any], by_key: Mapping[str, Any]) -> dict[str, Any]:
-    """The mapping with sections put in, such as {"lvad": {"left": ...}} for "lvad.left"."""
+    """Return the mapping with sections inserted, such as {"lvad": {"left": ...}} for "lvad.left"."""
     result = dict(mapping)
     for key, section in by_key.items():
         device, _, name = key.partition(".")
@@ -198,7 +199,7 @@ def _nested(mapping: dict[str, Any], by_key: Mapping[str, Any]) -> dict[str, Any
 
 
 def _with_other_devices(values: dict[str, Any]) -> dict[str, Any]:
-    """Values as `Case` has them: sections that are no attributes of it are among `other_devices`."""
+    """Return the values for `Case`: sections that are not its attributes are moved to `other_devices`."""
     result = {key: value for key, value in values.items() if key not in devices()}
     others: dict[str, Section] = {}
     for device, name, section in device_sections(values):

@@ -1,4 +1,4 @@
-"""Checking a case given as nested mappings: every field on its own, then the case as a whole."""
+"""Checks of a case given as nested mappings: each field by itself, then the case as a whole."""
 
 from __future__ import annotations
 
@@ -36,23 +36,24 @@ FORMAT = 1
 
 @dataclass(slots=True)
 class Checked(Remarks):
-    """What checking found.
+    """Result of checking a case.
 
     Attributes:
-        values: Sections and their values, names canonical, defaults filled in, missing ones left out.
+        values: Sections and their values, with canonical names and defaults filled in; missing values are
+            left out.
     """
 
     values: dict[str, Any] = field(default_factory=dict)
 
 
 def check_case(raw: object) -> Checked:
-    """Check a whole case: all fields, then what they say together.
+    """Check a whole case: each field, then the consistency of fields with each other.
 
     Args:
-        raw: A mapping as a case file holds it.
+        raw: Mapping with the content of a case file.
 
     Returns:
-        Never raises: all mistakes at once, the values only as far as they are right.
+        All errors at once, and the values that are valid. Nothing is raised.
     """
     checked = Checked()
     if not isinstance(raw, Mapping):
@@ -93,7 +94,7 @@ def check_case(raw: object) -> Checked:
 
 
 def _blood_ml(values: Raw) -> float:
-    """Blood of a patient at the start of a course [mL]."""
+    """Return the patient's blood volume at the start of a course [mL]."""
     extra = values.get("fluid", {}).get("extra_volume_ml", 0.0)
     return blood_volume_ml(Patient.model_construct(**values["patient"])) + extra
 
@@ -102,16 +103,16 @@ _WITHOUT_DATA = {
     "impella": "no section: no pressure-flow curves of these pumps are openly published; "
     "with curves of your own it is a device of your own"
 }
-"""Sections that are asked for and that the package cannot have, and why."""
+"""Requested sections that the package cannot offer, with the reason."""
 
 
 def other_place(key: str) -> str:
-    """Where a key belongs that stands in the wrong section; empty where nowhere."""
+    """Return where a key found in the wrong section belongs; empty if nowhere."""
     return " or ".join(places_of(key))
 
 
 def _check_devices(raw: Raw, checked: Checked) -> dict[str, Raw]:
-    """Check the section of each connected device; its values by the key of its section."""
+    """Check the section of each connected device, and return its values by section key."""
     connected: dict[str, Raw] = {}
     for device, name, section in device_sections(raw):
         key = instance_key(device.key, name)
@@ -144,15 +145,15 @@ _FRACTION_TOLERANCE = 1e-6
 
 
 def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks) -> dict[str, float]:
-    """Check the overrides of a case; never raises.
+    """Check the parameter overrides of a case; nothing is raised.
 
     Args:
         raw: The [parameters] section.
-        connected: Sections of the devices connected, by key; the parameters of others do nothing.
-        remarks: Collects mistakes, warnings and notes.
+        connected: Sections of the connected devices, by key; parameters of other devices have no effect.
+        remarks: Collects errors, warnings and notes.
 
     Returns:
-        Values in the tables' units by canonical key.
+        Values by canonical key, in the units of the parameter tables.
     """
     values: dict[str, float] = {}
     if not isinstance(raw, Mapping):
@@ -181,7 +182,7 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
 
 
 def _flat(raw: Raw) -> Iterator[tuple[str, object]]:
-    """Keys and values; a dotted key such as `ecmo.left.Recmooxy` may be written without quotes."""
+    """Yield keys and values; a dotted key such as `ecmo.left.Recmooxy` may be written without quotes."""
     for key, value in raw.items():
         if isinstance(value, Mapping) and device_key(str(key)) in devices():
             yield from ((f"{key}.{inner}", result) for inner, result in _flat(value))
@@ -228,7 +229,7 @@ def _warn_without_effect(values: Mapping[str, float], connected: Mapping[str, Ra
 
 
 def _check_atria(values: Mapping[str, float], remarks: Remarks) -> None:
-    """An atrium that is stiffer at rest than at its strongest contraction fills when it should empty."""
+    """Warn of an atrium that is stiffer at rest than in contraction: it fills when it should empty."""
     for side, side_name in (("la", "left"), ("ra", "right")):
         names = (f"Ed{side}", f"Emax{side}")
         resting, most = (values.get(name, thiel2025.PARAMETERS[name].value) for name in names)

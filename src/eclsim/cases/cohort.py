@@ -1,6 +1,6 @@
-"""Cohorts: a CSV table with a row for each data point, read row by row into checked cases.
+"""Cohorts: a CSV table with one row per data point, whose rows are read one by one into checked cases.
 
-A mistake in a row refuses that row and no other; a mistake in the header refuses the file.
+An error in a row excludes only that row; an error in the header refuses the whole file.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ _OMITTED_NOTES = {
     "measurements.CO",
     *(f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.usual),
 }
-"""Keys whose notes are left out: they would be there for every row."""
+"""Keys whose notes are omitted, as they would appear for every row."""
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
     {ID: "patient.id"}
     | {name: f"patient.{name}" for name in _ABOUT_PATIENT}
     | {name: f"measurements.{name}" for name in MEASURED[: MEASURED.index(FURTHER_MEASUREMENTS[0])]}
     | {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.needed.items()}
 )
-"""Columns that a cohort has, besides `measurement`, and the key of a case file that each one is."""
+"""Required columns, besides `measurement`, and the case-file key of each."""
 OPTIONAL: MappingProxyType[str, str] = MappingProxyType(
     {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.optional.items()}
     | {key: f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.settings}
     | {name: f"measurements.{name}" for name in FURTHER_MEASUREMENTS + MEASURED_GASES}
     | {name: f"{Gas.section}.{name}" for name in Gas.fields()}
 )
-"""Columns that a cohort may have; without those of its sites ECMO is V-A with the usual ones, and gases are
-computed where a row has a cell of [gas]."""
+"""Optional columns. Without columns for its sites, ECMO is V-A at the usual sites. Gases are computed for
+rows that have a cell of [gas]."""
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _SPREADSHEET_ERROR = re.compile(r"#(REF!|DIV/0!|VALUE!|NAME\?|NUM!|NULL!|SPILL!|CALC!)", re.IGNORECASE)
 _TEXT_COLUMNS = {
@@ -71,8 +71,8 @@ class CohortPoint:
     """One row: a patient at one time.
 
     Attributes:
-        patient_id: Pseudonym, as written but for spaces around it.
-        measurement: Which of the patient's measurements, as written.
+        patient_id: Pseudonym as written, without surrounding spaces.
+        measurement: Label of the measurement, as written.
         line: Line in the file.
         case: The checked case.
     """
@@ -90,16 +90,16 @@ class CohortPoint:
 
 @dataclass(frozen=True, slots=True)
 class CohortReading:
-    """A cohort and what there was to say about its file.
+    """A cohort with the remarks about its file.
 
     Attributes:
-        points: Rows that can be used.
-        refused: Why other rows cannot, each with line and column.
-        warnings: Doubts about values that were kept.
-        notes: How the table was read, what was left out.
-        file: Where it was read.
-        digest: SHA-256 of the file as it was read.
-        refused_rows: Patient, as written, and line of each row that cannot be used.
+        points: Usable rows.
+        refused: Errors that make other rows unusable, each with line and column.
+        warnings: Warnings about values that were kept.
+        notes: How the table was read and what was left out.
+        file: Path of the file.
+        digest: SHA-256 of the file as read.
+        refused_rows: Patient, as written, and line of each unusable row.
     """
 
     points: tuple[CohortPoint, ...]
@@ -112,14 +112,13 @@ class CohortReading:
 
 
 def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
-    """Read a cohort; every row is checked like a case file of its own.
+    """Read a cohort; each row is checked like a case file.
 
     Args:
-        path: A CSV file with the columns `COLUMNS` and `measurement`; cells of what was not measured are
-            empty.
+        path: A CSV file with the columns `COLUMNS` and `measurement`; cells without a measurement are empty.
 
     Raises:
-        CaseError: Where the file as a whole cannot be used.
+        CaseError: The file as a whole cannot be used.
     """
     table = read_table(path)
     result = _Rows(table)
@@ -148,17 +147,17 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
 
 
 class _Rows:
-    """Checks the rows of one table and collects mistakes, warnings and notes."""
+    """Checks the rows of one table and collects errors, warnings and notes."""
 
     def __init__(self, table: Table):
         self.table = table
         self.refused: list[Mistake] = []
         self.warnings: list[Mistake] = []
         self.notes: list[Mistake] = []
-        self.reported: set[tuple[str, Mistake]] = set()  # once: of [gas] in a table, all else of a patient
+        self.reported: set[tuple[str, Mistake]] = set()  # notes given: [gas] once per table, else per patient
 
     def check_header(self) -> None:
-        """All mistakes of the header at once."""
+        """Check the header and raise all its errors at once."""
         header, known = self.table.header, (*COLUMNS, MEASUREMENT, *OPTIONAL)
         extra = [name for name in dict.fromkeys(header) if name not in known]
         wrong = [
@@ -194,7 +193,7 @@ class _Rows:
         self.warnings.append(Mistake(name[:60] or "(no name)", message))
 
     def cells(self) -> dict[int, dict[str, str]]:
-        """Cells by column of every row that has as many as the header, by line."""
+        """Return the cells by column for each row of the header's length, by line."""
         result: dict[int, dict[str, str]] = {}
         for line, row in self.table.rows:
             if len(row) != len(self.table.header):
@@ -223,7 +222,7 @@ class _Rows:
         self.notes.append(Mistake("", "a row of units, the usual ones; no patient", line=line))
 
     def point(self, line: int, row: dict[str, str]) -> CohortPoint | None:
-        """The data point of a row, or None, with the reasons kept."""
+        """Return the data point of a row; None if the row is unusable, after recording the reasons."""
         raw, wrong = _as_mapping(row)
         wrong += _label_mistakes(row[MEASUREMENT])
         try:
@@ -252,12 +251,12 @@ class _Rows:
 
 
 def _refused_already(mistake: Mistake, wrong: Sequence[Mistake]) -> bool:
-    """Whether the same column was refused for a plainer reason."""
+    """Whether the same column was already refused for a simpler reason."""
     return any((COLUMNS | OPTIONAL).get(m.key) == mistake.key for m in wrong)
 
 
 def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
-    """Sections as a case file holds them; empty cells are left out."""
+    """Return the sections of a row as in a case file, without empty cells, and the errors found."""
     raw: dict[str, Any] = {"format": 1, "patient": {"id": row[ID]}, "measurements": {}}
     wrong = []
     for column, key in (COLUMNS | OPTIONAL).items():
@@ -277,7 +276,7 @@ def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
 
 
 def _label_mistakes(label: str) -> list[Mistake]:
-    """What is wrong with the name of a measurement."""
+    """Return the errors in the label of a measurement."""
     allowed = f"a number, a time such as 2024-03-01T08:00, or a text of 1 to {MAXIMUM_ID_LENGTH} characters"
     if not label:
         return [Mistake(MEASUREMENT, "empty", allowed=allowed)]

@@ -1,4 +1,4 @@
-"""The rows of a cohort's CSV file, and what they say together: repeats, ids, other units, order in time."""
+"""Rows of a cohort's CSV file, and comparisons between them: repeats, ids, other units, order in time."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ MAXIMUM_ROWS = 100_000
 MAXIMUM_COLUMNS = 200
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 _DELIMITER_LINE = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNORECASE)
-"""How Excel has the delimiter in a line before the header."""
+"""Line before the header in which Excel states the delimiter."""
 
 
 @dataclass(slots=True)
 class Table:
-    """A table as it was written.
+    """A table as written.
 
     Attributes:
-        file: Where it was read.
-        header: Names of the columns.
+        file: Path of the file.
+        header: Column names.
         rows: Line, counted from 1, and cells of each row; blank rows are left out.
-        digest: SHA-256 of the file, as it was read.
-        mistakes: What made it impossible to read the rows after a line.
-        notes: How it was read, where that is not plain.
+        digest: SHA-256 of the file as read.
+        mistakes: Errors that made it impossible to read the rows after a line.
+        notes: How the table was read, where that is not obvious.
     """
 
     file: str
@@ -53,10 +53,10 @@ class Table:
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
-    """Read a table of text cells: UTF-8, any usual delimiter and line ending.
+    """Read a table of text cells: UTF-8, with any common delimiter and line ending.
 
     Raises:
-        CaseError: Where the file as a whole cannot be used.
+        CaseError: The file as a whole cannot be used.
     """
     file = os.fsdecode(path)
     data = read_bytes(file, MAXIMUM_BYTES, "a table", "split the file")
@@ -78,7 +78,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
 
 
 def _delimited(text: str) -> tuple[str, str]:
-    """A table without the line of a spreadsheet that says its delimiter, and the delimiter."""
+    """Return the table without a spreadsheet's line stating the delimiter, and the delimiter."""
     first = next(line for line in text.split("\n") if line.strip())
     if stated := _DELIMITER_LINE.fullmatch(first.strip(" ")):
         return text.replace(first, "", 1), stated["delimiter"].replace("\\t", "\t")
@@ -86,7 +86,7 @@ def _delimited(text: str) -> tuple[str, str]:
 
 
 def digest_of(path: str | os.PathLike[str]) -> str | None:
-    """SHA-256 of a file as it is now; None where it is gone."""
+    """Return the SHA-256 of a file as it is now; None if it cannot be read."""
     try:
         with open(path, "rb") as handle:
             return hashlib.file_digest(handle, "sha256").hexdigest()
@@ -96,7 +96,7 @@ def digest_of(path: str | os.PathLike[str]) -> str | None:
 
 def _read_rows(text: str, delimiter: str, table: Table) -> None:
     reader = csv.reader(text.split("\n"), delimiter=delimiter, strict=True)
-    # A cell may hold line breaks, so a row begins after the line on which the one before ended.
+    # A cell may contain line breaks, so a row begins on the line after the end of the previous row.
     begins = 1
     try:
         for cells in reader:
@@ -144,7 +144,7 @@ class RowRemarks:
 
 @cache
 def _units() -> dict[str, str]:
-    """Units of the columns that have one."""
+    """Return the units of the columns that have one."""
     fields = (item for kind in sections().values() for item in kind.fields().values())
     columns = {
         column: device.section.fields()[key].unit
@@ -155,20 +155,20 @@ def _units() -> dict[str, str]:
 
 
 def expected_unit(column: str, text: str) -> tuple[str, str] | None:
-    """The unit of a column and the one that a text names; None if it names none."""
+    """Return the unit of a column and the unit that a text names; None if either is missing."""
     written = known_unit(text.strip("[]() "))
     unit = _units().get(column)
     return (unit, written) if unit is not None and written is not None else None
 
 
 def is_units_row(row: Mapping[str, str]) -> bool:
-    """Whether the cells of a row are units, not values."""
+    """Whether the cells of a row are units rather than values."""
     columns = [column for column, text in row.items() if expected_unit(column, text)]
     return len(columns) >= 2 and not any(_number(row.get(name, "")) is not None for name in _units())
 
 
 def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRemarks]:
-    """Lines that other rows make unusable, with mistakes and warnings."""
+    """Compare the rows: return the lines that others make unusable, with errors and warnings."""
     remarks = RowRemarks()
     lines = _repeats(rows, remarks) | _in_kilopascal(rows, remarks)
     _warn_of_similar_ids(rows, remarks)
@@ -177,12 +177,12 @@ def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRem
 
 
 def plain_id(written: str) -> str:
-    """The form in which ids of patients are equal that differ in case, spaces or Unicode form alone."""
+    """Normalise a patient id, so that ids that differ only in case, spaces or Unicode form become equal."""
     return unicodedata.normalize("NFKC", "".join(written.split())).casefold()
 
 
 def when(label: str) -> datetime | None:
-    """The time that a label is, if it is one in ISO 8601."""
+    """Return the time given by a label in ISO 8601; None for any other label."""
     if not _TIME.fullmatch(label):
         return None
     try:
@@ -192,7 +192,7 @@ def when(label: str) -> datetime | None:
 
 
 def in_order_of_time(points: Sequence[CohortPoint]) -> tuple[list[CohortPoint], list[Mistake]]:
-    """Points of a patient in order of time where their labels are times, in the patient's places."""
+    """Sort each patient's points by time, if all their labels are times; return the points and the notes."""
     ordered, notes = list(points), []
     by_patient: dict[str, list[int]] = {}
     for k, point in enumerate(points):
@@ -220,7 +220,7 @@ def in_order_of_time(points: Sequence[CohortPoint]) -> tuple[list[CohortPoint], 
 
 
 def _repeats(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
-    """All rows of a data point that is there twice: which one is right cannot be known."""
+    """Return the lines of all rows of repeated data points: it is not known which is right."""
     lines: dict[tuple[str, datetime | str], list[int]] = {}
     for line, row in rows.items():
         if row["patient_id"] and row["measurement"]:
@@ -238,7 +238,7 @@ def _repeats(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[
 
 
 def _warn_of_similar_ids(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
-    """Warn of ids that a reader would take for the same."""
+    """Warn of different ids that a reader would take to be the same."""
     first: dict[str, tuple[str, int]] = {}
     text = set()
     for line, row in rows.items():
@@ -251,7 +251,7 @@ def _warn_of_similar_ids(rows: Mapping[int, Mapping[str, str]], remarks: RowRema
 
 
 def _warn_of_changed_patients(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
-    """Warn of rows of one id that differ in what an adult does not change, such as height."""
+    """Warn of rows of one id that differ in what does not change in an adult: sex and height."""
     first: dict[tuple[str, str], tuple[str, int]] = {}
     for line, row in rows.items():
         name = unicodedata.normalize("NFC", row["patient_id"])
@@ -267,7 +267,7 @@ def _warn_of_changed_patients(rows: Mapping[int, Mapping[str, str]], remarks: Ro
 
 
 def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
-    """Rows whose pressures are all smaller than those of the others by the factor from mmHg to kPa."""
+    """Return the lines of rows whose pressures are all smaller than others' by the factor mmHg to kPa."""
     return _refuse_rows_in_kilopascal(rows, _PRESSURES, remarks) | _refuse_rows_in_kilopascal(
         rows, _GASES, remarks
     )

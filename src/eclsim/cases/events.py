@@ -1,4 +1,4 @@
-"""Events of a course, `[[events]]` in a case file: settings changed, fluid and blood given or lost."""
+"""Events of a course, `[[events]]` in a case file: changes of settings, and fluid and blood given or lost."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from eclsim.spelling import did_you_mean
 LONGEST_MIN = 31 * 1440.0
 """Longest course [min]."""
 QUICKEST_MIN = 1.0
-"""In which what is given without `over_min` runs in: a bolus takes a minute."""
+"""Time in which volumes given without `over_min` are infused [min]: a bolus takes a minute."""
 LARGEST_ML = 20_000.0
 OPPOSITE = {"blood_ml": "bleed_ml", "bleed_ml": "blood_ml"}
 _TIMES = {
@@ -36,21 +36,21 @@ KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
 Path = tuple[str, str]
 """Section and key of a setting."""
 BODY_KEYS = {("patient", name) for name in ("sex", "age_years", "height_cm", "weight_kg")}
-"""What a patient's blood volume at the start follows from."""
+"""Settings that determine a patient's blood volume at the start."""
 FILLING = "P0"
-"""Beginning of the names of start pressures, which set the blood in each compartment at the start."""
+"""Prefix of the start pressures' names; these set the blood in each compartment at the start."""
 Check = Callable[[Raw], Remarks]
 
 
 class Event(BaseModel):
-    """What happens at a moment of a course.
+    """One event of a course.
 
     Attributes:
-        at_min: when it begins [min from the start].
-        set: values by key, any key that `--set` takes.
-        ramp_min: in which they change, linearly [min]; 0: at once.
+        at_min: time at which the event begins [min from the start].
+        set: new values of settings, by any key that `--set` takes.
+        ramp_min: duration of the linear change of these settings [min]; 0 for an immediate change.
         give: volumes [mL] by kind; `bleed_ml` is lost.
-        over_min: in which it is given [min].
+        over_min: duration over which the volumes are given [min].
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -62,30 +62,30 @@ class Event(BaseModel):
 
     @property
     def summary(self) -> str:
-        """What happens, in a few words."""
+        """Short description of the event."""
         changes = [f"{key} = {shown(value)[:40]}" for key, value in self.set.items()]
         gifts = [f"{kind.removesuffix('_ml').replace('_', ' ')} {ml:g} mL" for kind, ml in self.give.items()]
         return ", ".join(changes + gifts)
 
     def as_object(self) -> dict[str, Any]:
-        """The event as a case file holds it."""
+        """Return the event as in a case file."""
         content = {"at_min": self.at_min}
         content |= {"set": dict(self.set), "ramp_min": self.ramp_min} if self.set else {}
         return content | ({"give": dict(self.give), "over_min": self.over_min} if self.give else {})
 
 
 def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, remarks: Remarks) -> list[Raw]:
-    """Check the events of a case; never raises.
+    """Check the events of a case; nothing is raised.
 
     Args:
-        raw: of the case file, a list of tables.
+        raw: events of the case file, a list of tables.
         case: the case without events, as mappings.
-        blood_ml: of the patient before anything is given or taken; None where unknown.
-        check: of a case as mappings.
-        remarks: collects mistakes, warnings and notes.
+        blood_ml: the patient's blood volume before the first event [mL]; None if unknown.
+        check: function that checks a case given as mappings.
+        remarks: collects errors, warnings and notes.
 
     Returns:
-        Events as far as they are right.
+        The valid parts of the events.
     """
     if not isinstance(raw, Sequence) or isinstance(raw, str):
         remarks.error("events", "a list of events belongs here", shown(raw), "[[events]], in double brackets")
@@ -104,7 +104,7 @@ _TEMPERATURE = "gas.temperature_c"
 
 
 class _EventChecker:
-    """Checks events one after the other, each with the case as the earlier ones left it."""
+    """Checks events one after another, each against the case as the earlier events left it."""
 
     def __init__(self, case: Raw, check: Check, remarks: Remarks):
         self.case, self.check, self.remarks = dict(case), check, remarks
@@ -113,7 +113,7 @@ class _EventChecker:
         self.doubted = set(map(_key_and_message, checked.warnings))
 
     def event(self, place: str, raw: object) -> dict[str, Any]:
-        """An event as far as it is right; empty where its time is not known."""
+        """Return the valid parts of an event; empty if its time is missing."""
         if not isinstance(raw, Mapping):
             self.remarks.error(place, "an event is a table", shown(raw), ", ".join(KEYS))
             return {}
@@ -174,7 +174,7 @@ class _EventChecker:
             allowed = f'{{ "{example_setting()}" = 3600 }}'
             self.remarks.error(place, "values by key belong here", shown(raw), allowed)
             return values
-        # The temperature last: what consumption goes with it is known then.
+        # The temperature is checked last, when it is known whether the oxygen consumption is set as well.
         for written, value in sorted(_flat(raw), key=lambda pair: pair[0] == _TEMPERATURE):
             path, key = section_and_key(written), f"{place}.{short(written)}"
             if path is None:
@@ -197,14 +197,14 @@ class _EventChecker:
         return values
 
     def _check_temperature(self, place: str, values: Mapping[str, Any]) -> None:
-        """Warn of another temperature beside a consumption that is given and does not follow it."""
+        """Warn of a changed temperature where the oxygen consumption is given and so does not follow it."""
         given = self.case.get("gas", {}).get("vo2_ml_min") is not None
         if _TEMPERATURE in values and given and "gas.vo2_ml_min" not in values:
             message = "consumption does not follow the temperature: set gas.vo2_ml_min too"
             self.remarks.warning(f"{place}.{_TEMPERATURE}", message, shown(values[_TEMPERATURE]))
 
     def _allowed(self, key: str, path: Path, value: object) -> bool:
-        """Whether the case with the value is right; if so the events behind find it."""
+        """Whether the case with the value is valid; if so, later events are checked against this case."""
         own = (".".join(path), path[1])
         merged, _ = put_in(self.case, {path: value})
         checked = self.check(merged)
@@ -227,7 +227,7 @@ def _key_and_message(mistake: Mistake) -> tuple[str, str]:
 
 
 def _flat(raw: Raw, before: str = "") -> list[tuple[str, object]]:
-    """Keys and values, also where `ecmo.speed_rpm` was written without quotes."""
+    """Return keys and values, also where `ecmo.speed_rpm` was written without quotes."""
     result: list[tuple[str, object]] = []
     for key, value in raw.items():
         inner = isinstance(value, Mapping) and section_and_key(f"{before}{key}") is None
@@ -248,7 +248,7 @@ def _check_order(raw: Sequence[object], remarks: Remarks) -> None:
 
 
 def _check_overlap(events: Sequence[Raw], remarks: Remarks) -> None:
-    """One key is changed by one event at a time."""
+    """Check that no two events change one key at the same time."""
     last: dict[Path, tuple[float, float]] = {}
     for event in events:
         begin = event["at_min"]
@@ -266,7 +266,7 @@ def _check_overlap(events: Sequence[Raw], remarks: Remarks) -> None:
 
 
 def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> None:
-    """No more blood is taken than there is."""
+    """Check that no more blood is taken than the patient has."""
     available = blood_ml
     for event in events:
         gifts = event.get("give", {})
@@ -275,5 +275,5 @@ def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> No
         if bled >= available:
             key, message = f"{event['place']}.give.bleed_ml", "more blood than there is"
             remarks.error(key, message, shown(bled), f"below {available:.0f} mL, what the patient has then")
-        else:  # what is refused is not taken: events behind are judged as if it were not there
+        else:  # a refused bleeding is not subtracted: later events are checked without it
             available -= bled

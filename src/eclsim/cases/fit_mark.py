@@ -1,7 +1,7 @@
-"""Verdict of a case file on the fit that gave its parameters: comments in its first lines.
+"""Verdict of a case file on the fit that gave its parameters, stored in comments in its first lines.
 
-Whoever reads the file may ignore them. A number in the mark tells whether patient, measurements, devices or
-parameters were changed since: the verdict is on what was fitted.
+Other programs may ignore the comments. A checksum in the mark shows whether patient, measurements, devices or
+parameters have changed since the fit, as the verdict applies only to what was fitted.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ _WORDS = {
 LEVELS = tuple(_WORDS)
 _MARK = re.compile(rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \(of what has the mark ([0-9a-f]{{8}})\)")
 DOUBTS = "doubts"
-"""Column with the reason why no number of a table is to be trusted; only where there is one."""
+"""Column with the reason why no number of a table can be trusted; present only if there is such a reason."""
 POSTERIOR = "posterior: "
-"""Begins a result's warnings of the posterior whose draws it is computed from."""
+"""Prefix of a result's warnings about the posterior from which it was computed."""
 NOT_STUDIED = "nothing is studied of such a fit"
 _HEAD = 40
-"""Lines in which a mark is looked for."""
+"""Number of lines in which a mark is searched for."""
 
 
 @dataclass(frozen=True)
 class FitMark:
-    """The verdict on a fit as a case file has it.
+    """Verdict on a fit, as stored in a case file.
 
     Attributes:
         level: "good", "doubtful" or "poor".
-        is_changed: whether what was fitted, or what it was fitted with, was changed since.
+        is_changed: whether the fitted parameters or the data of the fit have changed since.
     """
 
     level: str
@@ -47,33 +47,33 @@ class FitMark:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The verdict as a sentence."""
         changed = "; the file was changed since it was fitted" if self.is_changed else ""
         return _WORDS[self.level] + changed
 
     @property
     def refusal(self) -> str:
-        """Why studies of many leave such a patient out; empty where they do not."""
+        """Reason why studies of many patients exclude this one; empty if they include it."""
         return f"{self.sentence}; {NOT_STUDIED}" if self.level == "poor" else ""
 
 
 def untrusted(sentences: Iterable[object]) -> list[str]:
-    """Warnings of a result that make all its numbers doubtful: those of its fit or its posterior."""
+    """Return the warnings that make all numbers of a result doubtful: those on its fit or posterior."""
     return [text for text in map(str, sentences) if text.startswith((*_WORDS.values(), POSTERIOR))]
 
 
 def with_doubts(table: pd.DataFrame, sentences: Iterable[object]) -> pd.DataFrame:
-    """A table with the column `DOUBTS`, where a result's warnings say that none of its numbers is trusted."""
+    """Add the column `DOUBTS` to a table if a result's warnings make all its numbers doubtful."""
     doubts = "; ".join(untrusted(sentences))
     return table.assign(**{DOUBTS: doubts}) if doubts else table
 
 
 def with_mark(text: str, level: str, headline: str) -> str:
-    """A case file that begins with the verdict on its fit.
+    """Return a case file that begins with the verdict on its fit.
 
     Args:
-        text: of the case file.
-        level: of the verdict.
+        text: text of the case file.
+        level: level of the verdict.
         headline: the verdict in one sentence.
     """
     headline = " ".join(headline.split())
@@ -81,7 +81,7 @@ def with_mark(text: str, level: str, headline: str) -> str:
 
 
 def read_mark(text: str) -> FitMark | None:
-    """The mark of a valid case file; None where it has none."""
+    """Return the mark of a valid case file; None if it has none."""
     for line in text.splitlines()[:_HEAD]:
         if not line.startswith("#"):
             return None
@@ -91,7 +91,7 @@ def read_mark(text: str) -> FitMark | None:
 
 
 def _digest(text: str) -> str:
-    """Digest of all that a fit depends on: neither comments nor events nor the patient's id."""
+    """Return a digest of all that a fit depends on; comments, events and the patient's id are excluded."""
     content = tomllib.loads(text)
     content.pop("events", None)
     patient = {key: value for key, value in content.get("patient", {}).items() if key != "id"}

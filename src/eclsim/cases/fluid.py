@@ -1,4 +1,4 @@
-"""The sections [fluid] and [solutes]: blood, interstitium and what is dissolved in both at the start."""
+"""Sections [fluid] and [solutes]: blood, interstitium and the solutes in both at the start."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 INTERSTITIAL_PROTEIN = 0.4
-"""Protein of the interstitium over that of the plasma; textbook value, not verified."""
+"""Ratio of interstitial to plasma protein concentration; textbook value, not verified."""
 BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.5
-"""For each kg of weight, mL and mL/mmHg; sources with the parameters."""
+"""Bicarbonate space [mL/kg] and carbon dioxide store [mL/mmHg/kg]; sources are given with the parameters."""
 
 USUAL_BICARBONATE = 24.0
-"""Bicarbonate [mmol/L] where a case does not give it."""
+"""Bicarbonate [mmol/L] if a case does not give it."""
 SAME_BASE = 1.0
-"""Base excesses [mmol/L] that analysers' formulas may differ by."""
+"""Largest difference [mmol/L] of base excesses that count as equal, as analysers' formulas differ."""
 
 
 def _share(name: str) -> Field:
@@ -34,7 +34,7 @@ def _share(name: str) -> Field:
 
 
 class Fluid(Section):
-    """Blood given or, negative, lost before the steady beat, and where fluid goes in a course."""
+    """Blood given or (if negative) lost before the steady beat, and fluid exchange during a course."""
 
     section = fluid.SECTION
     parameters = fluid.PARAMETERS | regulation.PARAMETERS
@@ -52,7 +52,7 @@ class Fluid(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Red cells that go with the haemoglobin."""
+        """Check that the haematocrit agrees with the haemoglobin."""
         haematocrit, gas = sections.get(cls.section, {}).get("haematocrit"), sections.get("gas")
         if haematocrit and gas is not None:
             grams = gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN)
@@ -60,7 +60,7 @@ class Fluid(Section):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Protein that does not stay in the plasma."""
+        """Check that the proteins and the reflection coefficient keep protein in the plasma."""
         inside, outside = values.get("plasma_protein_g_dl", 6.0), values.get("interstitial_protein_g_dl")
         if isinstance(outside, float) and isinstance(inside, float) and outside >= inside:
             message = (
@@ -81,7 +81,7 @@ class Fluid(Section):
 
 
 class Solutes(Section):
-    """What dialysis clears, as it is at the start and as the body makes it; followed in courses."""
+    """Solutes cleared by dialysis: start values and generation by the body; followed in courses."""
 
     section = fluid.SOLUTES
     parameters = fluid.PARAMETERS
@@ -102,7 +102,7 @@ class Solutes(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Warn of a bicarbonate beside a base excess: both state the same base."""
+        """Warn if both bicarbonate and base excess are given and disagree, as both state the same base."""
         bicarbonate, gas = sections.get(cls.section, {}).get("bicarbonate_mmol_l"), sections.get("gas")
         if bicarbonate is None or gas is None:
             return
@@ -128,13 +128,13 @@ class Solutes(Section):
 def fluid_values(
     case: Case, values: Mapping[str, float], height_cm: float, weight_kg: float
 ) -> dict[str, float]:
-    """Numbers of both sections as far as the case has them; what is left out follows from the patient.
+    """Return the parameters of both sections that the case has; omitted values are derived from the patient.
 
     Args:
         case: the case.
-        values: its other parameters.
-        height_cm: height.
-        weight_kg: weight.
+        values: the other parameters of the case, by key.
+        height_cm: height [cm].
+        weight_kg: weight [kg].
     """
     result: dict[str, float] = {}
     if (section := case.fluid) is not None:
@@ -164,7 +164,7 @@ def fluid_values(
 
 
 def _acid_base(case: Case) -> dict[str, float]:
-    """The bicarbonate that goes with a base excess."""
+    """Return the bicarbonate that corresponds to the base excess; empty without [gas]."""
     if case.gas is None:
         return {}
     from eclsim.fluid.solutes import standard_bicarbonate
@@ -174,7 +174,7 @@ def _acid_base(case: Case) -> dict[str, float]:
 
 
 def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
-    """What else starts with a bicarbonate that is given, as far as the case does not say it itself."""
+    """Return other start values that follow from a given bicarbonate, unless the case states them itself."""
     assert case.solutes is not None
     if case.solutes.bicarbonate_mmol_l is None:
         return {}
@@ -193,7 +193,7 @@ def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
 
 
 def haemoglobin(case: Case) -> float | None:
-    """Haemoglobin [g/dL] as far as the case says it, itself or by the haematocrit."""
+    """Return the haemoglobin [g/dL] stated by the case directly or by the haematocrit; else None."""
     if case.gas is not None:
         return case.gas.haemoglobin_g_dl
     return case.fluid and case.fluid.haematocrit and RED_CELL_HAEMOGLOBIN * case.fluid.haematocrit

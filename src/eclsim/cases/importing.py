@@ -1,4 +1,4 @@
-"""From clinical data, a FHIR bundle or a long table (a row for each value), to the table of a cohort."""
+"""Import of clinical data, a FHIR bundle or a long table (one row per value), into the table of a cohort."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 DEFAULT_WINDOW = timedelta(minutes=5)
 LONG_TABLE_COLUMNS = ("patient", "time", "code", "value", "unit")
-"""Columns of a long table."""
+"""Column names of a long table."""
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _HEAD = ("patient_id", MEASUREMENT, *(c for c in COLUMNS if c != "patient_id"), *OPTIONAL)
 
@@ -45,12 +45,14 @@ def import_cohort(
     """Read a FHIR bundle (.json) or a long table into rows of a cohort.
 
     Args:
-        path: The file.
-        base: Gives sex, age, size and heart rate where the file has none, and the ECMO circuit.
-        within: Values of a patient up to so long after the first of a data point belong to it.
+        path: Path of the file.
+        base: Supplies sex, age, size, heart rate and the sections of gases and devices where the file has
+            none.
+        within: Values of a patient up to this time after the first value of a data point belong to that
+            point.
 
     Raises:
-        CaseError: With everything that is wrong.
+        CaseError: The file has errors; all are listed.
     """
     bundle = Path(os.fsdecode(path)).suffix.lower() == ".json"
     observations, about, result = (read_bundle if bundle else read_long_table)(path)
@@ -67,7 +69,7 @@ def import_cohort(
 
 
 def as_table(rows: list[dict[str, str]]) -> str:
-    """The rows as a cohort's CSV; columns that may be left out are, where they are empty."""
+    """Format rows as a cohort's CSV; optional columns that are empty are left out."""
     used = [c for c in _HEAD if c not in OPTIONAL or any(row.get(c) for row in rows)]
     return csv_text(used, ([row.get(column, "") for column in used] for row in rows))
 
@@ -76,7 +78,7 @@ def _fill(result: Imported, base: Case, file: str) -> None:
     stated = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
     gas = {} if base.gas is None else base.gas.model_dump(exclude_none=True)
     if base.gas is not None and "shunt_fraction" not in base.gas.model_fields_set:
-        del gas["shunt_fraction"]  # assumed: in a table it would be read as known
+        del gas["shunt_fraction"]  # an assumed value would be read as known from a table
     stated |= {f"{Gas.section}.{k}": v for k, v in gas.items()}
     for device in base.instances():
         stated |= {f"{device.key}.{k}": v for k, v in device.section.model_dump(exclude_none=True).items()}
@@ -103,13 +105,13 @@ def _fill(result: Imported, base: Case, file: str) -> None:
 def read_long_table(
     path: str | os.PathLike[str],
 ) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
-    """Observations of a table, data of each patient, with mistakes, warnings and notes.
+    """Return the observations of a table, data of each patient, and errors, warnings and notes.
 
-    Codes are LOINC or SNOMED CT codes or names of cohort columns (SP, heart_rate_bpm ...); `sex` and
-    `age_years` are read as well.
+    Codes are LOINC or SNOMED CT codes, or names of cohort columns (SP, heart_rate_bpm ...), `sex` or
+    `age_years`.
 
     Raises:
-        CaseError: Where the file as a whole cannot be used.
+        CaseError: The file as a whole cannot be used.
     """
     table = read_table(path)
     wrong = []
@@ -172,12 +174,13 @@ _NOT_VALID = ("entered-in-error", "cancelled")
 def read_bundle(
     path: str | os.PathLike[str],
 ) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
-    """Observations of a bundle, data of each patient, with mistakes, warnings and notes.
+    """Return the observations of a bundle, data of each patient, and errors, warnings and notes.
 
-    Names, addresses and birth dates are not kept: of a birth date the age at the first observation is.
+    Names, addresses and birth dates are not kept; of a birth date, only the age at the first observation is
+    used.
 
     Raises:
-        CaseError: Where the file is no bundle.
+        CaseError: The file is not a bundle.
     """
     file = os.fsdecode(path)
     bundle = _json_of(file)
@@ -201,7 +204,7 @@ def read_bundle(
 
 
 def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
-    """Mistakes of a bundle that is one page of several, or holds fewer entries than its total."""
+    """Yield warnings if a bundle is one page of several, or contains fewer entries than its total."""
     if any(_mapping(link).get("relation") == "next" for link in _list(bundle.get("link"))):
         message = "one page of several: the patients and values of the pages after it are not here"
         yield Mistake("link", message, "next", "all pages in one bundle")
@@ -214,7 +217,7 @@ def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
 def _patients(
     entries: Sequence[tuple[str, str, Mapping[str, Any]]], result: Imported
 ) -> tuple[dict[str, Mapping[str, Any]], dict[str, str]]:
-    """Patient resources by name, and the name of each by all that a reference may call it."""
+    """Return the Patient resources by name, and each patient's name by every reference that may denote it."""
     patients: dict[str, Mapping[str, Any]] = {}
     names: dict[str, str] = {}
     for place, url, resource in entries:
@@ -233,14 +236,14 @@ def _same_person(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 
 
 def _last(url: str) -> str:
-    """The last part of an address: "P01" of "https://hospital/fhir/Patient/P01", the number of a urn:uuid."""
+    """Return the last part of a URL: "P01" of "https://hospital/fhir/Patient/P01", the id of a urn:uuid."""
     return url.rpartition("/")[2].removeprefix("urn:uuid:")
 
 
 def _subject(resource: Mapping[str, Any], names: Mapping[str, str]) -> tuple[str, str]:
-    """Name of the patient that a resource is about, or empty with the reason.
+    """Return the name of a resource's patient and an empty text, or an empty name and the reason.
 
-    A reference may be relative, whole or a urn:uuid, and may end with a version (`/_history/2`).
+    A reference may be relative, absolute or a urn:uuid, and may end with a version (`/_history/2`).
     """
     subject = _mapping(resource.get("subject"))
     reference = str(subject.get("reference") or "").partition("/_history/")[0]
@@ -266,7 +269,7 @@ def _json_of(file: str) -> Mapping[str, Any]:
 
 
 def _resources(bundle: Mapping[str, Any], result: Imported) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """Place, address and content of every entry that holds a resource."""
+    """Yield position, URL and content of each entry that contains a resource."""
     for number, entry in enumerate(bundle["entry"], start=1):
         resource = _mapping(entry).get("resource")
         if isinstance(resource, dict):
@@ -278,7 +281,7 @@ def _resources(bundle: Mapping[str, Any], result: Imported) -> Iterator[tuple[st
 def _observations(
     resource: Mapping[str, Any], place: str, names: Mapping[str, str], result: Imported
 ) -> list[Observation]:
-    """The values of one Observation: its own, or those of its components (as of blood pressure panels)."""
+    """Return the values of an Observation: its own, or those of its components (blood pressure panels)."""
     if resource.get("status") in _NOT_VALID:
         result.notes.append(Mistake(place, f"status {resource['status']}: not read"))
         return []
@@ -328,7 +331,7 @@ def _value(
 
 
 def _misshapen(resource: Mapping[str, Any]) -> str:
-    """What is not a list of objects where FHIR has one; empty where all is well."""
+    """Describe what is not a list of objects although FHIR requires one; empty if there is nothing."""
     components = resource.get("component") or []
     if not _are_objects(components):
         return "component: not a list of objects, as FHIR has it"
@@ -341,7 +344,7 @@ def _are_objects(value: object) -> bool:
 
 
 def code_of(part: Mapping[str, Any]) -> str:
-    """The first code of a resource or component that can be read, else its first code, else its text."""
+    """Return the first code of a resource or component that is known, else its first code, else its text."""
     concept = _mapping(part.get("code"))
     codings = concept.get("coding") or []
     known = [
@@ -357,7 +360,7 @@ def code_of(part: Mapping[str, Any]) -> str:
 def _about(
     name: str, resource: Mapping[str, Any] | None, values: list[Observation], result: Imported
 ) -> dict[str, str]:
-    """Sex, and age at the first observation, as cells of a cohort."""
+    """Return sex, and age at the first observation, as cells of a cohort."""
     if resource is None:
         result.warnings.append(Mistake(name, "no Patient resource: sex and age are not known"))
         return {}

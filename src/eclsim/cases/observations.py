@@ -1,10 +1,10 @@
-"""From single observations to the rows of a cohort: what was measured together is a data point.
+"""Grouping of single observations into rows of a cohort: values measured together form a data point.
 
-LOINC and SNOMED CT codes are those of public FHIR profiles (HL7 vital signs; the intensive care module of
-the German Medical Informatics Initiative for PCWP, CVP and for the flow of an extracorporeal gas exchange,
-which has no LOINC code; HL7's value set of oxygen saturations for that of arterial blood, DICOM's context
-group 3524 for its partial pressures; LOINC's own name for that of mixed venous blood). Pulse oximetry
-(59408-5) is not taken for a blood gas.
+LOINC and SNOMED CT codes are those of public FHIR profiles: HL7 vital signs; the intensive care module of the
+German Medical Informatics Initiative for PCWP, CVP and the flow of extracorporeal gas exchange, which has no
+LOINC code; HL7's value set of oxygen saturations for the arterial saturation, DICOM's context group 3524 for
+the arterial partial pressures, and LOINC's own name for the mixed venous saturation. Pulse oximetry (59408-5)
+is not read as a blood gas.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ LOINC, SNOMED = "http://loinc.org", "http://snomed.info/sct"
 
 @dataclass(frozen=True, slots=True)
 class Measurable:
-    """A column of a cohort that clinical data may hold.
+    """A cohort column that clinical data may contain.
 
     Attributes:
         column: Name of the column.
         unit: Unit of the column.
-        loinc: LOINC code, or empty.
-        snomed: SNOMED CT code, or empty.
+        loinc: LOINC code; empty if there is none.
+        snomed: SNOMED CT code; empty if there is none.
     """
 
     column: str
@@ -68,7 +68,7 @@ MEASURABLES = (
         for column in device.columns.measured
     ),
 )
-"""What is read; a pump's speed and blood gases of the ECMO go by their names."""
+"""Values that are read; pump speed and blood gases of the ECMO are identified by their column names."""
 BY_CODE: MappingProxyType[str, Measurable] = MappingProxyType(
     {m.loinc: m for m in MEASURABLES if m.loinc}
     | {m.snomed: m for m in MEASURABLES if m.snomed}
@@ -82,14 +82,14 @@ _UCUM = {
 
 
 class UnitError(ValueError):
-    """A unit that is missing, unknown or measures something else."""
+    """A unit that is missing, unknown or of another quantity."""
 
 
 def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
-    """A value in the unit of its column, and what was converted; empty if nothing was.
+    """Convert a value to the unit of its column, and describe the conversion; empty without one.
 
     Raises:
-        UnitError: With what is allowed.
+        UnitError: The unit cannot be used; the message states what is allowed.
     """
     quantity = quantity_of(kind.unit)
     if not unit.strip():
@@ -106,7 +106,7 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
 
 
 def are_different_units(one: str, other: str) -> bool:
-    """Whether two spellings are of two units of one quantity, such as "mm[Hg]" and "kPa"."""
+    """Whether two spellings denote different units of one quantity, such as "mm[Hg]" and "kPa"."""
     known, also = _known(one), _known(other)
     same_quantity = known and also and quantity_of(known) == quantity_of(also)
     return bool(same_quantity) and known != also
@@ -121,21 +121,21 @@ def _known(unit: str) -> str | None:
 
 PATIENT_COLUMNS = ("sex", "age_years")
 SIZE_COLUMNS = ("height_cm", "weight_kg")
-"""What is measured once and belongs to every data point of the patient."""
+"""Columns measured once that apply to every data point of the patient."""
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """One value of one patient at one time, as it was written.
+    """One value of one patient at one time, as written.
 
     Attributes:
         patient: Pseudonym.
-        time: When, as written (ISO 8601).
-        code: One of the codes of `eclsim.cases.observations`, or a column's name.
+        time: Time as written (ISO 8601).
+        code: One of the codes in `BY_CODE`, or any other code, which is not read.
         value: The number.
-        unit: As written.
-        place: What messages call it, such as "entry 7"; empty where `line` says it.
-        line: Line in a table.
+        unit: Unit as written.
+        place: Position for messages, such as "entry 7"; empty where `line` gives it.
+        line: Line in a table; None outside a table.
     """
 
     patient: str
@@ -149,12 +149,12 @@ class Observation:
 
 @dataclass(slots=True)
 class Imported:
-    """Rows of a cohort, and everything there was to say.
+    """Rows of a cohort, with the remarks about their import.
 
     Attributes:
         rows: Cells by column of each data point, in order of patient and time.
-        mistakes: What makes the import unusable.
-        warnings: Doubts, and what was not read.
+        mistakes: Errors that make the import unusable.
+        warnings: Warnings, and data that were not read.
         notes: Conversions and groupings.
     """
 
@@ -167,13 +167,14 @@ class Imported:
 def data_points(
     observations: Iterable[Observation], about: dict[str, dict[str, str]], within: timedelta, result: Imported
 ) -> None:
-    """Put observations into rows.
+    """Group observations into rows.
 
     Args:
-        observations: In any order.
-        about: What is known of each patient besides, by pseudonym: cells by column.
-        within: Observations of a patient up to so long after the first of a data point belong to it.
-        result: Gets rows, mistakes, warnings and notes.
+        observations: Observations in any order.
+        about: Other data of each patient, by pseudonym: cells by column.
+        within: Observations of a patient up to this time after the first one of a data point belong to that
+            point.
+        result: Receives rows, errors, warnings and notes.
     """
     placed: dict[str, list[tuple[datetime, Observation, Measurable, float]]] = {}
     unread: dict[str, int] = {}
@@ -195,7 +196,7 @@ def data_points(
 
 
 def _checked(record: Observation, kind: Measurable, result: Imported) -> tuple[datetime, float] | None:
-    """Time and converted value, or None with the reason kept."""
+    """Return the time and the converted value; None after recording an error."""
     key = f"{record.place} {kind.column}".strip()
     when, wrong = _time(record.time)
     if wrong:
@@ -220,7 +221,7 @@ def _time(text: str) -> tuple[datetime | None, str]:
         when = datetime.fromisoformat(text.strip())
     except ValueError:
         return None, "no time in ISO 8601" if text.strip() else "no time"
-    # Times without a zone are compared among themselves; a mixture has no order.
+    # Times without a zone are compared with each other; a mixture cannot be ordered.
     return when, ""
 
 
@@ -265,9 +266,9 @@ _HEAD = ("patient_id", "measurement")
 def _with_size(
     patient: str, rows: Sequence[tuple[datetime, dict[str, str]]], other: Sequence[str], result: Imported
 ) -> list[dict[str, str]]:
-    """Data points with the height and weight that the patient had: the last before each, else the first.
+    """Add height and weight to data points: the last ones measured before each, else the first.
 
-    Times at which nothing but these was measured are no data points.
+    Times at which only these were measured are not data points.
     """
     for name in SIZE_COLUMNS:
         known = [(when, row[name], row["measurement"]) for when, row in rows if name in row]

@@ -1,7 +1,7 @@
-"""What the fields of a case say together: contradictions (errors) and doubts (warnings).
+"""Consistency of the fields of a case with each other: contradictions (errors) and doubts (warnings).
 
-Works on whatever fields were right, so that one mistake does not hide another. What concerns one device, or
-one section of the patient, is checked there.
+The checks use whichever fields are valid, so that one error does not hide another. Checks that concern a
+single device or a single section of the patient are in their own modules.
 """
 
 from __future__ import annotations
@@ -29,16 +29,17 @@ _CHAMBERS = ("ra", "rv", "la", "lv")
 _LARGEST_SHARE = 0.5
 _LEAST_VENOUS_ML = 20.0
 _LARGEST_SATURATION_DIFFERENCE = 15.0
-"""Difference [%] between a saturation and the one of its PO2 that pH and temperature hardly explain."""
+"""Difference [%] of a saturation from that of its PO2 which pH and temperature hardly explain."""
 
 
 def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:
-    """All checks that need more than one field, or that only warn.
+    """Run all checks that need more than one field, or that only warn.
 
     Args:
-        case: What is right of the case.
-        parameters: Overrides of parameters.
-        remarks: Has what was refused already, which is not missing; collects mistakes, warnings and notes.
+        case: Valid values of the case.
+        parameters: Parameter overrides.
+        remarks: Contains the fields already refused, which do not count as missing; collects errors, warnings
+            and notes.
     """
     _check_patient(case.patient, remarks.refused(), remarks)
     _note_size(case, remarks)
@@ -62,12 +63,12 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
     _check_regions(case, parameters, remarks)
     for key, values in case.devices.items():
         device = device_of(device_key(key))
-        assert device is not None  # a section of no device is an unknown key
+        assert device is not None  # a section that belongs to no device is an unknown key
         device.check(values, case, key, remarks)
 
 
 def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
-    """A saturation that only the PO2 in kPa could have."""
+    """Compare saturations with PO2: a PO2 that would fit in kPa is an error, any other mismatch a warning."""
     measured = case.measurements
     for saturation, pressure in (("SaO2", "PaO2"), ("SpostO2", "PpostO2")):
         if saturation not in measured or pressure not in measured:
@@ -86,7 +87,7 @@ def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
 
 
 def _saturation(po2: float) -> float:
-    """Saturation [%] at a PO2 [mmHg], pH 7.4 and 37 C (Severinghaus 1979)."""
+    """Return the saturation [%] at a PO2 [mmHg], pH 7.4 and 37 C (Severinghaus 1979)."""
     return 100.0 / (1.0 + 23400.0 / (po2**3 + 150.0 * po2))
 
 
@@ -96,7 +97,7 @@ _PARTS_MISSING = {
 
 
 def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:
-    """Sites that the patient does not have, and settings of regions where there are none."""
+    """Check sites and settings that need regions, collapsible veins or a pericardium."""
     section = case.physiology.get(SECTION, {})
     regional = section.get("regional", False)
     usual = physiology.PARAMETERS[physiology.UPPER_SHARE].value
@@ -150,7 +151,7 @@ def _check_body_size(height: float, weight: float, remarks: Remarks) -> None:
 
 
 def _note_size(case: CaseValues, remarks: Remarks) -> None:
-    """Note the limits of oxygen delivery of a patient of another size, where gases are computed."""
+    """Note the limits of oxygen delivery for the patient's body size, if gases are computed."""
     height, weight = (case.patient.get(name) for name in ("height_cm", "weight_kg"))
     if "gas" not in case.physiology or height is None or weight is None:
         return
@@ -189,7 +190,7 @@ def _check_arterial_pressures(case: CaseValues, remarks: Remarks) -> None:
 
 
 def _check_blood(case: CaseValues, stated: Mapping[str, float], remarks: Remarks) -> None:
-    """Stressed volumes against the blood volume: more than all is an error, more than a half a doubt."""
+    """Compare stressed volume and blood volume: more than all of it is an error, more than half a warning."""
     concerned = [key for key in stated if (key[2:] in _VESSELS and key[:2] == "P0") or key[1:] in _VESSELS]
     total = _blood_volume(case.patient)
     if not concerned or total is None:

@@ -1,9 +1,10 @@
-"""Patients to start from: a case for each usual situation at the bedside.
+"""Preset patients: a case for each common situation at the bedside.
 
-What each one shows stands in `aim`, as ranges in `aims`, and what the ranges rest on in `source`; the tests
-hold the simulated numbers against them. Only the paper's patient was fitted to anybody. The others are the
-published parameters (Tables S-1 to S-3 of Thiel et al. 2025) with those changed that the situation is about:
-contractility, resistances, compliance and filling, chosen in November 2026 so that the ranges are met.
+`aim` describes what a preset shows, `aims` gives the criteria as ranges, and `source` names their sources;
+the tests check the simulated numbers against the ranges. Only the paper's patient was fitted to a real
+patient. The others use the published parameters (Tables S-1 to S-3 of Thiel et al. 2025), except those that
+characterise the situation (contractility, resistances, compliance and filling), chosen in November 2026 to
+meet the ranges.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ if TYPE_CHECKING:
 
 
 CARDIAC_INDEX = "cardiac_index"
-"""CO per square metre of body surface after Mosteller [L/min/m2]."""
+"""Cardiac output per body surface area after Mosteller [L/min/m2]."""
 
 
 @dataclass(frozen=True)
 class Aim:
-    """A range within which a preset's beat lies.
+    """A range in which an output of a preset's beat lies.
 
     Args:
         output: name in the registry of outputs, or `CARDIAC_INDEX`.
-        lowest: in the output's unit.
-        highest: likewise.
+        lowest: lower bound, in the output's unit.
+        highest: upper bound, in the output's unit.
     """
 
     output: str
@@ -43,13 +44,13 @@ class Preset:
     """A case to start from.
 
     Args:
-        key: short name, also in links.
-        name: in words.
-        aim: what the beat shows, with the usual criteria.
-        source: what the criteria rest on.
+        key: short name, also used in links.
+        name: displayed name.
+        aim: description of what the beat shows, with the usual criteria.
+        source: sources of the criteria.
         aims: the criteria as ranges.
-        sections: the case, as a case file holds it.
-        often: devices that are often connected or disconnected beside it; the page has them ready.
+        sections: the case, as in a case file.
+        often: devices often connected or disconnected with this preset; the page prepares them.
     """
 
     key: str
@@ -61,7 +62,7 @@ class Preset:
     often: tuple[str, ...] = ()
 
     def case(self) -> Case:
-        """The checked case."""
+        """Return the checked case."""
         from eclsim.cases.case import Case
 
         return Case.model_validate({"format": 1, **self.sections})
@@ -196,4 +197,4 @@ _PRESETS = (
 )  # fmt: skip
 
 PRESETS: Mapping[str, Preset] = MappingProxyType({preset.key: preset for preset in _PRESETS})
-"""Cases to start from, by key."""
+"""Preset cases, by key."""

@@ -1,6 +1,6 @@
-"""The numbers of a case by name, as studies vary and fit them: what each is, and where a case holds it.
+"""Numbers of a case by name, as studies vary and fit them: their meaning and their place in a case.
 
-A number is a parameter of the tables, which stands in [parameters], or a key of a section of its own, such as
+A number is a parameter of the tables, stored in [parameters], or a key of another section, such as
 `gas.shunt_fraction`, `ecmo.speed_rpm` or `lvad.left.speed_rpm`.
 """
 
@@ -25,7 +25,7 @@ HEART_RATE = "heart_rate_bpm"
 
 
 def section_and_key(name: str) -> tuple[str, str] | None:
-    """Section and key of a number, such as ("lvad.left", "speed_rpm"); None for what no case holds."""
+    """Return section and key of a number, such as ("lvad.left", "speed_rpm"); None if no case contains it."""
     if name == HEART_RATE:
         return Patient.section, name
     section, _, key = name.rpartition(".")
@@ -39,10 +39,10 @@ def section_and_key(name: str) -> tuple[str, str] | None:
 
 
 def quantity(name: str) -> Parameter | None:
-    """What a number of a case is: unit, meaning and allowed range; None where it is none.
+    """Return unit, meaning and allowed range of a number of a case; None if there is no such number.
 
     Args:
-        name: of a parameter or of a key, also of a named instance (`ecmo.left.Recmooxy`).
+        name: name of a parameter or key, also of a named instance (`ecmo.left.Recmooxy`).
     """
     if (known := _in_tables(name)) is not None:
         return known
@@ -58,7 +58,7 @@ def quantity(name: str) -> Parameter | None:
 
 
 def _in_tables(name: str) -> Parameter | None:
-    """The parameter of a name, that of an instance by the name of its device's."""
+    """Return the parameter with a name; the name of an instance's parameter gives that of its device."""
     known, (device, _, remainder) = parameters(), name.partition(".")
     instance, _, key = remainder.partition(".")
     names = (f"{device}.{key}", key) if key and device in devices() and is_instance_name(instance) else ()
@@ -66,7 +66,7 @@ def _in_tables(name: str) -> Parameter | None:
 
 
 def stated(case: Case, name: str) -> float | None:
-    """The value that a case itself gives a number; None where it leaves it to a default."""
+    """Return the value that a case itself gives to a number; None if the default applies."""
     place = section_and_key(name)
     if place is None:
         return None
@@ -75,14 +75,14 @@ def stated(case: Case, name: str) -> float | None:
 
 
 def with_values(case: Case, values: Mapping[str, float]) -> Case:
-    """The case with other values of some numbers, each where a case file holds it.
+    """Return the case with new values of some numbers, each stored where a case file has it.
 
     Args:
-        case: with the sections that hold them, but for [fluid], whose volume every patient has.
-        values: by name, within their allowed ranges.
+        case: case that has the sections of these numbers; only [fluid] is added if missing.
+        values: values by name, within their allowed ranges.
 
     Raises:
-        ValueError: A number that no case holds.
+        ValueError: No case contains the number, or this case lacks its section.
     """
     changes: dict[str, dict[str, float]] = {}
     for name, value in values.items():

@@ -1,4 +1,4 @@
-"""Reading case files: from bytes to a checked case, with the line of every mistake."""
+"""Reading of case files: from bytes to a checked case, with the line of each error."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ _LONG_TEXT = re.compile(r'"""|' + "'''")
 
 @dataclass(frozen=True, slots=True)
 class CaseReading:
-    """A case and what there was to say about its file.
+    """A case with the remarks about its file.
 
     Attributes:
         case: The checked case.
-        warnings: Doubts about values that were kept.
-        notes: What was filled in, left out or overridden.
-        file: Where it was read.
+        warnings: Warnings about values that were kept.
+        notes: Values that were filled in, left out or overridden.
+        file: Path of the file.
     """
 
     case: Case
@@ -61,11 +61,12 @@ def read_case(
 
     Args:
         path: A TOML file in format 1.
-        settings: Values that win over the file's, such as "ecmo.speed_rpm=3000" or "Rmc=0.8".
-        volume_policy: Blood volume policy that wins over the file's.
+        settings: Settings that override the file, such as "ecmo.speed_rpm=3000" or "Rmc=0.8".
+        volume_policy: Blood volume policy that overrides the file's.
 
     Raises:
-        CaseError: With everything that is wrong with file and settings, each with file and line.
+        CaseError: File or settings have errors; all are listed, each with file and line.
+        TypeError: `path` is not a path.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(f"{written(path)} is no path; allowed: the path of a case file")
@@ -86,13 +87,13 @@ def read_case(
 
 
 def _as_written(raw: dict[str, Any]) -> Case | None:
-    """The case of the file itself; None where it is none without the settings."""
+    """Return the case of the file without the settings; None if it is invalid without them."""
     checked = check_case(raw)
     return None if checked.mistakes else Case.model_validate(checked.values, context=CHECKED)
 
 
 def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake]:
-    """Put a policy in; a note where the file's own gives way."""
+    """Set the blood volume policy; return a note if it overrides the file's."""
     of_file = merged.get(POLICY_KEY)
     merged[POLICY_KEY] = policy
     if of_file in (None, policy):
@@ -102,14 +103,14 @@ def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake
 
 
 def read_mapping(raw: object, file: str = "") -> CaseReading:
-    """Check a case given as nested mappings, such as a form's values.
+    """Check a case given as nested mappings, such as the values of a form.
 
     Args:
-        raw: Sections and values as a case file holds them.
-        file: What messages call the place where it came from.
+        raw: Sections and values as in a case file.
+        file: Name of the source, for messages.
 
     Raises:
-        CaseError: With everything that is wrong.
+        CaseError: The case has errors; all are listed.
     """
     return _checked(raw, file, {}, set())
 
@@ -128,7 +129,7 @@ def _checked(raw: object, file: str, lines: Mapping[str, int], set_keys: set[str
 
 
 def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set[str]) -> Mistake:
-    """The mistake with the line of its key, else of the section that it is in."""
+    """Return the remark with the line of its key, or else of the section that contains it."""
     parts = mistake.key.split(".")
     within = [".".join(parts[:count]) for count in range(len(parts), 0, -1)]
     section = within[1] if len(within) > 1 else within[0]
@@ -156,7 +157,7 @@ def _parse(text: str, file: str) -> dict[str, Any]:
 
 
 def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
-    """A TOML error with its line and, for the usual slips, what was meant."""
+    """Return a TOML error with its line and, for common slips, a suggested correction."""
     place = re.search(r"\(at (?:line (\d+), column \d+|(end of document))\)", reason)
     if "integer string conversion" in reason:
         return Mistake(
@@ -194,9 +195,9 @@ def _suggestion(written: str) -> str:
 
 
 def lines_of_keys(text: str) -> dict[str, int]:
-    """Line, from 1, of every section ("patient") and key ("patient.age_years") of a valid TOML text.
+    """Return the line, from 1, of each section ("patient") and key ("patient.age_years") of valid TOML.
 
-    Tables of a list are counted: "events[2]", "events[2].at_min".
+    Tables of a list are numbered: "events[2]", "events[2].at_min".
     """
     result: dict[str, int] = {}
     section = ""
@@ -219,5 +220,5 @@ def lines_of_keys(text: str) -> dict[str, int]:
 
 
 def _dotted(name: str) -> str:
-    """A dotted key without quotes and spaces around its parts."""
+    """Remove quotes and spaces around the parts of a dotted key."""
     return ".".join(part.strip().strip("\"'") for part in name.split("."))

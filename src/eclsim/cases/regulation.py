@@ -1,4 +1,4 @@
-"""The sections [regulation] and [drugs]: reflexes and infusions."""
+"""Sections [regulation] and [drugs]: reflexes and infusions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 GAS_RESPONSES = (
     "chemoreflex", "hypoxic_vasodilation", "hypoxic_vasoconstriction", "carbon_dioxide_response",
 )  # fmt: skip
-"""Keys of what answers to dissolved gases, and so needs a section [gas]."""
+"""Keys of the responses to dissolved gases, which need a section [gas]."""
 
 
 class _Settings(Section):
@@ -24,7 +24,7 @@ class _Settings(Section):
     parameters = PARAMETERS
 
     def values(self) -> dict[str, float]:
-        """Values of the parameters that are given."""
+        """Return the values of the parameters that are given."""
         stated = {
             f"{self.section}.{name}": value for name, value in self.model_dump(exclude_none=True).items()
         }
@@ -32,7 +32,7 @@ class _Settings(Section):
 
 
 class Regulation(_Settings):
-    """Reflexes. Set points in mmHg; left out, they are the pressures of the case without regulation."""
+    """Reflexes. Set points not given are those of the case without regulation; pressures in mmHg."""
 
     section = regulation.REGULATION
     baroreflex: Annotated[
@@ -69,7 +69,7 @@ class Regulation(_Settings):
 
     @property
     def open_set_points(self) -> tuple[str, ...]:
-        """Set points that are wanted and not given."""
+        """Set points that are needed but not given."""
         required: list[str] = []
         if self.baroreflex is not None:
             required += [regulation.SET_POINT]
@@ -86,7 +86,7 @@ class Regulation(_Settings):
         return tuple(name for name in dict.fromkeys(required) if name not in stated)
 
     def values(self) -> dict[str, float]:
-        """Values of the parameters that are given; a set point of all organs is that of each region too."""
+        """Return the given parameter values; a set point given for all organs also applies to each region."""
         stated = super().values()
         for key in (regulation.PACO2_SET_POINT, regulation.VENOUS_O2_SET_POINT):
             stated |= {
@@ -99,7 +99,7 @@ class Regulation(_Settings):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Warn of what is without effect, refuse what contradicts."""
+        """Warn of keys without effect, and refuse contradictory ones."""
         if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
             message = f"acts on the firing rate of nerves, which {values['model']} does not model"
             remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')
@@ -129,7 +129,7 @@ class Regulation(_Settings):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Warn of what answers to gases that nothing computes."""
+        """Warn of responses to gases if no gases are computed."""
         for name in GAS_RESPONSES:
             stated = sections.get(cls.section, {}).get(name)
             if stated is not None and "gas" not in sections:
@@ -144,7 +144,7 @@ _UNIT_MISTAKES = {
         (1000.0, "{meant:g}: {given:g} mU/min are {meant:g} U/min"),
     ),
 }
-"""Factors by which a dose in another unit is too large, and the hint for each."""
+"""Factors by which a dose is too large if given in another unit, with the hint for each."""
 
 
 def _read_dose(value: object, field: Field) -> float:
@@ -187,7 +187,7 @@ class Drugs(_Settings):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Say where the effect of a dose is no longer that of a usual one."""
+        """Warn of effective doses above the usual range, whose effect is extrapolated."""
         for drug, (_, usual, unit) in DRUG_DOSES.items():
             given, sensitivity = values.get(drug), values.get(f"{drug}_sensitivity", 1.0)
             if not (isinstance(given, float) and isinstance(sensitivity, float)):

@@ -1,4 +1,4 @@
-"""From a case to what is simulated: its circuit, and a number for every parameter."""
+"""From a case to the simulated model: its circuit, and a value for each parameter."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def anatomy_of(case: Case) -> Anatomy:
-    """What the patient has beyond the published circulation."""
+    """Return the options of the patient's anatomy beyond the published circulation."""
     from eclsim.patient.circulation import FLOW_COEFFICIENTS, Anatomy
 
     section = case.physiology
@@ -38,7 +38,7 @@ def anatomy_of(case: Case) -> Anatomy:
 
 
 def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
-    """The patient, and what stands in for vessels that are divided in regions."""
+    """Return the patient's circuit, and the replacements for sites that its anatomy divides or changes."""
     from eclsim.patient.circulation import circulation, gas_exchanges
 
     anatomy = anatomy_of(case)
@@ -52,7 +52,7 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
 
 
 def _regulated(patient: Circuit, case: Case) -> Circuit:
-    """The patient with what the case adds of reflexes, drugs and volume."""
+    """Return the patient with the reflexes, drugs and extra volume of the case."""
     from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
 
     shifted = {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys()
@@ -79,7 +79,7 @@ def _regulated(patient: Circuit, case: Case) -> Circuit:
 
 
 def circuit_of(case: Case) -> Circuit:
-    """Patient plus the devices whose sections the case has."""
+    """Return the circuit of the patient with all connected devices."""
     circuit, nodes = _patient(case)
     for instance in case.instances():
         nodes |= instance.sites()
@@ -88,7 +88,7 @@ def circuit_of(case: Case) -> Circuit:
 
 
 def _with_viscosity(circuit: Circuit, case: Case) -> Circuit:
-    """The circuit with resistances that follow the haematocrit, where the case follows its fluid."""
+    """Return the circuit, with resistances that depend on the haematocrit if the case has [fluid]."""
     if case.fluid is None:
         return circuit
     from eclsim.fluid.viscosity import with_viscosity
@@ -97,10 +97,10 @@ def _with_viscosity(circuit: Circuit, case: Case) -> Circuit:
 
 
 def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
-    """The circuit of a case with lines on switches, and the position of each switch.
+    """Return the circuit of a case with movable lines as switches, and the position of each switch.
 
-    Where all lines of a device that can be moved are at positions of one other device, each gets a `Choice`
-    of all of these: moving a line is another value then, not another circuit. Such devices come last.
+    If all movable lines of a device are connected to one other device, each line gets a `Choice` of all that
+    device's sites. Moving a line then changes a parameter value, not the circuit. Such devices come last.
     """
     from eclsim.circuit.network import Choice, Circuit
 
@@ -121,7 +121,7 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
 
 
 def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:
-    """The circuit with the compartment that stands at each position of a device, such as "post_oxy"."""
+    """Replace device sites, such as "post_oxy", in a circuit by the compartments at these sites."""
 
     def node(site: Site) -> Site:
         return nodes.get(site, site) if isinstance(site, str) else site
@@ -134,13 +134,13 @@ def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:
 
 
 def resolve_parameters(case: Case) -> dict[str, float]:
-    """Every number of a case, by name and in the units of the tables and of the devices' makers.
+    """Return all numbers of a case by name, in the units of the parameter tables and of device manufacturers.
 
-    Defaults are those of the parameter tables; devices bring their own, and the case's own parameters
-    override both. Settings of a device, such as `ecmo.speed_rpm`, are there exactly if it is connected.
+    Defaults come from the parameter tables. Devices supply their own values, and the case's own parameters
+    override both. Settings of a device, such as `ecmo.speed_rpm`, are present only if it is connected.
 
     Raises:
-        UnsolvedFlowError: The case names a pump flow in place of a speed.
+        UnsolvedFlowError: The case specifies a pump flow in place of a speed.
     """
     values = {key: parameter.value for key, parameter in parameters().items()}
     values["heart_rate_bpm"] = case.patient.heart_rate_bpm
@@ -161,9 +161,10 @@ def resolve_parameters(case: Case) -> dict[str, float]:
 
 @lru_cache(maxsize=256)
 def nominal_values(circuit: Circuit) -> Mapping[str, float] | None:
-    """The paper's parameters and usual devices for a circuit; None if it reads a parameter of its own.
+    """Return the paper's parameters and usual device values; None if the circuit reads an unknown parameter.
 
-    The orbit at these values is where the search for a patient's orbit starts, whoever was solved before.
+    The search for a patient's periodic orbit starts from the orbit at these values, whatever was solved
+    before.
     """
     known = {key: parameter.value for key, parameter in parameters().items()}
     known |= {"heart_rate_bpm": 90.0, "total_blood_volume_ml": 4500.0}
@@ -184,12 +185,12 @@ def nominal_values(circuit: Circuit) -> Mapping[str, float] | None:
 
 
 def height_weight(patient: Patient) -> tuple[float, float]:
-    """Height [cm] and weight [kg]: the patient's own, or the mean of their sex and age."""
+    """Return height [cm] and weight [kg]: the patient's own, or the mean for sex and age."""
     if patient.height_cm is not None and patient.weight_kg is not None:
         return patient.height_cm, patient.weight_kg
     return mean_height_weight(patient.sex, patient.age_years)
 
 
 def blood_volume_ml(patient: Patient) -> float:
-    """Total blood volume of a patient [mL]."""
+    """Return the total blood volume of a patient [mL]."""
     return total_blood_volume_ml(patient.sex, patient.age_years, *height_weight(patient))

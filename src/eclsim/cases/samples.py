@@ -1,4 +1,4 @@
-"""Samples of a patient's parameters, as studies of doubt take them: refused where they would mislead."""
+"""Samples of a patient's parameters for studies of uncertainty: misleading ones are refused."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from eclsim.spelling import did_you_mean
 
 
 def as_samples(samples: Mapping[str, Sequence[float]]) -> Mapping[str, Sequence[float]]:
-    """Samples by parameter, each a list of numbers.
+    """Check that samples are lists of numbers by parameter, and return them.
 
     Raises:
-        TypeError: They are something else.
+        TypeError: They are not.
     """
     allowed = 'lists of numbers by parameter, such as {"Rmc": [0.8, 0.9]}'
     if not isinstance(samples, Mapping):
@@ -29,14 +29,14 @@ def as_samples(samples: Mapping[str, Sequence[float]]) -> Mapping[str, Sequence[
 
 
 def check_samples(samples: Mapping[str, Sequence[float]], known: Collection[str]) -> None:
-    """Refuse samples that would be paired wrongly, or taken for certain since nothing reads them.
+    """Refuse samples of unequal length, out of range, or of parameters that the study does not read.
 
     Args:
         samples: values of each parameter, in its unit, one per sample.
         known: names of the parameters that the study reads.
 
     Raises:
-        CaseError: With every mistake.
+        CaseError: There are such samples; all are listed.
     """
     if mistakes := list(_mistakes(samples, known)):
         raise CaseError(mistakes)

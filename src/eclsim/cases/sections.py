@@ -1,4 +1,4 @@
-"""The sections of a case file: who the patient is, what was measured, and what each device adds."""
+"""Sections of a case file: the patient, the measurements, and those of the devices."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from eclsim.parameters.gas import PARAMETERS, PREFIX
 from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 
 GRAMS_PER_MMOL = 1.6114
-"""Haemoglobin [g/dL] of 1 mmol/L of its monomer."""
+"""Conversion factor for haemoglobin from mmol/L of the monomer to g/dL."""
 NORMAL_C, TEMPERATURE_DOUBT_C = 37.0, 1.5
-"""Temperature of the body, and by how much it may be another before consumption is doubted [C]."""
+"""Body temperature, and the deviation from it above which the oxygen consumption is doubted [C]."""
 LOW_HAEMOGLOBIN = 7.0
-"""Haemoglobin [g/dL] below which the number may be in mmol/L."""
+"""Haemoglobin [g/dL] below which the number may be in mmol/L instead."""
 
 
 class Gas(Section):
-    """Oxygen and carbon dioxide of the patient; what is left out has the default of its table.
+    """Gas exchange of the patient; omitted values have the defaults of the parameter table.
 
-    Haemoglobin in g/dL, base excess in mmol/L, temperature in C, oxygen consumption in mL/min (STPD; left
-    out, from the body surface), ventilation in L/min (BTPS); the others are fractions.
+    Haemoglobin is in g/dL, base excess in mmol/L, temperature in C, oxygen consumption in mL/min (STPD;
+    derived from the body surface area if omitted), ventilation in L/min (BTPS) and lung volume in mL; the
+    others are dimensionless.
     """
 
     section = "gas"
@@ -46,7 +47,7 @@ class Gas(Section):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Doubt a haemoglobin that may be in mmol/L."""
+        """Warn of a haemoglobin that may be in mmol/L."""
         if "vo2_ml_min" not in raw:
             remarks.note(f"{key}.vo2_ml_min", "left out, so 126 mL/min per m2 of body surface (Dehmer 1982)")
         haemoglobin = values.get("haemoglobin_g_dl")
@@ -57,7 +58,7 @@ class Gas(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Note the defaults in use and what they do not follow; warn of gases that nothing computes."""
+        """Note defaults in use; warn of consumption that ignores temperature and of gases not computed."""
         stated = sections.get(cls.section, {})
         temperature = stated.get("temperature_c", NORMAL_C)
         if abs(temperature - NORMAL_C) > TEMPERATURE_DOUBT_C and stated.get("vo2_ml_min") is None:
@@ -86,12 +87,12 @@ POLICY = Field(
     "Whose blood fills the circuits: the patient's, or patient_held: they are primed", "name",
     required=False, names=("as_published", "patient_held"), name=POLICY_KEY,
 )  # fmt: skip
-"""The blood volume policy, which stands above the sections; left out, "as_published"."""
+"""The blood volume policy, written above the sections; "as_published" if omitted."""
 _INSTANCE = re.compile(r"[A-Za-z0-9_-]{1,30}")
 
 
 class Patient(Section):
-    """Who is simulated: age in years, height in cm, weight in kg, heart rate in beats per minute."""
+    """The patient: age in years, height in cm, weight in kg, heart rate in beats per minute."""
 
     section = "patient"
     id: Annotated[str, Field("Pseudonym of the patient", "text")]
@@ -107,11 +108,10 @@ def _saturation(where: str, typical: float) -> Field:
 
 
 class Measurements(Section):
-    """What was measured: pressures in mmHg, flows in L/min, saturations in %, None where not measured.
+    """Measurements: pressures in mmHg, flows in L/min, saturations in %; None if not measured.
 
-    CO is the native output, the flow through the lungs; PF is the flow of the ECMO pump. Pressures of its
-    circuit are those at the height of the heart. Those of gases are fitted where the case has the section
-    [gas].
+    CO is the native output, which flows through the lungs; PF is the flow of the ECMO pump. Circuit pressures
+    are at the height of the heart. Measurements of gases are fitted if the case has the section [gas].
     """
 
     section = "measurements"
@@ -164,7 +164,7 @@ def _share(name: str) -> Field:
 
 
 class Physiology(Section):
-    """What the patient has beyond the published circulation; areas are effective orifice areas in cm^2."""
+    """Extensions of the published circulation; areas are effective orifice areas in cm^2."""
 
     section = physiology.SECTION
     parameters = physiology.PARAMETERS
@@ -183,23 +183,23 @@ class Physiology(Section):
     pulmonary_stenosis_cm2: float | None = None
 
     def values(self) -> dict[str, float]:
-        """Values of the parameters of the circuit."""
+        """Return the values of the circuit parameters."""
         stated = self.model_dump(exclude_none=True)
         return {f"{self.section}.{k}": value for k, value in stated.items() if not isinstance(value, bool)}
 
 
 PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drugs, Fluid, Solutes)
-"""Optional sections of what the patient has beyond the published model."""
+"""Optional sections that extend the published model of the patient."""
 MEASURED = tuple(Measurements.fields())
-"""Names of what may have been measured."""
+"""Names of all measurements."""
 MEASURED_GASES = MEASURED[MEASURED.index("SaO2") :]
-"""Names of measurements of gas exchange."""
+"""Names of the measurements of gas exchange."""
 FURTHER_MEASUREMENTS = MEASURED[MEASURED.index("CVP") : MEASURED.index("SaO2")]
-"""Pressures that the paper does not fit: they may be zero or negative."""
+"""Pressures that the paper does not fit; they may be zero or negative."""
 
 
 def sections() -> dict[str, type[Section]]:
-    """All sections by name, in the order in which they are written."""
+    """Return all sections by name, in the order in which they are written."""
     result: dict[str, type[Section]] = {
         section.section: section for section in (Patient, Measurements, *PATIENT_SECTIONS)
     }
@@ -207,13 +207,13 @@ def sections() -> dict[str, type[Section]]:
 
 
 def section_of(key: str) -> type[Section] | None:
-    """What belongs in the section of a key, such as "patient" or "lvad.left"; None if there is no such."""
+    """Return the class of a section such as "patient" or "lvad.left"; None if there is no such section."""
     device = device_of(key)
     return sections().get(key) if device is None else device.section
 
 
 def places_of(name: str) -> list[str]:
-    """The keys of a case file that end in a name, such as "ecmo.speed_rpm" of "speed_rpm"."""
+    """Return the keys of a case file that end in a name, such as "ecmo.speed_rpm" for "speed_rpm"."""
     return [
         f"{key}.{item}"
         for key, section in sections().items()
@@ -223,7 +223,7 @@ def places_of(name: str) -> list[str]:
 
 
 def by_instance(device: AnyDevice, raw: object) -> Mapping[str, object]:
-    """What a section holds for each instance of a device, by name; of an only one the name is empty."""
+    """Return the section of each instance of a device, by name; a single instance has an empty name."""
     if isinstance(raw, Mapping) and not any(key in device.section.fields() for key in raw):
         by_name = {str(key): value for key, value in raw.items() if isinstance(value, Mapping)}
         if by_name and len(by_name) == len(raw):
@@ -232,7 +232,7 @@ def by_instance(device: AnyDevice, raw: object) -> Mapping[str, object]:
 
 
 def device_sections(raw: Mapping[str, object]) -> Iterator[tuple[AnyDevice, str, object]]:
-    """Device, name of the instance and what its section holds, for each device of a case."""
+    """Yield device, instance name and section for each device of a case."""
     for key, device in devices().items():
         if key in raw:
             for name, section in by_instance(device, raw[key]).items():
@@ -240,12 +240,12 @@ def device_sections(raw: Mapping[str, object]) -> Iterator[tuple[AnyDevice, str,
 
 
 def is_instance_name(name: str) -> bool:
-    """Whether a name can stand in `[device.NAME]`."""
+    """Whether a name is allowed in `[device.NAME]`."""
     return _INSTANCE.fullmatch(name) is not None
 
 
 def within(raw: dict[str, Any], key: str) -> dict[str, Any] | None:
-    """The section of a key in a case's mapping, made where it is missing; None where it is no table."""
+    """Return the section with a key in a case's mapping, created if missing; None if it is not a table."""
     for name in filter(None, (device_key(key), key.partition(".")[2])):
         inner = raw.setdefault(name, {})
         if not isinstance(inner, dict):

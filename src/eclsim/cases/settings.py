@@ -1,4 +1,4 @@
-"""Settings given beside a case file, such as --set ecmo.speed_rpm=3000."""
+"""Settings that override a case file, such as --set ecmo.speed_rpm=3000."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ SETTING_SOURCE = "--set"
 
 
 def texts_of(settings: Iterable[str]) -> list[str]:
-    """Settings as a list; one text is one setting.
+    """Return settings as a list; a single string is one setting.
 
     Raises:
-        TypeError: They are no texts.
+        TypeError: They are not strings.
     """
     allowed = 'texts such as ["ecmo.speed_rpm=3000", "Rmc=0.8"]'
     if isinstance(settings, Mapping) or not isinstance(settings, Iterable):
@@ -38,16 +38,16 @@ def texts_of(settings: Iterable[str]) -> list[str]:
 
 
 def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:
-    """Section, key and value of each setting; a later one wins over an earlier one of the same key.
+    """Return section, key and value of each setting; the last one for a key applies.
 
     Raises:
-        CaseError: Naming every setting that is none, with the nearest right spelling.
+        CaseError: There are invalid settings; each is named with the nearest correct spelling.
     """
     return _parsed(settings)[0]
 
 
 def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[Mistake]]:
-    """What `parse_settings` gives, and a note for each setting that a later one of the same key overrules."""
+    """Return the result of `parse_settings`, and a note for each setting overridden by a later one."""
     result: dict[tuple[str, str], Any] = {}
     mistakes, notes = [], []
     for setting in settings:
@@ -72,7 +72,7 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
 def merge_settings(
     raw: dict[str, Any], settings: Iterable[str], file: str = "the case"
 ) -> tuple[dict[str, Any], list[Mistake]]:
-    """A case as mappings with settings put in, and a note for each value of its file that gives way."""
+    """Return a case as mappings with settings inserted, and a note for each value that they override."""
     parsed, notes = _parsed(settings)
     merged, more = put_in(raw, parsed, file)
     return merged, notes + more
@@ -81,7 +81,7 @@ def merge_settings(
 def put_in(
     raw: Mapping[str, Any], values: Mapping[tuple[str, str], Any], file: str = "the case"
 ) -> tuple[dict[str, Any], list[Mistake]]:
-    """A case as mappings with values by section and key put in, and a note for each that gives way."""
+    """Return a case as mappings with values inserted by section and key, and notes on overridden values."""
     merged, notes = deepcopy(dict(raw)), list[Mistake]()
     _refuse_without_instance(merged, values)
     for (section, key), value in values.items():
@@ -100,7 +100,7 @@ def put_in(
 
 
 def _refuse_without_instance(raw: Mapping[str, Any], values: Mapping[tuple[str, str], Any]) -> None:
-    """Refuse a key of a device that the case has several of, which does not say of which."""
+    """Refuse a device key without instance name if the case has named instances of that device."""
     mistakes = []
     for (section, key), value in values.items():
         there = raw.get(section) if device_of(section) else None
@@ -120,10 +120,10 @@ def _is_table(value: object) -> bool:
 
 
 def apply_settings(case: Case, settings: Iterable[str]) -> Case:
-    """A case with settings such as "ecmo.speed_rpm=3000" or "Rmc=0.8" put in, checked as a file is.
+    """Return a case with settings such as "ecmo.speed_rpm=3000" or "Rmc=0.8", checked like a case file.
 
     Raises:
-        CaseError: With every mistake, named "--set".
+        CaseError: There are errors; all are listed, with "--set" as their file.
     """
     from eclsim.cases.reading import read_mapping
 
@@ -132,14 +132,14 @@ def apply_settings(case: Case, settings: Iterable[str]) -> Case:
 
 
 def keys_replaced_by(section: str, key: str) -> list[str]:
-    """Keys that setting a key removes, since the section has only one of them."""
+    """Return the keys that setting a key removes because the two are mutually exclusive."""
     kind = section_of(section)
     pairs = () if kind is None else kind.exclusive
     return [pair[1 - pair.index(key)] for pair in pairs if key in pair]
 
 
 def _value_of(text: str) -> object:
-    """The value as TOML reads it; anything else is text, so that quotes may be left out."""
+    """Parse a value as TOML; anything that is not valid TOML is text, so that quotes may be omitted."""
     if too_deep(text):
         return text
     try:
@@ -149,7 +149,7 @@ def _value_of(text: str) -> object:
 
 
 def unknown_key(name: str, text: str) -> Mistake:
-    """What to say about a key that is none, with the nearest right spelling."""
+    """Return the error for an unknown key, with the nearest correct spelling."""
     paths = [f"{section}.{key}" for section, kind in sections().items() for key in kind.fields()]
     exact = [path for path in places_of(name) if path.endswith(f".{name}")]
     hint = " or ".join(exact) or did_you_mean(name, (*paths, *parameters()))

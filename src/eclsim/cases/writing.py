@@ -1,4 +1,4 @@
-"""Writing case files."""
+"""Writing of case files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SHUNT = "shunt_fraction"
 
 
 def case_text(case: Case) -> str:
-    """A case as the text of a case file, with a comment of meaning and unit on every line."""
+    """Format a case as the text of a case file, with meaning and unit in a comment on every line."""
     import tomlkit
 
     mapping = as_file(case)
@@ -49,7 +49,7 @@ def case_text(case: Case) -> str:
 
 
 def as_file(case: Case) -> dict[str, Any]:
-    """The case as a file holds it, without a shunt that nobody gave: written, it would be read as known."""
+    """Return the case as written to a file, without an assumed shunt, which would be read as known."""
     mapping = case.as_mapping()
     if case.gas is not None and _SHUNT not in case.gas.model_fields_set:
         mapping["gas"] = {key: value for key, value in mapping["gas"].items() if key != _SHUNT}
@@ -57,16 +57,16 @@ def as_file(case: Case) -> dict[str, Any]:
 
 
 def write_case(case: Case, path: str | os.PathLike[str]) -> None:
-    """Write a case file. It appears whole or not at all; reading it back gives the same case.
+    """Write a case file, completely or not at all; reading it gives the same case.
 
     Raises:
-        OSError: Where the folder cannot be written.
+        OSError: The file cannot be written.
     """
     write_text(case_text(case), Path(path))
 
 
 def _table(section: type[Section], values: Raw) -> Table:
-    """A section with a comment of meaning and unit on every line."""
+    """Format a section, with meaning and unit in a comment on every line."""
     import tomlkit
 
     table = tomlkit.table()
