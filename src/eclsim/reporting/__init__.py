@@ -1,1 +1,1 @@
-"""What all topics share to be read: figures and their style, the schematic, HTML pages, JSON."""
+"""Output for readers, shared by all topics: figures and their style, the schematic, HTML pages, numbers."""

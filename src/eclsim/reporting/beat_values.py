@@ -1,7 +1,7 @@
-"""What figures read from a simulated case: means over the beat, and curves over two beats.
+"""Values that figures read from a simulated case: means over the beat, and curves over two beats.
 
-A case is an xarray Dataset with waveforms on `phase` (0 to 1, both ends included):
-P [mmHg], Q [mL/s], V [mL].
+A case is an xarray Dataset with waveforms P [mmHg], Q [mL/s] and V [mL] on `phase` (0 to 1, both ends
+included).
 """
 
 from collections.abc import Iterable
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 def beat_mean(result: "xr.Dataset", name: str) -> float:
-    """Mean of a waveform over the beat, in the waveform's unit: the one measured with the steady beat.
+    """Return the mean of a waveform over the beat, in the waveform's unit, as stored with the steady beat.
 
-    Of a waveform that was made otherwise, such as the difference of two, by the trapezoidal rule.
+    Without a stored mean, as for the difference of two waveforms, it is computed with the trapezoidal rule.
     """
     if "mean" in result[name].attrs:
         return float(result[name].attrs["mean"])
@@ -32,13 +32,13 @@ def beat_mean(result: "xr.Dataset", name: str) -> float:
 
 
 def beat_period(result: "xr.Dataset") -> float:
-    """Length of the beat [s]."""
+    """Return the duration of the beat [s]."""
     time = np.asarray(result["time"].values, dtype=float)
     return float(time[-1] - time[0])
 
 
 def two_beats(result: "xr.Dataset", name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Time [s] and values of a waveform over two equal beats."""
+    """Return time [s] and values of a waveform over two identical beats."""
     time = np.asarray(result["time"].values, dtype=float)
     time = time - time[0]
     values = np.asarray(result[name].values, dtype=float)
@@ -46,20 +46,20 @@ def two_beats(result: "xr.Dataset", name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def in_unit(value: float, unit: str) -> float:
-    """A pressure [mmHg], flow [mL/s] or volume [mL] of a result, in the unit that a figure shows."""
+    """Convert a flow from mL/s to the unit shown in a figure; return pressures and volumes unchanged."""
     return convert(value, "mL/s", unit) if quantity_of(unit) == "flow" else value
 
 
 def scalar(result: "xr.Dataset", name: str) -> float | None:
-    """A scalar output, or None where the result does not have it."""
+    """Return a scalar output; None if the result does not have it."""
     return float(result[name].values) if name in result and result[name].ndim == 0 else None
 
 
 def check_beat(result: object) -> None:
-    """Refuse what is not the beat of one case, with its waveforms.
+    """Check that a result is the beat of one case, with its waveforms.
 
     Raises:
-        TypeError: It is something else, such as the results of many.
+        TypeError: It is something else, such as the results of many cases.
     """
     import xarray as xr
 
@@ -69,7 +69,7 @@ def check_beat(result: object) -> None:
 
 
 def case_name(result: "xr.Dataset") -> str:
-    """The id of the case, safe to draw, and a warning where its beat was not found or is one of many."""
+    """Return the printable id of the case, with a warning if its beat was not found or is not unique."""
     name = plain_text(result.attrs.get("id", "case"), limit=44)
     if not int(result.attrs.get("converged", 1)):
         return f"{name} (NOT CONVERGED)"
@@ -77,7 +77,7 @@ def case_name(result: "xr.Dataset") -> str:
 
 
 def summary_lines(result: "xr.Dataset") -> list[str]:
-    """The main outputs in words, such as "aortic pressure 73/69 (70) mmHg"; only those the result has."""
+    """Return the main outputs that the result has, such as "aortic pressure 73/69 (70) mmHg"."""
     lines = [f"heart rate {number(60 / beat_period(result), 0)} /min"]
     systolic, diastolic, mean = (scalar(result, name) for name in ("SP", "DP", "MAP"))
     if systolic is not None and diastolic is not None and mean is not None:
@@ -150,7 +150,7 @@ CONNECTIONS = {
 
 
 def naming_at(place: str) -> Naming | None:
-    """The instance of a device that a compartment or connection belongs to; None for the patient's."""
+    """Return the device instance of a compartment or connection; None if it belongs to the patient."""
     key, _, local = place.partition(".")
     if local:
         return naming_of(f"{key}.{local.partition('.')[0]}")
@@ -158,14 +158,14 @@ def naming_at(place: str) -> Naming | None:
 
 
 def instances_at(places: Iterable[str]) -> list[Naming]:
-    """The instances of devices that compartments or connections belong to, in the order of the registry."""
+    """Return the device instances of compartments or connections, in the order of the registry."""
     result = {naming.key: naming for place in places if (naming := naming_at(place)) is not None}
     order = list(devices())
     return sorted(result.values(), key=lambda naming: order.index(naming.device.key))
 
 
 def place_label_of(signal: str) -> str:
-    """What the place of a waveform is called."""
+    """Return the displayed name of the place of a waveform."""
     kind, place = signal[0], signal[1:]
     names = naming_at(place)
     if kind == "P" and (place.endswith("pump") or (names is not None and place in names.pumps())):

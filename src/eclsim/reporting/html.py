@@ -1,7 +1,7 @@
-"""Self-contained HTML pages from Jinja2 templates: nothing is loaded from elsewhere, everything is escaped.
+"""Self-contained HTML pages from Jinja2 templates: nothing is loaded from elsewhere, all text is escaped.
 
-A room keeps its templates beside its modules, such as `crrt_study/report.html`. They extend
-`reporting/page.html` and draw tables, boxes, lists and figures with the macros of `reporting/blocks.html`.
+A package keeps its templates beside its modules, such as `crrt_study/report.html`. They extend
+`reporting/page.html` and use the macros of `reporting/blocks.html` for tables, boxes, lists and figures.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a page.
+    """A table on a page.
 
     Args:
-        head: names of the columns, with units.
-        rows: cells.
-        numeric: columns that are set flush right.
-        foot: so many last rows are set off.
+        head: column names, with units.
+        rows: cells of each row.
+        numeric: indices of right-aligned columns.
+        foot: number of last rows that are set apart.
     """
 
     head: Sequence[str]
@@ -45,11 +45,11 @@ class Table:
 
 
 def render(template: str, **values: object) -> str:
-    """A page.
+    """Render a page.
 
     Args:
-        template: below the package, such as "crrt_study/report.html".
-        values: names that the template uses; one that is missing is an error.
+        template: path below the package, such as "crrt_study/report.html".
+        values: names used by the template; a missing one is an error.
     """
     return _environment().get_template(template).render(values)
 
@@ -71,8 +71,8 @@ def _environment() -> jinja2.Environment:
 
 
 def _printable(value: object) -> object:
-    """Text without characters that have no place in a page; `autoescape` does the rest."""
-    if hasattr(value, "__html__"):  # is HTML already
+    """Replace characters that are not allowed in a page; `autoescape` does the rest."""
+    if hasattr(value, "__html__"):  # already HTML
         return value
     allowed = (
         c if c in "\n\t" or (ord(c) >= 32 and not 127 <= ord(c) < 160) else "\ufffd" for c in str(value)
@@ -85,7 +85,7 @@ def _labelled_svg(svg: str, key: str, label: str) -> str:
 
 
 def svg_text(drawing: Figure) -> str:
-    """A figure as SVG text."""
+    """Return a figure as SVG text."""
     from eclsim.reporting.style import figure_style
 
     buffer = io.StringIO()
@@ -95,7 +95,7 @@ def svg_text(drawing: Figure) -> str:
 
 
 def inline_svg(svg: str, key: str) -> str:
-    """SVG to stand inside a page: without prolog, metadata and namespaces, and with names of its own."""
+    """Prepare SVG for embedding in a page: no prolog, metadata or namespaces, and ids prefixed with a key."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", svg)

@@ -1,4 +1,4 @@
-"""Numbers as people read them, the same in figures, pages and tables."""
+"""Formatting of numbers, the same in figures, pages and tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 MINUS = "\N{MINUS SIGN}"
 MISSING = "–"
 LARGEST_WITHOUT_EXPONENT = 1e6
-"""Numbers below have no power of ten."""
+"""Smaller numbers are written without a power of ten."""
 
 
 def number(
@@ -24,14 +24,14 @@ def number(
     unit: str = "",
     missing: str = MISSING,
 ) -> str:
-    """A number with a true minus sign and no negative zero.
+    """Format a number with a true minus sign and without negative zero.
 
     Args:
         value: the number; None, NaN and infinity give `missing`.
-        decimals: so many of them.
-        digits: significant digits, where no decimals are asked for.
-        unit: stands behind the number.
-        missing: what stands for no number.
+        decimals: number of decimals; None to use `digits`.
+        digits: significant digits, used if `decimals` is None.
+        unit: unit, written after the number.
+        missing: text for a missing number.
     """
     if value is None or not math.isfinite(value):
         return missing
@@ -44,7 +44,7 @@ def number(
 
 
 def interval(low: float | None, high: float | None, digits: int = 3) -> str:
-    """Two ends with "to" between, empty where one is not known."""
+    """Format an interval as two numbers with "to" between them; empty if one of them is unknown."""
     if low is None or high is None:
         return ""
     return f"{number(low, digits=digits)} to {number(high, digits=digits)}"
@@ -54,7 +54,7 @@ def interval(low: float | None, high: float | None, digits: int = 3) -> str:
 
 
 def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collection[int] = ()) -> str:
-    """Rows under a head, columns two spaces apart."""
+    """Format rows under a header, with columns two spaces apart."""
     table = [head, *rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = []
@@ -70,7 +70,7 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Coll
 # --- tables in a terminal ---------------------------------------------------------------------------
 
 WIDTH_WITHOUT_TERMINAL = 140
-"""Columns of the text where standard output is no terminal."""
+"""Width of the text, in characters, if standard output is not a terminal."""
 
 
 def show_table(
@@ -80,14 +80,14 @@ def show_table(
     numeric: Collection[int] = (),
     unbroken: Collection[int] = (),
 ) -> None:
-    """Show a table on standard output, as wide as the terminal; a head may have several lines.
+    """Print a table to standard output, as wide as the terminal; a column name may have several lines.
 
     Args:
-        title: above it.
-        heads: of the columns.
-        rows: cells.
-        numeric: columns that are set flush right.
-        unbroken: columns whose cells stay on one line.
+        title: title above the table.
+        heads: column names.
+        rows: cells of each row.
+        numeric: indices of right-aligned columns.
+        unbroken: indices of columns whose cells stay on one line.
     """
     from rich.table import Table
 
@@ -100,7 +100,7 @@ def show_table(
 
 
 def show_text(text: str) -> None:
-    """Show text on standard output, wrapped at the width of the terminal."""
+    """Print text to standard output, wrapped at the width of the terminal."""
     _console().print(text, markup=False)
 
 

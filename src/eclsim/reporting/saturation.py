@@ -1,8 +1,8 @@
-"""The colours of oxygen saturation, for the report and the page.
+"""Colours of oxygen saturation, for the report and the page.
 
-From dark blue to a light red, much like the lower part of matplotlib's plasma: lightness rises all the way,
-to eyes of any colour vision and in grey print. The steps narrow towards 100 %, where clinicians tell
-values apart.
+The scale runs from dark blue to light red, much like the lower part of matplotlib's plasma. Lightness
+increases throughout, also with colour vision deficiency and in grey print. The steps narrow towards 100 %,
+where clinicians distinguish values.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ COLOUR_STOPS = (
     (40.0, "#0D0887"), (60.0, "#3E1CA8"), (75.0, "#6E2AB2"), (88.0, "#AE4C92"), (95.0, "#DA6068"),
     (100.0, "#F58C46"),
 )  # fmt: skip
-"""Oxygen saturation [%] and its colour; between them colours are mixed, beyond them they stay."""
+"""Oxygen saturation [%] and its colour; interpolated between entries and constant beyond them."""
 DARK_LETTERS = "#111111"
 LIGHT_LETTERS = "#FFFFFF"
 
 
 def colour_of(saturation: float) -> str:
-    """The colour of a saturation [%]."""
+    """Return the colour of a saturation [%]."""
     red, green, blue = _interpolated(saturation)
     return f"#{red:02X}{green:02X}{blue:02X}"
 
 
 def text_colour_on(saturation: float) -> str:
-    """The colour of letters that can be read on that of a saturation [%]: contrast of 4.5 and more."""
+    """Return a text colour readable on the colour of a saturation [%], with a contrast of at least 4.5."""
     bright = sum(
         weight * _linear(part) for weight, part in zip(_WEIGHTS, _interpolated(saturation), strict=True)
     )

@@ -1,4 +1,4 @@
-"""The circuit as a schematic: patient and devices, with mean pressures and flows."""
+"""Schematic of the circuit: patient and devices, with mean pressures and flows."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _SATURATION_WIDTH = 7.6
-"""Width [mm] of the field that holds a saturation."""
+"""Width [mm] of the field that shows a saturation."""
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
 
 
@@ -62,17 +62,17 @@ def draw_circuit(
     ax: Axes | None = None,
     title: str | None = None,
 ) -> Figure:
-    """Draws a circuit as a schematic, lines of devices leading to the sites they are attached to.
+    """Draw a circuit as a schematic in which the lines of devices lead to the sites where they are attached.
 
     Args:
-        circuit: any circuit. Compartments that belong to no device and have no place in the patient stand in
-            a spare row; connections without a place are drawn as arcs.
+        circuit: any circuit. Compartments that belong to no device and have no place in the patient are drawn
+            in a spare row; connections without a place are drawn as arcs.
         result: the simulated case; its mean pressures [mmHg] and flows [L/min, CRRT mL/min] are written at
-            the compartments and connections. Without it names alone are drawn.
-        values: of the parameters that choose sites (`Choice`), such as `model.values`: the chosen sites are
-            drawn. Without them a note names the connections whose site is not known.
-        ax: axes to draw into, whose size then sets the size of the text; a new A4-sized figure if left out.
-        title: heading; the id of the case if left out.
+            compartments and connections. Without it, only names are drawn.
+        values: values of the parameters that choose sites (`Choice`), such as `model.values`; the chosen
+            sites are drawn. Without them, a note lists the connections whose site is not known.
+        ax: axes to draw into, whose size determines the text size; None for a new A4-sized figure.
+        title: heading; None for the id of the case.
 
     Returns:
         The figure that was drawn into.
@@ -103,12 +103,12 @@ def draw_circuit(
 
 @dataclass(frozen=True)
 class Labels:
-    """Numbers and words of one circuit; without a result they hold names only.
+    """Numbers and texts on the schematic of one circuit; without a result, only names.
 
     Args:
         result: the simulated case.
-        groups: of compartments and connections.
-        silent: connections whose mean flow says nothing.
+        groups: group of each compartment and connection, "patient" or a device, by name.
+        silent: connections whose mean flow is not shown, as it is always 0.
     """
 
     result: "xr.Dataset | None"
@@ -116,7 +116,7 @@ class Labels:
     silent: frozenset[str] = frozenset()
 
     def box(self, plan: Plan, name: str) -> tuple[str, str, str]:
-        """Words, key and mean pressure of a compartment; the pressure is empty without a result."""
+        """Return label, key and mean pressure of a compartment; the pressure is empty without a result."""
         pressure = self._mean(f"P{name}", "mmHg", 1)
         if name not in plan.places:
             return plain_text(name, 18), "", pressure
@@ -127,14 +127,14 @@ class Labels:
         return plain_text(plan.places[name].label, 22), plain_text(key, 24), pressure
 
     def saturation(self, name: str) -> float | None:
-        """Oxygen saturation [%] of the blood in a compartment; None where gases are not computed."""
+        """Return the oxygen saturation [%] in a compartment; None if gases are not computed."""
         waveform = f"P{name}"
         if self.result is None or waveform not in self.result:
             return None
         return self.result[waveform].attrs.get("SO2")
 
     def flow(self, name: str) -> str:
-        """Mean flow of a connection in the unit of its device; empty without a result, or to a balloon."""
+        """Return the mean flow of a connection in its device's unit; empty without a result or if silent."""
         if name in self.silent:
             return ""
         device = device_of(self.groups[name])
@@ -142,18 +142,18 @@ class Labels:
         return self._mean(f"Q{name}", unit, 2 if unit == "L/min" else 0)
 
     def head(self, pump: str) -> str:
-        """Mean pressure rise over a pump."""
+        """Return the text for the mean pressure rise over a pump; empty without a result."""
         mean = self._mean(f"P{pump}", "mmHg", 0)
         return f"rise {mean}" if mean else ""
 
     def title(self, title: str | None) -> str:
-        """The given title, or the name of the case."""
+        """Return the given title, or the name of the case."""
         if title is not None:
             return plain_text(title, 60)
         return "Circuit" if self.result is None else case_name(self.result)
 
     def subtitle(self) -> str:
-        """What the numbers are, and under which policy on blood volume they hold."""
+        """Return a description of the numbers, with the blood volume policy."""
         if self.result is None:
             return "Compartments (boxes) and connections (arrows)"
         policy = self.result.attrs.get("blood_volume_policy")
@@ -161,7 +161,7 @@ class Labels:
         return f"{means}; blood volume: {plain_text(policy).replace('_', ' ')}" if policy else means
 
     def summary(self) -> Iterator[str]:
-        """The main outputs, one a line."""
+        """Yield the main outputs, one per line."""
         return iter(()) if self.result is None else iter(summary_lines(self.result))
 
     def _mean(self, name: str, unit: str, digits: int) -> str:
@@ -212,7 +212,7 @@ def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str 
 
 
 def _title_place(plan: Plan, page: Layout, frame: str) -> tuple[float, float, str]:
-    """Where the title of a frame stands: between the outer boxes of its second row, else at its top left."""
+    """Return position and alignment of a frame's title: in its second row if there is room, else top left."""
     second = [place.x for place in plan.places.values() if place.row == (frame, 1)]
     if frame != PATIENT and second and all(abs(x - MIDDLE) > 30.0 for x in second):
         return MIDDLE, page.rows[frame, 1], "center"
@@ -243,7 +243,7 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
 
 
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
-    """Draws the connections between neighbours."""
+    """Draw the connections between neighbours."""
     for wire in plan.wires:
         if way := detour(plan, page, wire):
             pen.line(way.path, look_of(labels.groups[wire.name]))
@@ -274,19 +274,19 @@ def _label_wire(pen: Pen, middle: Point, label: str, flow: str, *, level: bool, 
 
 
 def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mapping[str, Path]) -> None:
-    """Draws the lines that run in lanes."""
+    """Draw the lines that run in lanes."""
     for line in plan.lines:
         look = look_of(line.frame)
         path = paths[line.name] if line.into_device else paths[line.name][::-1]
         pen.line(path, look, gid=f"line-{line.name}")
-        # Tips of cannulae point to the patient.
+        # The tips of cannulae point to the patient.
         pen.symbol(line.mark.symbol, stub_middle(page, line), (0.0, -1.0), look)
         at, align = stub_label(plan, page, line)
         pen.label_beside(at, [line.mark.label, labels.flow(line.name)], align)
 
 
 def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
-    """Draws assist pumps and shunts inside the ring of the patient."""
+    """Draw assist pumps and shunts inside the ring of the patient."""
     for bridge in plan.bridges:
         look = look_of(labels.groups[bridge.name])
         into, out = bridge_paths(plan, page, bridge)
@@ -301,7 +301,7 @@ def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
 
 
 def _draw_others(pen: Pen, plan: Plan, page: Layout, labels: Labels, circuit: "Circuit") -> None:
-    """Draws connections without a place as arcs, labels where there is room."""
+    """Draw connections without a place as arcs, with labels where there is room."""
     blocked = [page.box(name) for name in page.places]
     for connection in (c for c in circuit.connections if c.name in plan.others):
         source, target = fixed_site(connection.source), fixed_site(connection.target)

@@ -1,8 +1,8 @@
-"""Where the schematic puts each compartment and connection: places in millimetres, and the page made of them.
+"""Layout of the schematic: positions of compartments and connections, and page dimensions, in millimetres.
 
-The patient is a ring: right heart up the left side, lungs at the top, left heart down the right side, body at
-the bottom. Devices stand in frames above the patient. Lines between devices and sites run in lanes around
-them; a device without compartments of its own, such as an assist pump, stands inside the ring.
+The patient is a ring: right heart on the left side, lungs at the top, left heart on the right side, body at
+the bottom. Devices are in frames above the patient. Lines between devices and sites run in lanes around the
+frames. A device without compartments of its own, such as an assist pump, is inside the ring.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Side = Literal["left", "right", "up", "down"]
 Row = tuple[str, int]
-"""Frame and number of a row, counted from its top."""
+"""Name of the frame, and number of the row counted from the frame's top."""
 
 BOX_WIDTH = 28.5
 BOX_HEIGHT = 12.0
@@ -39,7 +39,7 @@ STUB = 12.5
 PATIENT, SPARE = "patient", "spare"
 LUNGS, HEART_UPPER, HEART_LOWER, BODY, LOWER_BODY = ((PATIENT, row) for row in range(5))
 PER_BRIDGE = 27.0
-"""Height [mm] that a second pump inside the ring takes."""
+"""Height [mm] required by each further pump inside the ring."""
 _SPARE_ROW = 22.0
 _PATIENT_HEIGHTS = {
     LUNGS: (15.0, 6.0),
@@ -48,12 +48,12 @@ _PATIENT_HEIGHTS = {
     BODY: (19.0, 14.5),
     LOWER_BODY: (19.0, 14.5),
 }
-"""Space [mm] above and below the middle line of a row; labels of wires stand in it."""
+"""Space [mm] above and below the centre line of each row, which also holds the labels of wires."""
 
 
 @dataclass(frozen=True)
 class BoxPosition:
-    """Where the box of a compartment stands: row, middle of its column [mm], label, side facing the lanes."""
+    """Position of a compartment's box: row, centre of its column [mm], label, and side facing the lanes."""
 
     row: Row
     x: float
@@ -73,16 +73,16 @@ class Wire:
 
 @dataclass(frozen=True)
 class Attachment:
-    """A line between a device's compartment and a site, which runs in lanes.
+    """A line in lanes, between a compartment of a device and a site.
 
     Args:
-        name: of the connection.
-        site: the compartment outside of the device.
-        node: the compartment of the device.
-        frame: of the device.
+        name: name of the connection.
+        site: compartment outside the device.
+        node: compartment of the device.
+        frame: frame of the device.
         into_device: whether blood flows from the site into the device.
-        mark: what stands at its device's end.
-        port: how many lines reach the device's compartment besides, beside which this one runs.
+        mark: symbol and label at the device's end.
+        port: number of lines placed before this one at the same compartment of the device.
     """
 
     name: str
@@ -148,26 +148,26 @@ _PATIENT_WIRES = (
 
 
 _DRAWN_AS = MappingProxyType({cava: vein for vein, cava in DRAINED.items()})
-"""The vena cava of veins that collapse is drawn as one with them."""
+"""A collapsible vein's vena cava is drawn in the same box as the vein."""
 
 
 def drawn_as(place: str) -> str:
-    """The compartment in whose box another one is drawn."""
+    """Return the compartment in whose box a compartment is drawn."""
     return _DRAWN_AS.get(place, place)
 
 
 @dataclass
 class Plan:
-    """What stands and runs where, without measures.
+    """Topology of a schematic: the elements in each frame, row and lane, before positions are computed.
 
     Args:
-        frames: title of each frame, from the top; the patient's is the last.
-        places: of compartments.
-        spare: compartments without a place, in rows of their own.
+        frames: title of each frame, from the top; the patient's frame is the last.
+        places: position of the box of each compartment.
+        spare: compartments without a place, drawn in rows of their own.
         wires: connections between neighbours.
         lines: connections in lanes.
         bridges: connections inside the patient's ring.
-        others: names of connections that are drawn as arcs.
+        others: names of connections drawn as arcs.
         undrawn: names of connections whose site is chosen by a parameter.
     """
 
@@ -182,7 +182,7 @@ class Plan:
 
     @cached_property
     def heights(self) -> dict[Row, tuple[float, float]]:
-        """Space [mm] above and below the middle line of each row."""
+        """Space [mm] above and below the centre line of each row."""
         rows = dict.fromkeys(sorted(place.row for place in self.places.values()))
         result: dict[Row, tuple[float, float]] = {}
         for frame, number in rows:
@@ -197,7 +197,7 @@ class Plan:
         return result
 
     def bands(self, line: Attachment) -> tuple[str, ...]:
-        """Bands of lanes that a line runs through, nearest to its site first: each is below a frame."""
+        """Return the bands of lanes that a line runs through, from its site on; each is below a frame."""
         place = self.places[line.site]
         if place.side == "down":
             return place.row[0], line.frame
@@ -206,7 +206,7 @@ class Plan:
         return (line.frame,)
 
     def lanes(self) -> dict[str, int]:
-        """How many lines run through each band."""
+        """Return the number of lines in each band."""
         result: dict[str, int] = {}
         for line in self.lines:
             for band in self.bands(line):
@@ -219,7 +219,7 @@ class Plan:
 
 
 def plan_of(circuit: Circuit) -> Plan:
-    """The plan of a circuit with fixed sites."""
+    """Plan the schematic of a circuit with fixed sites."""
     plan = Plan()
     instances = instances_in(circuit)
     groups = {c.name: c.group for c in circuit.compartments}
@@ -241,20 +241,20 @@ def plan_of(circuit: Circuit) -> Plan:
 
 @lru_cache(maxsize=256)
 def dead_ends(circuit: Circuit) -> frozenset[str]:
-    """Compartments that nothing flows through, such as a balloon: the mean flow is 0 in a steady beat."""
+    """Return compartments with one connection, such as a balloon; its mean flow is 0 in a steady beat."""
     sites = [site for c in circuit.connections for site in (c.source, c.target)]
     touched = Counter(name for site in sites for name in ((site,) if isinstance(site, str) else site.sites))
     return frozenset(name for name, count in touched.items() if count == 1)
 
 
 def without_flow(circuit: Circuit) -> frozenset[str]:
-    """Connections to dead ends: their mean flow says nothing."""
+    """Return the connections to dead ends, whose mean flow is always 0."""
     ends = dead_ends(circuit)
     return frozenset(c.name for c in circuit.connections if {c.source, c.target} & ends)
 
 
 def fixed_site(site: object) -> str | None:
-    """The compartment a site names; None where it is chosen per patient among several."""
+    """Return the compartment that a site denotes; None if it is one of several, chosen by a parameter."""
     if isinstance(site, str):
         return site
     sites = getattr(site, "sites", ())
@@ -262,7 +262,7 @@ def fixed_site(site: object) -> str | None:
 
 
 def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mapping[str, str]) -> None:
-    """Put a connection where it belongs in a plan."""
+    """Add a connection to the matching list of a plan."""
     name = connection.name
     source, target = fixed_site(connection.source), fixed_site(connection.target)
     if source is None or target is None:
@@ -293,7 +293,7 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
 
 
 def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, BoxPosition]:
-    """Places of a device's compartments: its own, or in flow direction."""
+    """Return the positions of a device's compartments: as the device defines them, else in flow direction."""
     places = {name: names.device_place(name) or name for name in compartments}
     boxes = {name: names.device.boxes.get(places[name]) for name in compartments}
     if any(box is None for box in boxes.values()):
@@ -309,7 +309,7 @@ def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, BoxP
 
 
 def _in_flow_direction(labels: Sequence[str]) -> list[Box]:
-    """Boxes in a row; of more than four the first and the last stand below it, where lines begin and end."""
+    """Arrange boxes in a row; of five or six, the first and last go below it, where lines begin and end."""
     columns = {1: (1,), 2: (0, 3), 3: (0, 1, 3)}
     if len(labels) <= 4:
         places = [(column, 0) for column in columns.get(len(labels), (0, 1, 2, 3))]
@@ -322,7 +322,7 @@ def _in_flow_direction(labels: Sequence[str]) -> list[Box]:
 
 
 def _mark(names: Naming, connection: Connection) -> Mark:
-    """How a connection of a device is marked, the name of a named instance behind its words."""
+    """Return symbol and label of a device's connection; a named instance's name follows the label."""
     place = names.device_place(connection.name) or connection.name
     law = connection.component
     symbol = "roller" if law.given_flow else "valve" if law.one_way else "tube"
@@ -333,7 +333,7 @@ def _mark(names: Naming, connection: Connection) -> Mark:
 
 
 def _neighbours(plan: Plan, first: str, second: str) -> bool:
-    """Whether two boxes of a frame stand in one row or column with none between them."""
+    """Whether two boxes of a frame are adjacent in a row or column."""
     a, b = plan.places[first], plan.places[second]
     if a.row == b.row:
         low, high = sorted((a.x, b.x))
@@ -342,7 +342,7 @@ def _neighbours(plan: Plan, first: str, second: str) -> bool:
 
 
 def _can_leave(plan: Plan, node: str, site: str) -> bool:
-    """Whether a line can run from the lower side of a device's box to a site."""
+    """Whether a line can run from the bottom of a device's box to a site."""
     frame, row = plan.places[node].row
     lowest = max(place.row[1] for place in plan.places.values() if place.row[0] == frame)
     target = plan.places[site]
@@ -352,7 +352,7 @@ def _can_leave(plan: Plan, node: str, site: str) -> bool:
 
 @dataclass
 class Layout:
-    """The page of one plan: heights of rows and bands of lanes, frames, places of all boxes [mm]."""
+    """Page of one plan [mm]: heights of rows and bands of lanes, extents of frames, centres of boxes."""
 
     rows: dict[Row, float] = field(default_factory=dict)
     bands: dict[str, float] = field(default_factory=dict)
@@ -361,17 +361,17 @@ class Layout:
     height: float = 0.0
 
     def box(self, name: str) -> tuple[float, float, float, float]:
-        """Left, bottom, right and top of the box of a compartment [mm]."""
+        """Return left, bottom, right and top of the box of a compartment [mm]."""
         x, y = self.places[name]
         return x - BOX_WIDTH / 2, y - BOX_HEIGHT / 2, x + BOX_WIDTH / 2, y + BOX_HEIGHT / 2
 
 
 def arrange(plan: Plan, heights: Mapping[Row, tuple[float, float]] | None = None) -> Layout:
-    """Places the compartments of a plan on a page that grows downwards from 0.
+    """Place the compartments of a plan on a page that extends downwards from 0.
 
     Args:
-        plan: what stands where; compartments without a place go to spare rows at the bottom.
-        heights: space [mm] above and below the middle line of each row; left out, the plan's.
+        plan: plan of the schematic; compartments without a place go to spare rows at the bottom.
+        heights: space [mm] above and below the centre line of each row; None for the plan's.
     """
     heights = plan.heights if heights is None else heights
     lanes = plan.lanes()

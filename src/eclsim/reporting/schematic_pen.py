@@ -1,4 +1,4 @@
-"""Draws boxes, lines, symbols and labels in millimetres onto axes of any size."""
+"""Drawing of boxes, lines, symbols and labels in millimetres on axes of any size."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from eclsim.reporting.saturation import COLOUR_STOPS, colour_of, text_colour_on
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
 
-# Tried in this order: the straightest arc that runs past all boxes and text.
+# Tried in this order; the first arc that crosses the fewest boxes and texts is used.
 _ARC_BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
 
 
@@ -29,14 +29,14 @@ _PATIENT = Look("#222222", "#F7F7F7", 1.3)
 
 
 def look_of(group: str) -> Look:
-    """The look of the patient or of a device; groups of a user's own share one."""
+    """Return the look of the patient or of a device; groups defined by users share one look."""
     device = device_of(group)
     return _PATIENT if group == "patient" else Device.look if device is None else device.look
 
 
 @dataclass
 class Pen:
-    """Axes whose data units are millimetres, and the factor by which text and lines are scaled."""
+    """Axes whose data units are millimetres, with the scale factor for text and lines."""
 
     ax: Axes
     scale: float
@@ -50,12 +50,12 @@ class Pen:
         return figure
 
     def text(self, x: float, y: float, content: str, size: float, **options: object) -> Text:
-        """Text centred on a point unless told otherwise; `size` in points on the full page."""
+        """Draw text, centred on a point by default; `size` is in points on the full page."""
         options = {"ha": "center", "va": "center", "zorder": 8, **options}
         return self.ax.text(x, y, content, fontsize=size * self.scale, **options)  # pyright: ignore[reportArgumentType] - dict of keywords
 
     def label_beside(self, at: Point, lines: Sequence[str], align: str) -> None:
-        """Lines of text beside a point; from the second on bold, since they are numbers."""
+        """Draw lines of text beside a point; lines after the first are numbers and drawn in bold."""
         shown = [line for line in lines if line]
         for index, line in enumerate(shown):
             y = at[1] + 3.3 * ((len(shown) - 1) / 2 - index)
@@ -64,7 +64,7 @@ class Pen:
             )
 
     def frame(self, left: float, bottom: float, right: float, top: float, look: Look) -> None:
-        """Tinted background of one group."""
+        """Draw the tinted background of a frame."""
         style = "round,pad=0,rounding_size=2.5"
         self.ax.add_patch(
             FancyBboxPatch(
@@ -80,7 +80,7 @@ class Pen:
         )
 
     def shade(self, left: float, bottom: float, right: float, top: float) -> None:
-        """Grey ground behind the chambers of one side of the heart."""
+        """Draw a grey background behind the chambers of one side of the heart."""
         self.ax.add_patch(
             Rectangle(
                 (left, bottom), right - left, top - bottom, zorder=1, facecolor="#E6E6E6", edgecolor="none"
@@ -88,7 +88,7 @@ class Pen:
         )
 
     def box(self, box: Box, look: Look, gid: str) -> None:
-        """A white box with rounded corners."""
+        """Draw a white box with rounded corners."""
         left, bottom, right, top = box
         patch = FancyBboxPatch(
             (left, bottom),
@@ -104,7 +104,7 @@ class Pen:
         self.ax.add_patch(patch)
 
     def line(self, points: Sequence[Point], look: Look, gid: str | None = None) -> None:
-        """A line with an arrow head at its end; a white outline shows where it crosses others."""
+        """Draw a line with an arrow head at its end, and a white outline where it crosses other lines."""
         (x0, y0), (x1, y1) = points[-2], points[-1]
         length = math.hypot(x1 - x0, y1 - y0) or 1.0
         direction = ((x1 - x0) / length, (y1 - y0) / length)
@@ -134,14 +134,14 @@ class Pen:
         self.ax.add_patch(Polygon(head, closed=True, facecolor=look.colour, edgecolor="none", zorder=6))
 
     def symbol(self, kind: str, at: Point, direction: Point, look: Look) -> None:
-        """A symbol over a line, pointing along it."""
+        """Draw a symbol over a line, pointing along it."""
         for patch in _patches(kind, at, direction, look.colour):
             patch.set_linewidth(1.1 * self.scale)
             patch.set_zorder(5)
             self.ax.add_patch(patch)
 
     def saturation(self, at: Point, percent: float, width: float) -> None:
-        """An oxygen saturation [%] on a field of its colour."""
+        """Draw an oxygen saturation [%] on a field of its colour."""
         (x, y), colour = at, colour_of(percent)
         corner, style = (x - width / 2, y - 1.55), "round,pad=0,rounding_size=1.0"
         patch = FancyBboxPatch(corner, width, 3.1, boxstyle=style, facecolor=colour, edgecolor="none")
@@ -150,13 +150,13 @@ class Pen:
         self.text(x, y - 0.1, f"{percent:.0f} %", size=6, weight="bold", color=text_colour_on(percent))
 
     def saturation_scale(self, right: float, y: float) -> None:
-        """The scale of saturations as fields from low to high, ending at the right."""
+        """Draw the colour scale of saturations, from low to high, ending at `right`."""
         for index, (percent, _) in enumerate(reversed(COLOUR_STOPS)):
             self.saturation((right - 4.5 - 9.0 * index, y), percent, 9.0)
         self.text(right - 9.0 * len(COLOUR_STOPS) - 1.5, y, "oxygen saturation", size=6.5, ha="right")
 
     def between(self, first: Box, second: Box) -> tuple[Point, Point]:
-        """Ends of a straight line between two boxes of one row or one column."""
+        """Return the ends of a straight line between two boxes in the same row or column."""
         x, y = 0.5 * (first[0] + first[2]), 0.5 * (first[1] + first[3])
         if abs(0.5 * (second[1] + second[3]) - y) < 0.5:
             return (
@@ -165,7 +165,7 @@ class Pen:
         return ((x, first[3]), (x, second[1])) if second[1] > first[3] else ((x, first[1]), (x, second[3]))
 
     def arc(self, first: Box, second: Box, look: Look, blocked: Sequence[Box]) -> Point:
-        """A bent arrow between two boxes anywhere on the page, past boxes and text; returns its middle."""
+        """Draw a curved arrow between any two boxes, avoiding boxes and text, and return its middle."""
         start, stop = _border(first, _middle(second)), _border(second, _middle(first))
         obstacles = [*self._texts(), *(Bbox.from_extents(*box) for box in blocked)]
         curves = {bend: _curve(start, stop, bend) for bend in _ARC_BENDS}
@@ -181,7 +181,7 @@ class Pen:
     def text_where_free(
         self, at: Point, content: str, blocked: Sequence[Box], size: float, colour: str
     ) -> None:
-        """Text near a point, at the nearest place where it covers no box and no other text."""
+        """Draw text at the place nearest to a point where it covers no box, line or other text."""
         others = [*self._texts(), *self._lines(), *(Bbox.from_extents(*box) for box in blocked)]
         ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
         text = self.text(*at, content, size, color=colour, bbox=ground)
@@ -193,7 +193,7 @@ class Pen:
                 return
 
     def _texts(self) -> list[Bbox]:
-        """Extents of all text so far; each is measured once, since measuring is slow."""
+        """Return the extents of all text so far; each is measured only once, as measuring is slow."""
         for text in self.ax.texts:
             if text not in self._measured and text.get_text():
                 self._measured[text] = self._extent(text)
@@ -216,7 +216,7 @@ def _middle(box: Box) -> Point:
 
 
 def _curve(start: Point, stop: Point, bend: float) -> list[Point]:
-    """Points of the arc that `arc3` draws: a parabola through a point beside the middle."""
+    """Return points of the arc drawn by `arc3`: a parabola with a control point beside the middle."""
     dx, dy = stop[0] - start[0], stop[1] - start[1]
     side = (0.5 * (start[0] + stop[0]) + bend * dy, 0.5 * (start[1] + stop[1]) - bend * dx)
     weights = [((1 - t) ** 2, 2 * t * (1 - t), t**2) for t in (i / 40 for i in range(41))]
@@ -227,7 +227,7 @@ def _curve(start: Point, stop: Point, bend: float) -> list[Point]:
 
 
 def _border(box: Box, towards: Point) -> Point:
-    """Where the line from the middle of a box towards a point leaves the box."""
+    """Return the point where the line from the centre of a box towards a point leaves the box."""
     x, y = _middle(box)
     dx, dy = towards[0] - x, towards[1] - y
     reach = max(abs(dx) / (0.5 * (box[2] - box[0])), abs(dy) / (0.5 * (box[3] - box[1])), 1e-9)
@@ -235,7 +235,7 @@ def _border(box: Box, towards: Point) -> Point:
 
 
 def _patches(kind: str, at: Point, direction: Point, colour: str) -> list[Patch]:
-    """A symbol around a point, pointing along a direction of flow."""
+    """Return the patches of a symbol at a point, oriented along the flow."""
 
     def shape(points: list[Point], face: str = "white", closed: bool = True) -> Polygon:
         return Polygon(

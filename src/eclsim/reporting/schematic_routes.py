@@ -1,7 +1,7 @@
-"""The lines of the schematic between devices and the sites they are attached to.
+"""Routes of the schematic's lines between devices and the sites where they are attached.
 
-Every line has a lane of its own beside and between the blocks; of all ways to share out the lanes the one
-with the fewest crossings is taken.
+Each line has its own lane beside and between the blocks. Of the possible assignments of lanes, the one with
+the fewest crossings is used.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _OVERLAP_PENALTY = 50.0
 _LONGEST_SEARCH = 4
 PUMP_RADIUS = 3.3
 _CHANNEL, _CHANNEL_PITCH = 25.0, 3.5
-"""Distance [mm] of the lines of the first pump inside the ring from its middle, and between lines."""
+"""Distance [mm] of the first inner pump's lines from the centre, and between lines."""
 
 
 def route(plan: Plan, page: Layout) -> dict[str, Path]:
-    """Corner points of each line, from the site to the device."""
+    """Return the corner points of each line, from the site to the device."""
     if not plan.lines:
         return {}
     best: tuple[float, dict[str, Path]] = (float("inf"), {})
@@ -58,7 +58,7 @@ def _choices(count: int) -> Iterator[tuple[Sequence[int], tuple[bool, ...]]]:
 
 
 def _lane_side(plan: Plan, line: Attachment) -> Side:
-    """The side a line goes round the blocks: its site's, or its device's where the site faces up or down."""
+    """Return the side on which a line passes the blocks: its site's if left or right, else its device's."""
     side = plan.places[line.site].side
     if side in ("left", "right"):
         return side
@@ -114,19 +114,19 @@ def _path(
 
 
 def _shifted_aside(x: float, port_x: float, slot: float) -> float:
-    """Moves a line aside where another device's line comes down over the same box."""
+    """Return a shift that keeps a line clear of another device's line, which comes down over the same box."""
     if x == port_x or slot or x not in (30.0, 150.0):
         return 0.0
     return 5.0 if x == 30.0 else -5.0
 
 
 class Detour(NamedTuple):
-    """Way of a connection between boxes that are no neighbours.
+    """Route of a connection between boxes that are not neighbours.
 
     Attributes:
         path: Corner points.
-        label: Middle of the end of its label.
-        align: Which end of the label that is.
+        label: Anchor point of the label, at half its height.
+        align: End of the label at the anchor point, "left" or "right".
     """
 
     path: Path
@@ -135,18 +135,18 @@ class Detour(NamedTuple):
 
 
 def detour(plan: Plan, page: Layout, wire: Wire, margin: float = 0.0) -> Detour | None:
-    """Way of a connection past boxes in between; None where there are none.
+    """Return the route of a connection past the boxes between its ends; None if there are none.
 
     Args:
-        plan: of the circuit.
-        page: with the boxes.
+        plan: plan of the circuit.
+        page: page with the positions of the boxes.
         wire: the connection.
-        margin: by how much the boxes are drawn wider on either side [mm].
+        margin: extra width with which the boxes are drawn on either side [mm].
     """
     (x, low), (other, high) = page.places[wire.source], page.places[wire.target]
     half = BOX_WIDTH / 2 + margin
     if wire.source == "sart" and wire.target == "pvn":  # inside the ring
-        # Between what stands in the middle and the labels of the heart, which are wider on the page.
+        # Between the elements in the middle and the heart's labels, which are wider on the page.
         beside = 19.5 if margin else 26.0
         channel = MIDDLE + (30.0 if plan.bridges else beside)
         start, end = low + BOX_HEIGHT / 2, high - 4.0
@@ -166,23 +166,23 @@ def detour(plan: Plan, page: Layout, wire: Wire, margin: float = 0.0) -> Detour 
 
 
 _PORT = 7.0
-"""Distance [mm] of a second line at a device's box from the first."""
+"""Distance [mm] between the first and second line at a device's box."""
 
 
 def port_of(page: Layout, line: Attachment) -> Point:
-    """Where a line reaches its device's box, as far from its middle line as the middle of the box."""
+    """Return the point where a line reaches its device's box, at the height of the box's centre."""
     x, y = page.places[line.node]
     return x + line.port * (_PORT if x < MIDDLE else -_PORT), y
 
 
 def stub_middle(page: Layout, line: Attachment) -> Point:
-    """Where the symbol of a line stands on the straight piece below its device's box."""
+    """Return the position of a line's symbol, on the straight segment below its device's box."""
     x, y = port_of(page, line)
     return x, y - BOX_HEIGHT / 2 - STUB * (0.5 + line.port)
 
 
 def stub_label(plan: Plan, page: Layout, line: Attachment) -> tuple[Point, str]:
-    """Where the label of a line begins, beside its symbol and all lines of the box, and its alignment."""
+    """Return position and alignment of a line's label, beside its symbol and all lines of the same box."""
     x, y = stub_middle(page, line)
     beside = max(other.port for other in plan.lines if other.node == line.node) - line.port
     away = 5.0 + _PORT * beside
@@ -190,7 +190,7 @@ def stub_label(plan: Plan, page: Layout, line: Attachment) -> tuple[Point, str]:
 
 
 def _cost(paths: Sequence[Path]) -> float:
-    """Crossings, lines on top of each other (much worse) and, last, length."""
+    """Return the cost of a routing: crossings, overlapping lines (much worse) and, last, length."""
     cost = 0.0
     pieces = [list(pairwise(path)) for path in paths]
     for index, first in enumerate(pieces):
@@ -201,7 +201,7 @@ def _cost(paths: Sequence[Path]) -> float:
 
 
 def _crossing_cost(p: tuple[Point, Point], q: tuple[Point, Point]) -> float:
-    """1 for a crossing, a penalty for two lines on top of each other, 0 for no contact."""
+    """Return 1 for a crossing, a penalty for overlapping parallel lines, and 0 for no contact."""
     (px0, px1), (py0, py1) = _span(p, 0), _span(p, 1)
     (qx0, qx1), (qy0, qy1) = _span(q, 0), _span(q, 1)
     if px0 > qx1 or qx0 > px1 or py0 > qy1 or qy0 > py1:
@@ -216,9 +216,9 @@ def _span(piece: tuple[Point, Point], axis: int) -> tuple[float, float]:
 
 
 def bridge_paths(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Path, Path]:
-    """Line into and line out of a symbol inside the patient's ring; the symbol stands between their ends.
+    """Return the lines into and out of a symbol inside the patient's ring, which lies between their ends.
 
-    Of several the next stands above the one before, its lines nearer to the middle.
+    With several symbols, each is above the previous one and its lines are nearer to the centre.
     """
     number = plan.bridges.index(bridge)
     middle = page.rows[HEART_LOWER] + PER_BRIDGE * number
@@ -239,7 +239,7 @@ def bridge_paths(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Path, Path]:
 
 
 def bridge_label(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Point, str]:
-    """Where the label of a bridge stands, and its alignment: away from the lines of several on the right."""
+    """Return position and alignment of a bridge's label: left of the symbol if all lines are on the right."""
     sites = [site for other in plan.bridges for site in (other.source, other.target)]
     on_the_right = len(plan.bridges) > 1 and all(page.places[site][0] > MIDDLE for site in sites)
     height = page.rows[HEART_LOWER] + PER_BRIDGE * plan.bridges.index(bridge)
@@ -247,7 +247,7 @@ def bridge_label(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Point, str]:
 
 
 def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: float, earlier: int) -> Path:
-    """From the inner side of a box, beside the lines that reach it already, to the middle at a height."""
+    """Return the path from a box's inner side, clear of earlier lines there, to the centre at a height."""
     x, y = page.places[site]
     if site == "sart":
         return [(x - 8.0, y + BOX_HEIGHT / 2), (x - 8.0, level), (MIDDLE, level)]

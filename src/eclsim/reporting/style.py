@@ -1,7 +1,7 @@
-"""One look for every figure: colours, sizes, fonts, ticks, and how a figure is saved.
+"""Common style of all figures: colours, sizes, fonts, ticks, and saving.
 
-Colours are those of Okabe and Ito (2008), told apart by people with colour-blindness; line styles differ
-as well, so that figures can be read when printed in grey. Sizes are in millimetres and fit on A4.
+Colours are those of Okabe and Ito (2008), which people with colour-blindness can tell apart; line styles
+differ as well, so that figures can be read in grey print. Sizes are in millimetres and fit on A4.
 """
 
 import textwrap
@@ -26,7 +26,7 @@ PAGE_WIDTH_MM = 170.0
 DOTS_PER_INCH = 200
 MOST_HORIZONTAL_NAMES = 12
 LONGEST_FULL_NAME = 16
-"""Letters; a longer name of a parameter is shown without its section."""
+"""Number of characters; a longer parameter name is shown without its section."""
 
 OKABE_ITO = {
     "black": "#000000",
@@ -40,7 +40,7 @@ OKABE_ITO = {
 }
 GREY = "#6B6B6B"
 
-# Yellow is left out: as a line on white it is too faint to print.
+# Yellow is omitted: as a line on white it is too faint to print.
 CURVES: tuple[tuple[str, object], ...] = (
     (OKABE_ITO["black"], "-"),
     (OKABE_ITO["vermillion"], (0, (5, 1.6))),
@@ -73,7 +73,7 @@ _SETTINGS = {
     "figure.constrained_layout.h_pad": 0.06,
     "figure.titlesize": 9.5,
     "figure.titleweight": "bold",
-    # Text stays text in SVG: it can be searched, read aloud and edited.
+    # Text remains text in SVG: it can be searched, read aloud and edited.
     "svg.fonttype": "none",
     "svg.hashsalt": "eclsim",
     "savefig.dpi": DOTS_PER_INCH,
@@ -82,24 +82,24 @@ _SETTINGS = {
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Applies the look of eclsim while a figure is made, whatever the user's own matplotlib settings are."""
+    """Apply eclsim's style while a figure is made, whatever the user's own matplotlib settings are."""
     with matplotlib.style.context(["default", _SETTINGS]):
         yield
 
 
 def new_figure(width_mm: float = PAGE_WIDTH_MM, height_mm: float = 110.0) -> Figure:
-    """A figure of the given size [mm] that belongs to no window and no global list of figures."""
+    """Create a figure of a given size [mm] that belongs to no window and is not registered with pyplot."""
     return Figure(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH), layout="constrained")
 
 
 def panel_grid(count: int, columns: int, row_mm: float, margin_mm: float = 0.0) -> tuple[Figure, list[Axes]]:
-    """A figure with so many panels, row by row, and what is left of the last row empty.
+    """Create a figure with a number of panels, row by row; the rest of the last row stays empty.
 
     Args:
-        count: panels.
-        columns: panels of a row; fewer where there are fewer.
-        row_mm: height of a row.
-        margin_mm: height of title and legend.
+        count: number of panels.
+        columns: largest number of panels in a row.
+        row_mm: height of a row [mm].
+        margin_mm: height of title and legend [mm].
     """
     columns = min(columns, count)
     rows = -(-count // columns)
@@ -123,22 +123,22 @@ def draw_matrix(
     pad: float = 0.01,
     shrink: float = 1.0,
 ) -> Axes:
-    """Numbers as coloured cells with a text in each, names along both sides, and a bar of the colours.
+    """Draw numbers as coloured cells with text, names along both sides, and a colour bar.
 
     Args:
-        fig: to draw in.
-        numbers: shape (down, across).
-        across: names of the columns, without their section where they are long.
-        down: names of the rows, likewise.
-        colours: a colour map of matplotlib.
-        limits: numbers at its ends.
-        text: of a number.
-        white: whether the text is white, for a dark cell.
-        label: of the bar.
-        turned: angle of the names of the columns [degrees]; left out, upright where they are many.
-        aspect: of the cells.
-        pad: between cells and bar, as a share of the figure.
-        shrink: height of the bar as a share of that of the cells.
+        fig: figure to draw in.
+        numbers: array of shape (down, across).
+        across: column names; long ones are shown without their section.
+        down: row names; long ones are shown without their section.
+        colours: name of a matplotlib colour map.
+        limits: numbers at the ends of the colour map.
+        text: returns the text of a number.
+        white: returns whether the text is white, for dark cells.
+        label: label of the colour bar.
+        turned: rotation of the column names [degrees]; None for 90 if there are many, else 0.
+        aspect: aspect ratio of the cells, as for `imshow`.
+        pad: gap between cells and colour bar, as a fraction of the figure.
+        shrink: height of the colour bar, as a fraction of that of the cells.
     """
     axes = fig.add_subplot()
     image = axes.imshow(numbers, cmap=colours, vmin=limits[0], vmax=limits[1], aspect=aspect)
@@ -157,23 +157,23 @@ def draw_matrix(
 
 
 def turned_names(names: Sequence[str]) -> float:
-    """Angle of names along an axis [degrees]: upright where they are many."""
+    """Return the rotation of names along an axis [degrees]: 90 if there are many, else 0."""
     return 90.0 if len(names) > MOST_HORIZONTAL_NAMES else 0.0
 
 
 def short_name(name: str) -> str:
-    """The name of a parameter, without its section where it is long."""
+    """Return the name of a parameter, without its section if it is long."""
     return name.rpartition(".")[2] if len(name) > LONGEST_FULL_NAME else name
 
 
 def curve_style(index: int) -> dict[str, object]:
-    """Colour and line style of the curve with this index; they repeat after seven curves."""
+    """Return colour and line style of the curve with an index; they repeat after seven curves."""
     colour, line = CURVES[index % len(CURVES)]
     return {"color": colour, "linestyle": line}
 
 
 def plain_text(value: object, limit: int = 70) -> str:
-    """Text from outside (an id, a label) made safe to draw: one line, no formulas, at most `limit` long."""
+    """Make external text (an id, a label) safe to draw: one line, no formulas, at most `limit` characters."""
     printable = "".join(" " if unicodedata.category(char)[0] in "CZ" else char for char in str(value))
     text = " ".join(printable.split())
     if len(text) > limit:
@@ -182,7 +182,7 @@ def plain_text(value: object, limit: int = 70) -> str:
 
 
 def write_above(fig: Figure, sentences: Sequence[str]) -> None:
-    """Puts sentences above a figure, below its title."""
+    """Write sentences above a figure, below its title."""
     title = fig.get_suptitle()
     lines = [line for text in sentences for line in textwrap.wrap(plain_text(text, 330), 100)]
     if lines:
@@ -194,14 +194,14 @@ def write_above(fig: Figure, sentences: Sequence[str]) -> None:
 def save_figure(
     fig: Figure, path_without_suffix: str | Path, formats: Sequence[str] = ("svg", "png")
 ) -> list[Path]:
-    """Writes the figure once per format and returns the files written.
+    """Write the figure in each format and return the paths of the files.
 
-    A file appears under its name only when it is complete. The same figure gives the same SVG, byte for byte.
+    Each file is complete when it appears under its name. The same figure gives the same SVG, byte for byte.
     """
     stem = Path(path_without_suffix)
     stem.parent.mkdir(parents=True, exist_ok=True)
     with figure_style(), warnings.catch_warnings():
-        # A name in a script that the font lacks: PNG shows boxes there, SVG the reader's own font.
+        # The font lacks the glyphs of some scripts: PNG shows boxes for them, SVG uses the reader's fonts.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         with _layout_fixed(fig):
             return [_write(fig, stem.with_name(f"{stem.name}.{suffix}"), suffix) for suffix in formats]
@@ -209,7 +209,7 @@ def save_figure(
 
 @contextmanager
 def _layout_fixed(fig: Figure) -> Iterator[None]:
-    """Arranges the figure once, not again for each format: that is most of the time of saving."""
+    """Compute a figure's layout once, not for each format: it takes most of the time of saving."""
     engine = fig.get_layout_engine()
     if engine is None:
         yield
@@ -238,27 +238,27 @@ _STEPS = (
     (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
     tuple(np.arange(1.0, 10.0, 0.5).tolist()),
 )
-"""First digits of the numbers that ticks may have, the roundest first."""
+"""Leading digits allowed for ticks, from the roundest numbers to less round ones."""
 
 
 class PlainLogLocator(Locator):
-    """The roundest numbers of which enough fit on a logarithmic axis.
+    """Locator of the roundest numbers of which enough fit on a logarithmic axis.
 
     Args:
-        gap: smallest distance of two ticks, as a share of the axis.
+        gap: smallest distance between two ticks, as a fraction of the axis.
     """
 
     def __init__(self, gap: float):
         self.gap = gap
 
     def __call__(self) -> Sequence[float]:
-        """Ticks of the axis as it is."""
+        """Return the ticks for the current limits of the axis."""
         assert isinstance(self.axis, Axis)
         low, high = sorted(self.axis.get_view_interval())
         return self.tick_values(low, high)
 
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
-        """Ticks between two numbers above 0."""
+        """Return the ticks between two numbers above 0."""
         if not 0.0 < vmin < vmax:
             return []
         decades = 10.0 ** np.arange(np.floor(np.log10(vmin)), np.ceil(np.log10(vmax)) + 1.0)
@@ -279,7 +279,7 @@ class PlainLogLocator(Locator):
 
 
 def plain_log_ticks(axis: Axis, gap: float = 0.2, *, shown: bool = True) -> None:
-    """Put a few plain numbers on a logarithmic axis, or ticks alone."""
+    """Put a few round numbers on a logarithmic axis, or ticks without labels."""
     axis.set_major_locator(PlainLogLocator(gap))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}") if shown else NullFormatter())
