@@ -59,7 +59,7 @@ def app(options: AppOptions) -> None:
 
 
 def _checked_root(path: str) -> str:
-    """The root path with a slash in front and none behind."""
+    """Return the root path with a leading slash and without a trailing one."""
     bare = path.strip("/")
     if bare and not re.fullmatch(r"\w[\w.~-]*(/\w[\w.~-]*)*", bare):
         fail(f"--root-path {path}: allowed: letters, digits, - and _ between slashes, such as /eclsim")

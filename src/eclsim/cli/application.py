@@ -1,4 +1,4 @@
-"""The application: its commands, and how it starts and stops."""
+"""The command-line application: its commands, start and end."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _show_version(requested: bool) -> None:
 
 
 def _load_devices(files: list[str] | None) -> None:
-    """Run the files that hold devices of the user's own; processes started later do so themselves."""
+    """Run the files with the user's own devices; processes started later run them as well."""
     if not files:
         return
     from eclsim.devices.registry import FILES, DeviceError, load_device_file
@@ -132,7 +132,7 @@ def _load_devices(files: list[str] | None) -> None:
     try:
         for file in files:
             load_device_file(file)
-            all_outputs()  # refuses outputs that would stand in the place of the patient's
+            all_outputs()  # refuses outputs with the name of one of the patient's
     except DeviceError as error:
         fail(f"--device {error}")
 
@@ -152,17 +152,17 @@ def _options(
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave."),
     ] = False,
 ) -> None:
-    """Options before the command."""
+    """Process the options that precede the command."""
 
 
 def run(arguments: Sequence[str] | None = None) -> None:
-    """Run a command; always ends in SystemExit, never in a traceback for what a user did."""
+    """Run a command; always ends in SystemExit, without a traceback for user errors."""
     _stop_cleanly_on_signals()
     _print_any_character()
     try:
         app(args=list(arguments) if arguments is not None else None, prog_name="eclsim")
     except _StoppedError as stopped:
-        # Without the interpreter's end, in which a compiler that is still at work crashes.
+        # Skip the interpreter's shutdown, in which a compiler that is still running crashes.
         _flush()
         os._exit(stopped.status)
     except BrokenPipeError:
@@ -188,7 +188,7 @@ class _StoppedError(SystemExit):
 
 
 def _stop_cleanly_on_signals() -> None:
-    """Ctrl-C and SIGTERM unwind the stack, so that temporary files go and finished ones stay."""
+    """Make Ctrl-C and SIGTERM unwind the stack, which removes temporary files and keeps finished ones."""
     usual, reported, raised = sys.unraisablehook, set[int](), Event()
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -202,7 +202,7 @@ def _stop_cleanly_on_signals() -> None:
             raise _StoppedError(number)
 
     def raise_again(ignored: sys.UnraisableHookArgs) -> None:
-        # What is raised within a callback of the garbage collector, or here, goes no further.
+        # An exception raised in a callback of the garbage collector, or here, is not propagated.
         if isinstance(ignored.exc_value, _StoppedError):
             raised.clear()
             Thread(target=send_again, args=(ignored.exc_value.status - 128,), daemon=True).start()
@@ -218,7 +218,7 @@ def _stop_cleanly_on_signals() -> None:
     for name in _STOPPED_BY:
         try:
             signal.signal(getattr(signal, name), stop)
-        except ValueError:  # not in the main thread: whoever started the thread handles signals
+        except ValueError:  # not in the main thread: the owner of the main thread handles signals
             return
 
 
@@ -229,7 +229,7 @@ def _print_any_character() -> None:
 
 
 def _flush() -> None:
-    """Write what is left; a reader that is gone (`| head`) is no error, a full disk is."""
+    """Flush the standard streams; a closed reader (`| head`) is not an error, but a full disk is."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -243,7 +243,7 @@ def _flush() -> None:
 
 
 def _redirect_to_null(stream: TextIO) -> None:
-    """Send what a stream still holds nowhere, so that the interpreter's last flush cannot fail."""
+    """Redirect a stream to the null device, so that the interpreter's last flush cannot fail."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Reading the case files and tables of a command line, with mistakes, warnings and notes."""
+"""Reading of case files and tables for commands, with their errors, warnings and notes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ TABLES = (".csv", ".tsv")
 def read_all(
     files: Sequence[str], settings: Sequence[str], volume_policy: str | None = None
 ) -> list[CaseReading]:
-    """Read every case; report all mistakes and leave with exit status 2.
+    """Read all cases; if there are errors, report all of them and exit with status 2.
 
-    `settings` and `volume_policy` win over the files, and a note says so.
+    `settings` and `volume_policy` override the files, with a note.
     """
     readings = read_each([(file, settings, volume_policy) for file in files])
     for reading in readings:
@@ -31,12 +31,12 @@ def read_all(
 
 
 def case_files_in(place: str) -> list[str]:
-    """A file itself, or the case files of a folder; without any leave with exit status 2."""
+    """Return a file itself, or the case files of a folder; exit with status 2 if it has none."""
     if not Path(place).is_dir():
         return [place]
     if files := sorted(str(path) for path in Path(place).glob("*.toml")):
         return files
-    fitted = Path(place) / "cases"  # as `eclsim identify --out` leaves them
+    fitted = Path(place) / "cases"  # as written by `eclsim identify --out`
     hint = f"; {fitted} holds some" if any(fitted.glob("*.toml")) else ""
     fail(f"{place}: holds no case file (*.toml){hint}")
 
@@ -45,11 +45,11 @@ def read_each(
     sources: Iterable[tuple[str, Sequence[str], str | None]],
     renamed: Callable[[Mistake], Mistake] = lambda mistake: mistake,
 ) -> list[CaseReading]:
-    """Read cases, each a file with settings and a policy; what warnings and notes say is left to the caller.
+    """Read cases, each from a file with settings and a policy; the caller reports warnings and notes.
 
     Args:
-        sources: files, settings and blood volume policies, as `read_case` takes them.
-        renamed: names to use in mistakes.
+        sources: file, settings and blood volume policy of each case, as for `read_case`.
+        renamed: converts an error before it is reported, such as its names.
     """
     from eclsim.cases import CaseError, read_case
 
@@ -68,7 +68,7 @@ def read_each(
 
 
 def read_table(file: str) -> CohortReading:
-    """Read a cohort's table, saying which rows are refused; without any other leave with status 2."""
+    """Read a cohort's table and report its refused rows; exit with status 2 if no row is usable."""
     from eclsim.cases.cohort import read_cohort
     from eclsim.inputs.mistakes import CaseError
 
@@ -86,10 +86,10 @@ def read_table(file: str) -> CohortReading:
 
 
 def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> list[CaseReading]:
-    """The cases with the pump speed that gives their target flow, where they name one; a note says it.
+    """Replace target pump flows of cases by the speeds that give them, with a note.
 
-    The flow is that under `policy`, or else under the policy of each case. With a flow that cannot be reached
-    leave with exit status 2.
+    The flow is reached under `policy`, or else under the policy of each case. Exit with status 2 if a flow
+    cannot be reached.
     """
     if not any(reading.case.targets() for reading in readings):
         return list(readings)
@@ -112,17 +112,17 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
 
 
 def warn_of_new_findings(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:
-    """Show warnings of results, but for doubts that were shown when their case was read."""
+    """Show warnings of results, except those that were shown when their case was read."""
     warn(f"{reading.file}{at}: {line}" for line in lines if line not in reading.case.doubts)
 
 
 def names_of(text: str | None) -> tuple[str, ...] | None:
-    """Names with commas between; None if there are none."""
+    """Split names at commas; return None if there are none."""
     return tuple(name.strip() for name in (text or "").split(",") if name.strip()) or None
 
 
 def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
-    """Ids that differ, but that a reader would take for the same."""
+    """Return warnings about different ids that a reader would take to be the same."""
     from eclsim.cases.cohort_rows import plain_id
 
     first: dict[str, CaseReading] = {}

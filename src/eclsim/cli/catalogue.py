@@ -1,4 +1,4 @@
-"""`eclsim parameters` and `eclsim devices`: what the model knows, with ranges, sources and doubts."""
+"""Commands `eclsim parameters` and `eclsim devices`: parameters and devices, with ranges and sources."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def export(options: ExportOptions) -> None:
         text = csv_text(_FIELDS, (row.values() for row in rows), digits=None)
     elif options.format_name == "json":
         text = json_text({"parameters": rows})
-    else:  # a section that a case file can take over, with unit and meaning as comments
+    else:  # sections that can be copied into a case file, with unit and meaning as comments
         lines: dict[str, list[str]] = {}
         for p in parameters:
             section, _, key = p.key.rpartition(".")
@@ -117,7 +117,7 @@ def _set(name: str) -> Mapping[str, Parameter]:
 
     if name == "all":
         return parameters()
-    if name == "thiel2025":  # Tables S-1 to S-3, those of devices among them, before the initial state
+    if name == "thiel2025":  # Tables S-1 to S-3, devices included, the initial state last
         published = (p for p in parameters().values() if "Thiel et al. 2025" in p.source)
         return {p.key: p for p in sorted(published, key=lambda p: p.group == "initial")}
     sets = {"physiology": physiology, "regulation": regulation, "shi_hose2009": shi_hose2009}
@@ -176,7 +176,7 @@ def _details(name: str) -> Iterator[str]:
 
 
 def _section(device: AnyDevice) -> Iterator[str]:
-    """The section of a device and its parameters."""
+    """Yield the lines that describe a device's section and parameters."""
     yield f"[{device.key}]: {device.name}"
     for field in device.section.fields().values():
         needed = "" if field.required else " (may be left out)"

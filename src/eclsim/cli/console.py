@@ -1,4 +1,4 @@
-"""Messages of commands on standard error, their exit statuses, and the progress of long ones."""
+"""Messages of commands on standard error, exit statuses, and progress of long commands."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 INCOMPLETE = 1
-"""Exit status: something did not converge, could not be used, or misses its bar."""
+"""Exit status: something did not converge, could not be used, or failed its acceptance criterion."""
 BAD_INPUT = 2
-"""Exit status: a mistake of the user or of the machine; nothing was computed, or nothing could be written."""
+"""Exit status: an error of the user or the system; nothing was computed, or nothing could be written."""
 SECONDS_BETWEEN_LINES = 10.0
 
 
 def say(text: object) -> None:
-    """One line on standard error."""
+    """Write one line to standard error."""
     try:
         print(text, file=sys.stderr)
-    except (OSError, ValueError):  # nobody is listening any more
+    except (OSError, ValueError):  # standard error is closed
         return
 
 
 def fail(*lines: object) -> NoReturn:
-    """Write mistakes, a line each, and leave with the exit status of bad input."""
+    """Write errors, one per line, and exit with the status of bad input."""
     for line in lines:
         say(f"error: {line}")
     raise SystemExit(BAD_INPUT)
 
 
 def refuse(mistakes: Collection[object]) -> None:
-    """Leave with the exit status of bad input if there is any mistake."""
+    """Exit with the status of bad input if there are errors."""
     if mistakes:
         fail(*mistakes)
 
 
 def mistakes_in(checks: Mapping[str, Callable[[], object]]) -> list[str]:
-    """What checks of options raise as ValueError, each behind the option; "" where the message names it."""
+    """Return the ValueErrors of option checks, each after its option; "" if the message names the option."""
     mistakes = []
     for option, check in checks.items():
         try:
@@ -51,21 +51,21 @@ def mistakes_in(checks: Mapping[str, Callable[[], object]]) -> list[str]:
 
 
 def warn(lines: Iterable[object], label: str = "warning") -> None:
-    """Write doubts that do not stop a command."""
+    """Write warnings, which do not stop a command."""
     for line in lines:
         say(f"{label}: {line}")
 
 
 def note(lines: Iterable[object]) -> None:
-    """Write what was assumed or changed."""
+    """Write notes on what was assumed or changed."""
     warn(lines, "note")
 
 
 class Progress:
     """Progress of a long command, on standard error.
 
-    One line that changes on a terminal; in a log a line at most every ten seconds. What it is called with is
-    shown as text; a number of finished tasks (`done`, `total`) moves the bar.
+    On a terminal it is one line that changes; in a log it is a line at most every ten seconds. Each event is
+    shown as text; if it has numbers of tasks (`done`, `total`), they move the bar.
     """
 
     def __init__(self, label: str = ""):
@@ -91,7 +91,7 @@ class Progress:
             self._bar.stop()
 
     def __call__(self, event: object) -> None:
-        """Show what is being done now."""
+        """Show an event, such as the step that is running."""
         text = f"{self.label}{event}"
         if self._bar is not None:
             done, total = getattr(event, "done", 0), getattr(event, "total", None)

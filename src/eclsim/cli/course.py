@@ -1,4 +1,4 @@
-"""`eclsim course`: hours of a case with its events, of a cohort, or of the draws of a posterior."""
+"""Command `eclsim course`: hours of a case with its events, of a cohort, or of draws of a posterior."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 MOST_NAMED = 5
-"""Patients of one message."""
+"""Largest number of patients named in one message."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ class CourseOptions(CaseChanges, Distributed):
 
     @property
     def minutes(self) -> float:
-        """How long [min]."""
+        """Duration of the course [min]."""
         return 60.0 * self.hours if self.until is None else self.until
 
     @property
@@ -103,7 +103,7 @@ def course(options: CourseOptions) -> None:
 
 
 def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
-    """Cases read, each with its events and its speed, and whether a row of a table is refused."""
+    """Return the cases with events and pump speeds, and whether any row of a table was refused."""
     from eclsim.cases import CaseError
     from eclsim.cases.reading import CaseReading
     from eclsim.cases.settings import apply_settings
@@ -134,7 +134,7 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
 
 
 def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool) -> Sequence[CaseReading]:
-    """The cases with the events of a file, checked for each; those of a table that cannot have them go."""
+    """Return the cases with a file's events; patients of a table for whom these are invalid are left out."""
     from eclsim.cases import CaseError, read_case
     from eclsim.cases.reading import read_mapping
 
@@ -173,7 +173,7 @@ def _names_text(names: Sequence[str]) -> str:
 
 
 def _destinations(o: CourseOptions) -> Destinations:
-    """Where results go, with all that is wrong with how the course is asked for."""
+    """Return the destinations of results, together with the errors in the options."""
     from eclsim.course.beats import LONGEST_MIN
     from eclsim.course.course import MOST_MOMENTS
 
@@ -203,14 +203,14 @@ def _destinations(o: CourseOptions) -> Destinations:
 
 
 def _checked(o: CourseOptions, places: Destinations) -> tuple[Target, Distribution]:
-    """Where the JSON goes and where tasks run; with anything wrong leave with exit status 2."""
+    """Return the destination of the JSON and the distribution of tasks; exit with status 2 on errors."""
     target, distribution = places.target("--json", o.json), o.distribution(places.mistakes)
     places.check()
     return target, distribution
 
 
 def _late_events(o: CourseOptions, cases: Sequence[Case]) -> None:
-    """Leave with exit status 2 where an event lies after the end."""
+    """Exit with status 2 if an event is after the end of the course."""
     from eclsim.course.timeline import MINUTE, Timeline
     from eclsim.inputs.mistakes import CaseError
 
@@ -228,7 +228,7 @@ def _late_events(o: CourseOptions, cases: Sequence[Case]) -> None:
 
 
 def _single(o: CourseOptions) -> bool:
-    """Follow one patient; whether the course reached its end."""
+    """Follow one patient; return whether the course reached its end."""
     from eclsim.course import files
     from eclsim.course.beats import course_beats
     from eclsim.course.course import course as follow
@@ -267,7 +267,7 @@ def _single(o: CourseOptions) -> bool:
 
 
 def _band(o: CourseOptions) -> bool:
-    """Follow draws of one patient's parameters; whether all reached their end."""
+    """Follow draws of one patient's parameters; return whether all reached their end."""
     from eclsim.course import files
     from eclsim.course.band import band_object, course_band
     from eclsim.course.cohort import PRELOAD
@@ -308,7 +308,7 @@ def _band(o: CourseOptions) -> bool:
 
 
 def _cohort(o: CourseOptions) -> bool:
-    """Follow several patients; whether all reached their end and no row was refused."""
+    """Follow several patients; return whether all reached their end and no row was refused."""
     from eclsim.course import files
     from eclsim.course.band import approximations_of_draws
     from eclsim.course.cohort import PRELOAD, course_cohort
@@ -349,11 +349,11 @@ SHOWN_OUTPUTS = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP
 MOST_ROWS = 25
 BAND_OUTPUTS = ("MAP", "PF", "drainage_pressure", "DO2")
 _DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
-"""Decimals of a unit in tables, so that a column's digits stand below each other; others have one."""
+"""Decimals by unit in tables, so that the digits of a column line up; other units have one."""
 
 
 def _text(result: xr.Dataset) -> str:
-    """Some moments of the course as a table, and the balance of blood."""
+    """Format some moments of the course as a table, followed by the blood balance."""
     import json
 
     from eclsim.course.result import impossible_moments, spans_in_words
@@ -394,7 +394,7 @@ def _decimals(values: xr.DataArray) -> int:
 
 
 def _rows(result: xr.Dataset, seconds: bool = False) -> dict[int, str]:
-    """The moments that a table shows, with their times: to the second where minutes are not enough."""
+    """Return the moments shown in a table with their times, to the second if minutes do not suffice."""
     from eclsim.course.alarms import clock_time
 
     count, minute = result.sizes["time_min"], result["time_min"].to_numpy().tolist()
@@ -405,7 +405,7 @@ def _rows(result: xr.Dataset, seconds: bool = False) -> dict[int, str]:
 
 
 def _band_text(band: xr.Dataset) -> str:
-    """Median and 90 % interval at some moments as a table, and how probable alarms are at most."""
+    """Format median and 90 % interval at some moments as a table, with each alarm's largest probability."""
     from eclsim.course.alarms import clock_time
     from eclsim.reporting.numbers import number, text_table
 
@@ -427,7 +427,7 @@ def _band_text(band: xr.Dataset) -> str:
 
 
 def _cohort_text(content: Mapping[str, Any]) -> str:
-    """Table of each patient's outcome and first alarm."""
+    """Format the outcome and first alarm of each patient as a table."""
     from eclsim.course.alarms import clock_time
     from eclsim.reporting.numbers import text_table
 

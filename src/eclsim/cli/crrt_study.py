@@ -1,4 +1,4 @@
-"""`eclsim crrt-study`: every way to connect CRRT to an ECMO circuit, compared, for one case or many."""
+"""Command `eclsim crrt-study`: comparison of the ways to connect CRRT to ECMO, for one case or many."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _check_options(o: CrrtStudyOptions, more: Mapping[str, Callable[[], object]]
 def _write(
     o: CrrtStudyOptions, target: Target, files: Callable[[Path], object], json: Callable[[], str]
 ) -> bool:
-    """Write the files and the JSON that are wanted; whether standard output is free for text."""
+    """Write the requested files and JSON; return whether standard output is free for text."""
     from eclsim.files import write_text
 
     with reporting_write_errors():
@@ -148,7 +148,7 @@ def _write(
 
 
 def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
-    """Study one case; returns what did not converge."""
+    """Study one case; return descriptions of what did not converge."""
     from eclsim.crrt_study.schemes import BOTH
 
     if o.continues or o.dask:
@@ -167,7 +167,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
 
 
 def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:
-    """Where the JSON goes and the samples; says everything that is wrong before anything is computed."""
+    """Return the JSON destination and the samples, after checking all options before any computation."""
     from eclsim.crrt_study.files import file_names
     from eclsim.crrt_study.schemes import case_speed, check_speeds, crrt_flow, parse_speeds
     from eclsim.identification.samples import read_samples
@@ -210,7 +210,7 @@ def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[flo
 
 
 def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
-    """Fit or read the cases and study each; returns what could not be studied."""
+    """Fit or read the cases and study each; return descriptions of what could not be studied."""
     from eclsim.crrt_study import cohort_report
     from eclsim.crrt_study.cohort import PRELOAD, crrt_cohort
     from eclsim.crrt_study.schemes import StudyError

@@ -1,4 +1,4 @@
-"""Where a command writes: checked before anything is computed, held while it runs, named where it fails."""
+"""Destinations of a command's output: checked before computing, locked while running, named in errors."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from eclsim.files import write_json
 LOCK = ".eclsim-lock"
 STANDARD_OUTPUT = "-"
 Target = Path | str | None
-"""A file, "-" for standard output, or nothing."""
+"""A path, "-" for standard output, or None for nothing."""
 NETCDF = (".nc", ".nc4", ".h5", ".netcdf")
 
 
 class Destinations:
-    """The files and folders that the options of a command name; collects all that is wrong with them.
+    """Files and folders named by the options of a command, with the errors found in them.
 
     Args:
-        force: Whether what exists may be overwritten.
-        inputs: Files that the command reads, and so must not overwrite.
-        resume: Whether the command goes on with what a folder holds; None where no command could.
+        force: Whether existing files may be overwritten.
+        inputs: Files that the command reads and therefore must not overwrite.
+        resume: Whether the command continues from results in a folder; None for a command that cannot.
     """
 
     def __init__(self, *, force: bool, inputs: Sequence[str | None] = (), resume: bool | None = None):
@@ -40,15 +40,15 @@ class Destinations:
             self.mistakes.append("--resume keeps what is there and --force throws it away: give one of them")
 
     def check(self) -> None:
-        """Leave with exit status 2 if anything is wrong."""
+        """Exit with status 2 if there are errors."""
         refuse(list(dict.fromkeys(self.mistakes)))
 
     def target(self, option: str, written: str | None) -> Target:
-        """A file to write, "-" for standard output, or None."""
+        """Check the destination of an option: a file, "-" for standard output, or None."""
         return written if written == STANDARD_OUTPUT else self.file(option, written)
 
     def file(self, option: str, written: str | None, suffixes: Sequence[str] = ()) -> Path | None:
-        """A file to write, or None."""
+        """Check a file to be written, and return its path; None if none is given."""
         if written is None:
             return None
         path = Path(written)
@@ -74,14 +74,15 @@ class Destinations:
         stems: Sequence[str] = (),
         parents: bool = False,
     ) -> Path | None:
-        """A folder to write to, made later, or None.
+        """Check a folder for output and return its path, without creating it; None if none is given.
 
         Args:
-            option: that names it.
-            written: what it names.
-            names: files that the command writes there; one that exists is not overwritten unasked.
-            stems: beginnings of names of such files, before "." or "_".
-            parents: whether the folders above are made too.
+            option: name of the option.
+            written: folder as written.
+            names: files that the command writes there; existing ones are an error unless they may be
+                overwritten.
+            stems: beginnings of the names of further such files, before "." or "_".
+            parents: whether parent folders are created as well.
         """
         if written is None:
             return None
@@ -137,7 +138,7 @@ def _is_same(first: Path, second: Path) -> bool:
 
 
 def write_json_output(content: object, target: Target) -> bool:
-    """Write JSON where it is wanted; whether standard output is free for text."""
+    """Write JSON if it was requested; return whether standard output is free for text."""
     if target is not None:
         write_json(content, target)
     return target != STANDARD_OUTPUT
@@ -145,7 +146,7 @@ def write_json_output(content: object, target: Target) -> bool:
 
 @contextmanager
 def reporting_write_errors(place: object = "output") -> Iterator[None]:
-    """Report a file that cannot be written, and leave with exit status 2."""
+    """Report a file that cannot be written, and exit with status 2."""
     try:
         yield
     except BrokenPipeError:
@@ -156,9 +157,9 @@ def reporting_write_errors(place: object = "output") -> Iterator[None]:
 
 @contextmanager
 def explaining_resume(folder: str | os.PathLike[str] | None) -> Iterator[None]:
-    """Hold a command whose finished tasks are kept: after Ctrl-C or SIGTERM, explain how to go on.
+    """Context of a command that keeps finished tasks: after Ctrl-C or SIGTERM, explain how to continue.
 
-    Where the tasks cannot run, or the folder holds others, leave with exit status 2.
+    If the tasks cannot run, or the folder contains other tasks, exit with status 2.
     """
     try:
         yield
@@ -173,17 +174,17 @@ def explaining_resume(folder: str | os.PathLike[str] | None) -> Iterator[None]:
 
 @contextmanager
 def locked(folder: str | os.PathLike[str] | None, shard: str = "") -> Iterator[None]:
-    """Hold a folder while a command writes to it; leave with exit status 2 where another command does.
+    """Lock a folder while a command writes to it; exit with status 2 if another command has locked it.
 
-    The operating system gives the lock up when a process ends, however it ends. A folder that had to be made
-    for the lock and stayed empty is taken away again.
+    The operating system releases the lock when a process ends for any reason. A folder that was created for
+    the lock is removed again if it stayed empty.
 
     Args:
-        folder: of the results; None where a command writes none.
-        shard: of an analysis whose shards are run side by side into one folder, such as "3/16".
+        folder: folder of the results; None if the command writes none.
+        shard: shard, such as "3/16", of an analysis whose shards run side by side in one folder.
     """
     if folder is None or not _can_be_folder(folder := Path(folder)):
-        yield  # the command reports what is wrong with it
+        yield  # the command reports the error
         return
     made = not folder.exists()
     try:
@@ -196,7 +197,7 @@ def locked(folder: str | os.PathLike[str] | None, shard: str = "") -> Iterator[N
         try:
             yield
         finally:
-            if sys.platform != "win32":  # there an open file cannot be removed: it stays, unlocked
+            if sys.platform != "win32":  # Windows cannot remove an open file, so it stays, unlocked
                 Path(file.name).unlink(missing_ok=True)
             if made and not any(folder.iterdir()):
                 folder.rmdir()
@@ -210,7 +211,7 @@ def _can_be_folder(path: Path) -> bool:
 
 
 def _opened(path: Path) -> IO[str]:
-    """The file with its lock; the one that stands under the path, which a process before may have removed."""
+    """Open and lock the file that is at the path now; a previous process may have removed the one opened."""
     while True:
         file = path.open("a+", encoding="utf-8")
         if not _acquire(file):
@@ -225,7 +226,7 @@ def _opened(path: Path) -> IO[str]:
 
 
 def _acquire(file: IO[str]) -> bool:
-    """Whether this process has the lock now."""
+    """Try to lock a file; return whether this process holds the lock."""
     try:
         if sys.platform == "win32":
             import msvcrt

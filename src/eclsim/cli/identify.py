@@ -1,4 +1,4 @@
-"""`eclsim identify` and `eclsim import`: fit a patient's own model, or a cohort's, to what was measured."""
+"""Commands `eclsim identify` and `eclsim import`: fit the model to a patient's or cohort's measurements."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 Prior = Literal["log-uniform", "log-normal"]
 CHAINS = (4, 600, 1500)
-"""Chains, draws thrown away and draws kept where the options are left out."""
+"""Default numbers of chains, of discarded draws and of kept draws."""
 SUMMARY = "identification.json"
 ROWS_NAMED = 5
-"""Lines of a table that a mistake names."""
+"""Number of table lines named in an error."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
 
     @property
     def samples(self) -> bool:
-        """Whether there are draws to make."""
+        """Whether draws are to be made."""
         return self.posterior or bool(self.predict)
 
 
@@ -141,7 +141,7 @@ def fit_settings(
     weights: Literal["relative", "uncertainty"] = "relative",
     seed: int = 0,
 ) -> FitSettings:
-    """Settings from options as they were written; report all mistakes and leave with exit status 2."""
+    """Create settings from the options; report all errors and exit with status 2 if there are any."""
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings, read_bounds
     from eclsim.parameters.thiel2025 import BOUNDS
@@ -169,7 +169,7 @@ def fit_settings(
 
 
 def source_of_mistake(mistake: Mistake, settings: FitSettings, file: str, line: int | None = None) -> Mistake:
-    """A mistake with the option or the file that it stands in."""
+    """Return an error with the option or the file in which it was made."""
     if mistake.key in settings.bounds:
         return mistake.at("--bounds", None)
     if mistake.key in settings.parameters:
@@ -189,7 +189,7 @@ def _unique(names: str | None) -> tuple[str, ...]:
 
 
 def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
-    """Fit one case and write its files; returns what the JSON holds."""
+    """Fit one case and write its files; return the content of the JSON."""
     from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     (reading,) = read_all([o.file], o.settings, o.volume_policy)
@@ -221,7 +221,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
 def _write_fit(
     folder: Path, fit: FitResult, settings: FitSettings, posterior: Mapping[str, Any]
 ) -> tuple[dict[str, Any], Path]:
-    """Write tables, JSON, page and the fitted case; returns what the JSON holds, and where the page is."""
+    """Write tables, JSON, page and fitted case; return the content of the JSON and the path of the page."""
     from eclsim.identification.files import fits_object, write_fits, write_fitted_case
     from eclsim.identification.report import write_fit_page
 
@@ -236,7 +236,7 @@ def _write_fit(
 
 
 def _with_informed_parameters(case: Case, settings: FitSettings) -> FitSettings:
-    """The settings with the parameters that further measurements can determine, named in a note."""
+    """Return the settings with the parameters that further measurements can determine, named in a note."""
     from eclsim.identification.settings import case_to_fit, free_parameters, parameters_informed_by_pressures
 
     usual = (*settings.parameters, *parameters_informed_by_pressures(case))
@@ -248,7 +248,7 @@ def _with_informed_parameters(case: Case, settings: FitSettings) -> FitSettings:
 
 
 def _with_profiles(fit: FitResult, folder: Path, progress: Progress) -> FitResult:
-    """The fit with its intervals; writes the figures."""
+    """Return the fit with its intervals, after writing the figures."""
     from eclsim.identification.files import write_fit_figures
     from eclsim.identification.profiles import with_profiles
 
@@ -259,7 +259,7 @@ def _with_profiles(fit: FitResult, folder: Path, progress: Progress) -> FitResul
 
 
 def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, Case]]:
-    """The case at the settings of every --predict; all mistakes are reported before anything is computed."""
+    """Return the case at the settings of each --predict; errors are reported before anything is computed."""
     from eclsim.cases import CaseError, read_case
     from eclsim.cases.settings import parse_settings
     from eclsim.devices.registry import example_setting
@@ -299,7 +299,7 @@ def _with_posterior(
     folder: Path,
     progress: Progress,
 ) -> tuple[FitResult, dict[str, Any]]:
-    """The fit judged by its draws, and these for JSON."""
+    """Return the fit with its verdict updated by the draws, and the posterior as content for JSON."""
     from eclsim.identification.verdict import interval_agreement
 
     posterior = _sample(o, fit, predictions, folder, progress)
@@ -316,7 +316,7 @@ def _sample(
     folder: Path,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Sample, and write the files of the draws."""
+    """Sample the posterior and write the files of the draws."""
     from eclsim.identification.files import write_posterior
     from eclsim.identification.nuts import Sampling
     from eclsim.identification.posterior import PosteriorSettings, posterior
@@ -337,7 +337,7 @@ def _sample(
 
 
 def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[str, Any], bool]:
-    """Fit every data point and write the files; returns what the JSON holds, and whether a row is missing."""
+    """Fit all points and write the files; return the JSON content, and if rows were refused or changed."""
     reading = read_table(o.file)
     settings = fit_settings(o, policy=o.volume_policy or "as_published", weights=o.weights, seed=o.seed)
     settings = replace(settings, shared=_unique(o.shared))
@@ -365,7 +365,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
 
 
 def _in_rows(mistake: Mistake, lines: Sequence[int], points: int) -> Mistake:
-    """A mistake in an option with the lines of the table that it concerns, where these are not all."""
+    """Add the table lines concerned to an error in an option, unless all lines are."""
     if mistake.line is not None or len(lines) == points:
         return mistake
     rest = f" and {len(lines) - ROWS_NAMED} more" if len(lines) > ROWS_NAMED else ""
@@ -374,7 +374,7 @@ def _in_rows(mistake: Mistake, lines: Sequence[int], points: int) -> Mistake:
 
 
 def _check_points(reading: CohortReading, settings: FitSettings, file: str) -> None:
-    """Bounds and free parameters are the same for all points, so a mistake in them stops the run."""
+    """Check all points; bounds and free parameters are common to all, so an error in them stops the run."""
     from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     doubts: dict[str, None] = {}

@@ -1,8 +1,8 @@
 """Options of commands: each command takes one frozen object, whose fields are its options.
 
-A command is a function of one dataclass. `as_command` turns the fields into what the command line offers, so
-that an option is written once, with its type, default, bounds and help. Commands share options by sharing
-the classes at the end.
+A command is a function of one dataclass instance. `as_command` turns the fields into command-line options, so
+that each option is written once, with its type, default, bounds and help. Commands share options by
+inheriting from the classes at the end of this module.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ VolumePolicy = Literal["as_published", "patient_held"]
 _SHOWN = "shown on the command line as"
 MERGE, COMMAND = "merge", "command.json"
 EXECUTION_OPTIONS = ("out", "folder", "json", "workers", "dask", "shard", "resume", "force")
-"""Options that change no result: each shard has its own."""
+"""Options that do not change results; they may differ between shards."""
 
 
 def option(
@@ -42,16 +42,17 @@ def option(
     maximum: float | None = None,
     show_default: bool = True,
 ) -> Value:
-    """A field that is an option.
+    """Field for an option.
 
     Args:
-        default: value where the option is left out, None or an empty list for none; `...`: it must be given.
-        help: what it is, with its unit.
-        names: such as "--json"; left out, the field's own name.
-        metavar: what stands for the value in the help, such as "FILE".
+        default: value if the option is omitted; None or an empty list for no value, `...` for a required
+            option.
+        help: description, with the unit.
+        names: names such as "--json"; if none are given, the field's own name.
+        metavar: placeholder for the value in the help, such as "FILE".
         minimum: smallest number allowed.
         maximum: largest number allowed.
-        show_default: whether the help names the default.
+        show_default: whether the help states the default.
     """
     shown = typer.Option(
         default, *names,
@@ -61,7 +62,7 @@ def option(
 
 
 def argument(default: Value | EllipsisType, metavar: str, help: str, *, show_default: bool = True) -> Value:
-    """A field that is an argument, in the order of the fields."""
+    """Field for a positional argument; arguments are in the order of the fields."""
     return _field(default, typer.Argument(default, metavar=metavar, help=help, show_default=show_default))
 
 
@@ -75,10 +76,10 @@ def _field(default: Value | EllipsisType, shown: object) -> Value:
 
 
 class Command(TyperCommand):
-    """A command whose help gets its examples of keys from the registry of devices when it is shown."""
+    """A command whose help takes its example keys from the device registry when it is shown."""
 
     def get_help(self, ctx: Context) -> str:
-        """The help, with keys of devices for {setting}, {target} and {lines}."""
+        """Return the help, with keys of devices in place of {setting}, {target} and {lines}."""
         from eclsim.devices.registry import example_setting, example_target, line_keys
 
         keys = {
@@ -94,9 +95,9 @@ class Command(TyperCommand):
 
 
 def as_command(function: Callable[..., None]) -> Callable[..., None]:
-    """A function of one options object as a function of single options, from which Typer builds the command.
+    """Convert a function of an options object to one of single options, which Typer makes a command.
 
-    Where the options name a folder of results, it is held while the command runs.
+    If the options include a folder of results, the folder is locked while the command runs.
     """
     kind: type = get_type_hints(function)["options"]
     types, shown = get_type_hints(kind), {item.name: item.metadata[_SHOWN] for item in fields(kind)}
@@ -121,7 +122,7 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def _own_first(kind: type) -> list[str]:
-    """Names of the fields: those of the class itself before those it shares with others."""
+    """Return the field names, those of the class itself before those of its base classes."""
     return list(
         dict.fromkeys(name for ancestor in kind.__mro__ for name in inspect.get_annotations(ancestor))
     )
@@ -132,33 +133,33 @@ def _own_first(kind: type) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class ResultsFolder:
-    """Option of a command that locks the folder of its results while it runs."""
+    """Option of a command that locks its folder of results while it runs."""
 
     out: str | None
 
     @property
     def locked_folder(self) -> tuple[str | None, str]:
-        """The folder, and the shard where several commands may run side by side."""
+        """The folder, and the shard if several commands may run side by side."""
         return self.out, ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Force:
-    """Whether files may be overwritten."""
+    """Option that allows files to be overwritten."""
 
     force: bool = option(False, "Overwrite files that exist.", "--force")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Json(Force):
-    """File of the JSON output."""
+    """Option for the file of the JSON output."""
 
     json: str | None = option(None, "Write results as JSON; - for standard output.", "--json", metavar="FILE")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaseChanges:
-    """Options that win over a case file."""
+    """Options that override a case file."""
 
     settings: list[str] = option(
         [],
@@ -175,7 +176,7 @@ class CaseChanges:
 
 
 REASON_FOR_FURTHER_FREE = "blood gases, CVP or pressures of the CRRT were measured"
-"""Why others than the paper's seven parameters are free where nobody named any."""
+"""Reason why parameters other than the paper's seven are free by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,14 +208,14 @@ class FreeParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class Resumable(Json):
-    """Options of a command whose finished tasks are kept."""
+    """Options of a command that keeps finished tasks."""
 
     resume: bool = option(False, "Continue from the results in --out.", "--resume")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Distributed(Resumable, ResultsFolder):
-    """Where tasks run, and which."""
+    """Options for where tasks run, and which."""
 
     workers: int | None = option(None, "Threads, or local Dask workers; default: all processors.", minimum=1)
     dask: str | None = option(
@@ -228,21 +229,21 @@ class Distributed(Resumable, ResultsFolder):
 
     @property
     def locked_folder(self) -> tuple[str | None, str]:
-        """Shards run side by side."""
+        """The folder, and the shard, as shards run side by side."""
         return self.out, "" if self.merges else self.shard or ""
 
     @property
     def merges(self) -> bool:
-        """Whether it only joins what shards left; what `eclsim merge` sets."""
+        """Whether the command only merges results of shards; set by `eclsim merge`."""
         return self.shard == MERGE
 
     @property
     def continues(self) -> bool:
-        """Whether results that are there are kept."""
+        """Whether existing results are kept."""
         return self.resume or self.shard is not None
 
     def distribution(self, mistakes: list[str]) -> Distribution:
-        """Where tasks run, and which; adds to the mistakes what cannot be."""
+        """Return the distribution of tasks; errors are added to `mistakes`."""
         from eclsim.execution import Distribution, ExecutionError, Shard
 
         if self.locked_folder[0] is None and self.continues:
@@ -259,7 +260,7 @@ class Distributed(Resumable, ResultsFolder):
             return Distribution()
 
     def record(self, command: str) -> None:
-        """Leave with the results of a shard the command that `eclsim merge` finishes; it goes when it has."""
+        """Record a shard's command beside its results for `eclsim merge`, which removes the record again."""
         from pathlib import Path
 
         from eclsim.files import write_json

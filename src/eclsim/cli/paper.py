@@ -1,4 +1,4 @@
-"""`eclsim reproduce` and `eclsim demo`: the paper's tables and figures, and its patient."""
+"""Commands `eclsim reproduce` and `eclsim demo`: the paper's tables and figures, and its patient."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class ReproduceOptions(Distributed):
 
     @property
     def locked_folder(self) -> tuple[str | None, str]:
-        """Either of the two names the folder; shards run side by side."""
+        """The folder, named by either of two options, and the shard, as shards run side by side."""
         return self.out if self.out is not None else self.folder, super().locked_folder[1]
 
 
@@ -122,7 +122,7 @@ def _show(result: Reproduction) -> None:
 
 
 def both_values(row: Row) -> str:
-    """The paper's number and ours with their unit; a claim of the text is met or not."""
+    """Format the paper's number and that of eclsim with their unit; a claim of the text is met or not."""
     from eclsim.paper.comparison import YES_NO
 
     if row.unit == YES_NO:

@@ -1,4 +1,4 @@
-"""`eclsim plan` and `eclsim settings`: what removal of fluid, weaning from ECMO, or a set of goals needs."""
+"""Commands `eclsim plan` and `eclsim settings`: fluid removal, weaning from ECMO, and settings for goals."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def plan(options: PlanOptions) -> None:
 
 
 def _read(options: PlanOptions | SettingsOptions) -> tuple[Target, CaseReading]:
-    """Where the JSON goes, and the case with its speed; with any mistake leave with exit status 2."""
+    """Return the JSON destination, and the case with its pump speed; exit with status 2 on errors."""
     places = Destinations(force=options.force, inputs=[options.case_file])
     target = places.target("--json", options.json)
     places.check()
@@ -79,7 +79,7 @@ def _read(options: PlanOptions | SettingsOptions) -> tuple[Target, CaseReading]:
 
 
 def _with_case(reading: CaseReading, content: Mapping[str, object]) -> dict[str, object]:
-    """A result for JSON, with the case that it was found for."""
+    """Return a result for JSON, together with its case."""
     from eclsim.orbit.model import CASE, case_record
 
     return {"id": content["id"], CASE: case_record(reading.case), **content}
@@ -148,9 +148,9 @@ def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
 
 
 def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:
-    """Warnings of the beats, each at the last speed that has it, with the other speeds named.
+    """Return the warnings of the beats, each at the last speed with that warning and naming the others.
 
-    Doubts of the case were shown when it was read.
+    Warnings of the case itself are left out, as they were shown when it was read.
     """
     from eclsim.course.alarms import NUMBER
 

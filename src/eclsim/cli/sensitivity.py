@@ -1,4 +1,4 @@
-"""`eclsim sensitivity` and `eclsim identifiability`: what outputs depend on, what can be told apart."""
+"""Commands `eclsim sensitivity` and `eclsim identifiability`: influence and identifiability of parameters."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
 
 @contextmanager
 def _refuse_mistakes(o: SensitivityOptions) -> Iterator[None]:
-    """Report all mistakes in the options, and leave with the exit status of bad input."""
+    """Report all errors in the options, and exit with the status of bad input."""
     from eclsim.sensitivity.inputs import InputError
 
     try:
@@ -130,7 +130,7 @@ def _refuse_mistakes(o: SensitivityOptions) -> Iterator[None]:
 def _analysed(
     o: SensitivityOptions, distribution: Distribution
 ) -> tuple[Mapping[str, Indices], Collection[str]]:
-    """Indices of the analysis, or of one around each state; and the warnings shown when the case was read."""
+    """Return the indices, for each state if several, and the warnings shown when the case was read."""
     from eclsim.sensitivity.analysis import PRELOAD
     from eclsim.sensitivity.analysis import sensitivity as analyse
 
@@ -153,7 +153,7 @@ def _analysed(
 
 
 def _merged(o: SensitivityOptions) -> Mapping[str, Indices]:
-    """Indices of an analysis whose shards are all there."""
+    """Return the indices of an analysis whose shards are complete."""
     from eclsim.sensitivity.analysis import merge_shards
 
     folder = Path(o.out or "")

@@ -1,4 +1,4 @@
-"""`eclsim simulate`: the steady beat of each case; one key varied; before and after a change."""
+"""Command `eclsim simulate`: the steady beat of each case, sweeps of one key, comparisons of two cases."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class SimulateOptions(CaseChanges, Json):
 
 @dataclass(frozen=True)
 class OutputPlaces:
-    """Where results go; `stems` are the beginnings of file names, one per case."""
+    """Destinations of the results; `stems` are the beginnings of file names, one per case."""
 
     json: Target
     out: Path | None
@@ -97,7 +97,7 @@ def simulate(options: SimulateOptions) -> None:
 
 
 def _check_modes(o: SimulateOptions) -> None:
-    """A sweep is of one key of one case, and has a beat for each value and nothing else."""
+    """Check that a sweep varies one key of one case, without options that apply to a single beat."""
     wrong = []
     if o.sweep and o.compare:
         wrong.append("--sweep and --compare: give one of them")
@@ -111,7 +111,7 @@ def _check_modes(o: SimulateOptions) -> None:
 
 
 def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> OutputPlaces:
-    """Where results of the cases with these ids go; with anything wrong leave with exit status 2."""
+    """Return the destinations for the results of cases with these ids; exit with status 2 on errors."""
     stems = file_stems(ids)
     places = Destinations(force=o.force, inputs=o.case_files)
     result = OutputPlaces(
@@ -130,7 +130,7 @@ def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("ou
 def _simulate_each(
     o: SimulateOptions, readings: Sequence[CaseReading], labels: Sequence[str] | None = None
 ) -> Sequence[xr.Dataset]:
-    """The beat of each case, written and shown; labels say what is before and what after a change."""
+    """Simulate each case, write and show the results; `labels` name the cases before and after a change."""
     from eclsim.simulation.single import simulate as steady
     from eclsim.simulation.single import simulate_transient
 
@@ -155,7 +155,7 @@ def _simulate_each(
 
 
 def _waveforms(o: SimulateOptions, cases: Sequence[Case]) -> tuple[str, ...] | None:
-    """The names of --save, or None for all; a name that no case has is an error."""
+    """Return the names given by --save, or None for all; a name that no case has is an error."""
     if o.save is None:
         return None
     from eclsim.beat.recording import all_signals
@@ -204,7 +204,7 @@ def _write(
 
 
 def _warn_of_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
-    """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
+    """Warn of failed convergence and of the findings of each beat, and note solved pump speeds."""
     from eclsim.simulation.single import NOT_REACHED
     from eclsim.simulation.target_flow import solved_speed_of
 
@@ -222,7 +222,7 @@ def _warn_of_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Datase
 
 
 def _compared_cases(o: SimulateOptions) -> tuple[Sequence[CaseReading], Sequence[str]]:
-    """The two cases and what to call them; anything but two leaves with exit status 2."""
+    """Return the two cases to compare and their labels; exit with status 2 if there are not exactly two."""
     if len(o.case_files) == 2:
         return read_all(o.case_files, o.settings, o.volume_policy), o.case_files
     if len(o.case_files) != 1 or not (o.settings or o.volume_policy):
@@ -239,7 +239,7 @@ def _compared_cases(o: SimulateOptions) -> tuple[Sequence[CaseReading], Sequence
 
 
 def _change(results: Sequence[xr.Dataset]) -> dict[str, float]:
-    """The second less the first of every output that both have; nothing unless both have converged."""
+    """Return the changes of outputs from the first to the second beat; empty unless both converged."""
     before, after = results
     if not (before.attrs["converged"] and after.attrs["converged"]):
         return {}
@@ -252,7 +252,7 @@ def _change(results: Sequence[xr.Dataset]) -> dict[str, float]:
 
 
 def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
-    """The beat at each value of one key, written and shown."""
+    """Simulate the case at each value of one key, write and show the results."""
     from eclsim.simulation.summary import sweep_doubts, sweep_text
     from eclsim.simulation.sweep import (
         SweepError,
@@ -289,7 +289,7 @@ def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
 
 @dataclass(frozen=True)
 class Readings:
-    """The case at each value: the key as a case file writes it, its unit, the case's own value."""
+    """Cases of a sweep by value of its key; the key as in a case file, its unit, the case's own value."""
 
     key: str
     unit: str
@@ -298,7 +298,7 @@ class Readings:
 
 
 def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None = None) -> Readings:
-    """The cases of a sweep; report all mistakes and leave with exit status 2."""
+    """Read the cases of a sweep; report all errors and exit with status 2 if there are any."""
     from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
     from eclsim.simulation.sweep import SweepError, parse_sweep, remarks_on_last_values
@@ -324,7 +324,7 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
 
 
 def _set_keys(settings: Sequence[str]) -> Collection[tuple[str, str]]:
-    """Section and name of each setting; mistakes in them are reported when the case is read."""
+    """Return section and name of each setting; errors in settings are reported when the case is read."""
     from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
 
@@ -353,7 +353,7 @@ def _for_swept_key(mistake: Mistake, key: str) -> Mistake:
 
 
 def _value_without_sweep(file: str, settings: Sequence[str], section: str, name: str) -> Value | None:
-    """The value of the case without the sweep; None where it has none or is no case without it."""
+    """Return the value of the case without the sweep; None if there is none or the case is invalid."""
     from eclsim.cases import CaseError, read_case
     from eclsim.cases.resolve import resolve_parameters
     from eclsim.devices.device import UnsolvedFlowError

@@ -1,4 +1,4 @@
-"""`eclsim track`: follow patients from measurement to measurement."""
+"""Command `eclsim track`: follow the parameters of patients over their measurements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from eclsim.identification.tracking import TrackSettings
 
 Series = Mapping[str, Sequence[tuple[str, "Case"]]]
-"""Points of each patient in order of time: their names and cases."""
+"""Names and cases of each patient's points, in order of time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,12 +109,12 @@ def track(options: TrackOptions) -> None:
 
 
 def _is_unusable(point: Mapping[str, Any]) -> bool:
-    """A point that could not be followed, or a first estimate that is a poor fit."""
+    """Whether a point could not be followed, or is a first estimate with a poor fit."""
     return point["failed"] or (point["verdict"] or {}).get("level") == "poor"
 
 
 def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
-    """Points of each patient, why rows were refused, and how many of a patient's before each point."""
+    """Return each patient's points, the refused rows' errors, and how many were refused before each point."""
     tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
     if not tables:
         _refuse_duplicates(o.files)
@@ -140,13 +140,13 @@ def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
 
 
 def _refuse_duplicates(files: Sequence[str]) -> None:
-    """A measurement that is counted twice would make the filter too sure."""
+    """Refuse files given twice: a measurement counted twice would make the filter overconfident."""
     repeated = [file for file in dict.fromkeys(files) if files.count(file) > 1]
     refuse([f"{file}: given {files.count(file)} times; a measurement counts once" for file in repeated])
 
 
 def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
-    """Case files are one series: with files of different patients nothing is followed."""
+    """Check that all case files are of one patient, as they form one series."""
     from eclsim.cases.cohort_rows import plain_id
 
     by_id: dict[str, list[tuple[str, str]]] = {}
@@ -161,7 +161,7 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
 
 
 def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
-    """Whether the names of a patient's measurements are times, in their order."""
+    """Whether the names of a patient's measurements are times, and in order."""
     from eclsim.identification.series import elapsed_hours
     from eclsim.inputs.mistakes import CaseError
 
@@ -182,7 +182,7 @@ def _note_assumed(patients: Sequence[str], interval: float) -> None:
 
 
 def _note_refused_rows(rows: Mapping[str, int], interval: float) -> None:
-    """Warn that refused rows count as time all the same."""
+    """Note that refused rows still count as elapsed time."""
     note(
         f"{patient}: {count} refused between others, for which {interval:g} h each are counted all the same"
         for patient, count in rows.items()
@@ -200,7 +200,7 @@ def _settings(o: TrackOptions) -> TrackSettings:
 
 
 def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) -> dict[str, TrackSettings]:
-    """Settings by patient; left out, parameters are those that measurements at any time inform on."""
+    """Return the settings of each patient, by default with the parameters that any measurement informs on."""
     from eclsim.identification.series import series_parameters
 
     usual = settings.fit.parameters

@@ -1,4 +1,4 @@
-"""`eclsim validate` and `eclsim benchmark`: what comes out beside what was expected, and how fast."""
+"""Commands `eclsim validate` and `eclsim benchmark`: results compared with expected ones, and speed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PARTS = (
     "paper devices dialysis gas drugs regulation fluid suction patients"
 )
 SWEEPS = ("robustness", "adaptive")
-"""Parts made of tasks that shards can share."""
+"""Parts that consist of tasks, which shards can share."""
 _SWEEP_QUICK, _SWEEP, _SWEEP_FULL = 64, 512, 10_000
 
 
