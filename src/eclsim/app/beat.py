@@ -1,4 +1,4 @@
-"""One steady beat for the page: numbers, and waveforms on an even grid; without the labels of a dataset."""
+"""The steady beat for the page: numbers, and waveforms on an even grid, without the metadata of a dataset."""
 
 from __future__ import annotations
 
@@ -35,14 +35,15 @@ if TYPE_CHECKING:
 
 
 def page_circuit(case: Case, at_rest: bool = True) -> tuple[Circuit, dict[str, float]]:
-    """Circuit and values of a case.
+    """Return circuit and parameter values of a case.
+
+    If all movable lines of a device are at sites of one other device, the sites are chosen by parameter
+    values. Otherwise they are fixed, and moving a line compiles another circuit.
 
     Args:
-        case: `PageState.computed_case`.
-        at_rest: whether the resting pressures that open set points refer to are computed; else they are NaN.
-
-    Where all movable lines of a device are at positions of one other device, they are chosen by a value; else
-    they are fixed, and moving one compiles another circuit.
+        case: case from `PageState.computed_case`.
+        at_rest: whether to compute the resting values to which open set points refer; otherwise these are
+            NaN.
     """
     circuit, chosen = switched_circuit(case)
     return _same(circuit), (values_of if at_rest else resolve_parameters)(case) | chosen
@@ -50,7 +51,7 @@ def page_circuit(case: Case, at_rest: bool = True) -> tuple[Circuit, dict[str, f
 
 @lru_cache(maxsize=256)
 def _same(circuit: Circuit) -> Circuit:
-    """One object for each circuit, so that its compiled programs are found again."""
+    """Return the same object for equal circuits, so that compiled programs are reused."""
     return circuit
 
 
@@ -58,29 +59,29 @@ def _same(circuit: Circuit) -> Circuit:
 
 
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
-"""Quantities of blood shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
+"""Blood gas quantities shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
 POINTS = 200
-"""Points of a waveform on the page: 5 ms at 60 beats a minute."""
+"""Number of points of a waveform on the page: every 5 ms at 60 beats per minute."""
 
 
 @dataclass(frozen=True)
 class Beat:
-    """The steady beat of a state.
+    """The beat of a state, steady unless it is one of a transient.
 
     Args:
         circuit: compiled circuit.
-        values: its parameters.
-        period: length of the beat [s].
+        values: parameter values of the circuit.
+        period: duration of the beat [s].
         waves: waveforms at `POINTS` even phases; pressures [mmHg], flows [mL/s], volumes [mL].
-        means: means of all pressures and flows.
+        means: means of all pressures [mmHg] and flows [mL/s].
         outputs: scalar outputs by name.
-        findings: limits that are broken and how numbers are to be read, the gravest first.
-        status: how the search for the beat ended.
-        message: in words.
-        gas_status: how the search for its steady gas state ended; None where gases are not computed.
-        gases: of the blood everywhere, where there is a steady gas state.
-        transient: whether it is one of many beats that follow each other, settled or not.
-        effort: beats that the search computed; many where it began far away.
+        findings: violated limits and remarks on reading the numbers, the most serious first.
+        status: outcome of the search for the beat.
+        message: the outcome in words.
+        gas_status: outcome of the search for the steady gas state; None if gases are not computed.
+        gases: blood gases of all compartments, if there is a steady gas state.
+        transient: whether this is one of successive beats, which need not be steady.
+        effort: number of beats computed in the search; large if it started far away.
     """
 
     circuit: Circuit
@@ -99,18 +100,18 @@ class Beat:
 
     @property
     def converged(self) -> bool:
-        """Whether there is a steady beat."""
+        """Whether the search found a steady beat; True for a beat of a transient, which needs no search."""
         return self.status in (Status.CONVERGED, Status.ONE_OF_MANY)
 
     @property
     def possible(self) -> bool:
-        """Whether it can be the beat of a patient: no chamber without blood, no vessel sucked shut."""
+        """Whether the beat is possible in a patient: no chamber without blood, no vessel sucked shut."""
         return not impossible(self.findings)
 
     def levels(self) -> dict[str, str]:
-        """How each output stands to its limits: "ok", "warning", "alarm" or "collapse".
+        """Return the level of each output relative to its limits: "ok", "warning", "alarm" or "collapse".
 
-        One that has no value is as grave as the finding that says why.
+        An output without a value has the level of the alarm that explains why.
         """
         without = {
             name: finding.kind
@@ -121,7 +122,7 @@ class Beat:
         return levels(self.outputs, self.values) | without
 
     def place_levels(self) -> dict[str, str]:
-        """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
+        """Return the level of each compartment; a collapsed one is marked whatever its mean pressure."""
         levels = place_levels(self.outputs)
         for finding in self.findings:
             if finding.kind == "collapse" and finding.quantity[1:] in levels:
@@ -130,18 +131,18 @@ class Beat:
 
 
 Program = tuple[Circuit, int]
-"""Circuit and grid: what a compiled program depends on."""
+"""Circuit and grid resolution, which determine a compiled program."""
 
 
 def compute_beat(
     state: PageState, start: Beat | None = None, begins: Callable[[Program], None] | None = None
 ) -> Beat:
-    """The steady beat of a state.
+    """Compute the steady beat of a state.
 
     Args:
         state: case and blood volume policy.
-        start: where the search begins, if it is a beat of the same circuit.
-        begins: called with the program that computes it, before this may have to be compiled.
+        start: beat from which the search starts, if it is of the same circuit.
+        begins: called with the program needed, before it may have to be compiled.
     """
     circuit, values = page_circuit(state.computed_case)
     return beat_of(state, circuit, values, start, begins)
@@ -154,7 +155,7 @@ def beat_of(
     start: Beat | None = None,
     begins: Callable[[Program], None] | None = None,
 ) -> Beat:
-    """The steady beat of a state at other values of its circuit, such as those of a later minute."""
+    """Compute the steady beat of a state at other values of its circuit, such as those of a later minute."""
     batch = Batch(circuit, values, 1, state.policy)
     if begins is not None:
         begins((circuit, int(batch.resolutions()[0])))
@@ -179,7 +180,7 @@ def beat_of(
 
 
 def transient_beat(state: PageState, moment: TransientBeat) -> Beat:
-    """A beat of a course beat by beat; the gases of compartments are not listed."""
+    """Convert a beat of a course beat by beat; the gases of compartments are not included."""
     series = dict(zip(moment.signals, moment.waves.T, strict=True))
     waves = _evenly(series, moment.phases, moment.circuit, moment.values)
     means = {n: float(v) for n, v in zip(moment.signals, moment.means, strict=True) if n[0] in "PQ"}
@@ -193,7 +194,7 @@ def transient_beat(state: PageState, moment: TransientBeat) -> Beat:
 def _evenly(
     series: Mapping[str, np.ndarray], phases: np.ndarray, circuit: Circuit, values: Mapping[str, float]
 ) -> dict[str, np.ndarray]:
-    """Waveforms at `POINTS` even phases, volumes with what is unstressed in them."""
+    """Interpolate waveforms at `POINTS` even phases; unstressed volumes are added to volumes."""
     even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
     before = np.searchsorted(phases, even, side="right") - 1
     share = (even - phases[before]) / (phases[before + 1] - phases[before])
@@ -203,7 +204,7 @@ def _evenly(
 
 
 def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
-    """A beat as compact plain data for the browser; null for what is not finite."""
+    """Return a beat as compact plain data for the browser; null for numbers that are not finite."""
     return {
         "period": round(beat.period, 5),
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
@@ -223,7 +224,7 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _plain_gases(beat: Beat) -> dict[str, Any] | None:
-    """Gases of all compartments with the colours of their saturations; why there are none, where so."""
+    """Return gases and saturation colours of all compartments, or the reason why there are none."""
     if beat.gas_status is None:
         return None
     result: dict[str, Any] = {"message": with_minus(beat.gas_status.message), "places": {}, "exchanged": {}}
@@ -234,11 +235,11 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
             if steady
             else result | {"message": text("gases_passing") if beat.transient else beat.message}
         )
-    without = dead_ends(beat.circuit)  # a balloon holds no blood of the patient
+    without = dead_ends(beat.circuit)  # a balloon contains no blood of the patient
     for place, blood in beat.gases.places.items():
         if place in without:
             continue
-        if place in beat.gases.standing:  # what a search leaves there is the gas of no blood
+        if place in beat.gases.standing:  # stagnant blood: the value left by the search has no meaning
             result["places"][place] = {"values": dict.fromkeys(GAS_COLUMNS), "standing": True}
             continue
         percent = 100.0 * float(blood.saturation)
@@ -251,7 +252,7 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
 
 
 def _cautions(findings: Iterable[Finding]) -> dict[str, str]:
-    """How each number is to be read, where there is something to say."""
+    """Return the remarks on how to read each number, by output."""
     result: dict[str, list[str]] = {}
     for finding in findings:
         for name in finding.concerns if finding.kind == CAUTION else ():

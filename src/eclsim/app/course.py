@@ -1,4 +1,4 @@
-"""Hours of the case that is shown: its events, what happens, and the beat at any minute of it."""
+"""Courses over hours for the displayed case: its events, the results, and the beat at any minute."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ if TYPE_CHECKING:
 
 
 BEATS = (2, 10, 30)
-"""How long a course may be that is followed beat by beat [min]."""
+"""Durations offered for a course computed beat by beat [min]."""
 HOURS = (60, 360, 720, 1440, 4320)
-"""How long one of steady beats may be [min]."""
+"""Durations offered for a course of steady beats [min]."""
 LENGTHS = (*BEATS, *HOURS)
 MOST_EVENTS = 60
 MOST_ALARMS = 40
@@ -65,16 +65,16 @@ class PageCourse:
 
     @property
     def times(self) -> list[float]:
-        """Minutes of its moments, as the browser knows them."""
+        """Times of the course's moments [min], rounded as in the browser."""
         return [float(f"{minute:.7g}") for minute in np.asarray(self.computed.result["time_min"])]
 
     @property
     def end(self) -> float:
-        """The last minute that is known: earlier than was asked for where the course stopped."""
+        """Last computed minute; earlier than requested if the course stopped."""
         return max(self.times, default=0.0)
 
     def beat(self, minute: float) -> Beat:
-        """The beat at a minute, not behind the end: the steady one, or beat by beat the one that passes."""
+        """Return the beat at a minute up to the end: steady, or the current one of a course beat by beat."""
         from eclsim.app.beat import beat_of, transient_beat
         from eclsim.course.beats import TransientBeat
 
@@ -85,16 +85,16 @@ class PageCourse:
 
 
 def usual_length(case: Case) -> int:
-    """Minutes of a course that holds all events of a case; six hours at the least."""
+    """Return the shortest offered duration [min], from 6 h on, that is after all events; else the longest."""
     last = max((event.at_min for event in case.events), default=0.0)
     return next((m for m in HOURS[1:] if m > last), HOURS[-1])
 
 
 def compute_course(state: PageState, minutes: float) -> PageCourse:
-    """The course of a state, beat by beat where it is as short as one of `BEATS`.
+    """Compute the course of a state, beat by beat if the duration is one of `BEATS`.
 
     Raises:
-        CaseError: an event lies after its end, or connects the circuit in another way beat by beat.
+        CaseError: An event is after the end, or changes the circuit during a course beat by beat.
     """
     from eclsim.course.alarms import clock_time
     from eclsim.course.beats import beat_by_beat_course
@@ -109,9 +109,9 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
 
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
-    """A course for the browser: key figures over time, alarms, balance; null for what is not finite.
+    """Return a course for the browser: key figures over time, alarms, balance; null for non-finite numbers.
 
-    Lanes that are seen unasked have gaps where no patient can have the beat.
+    Curves shown by default have gaps where the beat is impossible in a patient.
     """
     result = course.computed.result
     alarms = json.loads(result.attrs["alarms"])
@@ -134,7 +134,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
 
 
 def plain_events(case: Case) -> list[dict[str, Any]]:
-    """Events of a case in the words of the page."""
+    """Return the events of a case as described on the page."""
     known = {one["key"]: one for one in possible_events(case)} if case.events else {}
     groups = {one.key: one.label for one in case.instances()}
     pickers = {one.key: one for one in controls(case) if isinstance(one, Picker)} if case.events else {}
@@ -157,7 +157,7 @@ def plain_events(case: Case) -> list[dict[str, Any]]:
 
 
 def possible_events(case: Case) -> list[dict[str, Any]]:
-    """What an event can give, and what it can set: knobs, fluids of devices and drugs, also at 0 so far."""
+    """Return what an event can give or set: volumes, knobs, and fluids of devices and drugs even if now 0."""
     gifts = [
         {"key": kind, "give": True, "label": text(f"give_{kind}"), "unit": "mL", "value": 300.0}
         for kind in INFLOWS
@@ -189,14 +189,14 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
 
 
 def with_event(case: Case, event: object) -> Case:
-    """The case with one more event, in its place in time.
+    """Return the case with an additional event, inserted in order of time.
 
     Args:
-        case: as it is.
-        event: as in a case file; amounts and minutes may be texts, as somebody typed them.
+        case: the case before.
+        event: event as in a case file; amounts and minutes may be texts as typed.
 
     Raises:
-        CaseError: with what is wrong with it, as for a case file.
+        CaseError: The event is invalid, with the same messages as for a case file.
     """
     raw = case.as_mapping()
     events = list(raw.get("events", []))
@@ -210,10 +210,10 @@ def with_event(case: Case, event: object) -> Case:
 
 
 def _with_numbers(case: Case, event: Mapping[str, Any]) -> dict[str, Any]:
-    """An event with numbers where somebody typed them; 0 minutes are left out: at once, a bolus.
+    """Convert typed texts in an event to numbers; durations of 0 min are removed (immediate, or a bolus).
 
     Raises:
-        CaseError: nothing was typed, or what may be two numbers.
+        CaseError: A value is empty or could be two different numbers.
     """
     read = dict(event)
     for key in ("set", "give"):
@@ -231,7 +231,7 @@ def _with_numbers(case: Case, event: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _number(key: str, value: object, missing: str, whole: bool) -> object:
-    """What was typed, as a number where it is one; any other text as it is, for the check to refuse."""
+    """Convert a typed text to a number if it is one; other texts are returned for the check to refuse."""
     if value is None or (isinstance(value, str) and not value.strip()):
         raise CaseError([Mistake(key, text(missing))])
     if suggestion := ambiguous_comma(value) or ambiguous_point(value, whole):
@@ -240,15 +240,15 @@ def _number(key: str, value: object, missing: str, whole: bool) -> object:
 
 
 def with_turn(case: Case, key: str, value: object, minute: float) -> Case:
-    """The case in which a knob is turned at a minute: an event that sets it, or sets it to something else.
+    """Return the case with an event that turns a knob at a minute, replacing one for the same knob then.
 
     Raises:
-        CaseError: with what is wrong with the value.
+        CaseError: The value is invalid.
     """
     if key == VOLUME:
         raise CaseError([Mistake(key, text("timeline_volume"))])
     key, value = key.removeprefix("parameters."), turned_value(case, key, value)
-    at = math.floor(1000.0 * minute) / 1000.0  # not behind the minute that is shown
+    at = math.floor(1000.0 * minute) / 1000.0  # not after the displayed minute
     same = [
         k for k, e in enumerate(case.events) if list(e.set) == [key] and e.at_min == at and not e.ramp_min
     ]
@@ -257,7 +257,7 @@ def with_turn(case: Case, key: str, value: object, minute: float) -> Case:
 
 
 def case_at(case: Case, minute: float) -> Case:
-    """The case as events have left it at a minute; without them."""
+    """Return the case, without events, as its events have changed it by a given minute."""
     from eclsim.course.timeline import case_with_settings
 
     start = now = case.model_copy(update={"events": ()})
@@ -268,7 +268,7 @@ def case_at(case: Case, minute: float) -> Case:
 
 
 def without_event(case: Case, number: int) -> Case:
-    """The case without one of its events."""
+    """Return the case without one of its events."""
     raw = case.as_mapping()
     raw["events"] = [one for k, one in enumerate(raw.get("events", [])) if k != number]
     return read_mapping(raw).case
@@ -278,15 +278,15 @@ def without_event(case: Case, number: int) -> Case:
 
 
 class Lane(NamedTuple):
-    """A curve over the minutes.
+    """A curve over the minutes of a course.
 
     Attributes:
-        name: of the output, slow state or sum.
-        label: in words.
-        unit: of the values as shown.
-        digits: behind the point.
-        values: of each moment.
-        usual: whether it is seen before anybody chooses.
+        name: name of the output, slow state or sum.
+        label: displayed name.
+        unit: displayed unit.
+        digits: number of decimals.
+        values: value at each moment, in the displayed unit.
+        usual: whether the curve is shown by default.
     """
 
     name: str
@@ -305,11 +305,11 @@ _OUTPUTS = (
     ("potassium", "mmol/L", 2), ("bicarbonate", "mmol/L", 1), ("hypoxic_resistance_factor", "", 2),
     (INTERSTITIUM, "mL", 0), (REFILLED, "mL", 0), (REMOVED, "mL", 0),
 )  # fmt: skip
-"""Name, unit as shown and digits of what can be chosen beside the key figures."""
+"""Name, displayed unit and decimals of the curves offered in addition to the key figures."""
 
 
 def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
-    """What can be drawn of a course; drugs that have any effect."""
+    """Return the curves that can be drawn for a course; drugs are included if they have any effect."""
     rows = [
         Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), True)
         for one in figures_of(case)

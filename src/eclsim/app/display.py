@@ -1,4 +1,4 @@
-"""What the views show of patient and devices: knobs, traces, key figures, curves of the ramp."""
+"""Content of the views of patient and devices: knobs, traces, key figures, curves of the ramp."""
 
 from __future__ import annotations
 
@@ -90,28 +90,28 @@ _COLOURS = (
     "#FF8A70", "#F0E442", "#6CC3F5", "#3BD3A5", "#FFB733", "#E4E7EC", "#E7A6CC", "#B5D334", "#BFA0EE",
     "#FF9A5C", "#58CFE6",
 )  # fmt: skip
-"""Colours of traces on the dark ground of the monitor: the patient's, then those of devices."""
+"""Colours of traces on the dark monitor background: the patient's, then those of devices."""
 _INKS = 4
-"""Colours of devices in the style sheet."""
+"""Number of device colours in the style sheet."""
 _UNITS = {"C": "°C", "cm2": "cm²"}
-"""Units of knobs that are written in another way than in case files."""
+"""Units of knobs that are written differently from case files."""
 _MICRO = re.compile(r"\bu(?=g|mol)")
 LOOPS = ("Plv", "Vlv", "Prv", "Vrv")
 
 
 def ink(group: str) -> str:
-    """The colour of the style sheet that a part of the circuit is drawn in."""
+    """Return the style-sheet colour of a part of the circuit."""
     device = device_of(group)
     return f"device-{_order(device.key) % _INKS + 1}" if device else group
 
 
 def waves_of(case: Case) -> tuple[str, ...]:
-    """Waveforms that the browser draws."""
+    """Return the waveforms that the browser draws."""
     return (*(trace.signal for _, views in _displays(case) for trace in views.traces), *LOOPS)
 
 
 def curves_of(case: Case) -> list[tuple[int, Curve]]:
-    """Curves of the ramp, each with a number that tells its colour and dash, the same for every circuit."""
+    """Return the curves of the ramp, each with a number for its colour and dash, the same in all circuits."""
     shown = _displays(case)
     firsts = _numbered_by_device(shown, lambda views: views.curves)
     return [
@@ -122,7 +122,7 @@ def curves_of(case: Case) -> list[tuple[int, Curve]]:
 
 
 def plain_curves(case: Case, outputs: Collection[str]) -> list[dict[str, Any]]:
-    """The curves that there are numbers for, with their limits, for the browser."""
+    """Return the curves that have numbers, with their limits, for the browser."""
     return [
         {
             "name": curve.output, "label": curve.label, "panel": curve.panel, "number": number,
@@ -134,7 +134,7 @@ def plain_curves(case: Case, outputs: Collection[str]) -> list[dict[str, Any]]:
 
 
 def sweep_of(case: Case) -> Sweep | None:
-    """The speed that the ramp sweeps, with its key in a case file: that of the first device that has one."""
+    """Return the speed that the ramp sweeps, with its case-file key: that of the first device with one."""
     for instance in case.instances():
         if sweep := instance.device.sweep(instance.section):
             return replace(sweep, key=f"{instance.key}.{sweep.key}")
@@ -142,7 +142,7 @@ def sweep_of(case: Case) -> Sweep | None:
 
 
 def display(case: Case) -> dict[str, Any]:
-    """Groups of knobs, traces, key figures and outputs to compare, for the browser."""
+    """Return groups of knobs, traces, key figures and outputs to compare, for the browser."""
     shown = _displays(case)
     return {
         "groups": _groups(case),
@@ -157,12 +157,12 @@ def display(case: Case) -> dict[str, Any]:
 
 
 def figures_of(case: Case) -> list[KeyFigure]:
-    """The numbers that are always in sight, in their order."""
+    """Return the numbers that are always visible, in their order."""
     return _in_order([figure for _, views in _displays(case) for figure in views.figures])
 
 
 def _exchangers(circuit: Circuit) -> dict[str, str]:
-    """Connections that exchange gas, in words."""
+    """Return the labels of connections that exchange gas."""
     result = {}
     for exchange in gas_exchanges(circuit):
         names = naming_of(exchange.group)
@@ -172,7 +172,7 @@ def _exchangers(circuit: Circuit) -> dict[str, str]:
 
 
 def _displays(case: Case) -> list[tuple[str, Views]]:
-    """What is shown of the patient (key "") and of each device."""
+    """Return the views of the patient (key "") and of each device."""
     return [("", PATIENT), *((instance.device.key, instance.views()) for instance in case.instances())]
 
 
@@ -183,7 +183,7 @@ def _order(key: str) -> int:
 def _numbered_by_device(
     shown: Sequence[tuple[str, Views]], items: Callable[[Views], Sequence[object]]
 ) -> list[int]:
-    """A number for the first item of each device, the same for every circuit; two of a kind differ."""
+    """Return a number for the first item of each device, equal in all circuits, unique to an instance."""
     lengths = {key: len(items(device.views)) for key, device in devices().items()}
     firsts, known = [], []
     for key, _ in shown:
@@ -194,7 +194,7 @@ def _numbered_by_device(
 
 
 def _groups(case: Case) -> list[dict[str, str | bool]]:
-    """Sections of the panel of knobs: each device that can be connected, and each instance with a name."""
+    """Return the sections of the knob panel: each connectable device and each named instance."""
     groups = {key: text(f"group_{key}") for key in ("heart", "vessels")}
     for key, device in devices().items():
         if key in connectable():
@@ -205,7 +205,7 @@ def _groups(case: Case) -> list[dict[str, str | bool]]:
 
 
 def group_name(section: str) -> str:
-    """What the knobs of a section of the patient are called."""
+    """Return the displayed name of a patient section's group of knobs."""
     return ENGLISH.get(f"group_{section}", section.capitalize())
 
 
@@ -227,18 +227,18 @@ def _plain_figure(figure: KeyFigure) -> dict[str, Any]:
 
 
 def _in_order(figures: Sequence[KeyFigure]) -> list[KeyFigure]:
-    """The arterial pressure, all flows, and the rest."""
+    """Sort key figures: arterial pressure, all flows, then the rest."""
     flows = [figure for figure in figures[1:] if figure.unit == "L/min"]
     return [figures[0], *flows, *(figure for figure in figures[1:] if figure not in flows)]
 
 
 def shape_of(case: Case) -> Circuit:
-    """What the drawing depends on; while it is the same only numbers change."""
+    """Return the circuit, on which the drawing depends; while it is the same, only numbers change."""
     return circuit_of(case)
 
 
 def described(control: Control) -> dict[str, Any]:
-    """A knob or picker as plain data."""
+    """Return a knob or picker as plain data."""
     section, name = section_and_name(control.key)
     parameter = parameter_of(name, [control.group]) if section == "parameters" else None
     hint = f"{name}: {parameter.description}" if parameter else ""
@@ -255,24 +255,24 @@ def described(control: Control) -> dict[str, Any]:
 
 
 def unit_of(knob: Knob) -> str:
-    """The unit that stands beside a knob; a share says that it is one of 1, since tiles are in percent."""
+    """Return the unit beside a knob; a fraction is marked as a share of 1, since tiles are in percent."""
     is_share = not knob.unit and 0.0 <= knob.low < knob.high <= 1.0
     return text("unit_share") if is_share else written_unit(knob.unit)
 
 
 def written_unit(unit: str) -> str:
-    """A unit of a case file as it is written on the page: °C, µg."""
+    """Return a case-file unit as written on the page: °C, µg."""
     return _UNITS.get(unit, _MICRO.sub("µ", unit))
 
 
 def panel_of(case: Case) -> list[dict[str, Any]]:
-    """All knobs and pickers of a case as plain data, each with the device that it is of."""
+    """Return all knobs and pickers of a case as plain data, each with the label of its device."""
     labels = {instance.key: instance.label for instance in case.instances()}
     return [described(control) | {"device": labels.get(control.group, "")} for control in controls(case)]
 
 
 def compared_of(case: Case) -> list[str]:
-    """Outputs that states are compared by."""
+    """Return the outputs used to compare states."""
     return [output for _, views in _displays(case) for output in views.compared]
 
 
@@ -302,11 +302,11 @@ REFERENCE: dict[str, tuple[float, float, str]] = {
     "stroke_volume_lv": (50.0, 100.0, _NURSING),
     "ejection_fraction_lv": (57.0, 77.0, _KAWEL),
 }
-"""Adult range of an output, in its unit, and where it comes from."""
+"""Adult reference range of outputs, in their units, with its source."""
 
 
 def bounds(quantity: str, values: Mapping[str, float] = NO_VALUES) -> list[dict[str, Any]]:
-    """The limits of an output as plain data, the gravest first; with values those of the patient's size."""
+    """Return an output's limits as plain data, most serious first; with values, for the patient's size."""
     return [
         {"kind": limit.kind, "side": limit.side, "value": limit.value, "meaning": limit.meaning}
         for limit in limits_of(quantity, values=values)
@@ -314,7 +314,7 @@ def bounds(quantity: str, values: Mapping[str, float] = NO_VALUES) -> list[dict[
 
 
 def output_specs() -> dict[str, dict[str, Any]]:
-    """Words, unit, definition and reference range of every output, as plain data."""
+    """Return label, unit, definition and reference range of every output, as plain data."""
     result = {name: _spec(entry, name, entry.long_name) for name, entry in all_outputs().items()}
     return result | {
         name: {"label": about["long_name"], "unit": about["units"], "definition": about["definition"]}
@@ -323,7 +323,7 @@ def output_specs() -> dict[str, dict[str, Any]]:
 
 
 def named_specs(case: Case) -> dict[str, dict[str, Any]]:
-    """The same of outputs of devices that have a name, such as two of a kind, and of what goes by size."""
+    """Return the same for outputs of named device instances, and for limits that depend on body size."""
     height, weight = case.patient.height_cm, case.patient.weight_kg
     sized: dict[str, dict[str, Any]] = {}
     if case.gas is not None and height is not None and weight is not None:

@@ -1,4 +1,4 @@
-"""Geometry of the schematic: the printed figure's layout with room for larger letters, as plain data."""
+"""Geometry of the schematic as plain data: the layout of the printed figure with room for larger text."""
 
 from __future__ import annotations
 
@@ -20,21 +20,20 @@ if TYPE_CHECKING:
     from eclsim.reporting.schematic_routes import Path
 
 BOX_MARGIN_MM = 1.5
-"""Boxes are wider by this on either side than those of the printed figure."""
+"""Additional width of boxes on either side compared with the printed figure [mm]."""
 HEIGHT_OVER_WIDTH = 1.35
-"""Height over width that the page's pane has: with few devices the rows move apart until it is filled."""
+"""Aspect ratio (height / width) of the page's pane; with few devices, rows are spread until it is filled."""
 MOST_STRETCH = 1.7
 TITLE_SHIFT_MM, LABEL_MM = 40.0, 30.0
-"""How far left of the middle a title stands where a line is so near to the middle."""
+"""Shift of a frame title left of the centre, and distance of a line from the centre that causes it [mm]."""
 WIDTH_WITHOUT_DEVICES = 0.75
-"""Without lines of devices the patient's ring is drawn narrower, and so larger."""
+"""Factor by which the patient's ring is narrowed without device lines, and so drawn larger."""
 _FIRST_ROW_MM, _LAST_ROW_MM = (2.5, 0.0), (0.0, 3.5)
-"""Space [mm] above and below that larger letters take beyond the printed figure's, in each frame's first row
-and the patient's last."""
+"""Additional space [mm] above and below for larger text, in each frame's first row and the patient's last."""
 
 
 def drawing_of(case: Case) -> dict[str, Any]:
-    """Boxes, lines, symbols and frames of a case's circuit, in millimetres, y downwards."""
+    """Return boxes, lines, symbols and frames of a case's circuit, in millimetres, with y downwards."""
     return _drawing(circuit_of(case))
 
 
@@ -70,7 +69,7 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
 
 
 def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
-    """The page, stretched to fill the pane, and the left and right side of its frames."""
+    """Return the page, stretched to fill the pane, and the left and right edges of its frames."""
     from eclsim.reporting.schematic_layout import BODY, BOX_WIDTH, FRAME, LOWER_BODY, MIDDLE, arrange
 
     more = {row: _FIRST_ROW_MM if row[1] == 0 else (0.0, 0.0) for row in plan.heights}
@@ -91,7 +90,7 @@ def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
 
 
 def _frame_texts(group: str) -> dict[str, str]:
-    """Title of a frame and the unit of its flows."""
+    """Return the title of a frame and the unit of its flows."""
     names = naming_of(group)
     label = ENGLISH.get(f"frame_{group}", group) if names is None else names.label
     unit = (PATIENT if names is None else names.views()).flow_unit.unit
@@ -99,14 +98,14 @@ def _frame_texts(group: str) -> dict[str, str]:
 
 
 def _flow(group: str, name: str) -> dict[str, Any]:
-    """How the flow of a connection is written, and the output whose limits mark it."""
+    """Return the format of a connection's flow, and the output whose limits mark it."""
     names = naming_of(group)
     views = PATIENT if names is None else names.views()
     return {"ink": ink(group), **asdict(views.flow_unit), "output": views.flow_outputs.get(name, "")}
 
 
 def _moved(line: Attachment) -> dict[str, str]:
-    """The knob that a line is moved by, the letter on its handle and what it is called."""
+    """Return the knob that moves a line, the letter on its handle, and its description."""
     names = naming_of(line.frame)
     lines = {} if names is None else {names.place(line): key for key, line in names.device.lines.items()}
     if names is None or line.name not in lines:
@@ -117,7 +116,7 @@ def _moved(line: Attachment) -> dict[str, str]:
 
 
 def _title_side(plan: Plan, page: Layout, group: str) -> float:
-    """Where a frame's title stands: in the middle, or left of it where a line has its label there."""
+    """Return the x position of a frame's title: the centre, or left of it if a line has its label there."""
     from eclsim.reporting.schematic_layout import MIDDLE
     from eclsim.reporting.schematic_routes import stub_middle
 
@@ -126,7 +125,7 @@ def _title_side(plan: Plan, page: Layout, group: str) -> float:
 
 
 def _title_height(plan: Plan, page: Layout, group: str) -> float:
-    """Where a frame's title stands: in the middle, where there is neither label nor line."""
+    """Return the y position of a frame's title, clear of labels and lines."""
     from eclsim.reporting.schematic_layout import HEART_UPPER, PATIENT, PER_BRIDGE, SPARE
 
     if group == SPARE or (group == PATIENT and HEART_UPPER not in page.rows):
@@ -162,7 +161,7 @@ def _short(names: Naming | None, place: str | None) -> str:
 
 
 def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
-    """A line between neighbours."""
+    """Return a line between neighbours."""
     from eclsim.reporting.schematic_layout import MIDDLE
     from eclsim.reporting.schematic_routes import detour
 
@@ -189,7 +188,7 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
 
 
 def _in_body(plan: Plan, name: str) -> bool:
-    """Whether a box stands in the rows of the body, whose labels are below their lines."""
+    """Whether a box is in the rows of the body, where labels are below the lines."""
     from eclsim.reporting.schematic_layout import BODY
 
     frame, row = plan.places[name].row
@@ -197,7 +196,7 @@ def _in_body(plan: Plan, name: str) -> bool:
 
 
 def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, Any]:
-    """A device's line to its site, in the direction of flow; `site` is the end that can be moved."""
+    """Return a device's line to its site, in the direction of flow; `site` is the end that can be moved."""
     from eclsim.reporting.schematic_routes import stub_label, stub_middle
 
     points = [_down(p) for p in (path if line.into_device else path[::-1])]
@@ -212,7 +211,7 @@ def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, A
 
 
 def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
-    """A pump or shunt inside the ring of the patient."""
+    """Return a pump or shunt inside the ring of the patient."""
     from eclsim.reporting.schematic_routes import bridge_label, bridge_paths
 
     into, out = bridge_paths(plan, page, bridge)
@@ -227,7 +226,7 @@ def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, A
 
 
 def _between(first: Sequence[float], second: Sequence[float]) -> tuple[tuple[float, float], ...]:
-    """The straight piece between two boxes that stand beside or above each other."""
+    """Return the straight segment between two boxes beside or above each other."""
     (l1, b1, r1, t1), (l2, b2, r2, t2) = first, second
     if abs((b1 + t1) - (b2 + t2)) < 1e-6:
         y = 0.5 * (b1 + t1)

@@ -1,4 +1,4 @@
-"""Beats off the event loop: two threads, circuits compiled once, the presets' ahead of the first visitor."""
+"""Computation of beats off the event loop: thread pools, and circuits that are compiled in advance."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 log = logging.getLogger("eclsim.app")
 T = TypeVar("T")
 FIRST_PAGE_GRACE_S = 4.0
-"""After the start only the first patient's circuit is compiled for so long: the first page comes first."""
+"""Time after the start for compiling only the first patient's circuit [s], as the first page comes first."""
 IDLE_BEFORE_WARMING_S = 1.5
-"""Presets are compiled only when no beat was asked for during this time."""
+"""Time without a request for a beat after which the presets' circuits are compiled [s]."""
 SLOW_RATE_BPM = 60.0
-"""A heart rate at which the finer grid of slow hearts is needed."""
+"""Heart rate that requires the finer grid of slow hearts [bpm]."""
 
 
 class Engine:
     """Computes beats for all sessions.
 
     Args:
-        workers: threads for beats; at least two more do everything that takes longer, so that one visitor's
-            study does not keep another's waiting, and two read files.
+        workers: number of threads for beats. At least two more threads do longer work, so that one visitor's
+            study does not delay another's, and two read files.
     """
 
     def __init__(self, workers: int | None = None):
@@ -49,12 +49,13 @@ class Engine:
     async def beat(
         self, state: PageState, start: Beat | None = None, compiling: Callable[[], None] | None = None
     ) -> Beat:
-        """The steady beat of a state.
+        """Compute the steady beat of a state.
 
         Args:
             state: case and blood volume policy.
-            start: where the search begins, if it is a beat of the same circuit.
-            compiling: is called in the event loop where the circuit is new, so that the beat takes a while.
+            start: beat from which the search starts, if it is of the same circuit.
+            compiling: called in the event loop if the circuit has to be compiled, so that the beat takes a
+                while.
         """
         self._wanted_at = time.monotonic()
         loop = asyncio.get_running_loop()
@@ -66,30 +67,30 @@ class Engine:
         return await self._in(self._beats, lambda: self._beat(state, start, is_new))
 
     async def prepare_nearby_searches(self, state: PageState, beat: Beat) -> None:
-        """Compute what searches that begin at this beat need of it: a Jacobian, which is then kept."""
+        """Compute and store the Jacobian that searches starting from this beat need."""
         await self.study(lambda: self._beat(state, beat))
 
     async def moment(self, work: Callable[[], T]) -> T:
-        """Another beat that is waited for."""
+        """Compute another beat that a user is waiting for."""
         return await self._in(self._beats, work)
 
     async def study(self, work: Callable[[], T]) -> T:
-        """Anything longer, beside the beats."""
+        """Run longer work beside the beats."""
         return await self._in(self._studies, work)
 
     async def read(self, work: Callable[[], T]) -> T:
-        """Reading a file that somebody chose."""
+        """Read a file chosen by a user."""
         return await self._in(self._files, work)
 
     def warm(self, first: PageState) -> None:
-        """Compile the circuit of the first patient now and those of the presets when nobody turns a knob.
+        """Compile the first patient's circuit now, and those of the presets while no knob is turned.
 
-        Returns at once: it happens in a thread of its own.
+        Returns at once; the compilation runs in its own thread.
         """
         threading.Thread(target=self._warm_all, args=(first,), name="warm", daemon=True).start()
 
     def stop(self) -> None:
-        """Take no more work, and do not wait for what runs."""
+        """Accept no more work, without waiting for running work."""
         self._stopped.set()
         self.fits.stop()
         for pool in (self._beats, self._studies, self._files):
@@ -113,7 +114,7 @@ class Engine:
 
     def _warm_all(self, first: PageState) -> None:
         self._warm_one(first)
-        gc.freeze()  # what is loaded stays: to look through all of it again would stop every page for 0.1 s
+        gc.freeze()  # else garbage collection of the loaded objects stops every page for 0.1 s
         if self._stopped.wait(FIRST_PAGE_GRACE_S):
             return
         for k, state in enumerate(states := _warm_states()):
@@ -129,7 +130,7 @@ class Engine:
     def _warm_one(self, state: PageState) -> None:
         try:
             self._beat(state)
-        except Exception:  # one circuit that cannot be compiled must not keep the others from it
+        except Exception:  # a circuit that cannot be compiled must not prevent the others from being compiled
             log.exception("warming a circuit failed")
 
     @staticmethod
@@ -138,7 +139,7 @@ class Engine:
 
 
 def _warm_states() -> list[PageState]:
-    """The presets, also with what is often beside them, then all of them with a slow heart."""
+    """Return the presets, the presets with devices often added, then all of these with a slow heart."""
     from eclsim.app.knobs import connect, turn
     from eclsim.cases.presets import PRESETS
 

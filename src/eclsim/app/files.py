@@ -1,7 +1,7 @@
-"""Files that somebody opens or takes away. Those that are opened are read in a process of their own.
+"""Opening and exporting of files. Opened files are read in a separate process.
 
-A file of some kilobytes can unfold to gigabytes (compressed arrays, deep nesting). What goes wrong with one
-then ends that process and nobody's page.
+A file of some kilobytes can expand to gigabytes (compressed arrays, deep nesting). A failure then ends that
+process and not the page.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ LARGEST_FILE_TEXT = "5 MB"
 MOST_LINES = 12
 MOST_ROWS = 2000
 MEMORY_BYTES = 1_500_000_000
-"""Address space of the process that reads, the libraries that read HDF5 included."""
+"""Largest address space of the reading process [bytes], including the HDF5 libraries."""
 SECONDS = 30.0
 KINDS = ("case", "outputs", "waveforms", "svg", "png", "study", "course")
 
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """What a file held.
+    """Content of an opened file.
 
     Args:
-        name: of the file.
-        cases: name and case of each data point; one of a case file.
-        remarks: doubts and refused rows.
-        fit: verdict of a case file on the fit that gave its parameters.
+        name: name of the file.
+        cases: name and case of each data point; a single one for a case file.
+        remarks: warnings and refused rows.
+        fit: verdict in a case file on the fit that gave its parameters.
     """
 
     name: str
@@ -61,17 +61,17 @@ class OpenedFile:
 
 
 class ExportError(ValueError):
-    """Why a file cannot be made for this patient."""
+    """Reason why a file cannot be exported for this patient."""
 
 
 # --- in the process of the page ------------------------------------------------------------------
 
 
 def read_file(name: str, content: bytes) -> OpenedFile:
-    """`parse_file` in a process of its own.
+    """Run `parse_file` in a separate process.
 
     Raises:
-        CaseError: With everything that is wrong, also where the file takes too much memory or time.
+        CaseError: The file has errors, all of which are listed, or reading takes too much memory or time.
     """
     from eclsim.cases.case import Case
 
@@ -82,10 +82,10 @@ def read_file(name: str, content: bytes) -> OpenedFile:
 
 
 def read_posterior_file(name: str, content: bytes) -> PosteriorDraws:
-    """`parse_posterior` in a process of its own.
+    """Run `parse_posterior` in a separate process.
 
     Raises:
-        CaseError: As above.
+        CaseError: As for `read_file`.
     """
     import numpy as np
 
@@ -118,7 +118,7 @@ def _read_in_own_process(kind: str, name: str, content: bytes) -> dict[str, Any]
 
 
 def with_speeds(opened: OpenedFile) -> OpenedFile:
-    """The same with the speed of the pump where the one case gives a flow.
+    """Replace the target flow of a single case by the pump speed that gives it.
 
     Raises:
         CaseError: The flow cannot be reached.
@@ -137,13 +137,13 @@ def with_speeds(opened: OpenedFile) -> OpenedFile:
 
 
 def shown_name(name: str) -> str:
-    """What a file is called on the page: its name without folders, and what cannot be printed as "?"."""
+    """Return the displayed name of a file: without folders, with unprintable characters replaced by "?"."""
     printed = "".join(letter if letter.isprintable() else "?" for letter in name)
     return Path(printed.replace("\\", "/")).name[:80] or "file"
 
 
 def shortened(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
-    """The first lines, and how many more there are."""
+    """Return the first lines, followed by the number of further ones."""
     more = [f"… {len(lines) - most} more"] if len(lines) > most else []
     return [*map(with_minus, lines[:most]), *more]
 
@@ -152,10 +152,10 @@ def shortened(lines: Sequence[str], most: int = MOST_LINES) -> list[str]:
 
 
 def parse_file(name: str, content: bytes) -> OpenedFile:
-    """A case file or a cohort as it stands, without computing anything.
+    """Read a case file or a cohort without computing anything.
 
     Raises:
-        CaseError: With everything that is wrong, the place called by the file's own name.
+        CaseError: The file has errors; all are listed, with the file's own name as place.
     """
     shown, suffix = _checked_name(name, content, (".toml", ".csv"))
     with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
@@ -172,7 +172,7 @@ def parse_posterior(name: str, content: bytes) -> PosteriorDraws:
     """Read a `posterior.nc`.
 
     Raises:
-        CaseError: If it is none.
+        CaseError: The file is not a valid posterior.
     """
     from eclsim.app.posterior import read_posterior
 
@@ -184,7 +184,7 @@ _Contents = tuple[tuple[tuple[str, "Case"], ...], Sequence[Mistake], FitMark | N
 
 
 def _case(path: Path) -> _Contents:
-    """The case of a file; a doubt about its fit stands where its numbers come from, and is no remark."""
+    """Read a case file; a doubt about its fit is shown with the origin of its numbers, not as a remark."""
     reading = read_case(path)
     remarks = [mistake for mistake in reading.warnings if mistake.message not in reading.case.doubts]
     return ((reading.case.patient.id, reading.case),), remarks, reading.case.fit_mark
@@ -201,7 +201,7 @@ def _cohort(path: Path) -> _Contents:
 
 
 def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple[str, str]:
-    """The file's own name and suffix."""
+    """Check name, suffix and size of a file, and return its displayed name and its suffix."""
     shown = shown_name(name)
     suffix = Path(shown).suffix.lower()
     if suffix not in suffixes:
@@ -218,7 +218,7 @@ def _refused(reason: str) -> CaseError:
 
 
 def _limit_memory() -> None:
-    """Where the operating system can; Windows cannot."""
+    """Limit the memory of this process, except on Windows, which does not support it."""
     if sys.platform == "win32":
         return
     import resource
@@ -243,15 +243,15 @@ def _plain(kind: str, name: str, content: bytes) -> Mapping[str, Any]:
 
 
 def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
-    """Name and content of a file.
+    """Return name and content of an exported file.
 
     Args:
-        state: what is shown.
+        state: state of the page.
         kind: one of `KINDS`.
-        minutes: of the course; 0: as long as its events need, six hours at the least.
+        minutes: duration of the course [min]; 0 for that of `usual_length`.
 
     Raises:
-        ExportError: If there is nothing of this kind for the state.
+        ExportError: There is no such file for the state.
     """
     about = " ".join(provenance(state)["text"].split())
     state = replace(state, case=_as_shown(state))
@@ -272,7 +272,7 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
 
 
 def _as_shown(state: PageState) -> Case:
-    """The case with the policy of its beat; its id names the fit's verdict and changes by hand."""
+    """Return the case with its beat's policy and an id that states the fit's verdict and changes by hand."""
     case = state.case
     if case.volume_policy != state.policy:
         case = case.with_volume_policy(state.policy)
@@ -286,7 +286,7 @@ def _as_shown(state: PageState) -> Case:
 
 
 def _with_set_points(case: Case) -> Case:
-    """The case with the set points that its reflexes have on the page: a file knows no patient as opened."""
+    """Return the case with the set points used on the page, as a file has no record of the case as opened."""
     if case.as_written is None or case.regulation is None:
         return case
     from eclsim.orbit.model import values_of

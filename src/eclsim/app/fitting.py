@@ -1,4 +1,4 @@
-"""Fits and posteriors in a process of their own: they take seconds, and beats must not wait for them."""
+"""Fits and posteriors in a separate process: they take seconds, and beats must not wait for them."""
 
 from __future__ import annotations
 
@@ -31,31 +31,31 @@ if TYPE_CHECKING:
 
 _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
     (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
-"""Options of `eclsim identify` in the reasons of a verdict, and the page's words for them."""
+"""Options of `eclsim identify` in the reasons of a verdict, with the page's texts that replace them."""
 _OPTION = re.compile(r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*")
 PAGE_SEARCH = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
-"""A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
+"""A smaller search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
 COMPILING_SEARCH = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0, "polishing": 0}
 LONGEST_CANCEL_S = 20.0
-"""A fit that was cancelled and has not stopped by itself after so long is ended with its process."""
+"""Time after which a cancelled fit that has not stopped is terminated together with its process [s]."""
 NICENESS = 5
 FAILED = {"fit": "fit_failed", "posterior": "posterior_failed"}
 
 
 Order = tuple[str, dict[str, Any], str, tuple[str, ...]]
-"""Job, case, blood volume policy, and free parameters where they are known already."""
+"""Job, case, blood volume policy, and free parameters if already known."""
 
 
 class FitError(RuntimeError):
-    """Why there is no fit, in words."""
+    """Reason why there is no fit, in words."""
 
 
 class CancelledError(Exception):
-    """Nobody wants the fit any more."""
+    """The fit was cancelled."""
 
 
 class FitProcess:
-    """The process that fits; it is started when it is first wanted, and again if it has ended."""
+    """The process for fits; it is started when first needed, and again if it has ended."""
 
     def __init__(self) -> None:
         self._spawn = multiprocessing.get_context("spawn")
@@ -75,22 +75,22 @@ class FitProcess:
         self, job: str, case: Mapping[str, Any], policy: str, report: Callable[[str], None],
         stop: threading.Event, free: Sequence[str] = (),
     ) -> dict[str, Any]:  # fmt: skip
-        """Have the process do a job; blocks. One runs at a time, others wait for their turn.
+        """Run a job in the process; blocks. Jobs run one at a time, and others wait for their turn.
 
         Args:
             job: "fit" or "posterior".
-            case: as a case file holds it, with measurements.
+            case: case with measurements, as in a case file.
             policy: blood volume policy.
-            report: called with what is being done.
-            stop: set when nobody wants it any more.
-            free: parameters; left out, what is worth fitting.
+            report: called with a description of the current step.
+            stop: set to cancel the job.
+            free: free parameters; empty to choose those worth fitting.
 
         Returns:
             The result as plain data; the fitted case is under "case".
 
         Raises:
-            CancelledError: After `stop`.
-            FitError: If there is none.
+            CancelledError: `stop` was set.
+            FitError: There is no result.
         """
         while not self._turn.acquire(timeout=0.2):
             report(text("fit_waiting"))
@@ -108,7 +108,7 @@ class FitProcess:
         self._process = None
 
     def _started(self) -> tuple[Connection, Event]:
-        """The pipe to the process, and what is set when it shall let go of its job."""
+        """Return the pipe to the process and the event that cancels its job; start the process if needed."""
         if self._process is None or not self._process.is_alive() or self._line is None:
             pipe, far = self._spawn.Pipe()
             self._line = pipe, self._spawn.Event()
@@ -150,10 +150,10 @@ def _result_or_error(kind: str, content: Any) -> dict[str, Any]:
 
 
 def _serve(pipe: Connection, quit_now: Event) -> None:
-    """The process: prepare, then fit what comes through the pipe, until its other end is closed."""
+    """Main function of the process: prepare, then run jobs from the pipe until its other end is closed."""
     with contextlib.suppress(OSError, AttributeError):
         os.nice(NICENESS)
-    with contextlib.suppress(Exception):  # an error comes again with the fit
+    with contextlib.suppress(Exception):  # an error recurs with the fit and is reported then
         _prepare(pipe)
     while True:
         try:
@@ -170,7 +170,7 @@ def _report(pipe: Connection, quit_now: Event, message: str) -> None:
 
 
 def _prepare(pipe: Connection) -> None:
-    """Compile what fits need, until somebody wants one."""
+    """Compile what fits need, until a job arrives."""
     from eclsim.cases.presets import PRESETS
 
     preset = PRESETS["paper"]
@@ -199,12 +199,12 @@ def _fit(
 def prepared_for_fit(
     raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str] = ()
 ) -> tuple[Case, FitSettings]:
-    """The case, and what is free: what is worth fitting; with CVP the blood volume too.
+    """Return the case and fit settings with the parameters worth fitting; with CVP also the blood volume.
 
     Args:
-        raw: as a case file holds it, with measurements.
+        raw: case with measurements, as in a case file.
         policy: blood volume policy.
-        free: parameters, where they are known already.
+        free: free parameters, if already known.
     """
     from eclsim.identification.settings import (
         FitSettings,
@@ -223,7 +223,7 @@ def prepared_for_fit(
 
 
 def _with_assumed_shunt(case: Case) -> Case:
-    """The page's sections hold every key: a shunt that nobody has turned is an assumed one."""
+    """Mark an unchanged shunt as assumed, since the page's sections contain all keys."""
     gas = case.gas
     if gas is None or gas.shunt_fraction not in ASSUMED_SHUNTS:
         return case
@@ -245,12 +245,12 @@ def _run_job(
         return "cancelled", None
     except CaseError as error:
         return "failed", with_minus(str(error))
-    except Exception as error:  # whatever it is, the page must hear of it; no values of the patient in it
+    except Exception as error:  # the page must receive any error, but without values of the patient
         return "failed", f"{text(FAILED[job])} ({type(error).__name__})"
 
 
 def plain_fit(fit: FitResult) -> dict[str, Any]:
-    """A fit as plain data: what `eclsim identify` writes, with units, bounds and the fitted case."""
+    """Return a fit as plain data: the output of `eclsim identify`, with units, bounds and the fitted case."""
     from eclsim.cases.quantities import quantity
     from eclsim.identification.verdict import headline
 
@@ -260,7 +260,7 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     result["verdict"]["reasons"] = [in_page_words(reason) for reason in result["verdict"]["reasons"]]
     for name, parameter in result["parameters"].items():
         known = quantity(name)
-        assert known is not None  # whatever is fitted is a number of a case
+        assert known is not None  # every fitted parameter is a number of a case
         parameter |= {"unit": "" if known.unit == "1" else known.unit, "text": known.description}
         parameter["reason"] = with_minus(parameter["reason"])
         if name in fit.box.names:
@@ -270,7 +270,7 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
 
 
 def in_page_words(reason: Mapping[str, Any]) -> dict[str, Any]:
-    """A reason of a verdict in the words of the page, which has none of the command line's options."""
+    """Return a reason of a verdict without command-line options, which the page does not have."""
     sentence = reason["sentence"]
     for option, key in _OPTIONS:
         sentence = sentence.replace(option, text(key))
@@ -283,14 +283,14 @@ def in_page_words(reason: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
-    """The verdict on a fit when the posterior's intervals are known.
+    """Return the verdict on a fit updated with the posterior's intervals.
 
     Args:
         fit: "parameters" and "verdict" of `plain_fit`.
-        others: the posterior's intervals of the parameters, with "lower" and "upper".
+        others: intervals of the parameters in the posterior, with "lower" and "upper".
 
     Returns:
-        "verdict" and its "headline", and under "parameters" those that are no longer called determined.
+        "verdict", its "headline", and under "parameters" those that are no longer considered identifiable.
     """
     from eclsim.identification.verdict import Level, headline, interval_agreement
 

@@ -1,7 +1,7 @@
-"""What stands before the page: hosts, origins, password, sizes and times of requests, and headers.
+"""Access control in front of the page: hosts, origins, password, size and time of requests, and headers.
 
-A plain ASGI wrapper, so that it sees websockets as well and nothing of the page runs before it has agreed.
-Sessions of who signed in live in memory and end with the server.
+It is a plain ASGI wrapper, so that it also sees websockets and no code of the page runs before access is
+granted. Sign-in sessions are kept in memory and end with the server.
 """
 
 from __future__ import annotations
@@ -54,17 +54,17 @@ class _TooLargeError(Exception):
 
 
 class _TooSlowError(Exception):
-    """The body of a request did not come."""
+    """The body of a request did not arrive in time."""
 
 
 @dataclass(frozen=True)
 class Rules:
-    """Who may come in, and how.
+    """Rules of access.
 
     Args:
-        hosts: names by which the page may be called (the Host header, without the port).
-        root_path: path under which a proxy serves the page; "" without one.
-        signed_in: passwords and sessions; None where no password is asked for.
+        hosts: host names under which the page may be requested (Host header, without the port).
+        root_path: path under which a proxy serves the page; "" without a proxy path.
+        signed_in: password and sessions; None if no password is required.
     """
 
     hosts: frozenset[str]
@@ -73,18 +73,18 @@ class Rules:
 
 
 class Guard:
-    """Wraps an application.
+    """ASGI wrapper that checks all requests to an application.
 
     Args:
-        app: what is protected.
-        rules: who may come in.
+        app: protected application.
+        rules: rules of access.
     """
 
     def __init__(self, app: App, rules: Rules):
         self.app, self.rules = app, rules
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or hand it on."""
+        """Answer a request, or pass it to the application."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -103,7 +103,7 @@ class Guard:
             await self.app(scope, receive, send)
 
     def _with_root_path(self, scope: Scope) -> str:
-        """Put the root path where Starlette looks for it, whether the proxy took it off or not."""
+        """Put the root path where Starlette expects it, even if the proxy removed it; return the rest."""
         root, path = self.rules.root_path, scope["path"]
         inner = path[len(root) :] if root and (path == root or path.startswith(root + "/")) else path
         scope["root_path"] = root
@@ -129,7 +129,7 @@ class Guard:
         return None
 
     def _is_cross_site(self, scope: Scope, headers: dict[str, str], path: str) -> bool:
-        """Whether the request comes from a page of another site, and is no link that somebody followed."""
+        """Whether the request comes from a page of another site and is not just a link that was followed."""
         socket = scope["type"] == "websocket" or path.startswith(SOCKET_PREFIX)
         writes = socket or scope["method"] not in ("GET", "HEAD")
         origin = headers.get("origin")
@@ -140,7 +140,7 @@ class Guard:
         return writes or headers.get("sec-fetch-mode", "navigate") != "navigate"
 
     def _is_own_page(self, origin: str, scope: Scope, headers: dict[str, str]) -> bool:
-        """Whether an origin is that of the page itself: host, port, and scheme where it is known."""
+        """Whether an origin is the page itself: same host and port, and same scheme if known."""
         try:
             parts = urlsplit(origin)
             port, own_port = parts.port, urlsplit(f"//{headers.get('host', '')}").port
@@ -182,7 +182,7 @@ class Guard:
             if not started:
                 await _answer(send, 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB")
         except RuntimeError as error:
-            if str(error) != "No response returned.":  # said by Starlette when the visitor has gone meanwhile
+            if str(error) != "No response returned.":  # Starlette's error if the visitor has left
                 raise
         except _TooSlowError:
             if not started:
@@ -213,7 +213,7 @@ class Guard:
 
 
 def _limited(receive: Receive, largest: int = LARGEST_BODY) -> Receive:
-    """The same with a limit on the size of the body and on the time it takes."""
+    """Limit the size of a request's body and the time that it may take."""
     size, ends, complete = 0, asyncio.get_running_loop().time() + SLOWEST_BODY_S, False
 
     async def limited() -> MutableMapping[str, Any]:
@@ -244,7 +244,7 @@ async def _body(receive: Receive) -> bytes:
 
 
 def _host_name(host: str) -> str:
-    """A host without its port, in small letters."""
+    """Return a host without its port, in lower case."""
     host = host.strip().lower()
     if host.startswith("["):
         return host.partition("]")[0] + "]"
@@ -293,14 +293,14 @@ MOST_ADDRESSES = 1000
 
 
 class PasswordFileError(ValueError):
-    """A password file that cannot be used; says why."""
+    """A password file that cannot be used; the message gives the reason."""
 
 
 def read_password(path: str) -> str:
-    """The password of a file: its first line.
+    """Return the password in the first line of a file.
 
     Raises:
-        PasswordFileError: If it cannot be read, is too short, or may be read by others.
+        PasswordFileError: The file cannot be read, is readable by others, or its password is too short.
     """
     file = Path(path)
     try:
@@ -309,7 +309,7 @@ def read_password(path: str) -> str:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
         raise PasswordFileError(f"{path}: cannot be read: {reason}") from None
-    if mode & 0o077 and os.name == "posix":  # elsewhere the mode says nothing about who may read
+    if mode & 0o077 and os.name == "posix":  # on other systems the mode does not tell who may read the file
         raise PasswordFileError(f"{path}: others may read it; allowed: chmod 600")
     password = written.split("\n")[0].rstrip("\r")
     if len(password) < SHORTEST_PASSWORD:
@@ -320,11 +320,11 @@ def read_password(path: str) -> str:
 
 
 class SignIns:
-    """Who has signed in.
+    """The password and the sessions of those who signed in.
 
     Args:
-        password: the one password.
-        clock: time [s].
+        password: the password, common to all users.
+        clock: returns the time [s].
     """
 
     def __init__(self, password: str, clock: Callable[[], float] = time.monotonic):
@@ -335,16 +335,16 @@ class SignIns:
         self._failures: dict[str, deque[float]] = {}
 
     def is_signed_in(self, token: str) -> bool:
-        """Whether a cookie is that of somebody who signed in and has not been away too long."""
+        """Whether a cookie belongs to a session that has not expired."""
         ends = self._sessions.get(hashlib.sha256(token.encode()).hexdigest()) if token else None
         return ends is not None and self._clock() < ends
 
     def try_body(self, body: bytes, address: str = "") -> tuple[str | None, int, str]:
-        """A form that was sent: token, status and what to say; no token where it is refused.
+        """Check a submitted form: return token, HTTP status and message; the token is None if it is refused.
 
         Args:
-            body: of the request.
-            address: where it came from; who tries too often from one keeps nobody else out.
+            body: body of the request.
+            address: sender's address; too many failures from one address do not lock out others.
         """
         now = self._clock()
         failures = self._failures.get(address, ())
@@ -379,6 +379,6 @@ class SignIns:
 
 
 def sign_in_page(action: str, message: str = "") -> str:
-    """The page that asks for the password."""
+    """Return the page that asks for the password."""
     texts = {key: text(key) for key in ("title", "brand", "sign_in", "password", "notice")}
     return render("app/sign_in.html", action=action, message=message, **texts)

@@ -1,4 +1,4 @@
-"""The header: patient, buttons and dialogs. All texts are shown as text, never as HTML."""
+"""The header: patient, buttons and dialogs. All text is shown as text, never as HTML."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 def notify(message: object, kind: str = "positive") -> None:
-    """A short note at the top; a bad one, above the notice at the bottom, until it is closed."""
+    """Show a short message at the top; an error is shown at the bottom until it is closed."""
     stays = kind == "negative"
     ui.notify(
         str(message), type=kind, position="bottom" if stays else "top", multi_line=len(str(message)) > 80,  # pyright: ignore[reportArgumentType]  # one of its kinds
@@ -57,7 +57,7 @@ _CHOOSE_FILE = """
   <label class="ecl-hidden">{label}<q-uploader-add-trigger></q-uploader-add-trigger></label>
 </div>
 """
-"""Head of the upload: Quasar's own has neither a label for its file input nor a button with a name."""
+"""Header of the upload: Quasar's own has no label for its file input and no button with a name."""
 
 
 _ARROWS = """(event) => {
@@ -68,22 +68,22 @@ _ARROWS = """(event) => {
   event.preventDefault();
   items.at(next % items.length).focus();
 }"""
-"""A menu goes with the arrow keys, to a screen reader as to others: Quasar's goes with Tab alone."""
+"""Arrow-key navigation of a menu, also for screen readers: Quasar's menus support only Tab."""
 
 
 def labelled(element: Labelled, label: str) -> Labelled:
-    """A dialog or menu with a name for screen readers."""
+    """Give a dialog or menu a name for screen readers."""
     element.props(f'aria-label="{label}"')
     return element
 
 
 class OpenDialog:
-    """Choose a file; of a cohort, choose a row.
+    """Dialog to choose a file, and a row if the file is a cohort.
 
     Args:
-        engine: reads files beside the event loop.
-        use: called with the name of the file, the case and the file's verdict on its fit.
-        use_members: takes the name of the file and the members of a posterior.
+        engine: reads files off the event loop.
+        use: called with the file's name, the case and the file's verdict on its fit.
+        use_members: called with the file's name and the draws of a posterior.
     """
 
     def __init__(self, engine: Engine, use: Use, use_members: Callable[[str, PosteriorDraws], None]):
@@ -106,13 +106,13 @@ class OpenDialog:
         self._show(None, [])
 
     def open(self) -> None:
-        """Show it, empty."""
+        """Show the empty dialog."""
         self.upload.reset()
         self._show(None, [])
         self.dialog.open()
 
     def close(self) -> None:
-        """The page is gone: FastAPI remembers routes of uploads, which must not keep a session in memory."""
+        """Drop the callbacks on closing: FastAPI keeps upload routes, which would keep the session alive."""
         self.use = self.use_members = lambda *_: None
 
     async def _read(self, event: events.UploadEventArguments) -> None:
@@ -131,7 +131,7 @@ class OpenDialog:
             self._show(None, [text("refused"), *shortened([str(m) for m in error.mistakes])])
             return
         finally:
-            self.upload.reset()  # else another file is one too many
+            self.upload.reset()  # otherwise a second file would be one too many
         remarks = [text("warnings"), *shortened(opened.remarks)] if opened.remarks else []
         self._show(opened, remarks)
         if len(opened.cases) == 1 and not remarks:
@@ -166,7 +166,7 @@ class OpenDialog:
 
 
 def show_help() -> None:
-    """How the page is used."""
+    """Show the help dialog."""
     with labelled(ui.dialog(value=True), text("help")), ui.card().classes("ecl-dialog"):
         ui.label(text("help")).classes("ecl-dialog-title")
         ui.label(text("help_text"))
@@ -181,9 +181,9 @@ class Header:
     """Buttons and the choice of the patient.
 
     Args:
-        session: what they act on.
-        bridge: the line to the browser, made here so that the status stands beside the brand.
-        identification: takes a posterior that is opened.
+        session: session on which the buttons act.
+        bridge: connection to the browser, created here so that the status is shown beside the brand.
+        identification: receives an opened posterior.
     """
 
     def __init__(self, session: Session, bridge: Bridge, identification: Identification):
@@ -216,7 +216,7 @@ class Header:
         return button
 
     def show(self, data: Mapping[str, Any]) -> None:
-        """Which buttons do something now, and who the patient is."""
+        """Update which buttons are enabled, and the selected patient."""
         for name, on in (("undo", data["undo"]), ("redo", data["redo"]), ("reset", data["changed"])):
             if self.buttons[name].enabled != on:
                 self.buttons[name].set_enabled(on)
@@ -227,7 +227,7 @@ class Header:
         self.patient.set_value(data["origin"] if known else None)
 
     def save(self) -> None:
-        """Keep the state for the comparison."""
+        """Store the state for the comparison."""
         saved = self.session.save()
         message = text("state_saved") if saved else text("states_full", most=MOST_SAVED)
         notify(message, "positive" if saved else "warning")
@@ -257,7 +257,7 @@ class Header:
             name, content = await self.session.engine.study(lambda: export(state, kind, minutes))
         except ExportError as error:
             notify(text("export_failed", reason=error), "negative")
-        except Exception:  # the page goes on; what failed is in the log
+        except Exception:  # the page continues; the error is in the log
             log.exception("an export failed")
             notify(text("export_failed", reason=text("unknown")), "negative")
         else:

@@ -1,4 +1,4 @@
-"""The form of measurements: checked as it is typed, fitted beside the page, cancelled at once."""
+"""Form of measurements: checked while it is typed, fitted in the background, cancelled at once."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 EXPECTED_S, POSTERIOR_EXPECTED_S = 15.0, 12.0
-"""Usual time of a fit and of a posterior [s]; the bar moves by it between their reports."""
+"""Usual duration of a fit and of a posterior [s], by which the progress bar moves between reports."""
 MOST_FREE = 64
-"""Parameters that a fit kept by the browser may have."""
+"""Largest number of parameters of a fit stored by the browser."""
 PREPARING = {"fit": "fit_preparing", "posterior": "posterior_preparing"}
 PATIENT = ("id", "sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
 
 
 def fields() -> list[dict[str, Any]]:
-    """The fields of the form as plain data."""
+    """Return the fields of the form as plain data."""
     return [
         {
             "key": f"{section}.{item.name}", "label": item.description, "unit": item.unit, "kind": item.kind,
@@ -51,9 +51,9 @@ def fields() -> list[dict[str, Any]]:
 
 
 def values_of(state: PageState) -> dict[str, Any]:
-    """What the form shows for a patient: as opened, measurements as they were measured and no others.
+    """Return the form's values for a patient as opened, with the measurements as measured and no others.
 
-    A preset is nobody: who was measured has to be typed.
+    A preset has no id: the patient who was measured must be entered.
     """
     known = state.start.case.as_mapping()
     measured, person = known.get("measurements", {}), dict(known["patient"])
@@ -66,7 +66,7 @@ def values_of(state: PageState) -> dict[str, Any]:
 
 
 def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
-    """Patient and measurements as typed, with devices and parameters of the case."""
+    """Check patient and measurements as typed, together with devices and parameters of the case."""
     raw = case.as_mapping()
     for section in ("patient", "measurements"):
         raw[section] = {}
@@ -86,13 +86,13 @@ def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
 
 
 class Identification:
-    """Fits and posteriors of one session; at most one of them runs.
+    """Fits and posteriors of one session, one at a time.
 
     Args:
-        session: whose patient is fitted.
-        send: hands a topic and plain data to the browser.
-        process: where fits run.
-        bands: keeps the posteriors that were found.
+        session: session whose patient is fitted.
+        send: sends a topic and plain data to the browser.
+        process: process in which fits run.
+        bands: stores the posteriors found.
     """
 
     def __init__(self, session: Session, send: Send, process: FitProcess, bands: PosteriorBands):
@@ -105,19 +105,19 @@ class Identification:
 
     @property
     def running(self) -> bool:
-        """Whether something runs that somebody still wants."""
+        """Whether a job is running that was not cancelled."""
         return self._stop is not None
 
     def fill(self) -> None:
-        """The form is seen: have it ready, with the patient that is shown."""
+        """Prepare fits and fill the form with the displayed patient, when the form is shown."""
         self.process.prepare()
         self._show_form()
 
     def follow(self, opened: bool = False) -> None:
-        """Another patient is shown: another form, and no fit that still runs for the one before.
+        """Show the form of another patient, and cancel a fit still running for the previous one.
 
         Args:
-            opened: whether a patient was opened anew: nothing typed or fitted for it before is shown.
+            opened: whether a patient was newly opened, so that earlier entries and fits for it are discarded.
         """
         subject = subject_of(self.session.state)
         if subject == self._subject and not opened:
@@ -138,7 +138,7 @@ class Identification:
         self.send("form", form)
 
     def check(self, typed: Mapping[str, Any]) -> bool:
-        """Report mistakes and doubts field by field; whether the form can be fitted."""
+        """Report errors and warnings by field; return whether the form can be fitted."""
         checked = checked_form(fitted_case(self.session.state), typed)
         self.send("form_check", {
             "mistakes": _by_field(checked.mistakes), "warnings": _by_field(checked.warnings),
@@ -147,7 +147,7 @@ class Identification:
         return not checked.mistakes
 
     async def start(self, typed: Mapping[str, Any]) -> None:
-        """Fit; a second press while one runs does nothing."""
+        """Start a fit; does nothing while one is running."""
         if self.running or not self.check(typed):
             return
         state = self.session.state
@@ -164,7 +164,7 @@ class Identification:
         self.send("fit_ended", ended)
 
     def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, result: Mapping[str, Any]) -> str:
-        """Keep the fitted patient; the link that restores it where the server forgets."""
+        """Store the fitted patient; return the link that restores it after the server has forgotten it."""
         case = read_mapping(raw).case
         state = PageState(
             case, policy, "fit", self.bands.new_key(), verdict=verdict_of(result), subject=subject
@@ -173,7 +173,7 @@ class Identification:
         return link_of(state)
 
     def _fit_of(self, link: str) -> PageState | None:
-        """The fit of the patient that is shown: that of this session, else that of the browser's link."""
+        """Return the fit of the displayed patient: that of this session, else that in the browser's link."""
         subject = subject_of(self.session.state)
         if subject not in self._fitted and link:
             try:
@@ -185,11 +185,11 @@ class Identification:
         return self._fitted.get(subject)
 
     async def compute_posterior(self, link: str = "", fit: Mapping[str, Any] | None = None) -> None:
-        """The posterior of the fitted patient; its bands are there as soon as that patient is in use.
+        """Compute the posterior of the fitted patient; its bands appear once that patient is in use.
 
         Args:
-            link: of the fit, for a session that does not know it.
-            fit: "parameters" and "verdict" of the fit, likewise.
+            link: link of the fit, for a session without it.
+            fit: "parameters" and "verdict" of the fit, for a session without it.
         """
         fitted = self._fit_of(link)
         if self.running or fitted is None:
@@ -211,11 +211,11 @@ class Identification:
     def _update_verdict(
         self, fitted: PageState, result: Mapping[str, Any] | None, others: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """The verdict on the fit now that the posterior's intervals are known; the fitted patient has it."""
+        """Update the verdict on the fit by the posterior's intervals, also in the fitted patient's state."""
         subject = subject_of(fitted)
         try:
             verdict = judged(self._fits.get(subject) or dict(result or {}), others)
-        except (TypeError, KeyError, ValueError, AttributeError):  # the browser kept something else
+        except (TypeError, KeyError, ValueError, AttributeError):  # the browser stored other data
             return {}
         new = replace(fitted, verdict=verdict["verdict"]["level"])
         self._fitted[subject] = new
@@ -223,7 +223,7 @@ class Identification:
         return {"judged": verdict}
 
     def cancel(self) -> None:
-        """Let go of what runs: it ends by itself at its next step."""
+        """Cancel the running job, which ends by itself at its next step."""
         if self._stop is not None:
             self._stop.set()
             self._stop = None
@@ -237,10 +237,10 @@ class Identification:
         return True
 
     def use_members(self, source: str, members: PosteriorDraws) -> None:
-        """Show the patient around a posterior from a file: its parameters become the central ones.
+        """Show the patient with a posterior from a file, whose central parameters are used.
 
         Raises:
-            CaseError: They are no parameters of this patient.
+            CaseError: They are not parameters of this patient.
         """
         state = self.session.state
         case, subject = members.centred(state.case), subject_of(state)
@@ -251,7 +251,7 @@ class Identification:
     async def _run(
         self, job: str, raw: dict[str, Any], policy: str, expected_s: float, free: Sequence[str] = ()
     ) -> dict[str, Any]:
-        """Run a job of the process and report its progress; its result, or why there is none."""
+        """Run a job in the process and report its progress; return its result, or why there is none."""
         self._stop = stop = threading.Event()
         self._report = text(PREPARING[job])
         started = time.monotonic()
@@ -281,13 +281,13 @@ class Identification:
 
 
 def verdict_of(fit: Mapping[str, Any]) -> str:
-    """What a fit is called: "good", "doubtful" or "poor"; empty where it has no verdict."""
+    """Return the level of a fit's verdict: "good", "doubtful" or "poor"; empty without one."""
     verdict = fit.get("verdict") or {}
     return str(verdict.get("level", ""))
 
 
 def _subject_and_devices(raw: Mapping[str, Any], state: PageState) -> str:
-    """The patient's id and the devices of a fit, for its title."""
+    """Return the patient's id and the devices of a fit, for its title."""
     return text("fit_of", name=raw["patient"]["id"], circuit=fitted_with(state))
 
 

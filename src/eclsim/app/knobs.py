@@ -1,4 +1,4 @@
-"""What can be turned on the page, and turning it: every turn is a change of the case, checked like a file."""
+"""Knobs and pickers of the page: every turn changes the case, which is then checked like a case file."""
 
 from __future__ import annotations
 
@@ -35,28 +35,28 @@ _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
 _THOUSANDS_POINT = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 _CONSUMPTION = "gas.vo2_ml_min"
-"""What follows from the body surface where it is left out."""
+"""A setting that is derived from the body surface area if omitted."""
 _SWITCH = MappingProxyType({"true": True, "false": False})
 _SWITCHED_ON = MappingProxyType({"regulation": {"baroreflex": 1.0}, "physiology": {"regional": True}})
-"""What a section holds when it is switched on; all others have their defaults."""
+"""Initial values of sections when they are switched on; other sections start with their defaults."""
 LUNGS_WITHOUT_ECMO = MappingProxyType(
     {"haemoglobin_g_dl": 14.0, "alveolar_ventilation_l_min": 4.4, "shunt_fraction": 0.05, "fio2": 0.21}
 )
-"""Blood and lungs [g/dL, L/min, 1, 1] of a patient whom no oxygenator helps: sound ones, breathing air.
+"""Blood and lungs [g/dL, L/min, 1, 1] of a patient without an oxygenator: healthy, breathing air.
 
-Those of a case file are of a patient on ECMO, whose lungs rest: alone they leave nobody alive for long.
+The defaults of a case file describe a patient on ECMO with lungs at rest, which do not sustain life alone.
 """
 ASSUMED_SHUNTS = (Gas().shunt_fraction, LUNGS_WITHOUT_ECMO["shunt_fraction"])
-"""Shunts that the page sets where nobody gives one: a fit calls them assumed."""
+"""Shunts that the page sets if none is given; a fit reports them as assumed."""
 _FILLED = ("svn", "pvn")
-"""Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
+"""Vessels whose start pressure accounts for given blood, in the order in which blood is taken from them."""
 START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
-"""Parameters that hold the blood that is given."""
+"""Parameters that account for given blood."""
 VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 
 
 def _cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
-    """The function with its result kept as long as its case lives: a turn asks for the same many times."""
+    """Cache a function's result for the lifetime of its case: one turn needs the same result many times."""
     kept: dict[int, tuple[weakref.ref[Case], T]] = {}
 
     @wraps(function)
@@ -80,7 +80,7 @@ _resolved = _cached_by_case(resolve_parameters)
 
 @_cached_by_case
 def controls(case: Case) -> list[Control]:
-    """What can be turned for a case, in the order of the panel."""
+    """Return the knobs and pickers of a case, in the order of the panel."""
     offered: list[Control] = [
         Knob(key, text(key), unit, low, high, step, key.startswith(_PARAMETERS), group)
         for key, group, unit, low, high, step in _PATIENT_CONTROLS
@@ -100,14 +100,14 @@ def controls(case: Case) -> list[Control]:
 
 
 def _key_in_case(instance: Instance, control: Control) -> str:
-    """Where a case file holds what a knob or picker of a device stands at."""
+    """Return the case-file key of a device's knob or picker."""
     if isinstance(control, Knob) and control.is_parameter:
         return f"{_PARAMETERS}.{instance.parameter(control.key)}"
     return f"{instance.key}.{control.key}"
 
 
 def section_and_name(key: str) -> tuple[str, str]:
-    """Section of a case file that a knob is of, and its name there, which has points in some parameters."""
+    """Return the case-file section of a knob, and its name there, which contains dots for some parameters."""
     if key.startswith(f"{_PARAMETERS}."):
         return _PARAMETERS, key.removeprefix(f"{_PARAMETERS}.")
     section, _, name = key.rpartition(".")
@@ -115,7 +115,7 @@ def section_and_name(key: str) -> tuple[str, str]:
 
 
 def _section_controls(case: Case) -> list[Control]:
-    """The fields of the optional sections of the patient that the case has and that have a value."""
+    """Return controls for those fields of the patient's optional sections in the case that have a value."""
     offered: list[Control] = []
     for kind in PATIENT_SECTIONS:
         for name, field in kind.fields().items() if getattr(case, kind.section) is not None else ():
@@ -135,7 +135,7 @@ def _has_effect(case: Case, key: str) -> bool:
 
 
 def _value_if_omitted(case: Case, section: str, name: str) -> float | None:
-    """Value of a number that is left out; None where there is none without a typed number."""
+    """Return the value of an omitted number; None if only an entered number gives one."""
     instance = _instances(case).get(section)
     if instance is not None:
         return _resolved(case).get(instance.parameter(f"{instance.device.key}.{name}"))
@@ -147,7 +147,7 @@ def _value_if_omitted(case: Case, section: str, name: str) -> float | None:
 
 
 def _with_available_sites(control: Control, sites: Mapping[str, str]) -> Control:
-    """A choice without the compartments that this patient does not have."""
+    """Remove the options of a picker that are compartments which this patient does not have."""
     if isinstance(control, Knob):
         return control
     options = [option for option in control.options if option[0] in sites or option[0] not in PATIENT_SITES]
@@ -163,17 +163,17 @@ _PATIENT_CONTROLS = (
     ("parameters.Csart", "vessels", "mL/mmHg", 0.3, 6.0, 0.01),
     (VOLUME, "vessels", "mL", VOLUME_FIELD.minimum, 1200, 10),
 )
-"""Key, group, unit, both ends of the slider and its step; that of a parameter is logarithmic."""
+"""Key, group, unit, both ends of the slider and its step; sliders of parameters are logarithmic."""
 
 
 @_cached_by_case
 def knobs_of(case: Case) -> dict[str, float | str | None]:
-    """Where all knobs of a case stand, by their keys."""
+    """Return the values of all knobs of a case, by key."""
     return {control.key: value_of(case, control.key) for control in controls(case)}
 
 
 def value_of(case: Case, key: str) -> float | str | None:
-    """Where a knob or picker stands; None for what has no value."""
+    """Return the value of a knob or picker; None if it has no value."""
     if key == VOLUME:
         return _given_volume(case)
     section, name = section_and_name(key)
@@ -195,15 +195,15 @@ def value_of(case: Case, key: str) -> float | str | None:
 
 
 def turn(case: Case, key: str, value: object) -> Case:
-    """The case with one knob turned, or one picker set.
+    """Return the case with one knob or picker set to a value.
 
     Args:
-        case: as it is.
-        key: of a knob or picker of this case.
-        value: a number, a name, or what somebody typed.
+        case: the case before.
+        key: key of a knob or picker of this case.
+        value: a number, a name, or text as typed.
 
     Raises:
-        CaseError: With what is wrong with the value, as for a case file.
+        CaseError: The value is invalid, with the same message as for a case file.
     """
     value = turned_value(case, key, value)
     raw = case.as_mapping()
@@ -226,10 +226,10 @@ def turn(case: Case, key: str, value: object) -> Case:
 
 
 def turned_value(case: Case, key: str, value: object) -> object:
-    """What a case holds where somebody typed or chose this.
+    """Convert a typed or chosen value to the value stored in a case.
 
     Raises:
-        CaseError: there is no such knob, or it could mean two numbers.
+        CaseError: There is no such knob, or the value could be two different numbers.
     """
     if key not in {control.key for control in controls(case)}:
         raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
@@ -242,23 +242,23 @@ def turned_value(case: Case, key: str, value: object) -> object:
 
 
 def connectable() -> list[str]:
-    """Devices that the page can connect, by the name of their section."""
+    """Return the devices that the page can connect, by section name."""
     return [key for key, device in devices().items() if device.usual]
 
 
 def switchable() -> list[str]:
-    """What can be switched on and off: devices, and optional sections of the patient."""
+    """Return what can be switched on and off: devices and optional sections of the patient."""
     return [*connectable(), *(section.section for section in PATIENT_SECTIONS)]
 
 
 def connected(case: Case) -> list[str]:
-    """Keys of the devices of a case, and its optional sections of the patient."""
+    """Return the keys of the devices of a case and of its optional patient sections."""
     sections = (part.section for part in PATIENT_SECTIONS if getattr(case, part.section) is not None)
     return [*dict.fromkeys(part.device.key for part in case.instances()), *sections]
 
 
 def connect(case: Case, key: str) -> Case:
-    """The case with a device or section in the usual way, or without it (all of it) if it is there."""
+    """Add a device or section in its usual form, or remove it with all its instances if it is present."""
     if key not in switchable():
         raise CaseError([Mistake(str(key)[:64], "no device", allowed=", ".join(switchable()))])
     raw = case.as_mapping()
@@ -276,7 +276,7 @@ def connect(case: Case, key: str) -> Case:
 
 
 def _switched_on(case: Case, key: str) -> Mapping[str, Any]:
-    """What an optional section holds when it is switched on."""
+    """Return the initial values of an optional section that is switched on."""
     if key != "gas":
         return _SWITCHED_ON.get(key, {})
     of_devices = [naming_of(exchange.group) for exchange in gas_exchanges(circuit_of(case))]
@@ -284,9 +284,9 @@ def _switched_on(case: Case, key: str) -> Mapping[str, Any]:
 
 
 def as_written(value: object) -> object:
-    """A number that was typed, with its digits; any other text as it is, for the check to refuse.
+    """Convert a typed number, keeping its digits; other text is returned for the check to refuse.
 
-    A decimal comma is read as a point where it can be nothing else: "3,425" may be meant as thousands.
+    A decimal comma is read as a point unless it could separate thousands, as in "3,425".
     """
     typed = value.strip() if isinstance(value, str) else ""
     if _COMMA.fullmatch(typed) and not _THOUSANDS.fullmatch(typed):
@@ -295,7 +295,7 @@ def as_written(value: object) -> object:
 
 
 def ambiguous_comma(value: object) -> str:
-    """What to type in place of a number whose comma may be a decimal or a thousands comma; else empty."""
+    """Return what to type for a number whose comma may be decimal or separate thousands; else empty."""
     typed = value.strip() if isinstance(value, str) else ""
     if not _THOUSANDS.fullmatch(typed):
         return ""
@@ -303,12 +303,12 @@ def ambiguous_comma(value: object) -> str:
 
 
 def ambiguous_point(value: object, whole: bool) -> str:
-    """What to type in place of a number whose point may separate thousands; else empty.
+    """Return what to type for a number whose point may separate thousands; else empty.
 
     Args:
-        value: what somebody typed.
-        whole: whether the quantity is given in whole numbers, such as rpm and mL: only there "1.000" is more
-            likely to be a thousand than a one with three decimals.
+        value: value as typed.
+        whole: whether the quantity is given in whole numbers, such as rpm and mL; only then is "1.000" more
+            likely a thousand than a one with three decimals.
     """
     typed = value.strip() if isinstance(value, str) else ""
     if not (whole and _THOUSANDS_POINT.fullmatch(typed)):
@@ -318,7 +318,7 @@ def ambiguous_point(value: object, whole: bool) -> str:
 
 
 def is_whole(case: Case, key: str) -> bool:
-    """Whether a quantity of a case is given in whole numbers: a knob with such steps, or a flow in mL/h."""
+    """Whether a quantity is given in whole numbers: a knob with whole steps, or a flow in mL/h."""
     whole = (c.key for c in controls(case) if isinstance(c, Knob) and c.step >= 1.0)
     return key.endswith("_ml_h") or key in whole
 
@@ -338,7 +338,7 @@ def _parameter(case: Case, name: str) -> float:
 
 
 def _given_volume(case: Case) -> float:
-    """Blood [mL] in the veins at the start above that of the published start pressures."""
+    """Return the blood [mL] in the veins at the start in excess of the published start pressures."""
     return sum(
         (_parameter(case, "P0" + at) - thiel2025.PARAMETERS["P0" + at].value) * _parameter(case, "C" + at)
         for at in _FILLED
@@ -346,7 +346,7 @@ def _given_volume(case: Case) -> float:
 
 
 def _start_pressures(case: Case, volume_ml: float) -> dict[str, float]:
-    """Start pressures that hold so much more blood than the published ones."""
+    """Return the start pressures that hold a given volume of blood more than the published ones."""
     pressures, left = {}, volume_ml
     for at in _FILLED:
         usual, compliance = thiel2025.PARAMETERS["P0" + at].value, _parameter(case, "C" + at)

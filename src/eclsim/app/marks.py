@@ -1,6 +1,7 @@
-"""What stands behind a patient's id in files that the page writes: how it was fitted, that it was changed.
+"""Marks after a patient's id in files written by the page: how the patient was fitted, and manual changes.
 
-Numbers must not lose it by being saved and opened; `eclsim identify` says it in `eclsim.cases.fit_mark`.
+They keep this information when numbers are saved and opened again; the marks of `eclsim identify` are in
+`eclsim.cases.fit_mark`.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ _WORDS = MappingProxyType({
     "not fitted": ("unfitted", ""), "fitted": ("fit", "good"), "doubtful fit": ("fit", "doubtful"),
     "poor fit": ("fit", "poor"), "fit without a verdict": ("fit", ""), "central draw": ("posterior", ""),
 })  # fmt: skip
-"""Origin and verdict of a `PageState` by the words for them."""
+"""Origin and verdict of a `PageState`, by the words of the mark."""
 _BY_STATE = MappingProxyType({meant: word for word, meant in _WORDS.items()})
 _CHANGED = "changed"
 
 
 def marked_id(state: PageState, kind: str) -> str:
-    """The id of a state's patient as files have it, as "P01 (poor fit, changed)".
+    """Return the id of a state's patient for files, such as "P01 (poor fit, changed)".
 
     Args:
-        state: that is saved.
-        kind: where its parameters come from, `eclsim.app.provenance.kind_of`.
+        state: state that is saved.
+        kind: origin of its parameters, from `eclsim.app.provenance.kind_of`.
     """
     name, _, changed_before = _read(state.case.patient.id)
     marks: list[str] = []
@@ -41,23 +42,23 @@ def marked_id(state: PageState, kind: str) -> str:
 
 
 def bare_id(case: Case) -> str:
-    """The patient's id without marks."""
+    """Return the patient's id without marks."""
     return _read(case.patient.id)[0]
 
 
 def was_changed(case: Case) -> bool:
-    """Whether the page wrote a case that had been changed by hand."""
+    """Whether a case was changed by hand before the page wrote it."""
     return _read(case.patient.id)[2]
 
 
 def opened_state(case: Case, source: str, fit: FitMark | None = None) -> PageState:
-    """The state of a case that was read from a file; a fitted one goes on as it was fitted.
+    """Return the state of a case read from a file; a fitted case keeps its origin and verdict.
 
     Args:
-        case: of the file.
+        case: case of the file.
         source: name of the file.
-        fit: what `eclsim identify` wrote into it, left out that of the case; the page itself writes it
-            behind the id.
+        fit: verdict written by `eclsim identify`; None for that of the case. The page itself writes the
+            verdict after the id.
     """
     fit, case = fit or case.fit_mark, case.model_copy(update={"fit_mark": None})
     name, word, changed = _read(case.patient.id)
@@ -73,7 +74,7 @@ def opened_state(case: Case, source: str, fit: FitMark | None = None) -> PageSta
 
 
 def _read(written: str) -> tuple[str, str, bool]:
-    """Name without marks, the word for its fit or nothing, and whether it was changed."""
+    """Return the name without marks, the words on its fit (or an empty text), and whether it was changed."""
     name, _, rest = written.rpartition(" (")
     marks = rest.removesuffix(")").split(", ")
     fits = [mark for mark in marks if mark in _WORDS]

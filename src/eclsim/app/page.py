@@ -1,4 +1,4 @@
-"""The page of one tab: header, knobs, schematic and views, wired to the session."""
+"""The page of one tab: header, knobs, schematic and views, connected to the session."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ if TYPE_CHECKING:
 WEB = Path(__file__).parent / "web"
 STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views", "gases", "timeline", "print")]
 SKIP_TO_KNOBS = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
-"""To the knobs without a change of the address, whose part behind # is the patient of a link."""
+"""Moves the focus to the knobs without changing the address, whose fragment is the patient of a link."""
 VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")
 
 
 Message = Mapping[str, object]
-"""What a view in the browser says: nothing of it can be trusted."""
+"""Message of a view in the browser; its content cannot be trusted."""
 
 
 class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB / "lib")}):
-    """The line between session and browser, and the status beside the brand."""
+    """Connection between session and browser, and the status beside the brand."""
 
     def __init__(self, texts: dict[str, str]):
         super().__init__()
         self._props["texts"] = texts
 
     def publish(self, topic: str, data: object) -> None:
-        """Hand data to every view that listens."""
+        """Send data to every view that subscribed to the topic."""
         self.run_method("publish", topic, data)
 
 
 def _component(script: str) -> Callable[..., Element]:
-    """Makes elements that a script of web/ draws, with data that it gets through the bridge."""
+    """Create a class of elements drawn by a script of web/ with data received through the bridge."""
 
     class Component(Element, component=WEB / f"{script}.js"):
         def __init__(self, **properties: object):
@@ -71,11 +71,11 @@ ELEMENTS = {script: _component(script) for script in SCRIPTS}
 
 
 class BedsidePage:
-    """One tab.
+    """The page of one tab.
 
     Args:
         engine: computes beats.
-        state: patient to start with.
+        state: initial patient.
     """
 
     def __init__(self, engine: Engine, state: PageState):
@@ -87,7 +87,7 @@ class BedsidePage:
         self._build()
 
     def close(self) -> None:
-        """The tab is gone."""
+        """End the work of the page when its tab is closed."""
         self.identification.cancel()
         self.session.close()
         if self.header is not None:
@@ -105,7 +105,7 @@ class BedsidePage:
             ui.add_css(style)
         skip = ui.link(text("skip"), "#knobs").classes("ecl-skip")
         skip.on("click", js_handler=SKIP_TO_KNOBS)
-        ui.dark_mode(None)  # as the reader prefers
+        ui.dark_mode(None)  # as the reader's system prefers
         with ui.element("div").classes("ecl-page"):
             with ui.element("header").classes("ecl-header"):
                 ui.label(text("brand")).classes("ecl-brand").props("role=heading aria-level=1")
@@ -186,7 +186,7 @@ class BedsidePage:
             notify(text("fit_used"))
 
     def _browser_connected(self, args: Message) -> None:
-        """The browser is there: its link wins over what its tab kept, and that over the first patient."""
+        """Start the session: a link precedes the tab's stored state, which precedes the first patient."""
         link, tab, last = (str(args.get(key) or "") for key in ("link", "tab", "last"))
         restored = bool(tab or last) and self._restore(tab, last)
         if not restored and not link and (tab or last or args.get("again") is True):
@@ -201,7 +201,7 @@ class BedsidePage:
         self.session.start()
 
     def _restore(self, tab: str, last: str) -> bool:
-        """Go on where the tab was; `last` is a state that it showed after it was kept."""
+        """Restore the stored state of the tab; `last` is a state that it showed after being stored."""
         try:
             newest = state_of(last) if last else None
             tab_state = read_snapshot(tab) if tab else Snapshot(History(newest or self.session.state))
@@ -222,7 +222,7 @@ class BedsidePage:
         return True
 
     def _state_of_link(self, link: str) -> PageState | None:
-        """The state of a link; one that cannot be used gives a message and changes nothing."""
+        """Return the state of a link; an invalid link gives a message and changes nothing."""
         try:
             return state_of(link)
         except CaseError as error:
@@ -232,12 +232,12 @@ class BedsidePage:
             return None
 
     def _roll_back(self, args: Message) -> None:
-        """The page had no answer for too long, and shows a state before: it is the one that holds."""
+        """Return to the state that the page shows again, after it had waited too long for an answer."""
         if self.session.roll_back(str(args.get("of") or ""), str(args.get("link") or "")):
             notify(text("taken_back"), "warning")
 
     def _open_link(self, args: Message) -> None:
-        """A link was put into the address of the open page."""
+        """Show the state of a link that was entered into the address of the open page."""
         state = self._state_of_link(str(args.get("link") or ""))
         if state is not None:
             self.session.load(state)
@@ -264,7 +264,7 @@ class BedsidePage:
 
 
 def _turned(args: Message) -> tuple[str, object, int]:
-    """Key, value and number of a turn, as far as they can be trusted."""
+    """Return key, value and sequence number of a turn, with values of the wrong type replaced."""
     seq = args.get("seq")
     value = args.get("value")
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):

@@ -1,4 +1,4 @@
-"""Draws of a posterior, parameters of one patient that the measurements leave possible: read or drawn."""
+"""Posterior draws: parameters of one patient that are consistent with the measurements, read or sampled."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 BAND_MEMBERS = 128
-"""Draws that bands are made of."""
+"""Number of draws used for bands."""
 MOST_VALUES = 2_000_000
 LONGEST_DOUBT = 300
 METHODS = {
     "importance": "posterior_importance", "nuts": "posterior_nuts", "gaussian": "posterior_gaussian",
 }  # fmt: skip
-"""How a posterior may have been found, and the key of its words."""
+"""Methods of sampling a posterior, with the text key of each."""
 
 
 @dataclass(frozen=True)
 class PosteriorDraws:
-    """Draws of a patient's fitted parameters, all as likely as each other.
+    """Draws of a patient's fitted parameters, equally weighted.
 
     Args:
-        names: parameters.
-        draws: in their units, shape (members, parameters), in no order.
-        base: values of the patient that is shown when no knob is turned.
-        method: how they were found: "importance", "nuts" or "gaussian".
-        doubts: why they are not to be trusted; empty where they are.
+        names: names of the parameters.
+        draws: draws in the parameters' units, shape (members, parameters), in random order.
+        base: parameter values of the displayed patient before any knob is turned.
+        method: method of sampling: "importance", "nuts" or "gaussian".
+        doubts: reasons not to trust the draws; empty if there are none.
     """
 
     names: tuple[str, ...]
@@ -58,13 +58,14 @@ class PosteriorDraws:
     doubts: tuple[str, ...]
 
     def values(self, values: Mapping[str, Any], count: int) -> dict[str, Any]:
-        """Parameter values of the first members; a knob turns a fitted parameter in all of them.
+        """Return parameter values of the first members; a knob changes a fitted parameter in all of them.
 
-        What is sought by its logarithm is multiplied, the rest moved, as far as a case file allows.
+        Parameters fitted on a logarithmic scale are multiplied by the ratio of displayed to base value. The
+        others are shifted by the difference, within the range allowed in a case file.
 
         Args:
-            values: of the patient that is shown.
-            count: members.
+            values: parameter values of the displayed patient.
+            count: number of members.
         """
         shown, base = (np.array([by[name] for name in self.names]) for by in (values, self.base))
         draws, linear = self.draws[:count], Scale.of(self.names).linear
@@ -74,15 +75,15 @@ class PosteriorDraws:
         return {**values, **dict(zip(self.names, draws_of.T, strict=True))}
 
     def of(self, case: Case) -> PosteriorDraws:
-        """The same members around the numbers of a case."""
+        """Return the same members with the parameter values of a case as base."""
         values = resolve_parameters(case)
         return replace(self, base={name: values[name] for name in self.names})
 
     def centred(self, case: Case) -> Case:
-        """The case with the numbers that the members lie around.
+        """Return the case with the base values, around which the members lie.
 
         Raises:
-            CaseError: it has no such numbers, or others of it do not go with them.
+            CaseError: The case lacks such parameters, or its other values contradict them.
         """
         read = parameters_read(circuit_of(case))
         if missing := [name for name in self.names if name not in read]:
@@ -91,7 +92,7 @@ class PosteriorDraws:
         return read_mapping(with_values(case, self.base).as_mapping()).case
 
     def as_object(self) -> dict[str, Any]:
-        """Plain data for the page."""
+        """Return plain data for the page."""
         return {
             "method": text(METHODS[self.method]) if self.method in METHODS else self.method,
             "trusted": not self.doubts, "doubts": list(self.doubts), "checked": self.method != "gaussian",
@@ -99,7 +100,7 @@ class PosteriorDraws:
         }  # fmt: skip
 
     def central(self) -> dict[str, float]:
-        """The member nearest to the medians: one that fits, which the medians themselves need not."""
+        """Return the member nearest to the medians: a member is consistent, which the medians need not be."""
         at = Scale.of(self.names).coordinates(self.draws)
         spread = np.maximum(at.std(axis=0), 1e-12)
         away = np.sum(((at - np.median(at, axis=0)) / spread) ** 2, axis=1)
@@ -107,7 +108,7 @@ class PosteriorDraws:
 
 
 def _ranges(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """The smallest and the largest value that a case file takes, shape (parameters,) each."""
+    """Return smallest and largest values allowed in a case file, shape (parameters,) each."""
     known = [parameter for name in names if (parameter := quantity(name)) is not None]
     return np.array([parameter.minimum for parameter in known]), np.array(
         [parameter.maximum for parameter in known]
@@ -115,10 +116,10 @@ def _ranges(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_posterior(name: str, content: bytes) -> PosteriorDraws:
-    """PosteriorDraws of a `posterior.nc` that `eclsim identify --posterior` wrote.
+    """Read the draws of a `posterior.nc` written by `eclsim identify --posterior`.
 
     Raises:
-        CaseError: If it is no such file, or holds what is no parameter.
+        CaseError: It is not such a file, or has a variable that is not a parameter.
     """
     import xarray as xr
 
@@ -130,7 +131,7 @@ def read_posterior(name: str, content: bytes) -> PosteriorDraws:
                 return _read(name, data)
         except CaseError:
             raise
-        except Exception:  # whatever a damaged file makes the reader say
+        except Exception:  # any error that the reader raises on a damaged file
             raise _refused(name, text("posterior_damaged")) from None
 
 
@@ -170,13 +171,13 @@ SEED = 0
 
 @dataclass(frozen=True)
 class _ReportingDensity(PosteriorDensity):
-    """A density that reports how many beats it has computed; the report may raise to stop it."""
+    """A density that reports how many beats it has computed; the report may raise an exception to stop it."""
 
     report: Callable[[str], None] = print
     done: list[int] = field(default_factory=list)
 
     def simulate(self, z: np.ndarray, centre: np.ndarray | None = None) -> np.ndarray:
-        """Outputs as `PosteriorDensity.simulate` returns them."""
+        """Return outputs as `PosteriorDensity.simulate` does."""
         self.report(text("posterior_draws", count=sum(self.done)))
         result = super().simulate(z, centre)
         self.done.append(len(z))
@@ -186,16 +187,16 @@ class _ReportingDensity(PosteriorDensity):
 def plain_posterior(
     raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None], free: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Members, intervals and the verdict for a fitted case.
+    """Return members, parameter intervals and doubts for a fitted case.
 
     Args:
-        raw: as a case file holds it, with measurements and the fitted parameters.
+        raw: case with measurements and the fitted parameters, as in a case file.
         policy: blood volume policy.
-        report: called with what is being done; may raise to stop it.
-        free: the fitted parameters; left out, what is worth fitting.
+        report: called with a description of the current step; may raise an exception to stop.
+        free: the fitted parameters; empty to choose those worth fitting.
 
     Returns:
-        Plain data: names and members, intervals of the parameters, and what the weights say.
+        Plain data: names and members, intervals of the parameters, and diagnostics of the weights.
     """
     report(text("posterior_preparing"))
     posterior, start = _density(raw, policy, report, free)
@@ -219,7 +220,7 @@ def plain_posterior(
 def _density(
     raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None], free: Sequence[str]
 ) -> tuple[_ReportingDensity, np.ndarray]:
-    """The density of a fitted case's parameters, and the coordinates of their fitted values."""
+    """Return the density of a fitted case's parameters, and the coordinates of their fitted values."""
     case, settings = prepared_for_fit(raw, policy, free)
     checked = checked_fit(case, settings)
     prior = Prior.within(Box.of(checked.free))

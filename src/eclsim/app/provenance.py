@@ -1,4 +1,4 @@
-"""Where the numbers of the page come from: read, simulated, fitted, or changed by hand; in words."""
+"""Origin of the page's numbers, in words: read, simulated, fitted, or changed by hand."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 LONGEST_SOURCE = 60
 MOST_NAMED = 4
-"""Knobs that are named when they were changed; of more there is a count."""
+"""Largest number of changed knobs that are named; further ones are counted."""
 
 
 def title_of(state: PageState) -> str:
-    """The name that the numbers of a state go by: never that of a patient or preset that was changed."""
+    """Return the title of a state's numbers; that of a changed patient or preset says that it was changed."""
     name = _name(state)
     return text("provenance_title_changed", name=name) if state.changed else name
 
 
 def provenance(state: PageState) -> dict[str, Any]:
-    """Where the numbers come from, as plain data.
+    """Return the origin of the numbers as plain data.
 
     Returns:
-        `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, and
-        what was `measured` in this patient [mmHg, L/min].
+        `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, the
+        values `measured` in this patient [mmHg, L/min], and the `circuit`.
     """
     kind, measured = kind_of(state), state.start.case.measurements
     badge = kind
@@ -66,12 +66,12 @@ def provenance(state: PageState) -> dict[str, Any]:
 
 
 def _shortened(source: str) -> str:
-    """Both ends of a long file name, so that the text after it stays in sight."""
+    """Shorten a long file name to its beginning and end, so that the text after it stays visible."""
     return source if len(source) <= LONGEST_SOURCE else f"{source[:30]}…{source[-29:]}"
 
 
 def _badge(kind: str, changed: bool) -> str:
-    """A change by hand hides no doubt about what was changed."""
+    """Return the text of the badge; a change by hand does not hide a doubt about the original."""
     if not changed:
         return text(f"badge_{kind}")
     if kind in ("preset", "paper", "parameters", "fit_good"):
@@ -80,13 +80,13 @@ def _badge(kind: str, changed: bool) -> str:
 
 
 def _measured(measurements: Measurements) -> dict[str, float]:
-    """What was measured, by every output that it is a measurement of."""
+    """Return the measurements by the name of every output that they measure."""
     values = measurements.model_dump(exclude_none=True)
     return values | ({"right_atrial_pressure": values["CVP"]} if "CVP" in values else {})
 
 
 def kind_of(state: PageState) -> str:
-    """Where the parameters come from: "preset", "paper", "fit", "posterior", "parameters" or "unfitted"."""
+    """Return the parameters' origin: "preset", "paper", "fit", "posterior", "parameters" or "unfitted"."""
     start = state.start
     if start.origin in PRESETS:
         return "paper" if start.origin == "paper" else "preset"
@@ -96,7 +96,7 @@ def kind_of(state: PageState) -> str:
 
 
 def circuit_text(case: Case) -> str:
-    """The devices of a case with their speeds and flows, on one line."""
+    """Return the devices of a case with their speeds and flows, on one line."""
     summaries = [
         f"{instance.label} {instance.device.summary(instance.section)}" for instance in case.instances()
     ]
@@ -104,7 +104,7 @@ def circuit_text(case: Case) -> str:
 
 
 def fitted_with(state: PageState) -> str:
-    """What a fit takes as it stands: devices, sections with their settings, and parameters, on one line."""
+    """Return what a fit holds fixed, on one line: devices, sections with settings, and parameters."""
     case = fitted_case(state)
     sections = []
     for kind in PATIENT_SECTIONS:
@@ -121,7 +121,7 @@ def fitted_with(state: PageState) -> str:
 
 
 def fitted_case(state: PageState) -> Case:
-    """The case that measurements are fitted from: of a preset without its heart and vessels."""
+    """Return the case from which a fit starts; a preset's parameters of heart and vessels are left out."""
     case = state.case
     if state.start.origin not in PRESETS:
         return case
@@ -131,7 +131,7 @@ def fitted_case(state: PageState) -> Case:
 
 
 def held_parameters(case: Case) -> list[str]:
-    """Parameters of a case that fits do not search, in words."""
+    """Return the parameters of a case that fits do not vary, in words."""
     others = {name: value for name, value in case.parameters.items() if name not in BOUNDS}
     start = [others.pop(name) for name in START_PRESSURES if name in others]
     given = [f"{text(VOLUME)} {value_of(case, VOLUME):.0f} mL"] if start else []
@@ -139,7 +139,7 @@ def held_parameters(case: Case) -> list[str]:
 
 
 def changes(state: PageState) -> list[str]:
-    """What was changed since the patient was opened: names of knobs and devices."""
+    """Return what was changed since the patient was opened: names of knobs and devices."""
     start, result, sections = state.start, [], {section.section for section in PATIENT_SECTIONS}
     before, now = (_parts(case) for case in (start.case, state.case))
     for there, others, device, section in (
@@ -163,7 +163,7 @@ def changes(state: PageState) -> list[str]:
 
 
 def _parts(case: Case) -> dict[str, str]:
-    """Devices and optional sections of a case in words."""
+    """Return the labels of the devices and optional sections of a case."""
     labels = {instance.key: instance.label for instance in case.instances()}
     return labels | {key: group_name(key) for key in connected(case) if key not in devices()}
 

@@ -1,4 +1,4 @@
-"""The server: NiceGUI in an application of our own, behind the guard."""
+"""The server: NiceGUI within an application of eclsim, behind the guard."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ SLOWEST_HEADERS_S = 15.0
 LARGEST_MESSAGE = 1_000_000
 MOST_CONNECTIONS = 400
 MOST_UNCONNECTED = 8
-"""Pages that were asked for and have not connected: one more, and the oldest is dropped."""
+"""Largest number of requested pages without a connection; a further one replaces the oldest."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How the page is served.
+    """Options of the server.
 
     Args:
-        state: patient to start with.
+        state: initial patient.
         host: address to listen on.
         port: port to listen on.
         root_path: path under which a proxy serves the page, such as "/eclsim".
-        hosts: names by which it may be called.
-        password: to be typed before anything is shown; None without one.
-        most_sessions: tabs that may be open at a time.
+        hosts: host names under which the page may be requested.
+        password: password required before anything is shown; None for none.
+        most_sessions: largest number of open tabs.
     """
 
     state: PageState
@@ -50,10 +50,10 @@ class Options:
 
 
 class TimeoutProtocol(H11Protocol):
-    """Closes connections whose first request does not arrive in time."""
+    """Protocol that closes connections whose first request does not arrive in time."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:
-        """Start the clock."""
+        """Start the timer."""
         super().connection_made(transport)
         self.loop.call_later(SLOWEST_HEADERS_S, self._close_if_silent, transport)
 
@@ -63,12 +63,12 @@ class TimeoutProtocol(H11Protocol):
 
 
 class OpenPages:
-    """Open pages: those that a browser shows, and those that were asked for and have never connected.
+    """Pages open in a browser, and pages that were requested but have never connected.
 
-    Only the first count as sessions, so that requests without a browser keep nobody out.
+    Only the former count as sessions, so that requests without a browser do not exclude anyone.
 
     Args:
-        most: sessions at a time.
+        most: largest number of sessions.
     """
 
     def __init__(self, most: int):
@@ -78,11 +78,11 @@ class OpenPages:
 
     @property
     def full(self) -> bool:
-        """Whether there is no place for another session."""
+        """Whether no further session is possible."""
         return len(self.shown) >= self.most
 
     def add(self, client: Client, page: BedsidePage) -> None:
-        """Keep a page until its browser has gone, or until too many others wait that never connected."""
+        """Keep a page until its browser disconnects, or until too many others wait that never connected."""
 
         def connected() -> None:
             if client in self.waiting:
@@ -103,7 +103,7 @@ class OpenPages:
 
 
 def application(options: Options, engine: Engine) -> App:
-    """The ASGI application behind its guard."""
+    """Return the ASGI application behind its guard."""
     visitors = OpenPages(options.most_sessions)
 
     @ui.page("/", title=text("title"))
@@ -126,7 +126,7 @@ def application(options: Options, engine: Engine) -> App:
 
 
 def serve(options: Options) -> None:
-    """Serve until stopped."""
+    """Serve the page until stopped."""
     engine = Engine()
     config = uvicorn.Config(
         application(options, engine),  # pyright: ignore[reportArgumentType]  # likewise

@@ -1,4 +1,4 @@
-"""One browser tab: its state, its beats, and what is sent to it. Nothing here is shared between tabs."""
+"""One browser tab: its state, its beats, and the messages sent to it. Nothing is shared between tabs."""
 
 from __future__ import annotations
 
@@ -45,20 +45,20 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("eclsim.app")
 STORE_AFTER_S = 0.5
-"""The browser gets a snapshot to keep when nothing was changed for so long."""
+"""Time without changes after which the browser receives a snapshot to store [s]."""
 BEATS_WORTH_A_CLOSER_START = 12
-"""Beats of a search from which on the next ones begin nearer: at 25 each turn would need a Jacobian."""
+"""Longest search [beats] without a nearer start for later ones: at 25 each turn would need a Jacobian."""
 Send = Callable[[str, Any], None]
 Listener = Callable[["Session"], None]
 
 
 class Session:
-    """What one tab shows.
+    """State and beats of one tab.
 
     Args:
-        engine: where beats are computed.
-        state: what to start with.
-        send: hands a topic and plain data to the browser.
+        engine: computes beats.
+        state: initial state.
+        send: sends a topic and plain data to the browser.
     """
 
     def __init__(self, engine: Engine, state: PageState, send: Send):
@@ -89,34 +89,34 @@ class Session:
 
     @property
     def state(self) -> PageState:
-        """What is shown, or being computed."""
+        """State that is displayed or being computed."""
         return self.history.now
 
     @property
     def beat(self) -> Beat | None:
-        """The beat that is shown; that of an older state while a newer one is computed."""
+        """The displayed beat, which belongs to an older state while a newer one is computed."""
         return self.shown[1] if self.shown else None
 
     @property
     def seen(self) -> ShownBeat | None:
-        """What the page shows: the beat of the state, or that of a later minute of its course."""
+        """The beat displayed on the page: that of the state, or of a later minute of its course."""
         return self.later or (ShownBeat(*self.shown) if self.shown else None)
 
     def start(self) -> None:
-        """Tell the browser everything, and compute the first beat."""
+        """Send everything to the browser, and compute the first beat."""
         self._panel = self._drawn = self._display = None
         self.send("view", self.view)
         self.show_state()
         self._request(0)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on where another session of the same tab ended; pinned and saved beats are computed again."""
+        """Continue the ended session of the same tab; pinned and saved beats are recomputed."""
         self.history = snapshot.history
         if snapshot.pinned is not None or snapshot.saved:
             self._restored = snapshot
 
     def turn(self, key: str, value: object, seq: int = 0) -> bool:
-        """Turn a knob or set a picker; a value that is not allowed is refused beside the knob."""
+        """Turn a knob or set a picker; a value that is not allowed is reported beside the knob."""
 
         def turned() -> Case:
             case = self.state.case
@@ -128,12 +128,12 @@ class Session:
         return self._try(key, lambda: self.state.with_case(turned()), seq)
 
     def record(self, on: bool) -> None:
-        """Whether knobs that are turned are events of the minute that is shown, or change the start."""
+        """Set whether turning a knob adds an event at the displayed minute or changes the start."""
         self.recording = on
         self.show_state()
 
     def at_minute(self, minute: float) -> None:
-        """The minute that is shown; with it go the knobs while they are recorded."""
+        """Set the displayed minute; while turns are recorded, the knobs show the values at that minute."""
         before, self.minute = self._values() if self.recording else None, minute
         if self.recording and self._values() != before:
             self.show_state()
@@ -148,7 +148,7 @@ class Session:
         return self._try(device, changed, 0)
 
     def use(self, device: str, settings: Mapping[str, Any]) -> bool:
-        """Set several knobs of a device at once; where it is not there, connect it first."""
+        """Set several knobs of a device at once, after connecting the device if necessary."""
 
         def changed() -> PageState:
             self._check_start(device)
@@ -162,7 +162,7 @@ class Session:
         return self._try(next(iter(settings), device), changed, 0)
 
     def add_event(self, event: object) -> bool:
-        """Put an event into the course of the case."""
+        """Add an event to the course of the case."""
 
         def added() -> PageState:
             at = event.get("at_min") if isinstance(event, dict) else None
@@ -172,11 +172,11 @@ class Session:
         return self._try("events", added, 0)
 
     def remove_event(self, number: int) -> bool:
-        """Take an event out of the course of the case."""
+        """Remove an event from the course of the case."""
         return self._try("events", lambda: self.state.with_case(without_event(self.state.case, number)), 0)
 
     def show_moment(self, state: PageState, beat: Beat, minute: float) -> None:
-        """Show the beat of a later minute of the course; knobs stay those of its start."""
+        """Show the beat of a later minute of the course; knobs keep the values of its start."""
         if state == self.state and not self.closed:
             self.later = ShownBeat(state, beat, Moment(minute, self.minutes))
             self._send_beat(state, beat, self._requested[1], minute)
@@ -188,7 +188,7 @@ class Session:
             self._send_beat(*self.shown, 0)
 
     def set_policy(self, policy: str) -> None:
-        """Choose who fills the circuits."""
+        """Set the blood volume policy."""
 
         def changed() -> PageState:
             self._check_start("policy")
@@ -198,19 +198,19 @@ class Session:
             self._try("policy", changed, 0)
 
     def _check_start(self, key: str) -> None:
-        """What is no event holds from the start: it is refused while knobs are recorded at a later minute.
+        """Refuse a change that cannot be an event while turns are recorded at a later minute.
 
         Raises:
-            CaseError: they are.
+            CaseError: Turns are recorded at a later minute.
         """
         if self.recording and self.minute > 0.0:
             raise CaseError([Mistake(key, text("timeline_of_start"))])
 
     def _check_end(self, key: str, minute: float) -> None:
-        """An event at the end of the timeline that is open would leave it without a course.
+        """Refuse an event at or after the end of the open timeline, which would have no course then.
 
         Raises:
-            CaseError: it is there, or later.
+            CaseError: The event is at the end or later.
         """
         from eclsim.course.alarms import clock_time
 
@@ -220,11 +220,11 @@ class Session:
             )
 
     def load(self, state: PageState, opened: bool = False) -> None:
-        """Show another patient; undo leads back.
+        """Show another patient; undo returns to the previous one.
 
         Args:
-            state: the patient.
-            opened: whether it was opened anew, so that nothing typed for it before is requested.
+            state: state of the patient.
+            opened: whether the patient was newly opened, so that earlier entries for it are discarded.
         """
         self.history.change(state, "", time.monotonic())
         self._anchor = None
@@ -232,7 +232,7 @@ class Session:
         self._request(0)
 
     def judge(self, old: PageState, new: PageState) -> None:
-        """Replace a patient as opened by one with a later verdict, in all states that go back to it."""
+        """Replace an opened patient by the same with a later verdict, in all states that started from it."""
 
         def rejudged(state: PageState) -> PageState:
             if state.start != old:
@@ -251,26 +251,26 @@ class Session:
         self.show_state()
 
     def undo(self) -> None:
-        """One change back."""
+        """Undo one change."""
         if self.history.undo():
             self.show_state()
             self._request(0)
 
     def redo(self) -> None:
-        """One change forward."""
+        """Redo one change."""
         if self.history.redo():
             self.show_state()
             self._request(0)
 
     def roll_back(self, of: str, link: str = "") -> bool:
-        """Back to the state that the page shows, where that had no answer to what was changed since.
+        """Return to the state that the page shows, if it had no answer to later changes.
 
         Args:
             of: `key_of` that state.
-            link: that restores it, where it is no step of the history.
+            link: link that restores the state if it is not in the history.
 
         Returns:
-            Whether anything was taken back; redo makes it.
+            Whether a change was undone; redo repeats it.
         """
         before = self.state
         if not self.history.back_to(lambda state: key_of(state) == of) and link:
@@ -283,11 +283,11 @@ class Session:
         return changed
 
     def reset(self) -> None:
-        """Back to the patient as loaded."""
+        """Return to the patient as loaded."""
         self._change(self.state.start, "", 0)
 
     def pin(self) -> None:
-        """Keep the beat that is seen as a shadow, or let it go."""
+        """Pin the displayed beat as a shadow, or remove the pinned one."""
         if self.pinned is not None:
             self.pinned = None
         else:
@@ -297,7 +297,7 @@ class Session:
         self._notify()
 
     def save(self) -> bool:
-        """Keep what is seen for the comparison; False if there are too many."""
+        """Save the displayed beat for the comparison; return False if there are too many."""
         if self.seen is None or len(self.saved) >= MOST_SAVED:
             return False
         self.saved.append(self.seen)
@@ -305,14 +305,14 @@ class Session:
         return True
 
     def show_saved(self, number: int) -> None:
-        """Show a saved state again, and the minute of its course."""
+        """Show a saved state again, at the minute of its course."""
         if 0 <= number < len(self.saved):
             kept = self.saved[number]
             self._change(kept.state, "", 0)
             self.send("go_to", kept.moment._asdict())
 
     def remove_saved(self, number: int) -> None:
-        """Let go of a saved state."""
+        """Delete a saved state."""
         if 0 <= number < len(self.saved):
             del self.saved[number]
             self._send_saved()
@@ -325,17 +325,17 @@ class Session:
         self.send("pinned", self.pinned.plain() if self.pinned else None)
 
     def listen(self, listener: Listener) -> None:
-        """Call after every beat, and when another view is open or a state is pinned."""
+        """Register a function to be called after each beat, on opening a view and on pinning a state."""
         self.listeners.append(listener)
 
     def open_view(self, view: str) -> None:
-        """Another view is seen; those that compute do so only while they are seen."""
+        """Set the visible view; views that compute do so only while visible."""
         self.view = view
         self.send("view", view)
         self._notify()
 
     def close(self) -> None:
-        """The tab is gone: start nothing more."""
+        """End the session when the tab is closed; no further work is started."""
         self.closed = True
         self.listeners.clear()
         if self._keep_timer is not None:
@@ -358,7 +358,7 @@ class Session:
         self._request(seq)
 
     def _request(self, seq: int) -> None:
-        """Compute the beat of the state; while one is being computed only the newest is kept."""
+        """Compute the beat of the state; of requests made during a computation, only the newest is kept."""
         self._requested = (self.state, seq or self._requested[1])
         if not self._running and not self.closed:
             self._running = True
@@ -373,7 +373,7 @@ class Session:
                 state, seq = requested
                 try:
                     beat = await self.engine.beat(state, self._anchor, self._compiling)
-                except Exception:  # a beat that fails must not end the page; what failed is in the log
+                except Exception:  # a failed beat must not end the page; the error is in the log
                     log.exception("a beat failed")
                     self.send("failed", text("failed"))
                     continue
@@ -395,13 +395,13 @@ class Session:
         self._update_search_start(state, beat)
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
-        if not self.minute:  # else the course follows, and with it the beat of the minute that is shown
+        if not self.minute:  # else the course follows, with the beat of the displayed minute
             self._send_beat(state, beat, seq)
         self._complete_soon()
         self._notify()
 
     def _update_search_start(self, state: PageState, beat: Beat) -> None:
-        """Let searches start from this beat if they start too far away, while no knob waits for it."""
+        """Make searches start from this beat if they start too far away; the knobs do not wait for this."""
         known = self._anchor is not None and self._anchor.circuit is beat.circuit
         idle = self._preparing_start is None or self._preparing_start.done()
         if beat.converged and idle and not (known and beat.effort <= BEATS_WORTH_A_CLOSER_START):
@@ -415,7 +415,7 @@ class Session:
         self._anchor = beat
 
     def _complete_soon(self) -> None:
-        """Compute what the page lacks beside the beat: see `_complete`."""
+        """Start `_complete` if the page lacks beats other than the displayed one."""
         if self._completing is None and not self.closed and self._incomplete():
             self._completing = asyncio.get_running_loop().create_task(self._complete())
             self._completing.add_done_callback(_report)
@@ -424,7 +424,7 @@ class Session:
         return self._restored is not None or self.base is None or self.base[0] != self.state.start
 
     async def _complete(self) -> None:
-        """Beats that were pinned and saved before a reload, and the one that changes are measured from."""
+        """Compute beats pinned or saved before a reload, and the beat with which changes are compared."""
         try:
             while self._incomplete() and not self.closed:
                 if self._restored is not None:
@@ -464,7 +464,7 @@ class Session:
             listener(self)
 
     def show_state(self, key: str = "", seq: int = 0, opened: bool = False) -> None:
-        """Tell the browser where knobs stand, and, where the circuit changed, how it is drawn."""
+        """Send the values of the knobs to the browser and, if the circuit changed, its drawing."""
         from eclsim.app.drawing import drawing_of
 
         state, case = self.state, self.state.case
@@ -494,12 +494,12 @@ class Session:
         self._store_snapshot_soon()
 
     def _values(self, state: PageState | None = None) -> dict[str, Any]:
-        """Where the knobs stand, or stood in a state whose beat comes when they have moved on."""
+        """Return the values of the knobs, now or in a given state, whose beat may arrive after more turns."""
         case = (state or self.state).case
         return knobs_at(case, self.minute if self.recording else 0.0)
 
     def _store_snapshot_soon(self) -> None:
-        """Have the browser keep this tab, when nothing is changed for a while."""
+        """Have the browser store this tab once nothing changes for a while."""
         if self._keep_timer is not None:
             self._keep_timer.cancel()
         if self._restored is None and not self.closed:
@@ -513,7 +513,7 @@ class Session:
 
 
 def _compared(beat: Beat) -> dict[str, Any]:
-    """What changes are measured from, as plain data."""
+    """Return the data with which changes are compared, as plain data."""
     from eclsim.app.beat import plain
 
     everything = plain(beat, ())

@@ -1,4 +1,4 @@
-"""A beat that somebody pins or saves: of a state, or of a later minute of its course."""
+"""A pinned or saved beat: that of a state, or of a later minute of its course."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class ShownBeat(NamedTuple):
-    """A beat as it was shown.
+    """A beat as displayed.
 
     Attributes:
-        state: what it was computed from.
+        state: state from which it was computed.
         beat: the steady beat of the state, or that of a later minute of its course.
-        moment: which minute, of a course of which length.
+        moment: minute and length of the course.
     """
 
     state: PageState
@@ -30,7 +30,7 @@ class ShownBeat(NamedTuple):
     moment: Moment = START
 
     def plain(self) -> dict[str, Any]:
-        """With all that it can differ in from others, for the browser."""
+        """Return the beat with everything in which it can differ from others, for the browser."""
         from eclsim.app.beat import plain
 
         case, minute, origin = self.state.case, self.moment.minute, provenance(self.state)
@@ -44,15 +44,15 @@ class ShownBeat(NamedTuple):
 
 
 def knobs_at(case: Case, minute: float) -> dict[str, Any]:
-    """Where events have left them at a minute of the course."""
+    """Return the values of the knobs as events have left them at a minute of the course."""
     return knobs_of(case_at(case, minute) if minute else case)
 
 
 async def recomputed(engine: Engine, state: PageState, moment: Moment) -> ShownBeat:
-    """A beat that was kept before the page was loaded again.
+    """Recompute a beat that was stored before the page was reloaded.
 
     Raises:
-        CaseError: the course of the state cannot be followed.
+        CaseError: The course of the state cannot be computed.
     """
     if not moment.minute:
         return ShownBeat(state, await engine.beat(state, None))

@@ -1,7 +1,7 @@
-"""What a page shows, as values: the state, its history, links, and what the browser keeps of a tab.
+"""State of a page as values: the state itself, its history, links, and the snapshot that a browser stores.
 
-The server keeps nothing: a page that is loaded again, or whose server was started again, goes on with the
-snapshot that its browser kept.
+The server stores nothing: a page that is reloaded, or whose server was restarted, continues from the snapshot
+in its browser.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LARGEST_STATE = 200_000
 LONGEST_HISTORY = 100
 MOST_SAVED = 6
 MOST_UNDONE = 40
-"""Steps of undo, and of redo, that a browser keeps."""
+"""Largest number of undo steps, and of redo steps, stored by a browser."""
 MOST_STATES = 2 * MOST_UNDONE + MOST_SAVED + 2
 LONGEST_SNAPSHOT, LARGEST_SNAPSHOT = 120_000, 1_000_000
 SNAPSHOT_VERSION = 1
@@ -39,18 +39,18 @@ POLICIES = ("as_published", "patient_held")
 
 @dataclass(frozen=True)
 class PageState:
-    """Everything that a beat is computed from, and whose numbers they are.
+    """Everything from which a beat is computed, and the origin of the numbers.
 
     Args:
         case: patient, devices and parameters; knobs change it.
         policy: blood volume policy.
-        origin: key of a preset, or another one of `ORIGINS`.
-        posterior: which of the session's posteriors speaks of this patient; not part of a link.
-        source: name of the file that the patient was read from.
-        verdict: of the fit, where the parameters were fitted: "good", "doubtful" or "poor".
-        subject: whose measurements these are, where not those of the patient as opened: a fitted patient
-            is the one that it was fitted to.
-        opened: the patient as opened, before any knob was turned; None where this is that state.
+        origin: key of a preset, or another value of `ORIGINS`.
+        posterior: key of the session's posterior for this patient; not part of a link.
+        source: name of the file from which the patient was read.
+        verdict: verdict on the fit, if the parameters were fitted: "good", "doubtful" or "poor".
+        subject: key of the patient whose measurements these are, if not the patient as opened: that of a
+            fitted patient is the one to which it was fitted.
+        opened: the patient as opened, before any knob was turned; None if this is that state.
     """
 
     case: Case
@@ -64,12 +64,12 @@ class PageState:
 
     @property
     def start(self) -> PageState:
-        """The patient as opened: where reset leads."""
+        """The patient as opened, to which reset returns."""
         return self.opened or self
 
     @property
     def computed_case(self) -> Case:
-        """The case; set points of reflexes that it leaves open are those of the patient as opened."""
+        """The case to compute; open set points of its reflexes are those of the patient as opened."""
         left_open = self.case.regulation is not None and self.case.regulation.open_set_points
         if self.opened is None or not left_open:
             return self.case
@@ -77,15 +77,15 @@ class PageState:
 
     @property
     def changed(self) -> bool:
-        """Whether a knob, device or policy is another one than in the patient as opened."""
+        """Whether a knob, device or policy differs from the patient as opened."""
         return self.opened is not None
 
     def with_case(self, case: Case) -> PageState:
-        """The same patient with a case that was changed."""
+        """Return the same patient with a changed case."""
         return self._changed(case, self.policy)
 
     def with_policy(self, policy: str) -> PageState:
-        """The same patient under another blood volume policy."""
+        """Return the same patient under another blood volume policy."""
         return self._changed(self.case, policy)
 
     def _changed(self, case: Case, policy: str) -> PageState:
@@ -95,10 +95,10 @@ class PageState:
         return replace(self, case=case, policy=policy, opened=start)
 
     def as_object(self) -> dict[str, Any]:
-        """Plain data of the state."""
+        """Return the state as plain data."""
         result = {"case": self.case.as_mapping(), "policy": self.policy}
         result |= {name: getattr(self, name) for name in _NAMES if getattr(self, name)}
-        if self.opened is None or self.origin in PRESETS:  # presets are known without
+        if self.opened is None or self.origin in PRESETS:  # presets can be opened without it
             return result
         return result | {"opened": self.opened.as_object()}
 
@@ -108,34 +108,34 @@ _NAMES = ("origin", "source", "verdict", "subject")
 
 
 def preset_state(key: str) -> PageState:
-    """A preset as it is opened."""
+    """Return the state of a preset as opened."""
     return PageState(PRESETS[key].case(), origin=key)
 
 
 def subject_of(state: PageState) -> str:
-    """Tells whose measurements are typed: the same for a patient as opened, turned and fitted."""
+    """Return a key of the measured patient, the same for the patient as opened, turned and fitted."""
     start = state.start
     return start.subject or f"{zlib.crc32(repr((start.case, start.origin, start.source)).encode()):08x}"
 
 
 def key_of(state: PageState) -> str:
-    """Tells results of one state from those of another."""
+    """Return a key that distinguishes the results of different states."""
     return f"{zlib.crc32(repr((state.case, state.policy)).encode()):08x}"
 
 
 def link_of(state: PageState) -> str:
-    """A state as the text behind # in a link: it stays in the browser and reaches no log of a server."""
+    """Return a state as a link's fragment (after #), which stays in the browser and out of server logs."""
     return packed({"v": VERSION, "state": state.as_object()})
 
 
 def state_of(link: str) -> PageState:
-    """The state of a link; it is checked like a case file.
+    """Return the state of a link, checked like a case file.
 
     Raises:
-        CaseError: If it is no link of this page, or its case cannot be used.
+        CaseError: It is not a link of this page, or its case is invalid.
     """
     result = unpacked(link, LONGEST_LINK, LARGEST_STATE)
-    if result.get("v") == 1:  # links of earlier versions knew no patient as opened
+    if result.get("v") == 1:  # links of earlier versions did not contain the patient as opened
         return read_state({key: value for key, value in result.items() if key != "v"})
     if result.get("v") != VERSION:
         raise refused_link("of another version")
@@ -143,17 +143,17 @@ def state_of(link: str) -> PageState:
 
 
 def read_state(data: object) -> PageState:
-    """A state from plain data of a link.
+    """Convert plain data of a link to a state.
 
     Raises:
-        CaseError: If it is none, or its case cannot be used.
+        CaseError: The data are not a state, or its case is invalid.
     """
     if not isinstance(data, dict):
         raise refused_link("damaged")
     if data.get("policy") not in POLICIES:
         raise refused_link("with an unknown blood volume policy")
     case = read_mapping(data.get("case"), "link").case
-    if case.targets():  # the page writes speeds alone
+    if case.targets():  # the page itself writes only speeds
         raise refused_link("with a pump flow in place of a speed")
     names = _read_names(data)
     state = replace(PageState(case, data["policy"]), **names)
@@ -171,10 +171,10 @@ def read_state(data: object) -> PageState:
 
 
 def _read_names(data: dict[str, Any]) -> dict[str, str]:
-    """Texts of a state; an unknown one is an error, never left out or replaced.
+    """Return the texts of a state; an unknown one is an error and never omitted or replaced.
 
     Raises:
-        CaseError: A text that this page does not know.
+        CaseError: A text is unknown to this page.
     """
     if data.keys() - {"case", "policy", "opened", *_NAMES}:
         raise refused_link("of another version")
@@ -190,21 +190,21 @@ def _read_names(data: dict[str, Any]) -> dict[str, str]:
 
 
 def packed(content: object) -> str:
-    """Plain data as a text for links and for the browser's storage."""
+    """Encode plain data as a text for links and for the browser's storage."""
     plain = json.dumps(content, separators=(",", ":")).encode()
     return base64.urlsafe_b64encode(zlib.compress(plain, 9)).decode().rstrip("=")
 
 
 def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
-    """The plain data of such a text.
+    """Decode a text made by `packed`.
 
     Args:
-        text: from a browser.
-        longest: characters it may have.
-        largest: bytes it may unpack to.
+        text: text from a browser.
+        longest: largest number of characters.
+        largest: largest number of bytes after decompression.
 
     Raises:
-        CaseError: If it is damaged or too long.
+        CaseError: The text is damaged or too long.
     """
     if len(text) > longest:
         raise refused_link("too long")
@@ -225,7 +225,7 @@ def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
 
 
 def refused_link(reason: str) -> CaseError:
-    """Message about a link that cannot be used."""
+    """Return the error for a link that cannot be used."""
     return CaseError([Mistake("", f"the link is {reason}", allowed="a link copied from this page")])
 
 
@@ -233,8 +233,8 @@ def refused_link(reason: str) -> CaseError:
 class History:
     """States that were shown, for undo and redo.
 
-    A knob that is turned in many small steps is one step of the history: steps of the same `key` that follow
-    each other within `merge_s` seconds are one.
+    Many small turns of a knob are one step of the history: changes with the same `key` are merged if each
+    follows the previous one within `merge_s` seconds.
     """
 
     now: PageState
@@ -255,15 +255,15 @@ class History:
         self.now = state
 
     def undo(self) -> bool:
-        """One step back; whether there was one."""
+        """Undo one step; return whether there was one."""
         return self._move(self.past, self.future)
 
     def redo(self) -> bool:
-        """One step forward; whether there was one."""
+        """Redo one step; return whether there was one."""
         return self._move(self.future, self.past)
 
     def back_to(self, is_meant: Callable[[PageState], bool]) -> bool:
-        """Back to the last state of this kind; whether there is one: if not, nothing changes."""
+        """Go back to the last state that `is_meant` accepts; without one, change nothing and return False."""
         if not any(is_meant(state) for state in (self.now, *self.past)):
             return False
         while not is_meant(self.now):
@@ -271,7 +271,7 @@ class History:
         return True
 
     def replace(self, state: PageState) -> None:
-        """Another state in place of the present one, to which redo leads."""
+        """Replace the present state by another; redo returns to the replaced one."""
         self.future.append(self.now)
         self.now, self._last = state, ("", float("-inf"))
 
@@ -288,8 +288,8 @@ class Moment(NamedTuple):
     """A minute of the course of a state.
 
     Attributes:
-        minute: from its start [min]; 0: the steady beat of the state.
-        length: of the course [min]; a short one is followed beat by beat.
+        minute: time from the start [min]; 0 for the steady beat of the state.
+        length: duration of the course [min]; a short course is computed beat by beat.
     """
 
     minute: float = 0.0
@@ -301,14 +301,14 @@ START = Moment()
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A tab as its browser keeps it.
+    """State of a tab as stored by its browser.
 
     Args:
-        history: what was shown, with undo and redo.
+        history: states that were shown, with undo and redo.
         pinned: state whose beat was pinned.
         saved: states that were saved for the comparison.
-        pinned_at: minute of its course that was pinned.
-        saved_at: minute of each of those; empty: the start.
+        pinned_at: minute of the pinned beat in its course.
+        saved_at: minute of each saved beat in its course; empty if all are at the start.
     """
 
     history: History
@@ -318,7 +318,7 @@ class Snapshot:
     saved_at: tuple[Moment, ...] = ()
 
     def packed(self) -> str:
-        """Text for the browser's storage: each state once, and numbers that refer to it."""
+        """Encode the snapshot for the browser's storage: each state once, with indices that refer to it."""
         states: list[PageState] = []
 
         def numbers(of: Iterable[PageState]) -> list[int]:
@@ -338,10 +338,10 @@ class Snapshot:
 
 
 def read_snapshot(text: str) -> Snapshot:
-    """A tab from the browser's storage; every state is checked like a case file.
+    """Decode a snapshot from the browser's storage; each state is checked like a case file.
 
     Raises:
-        CaseError: If it is damaged, or of a version that this page does not read.
+        CaseError: The snapshot is damaged, or of a version that this page does not read.
     """
     content = unpacked(text, LONGEST_SNAPSHOT, LARGEST_SNAPSHOT)
     plain = content.get("states")
@@ -372,10 +372,10 @@ def read_snapshot(text: str) -> Snapshot:
 
 
 def _moment(data: object) -> Moment:
-    """A minute of a course from plain data.
+    """Convert plain data to a minute of a course.
 
     Raises:
-        CaseError: If it is none.
+        CaseError: The data are not a minute of a course.
     """
     if not isinstance(data, (list, tuple)) or len(data) != 2:
         raise refused_link("damaged")

@@ -1,7 +1,7 @@
-"""What views compute beyond one beat: the speed ramp and the nine schemes, each one batch; 90 % bands.
+"""Studies beyond one beat: the speed ramp and the nine schemes, each as one batch, and 90 % bands.
 
-All members of a posterior are solved side by side, one block after the other in one thread, so that a
-processor is left for the knobs; between blocks somebody may say that nobody wants them any more.
+The members of a posterior are solved in blocks, one block after another in one thread, so that a processor
+remains free for the knobs. Between blocks, the computation stops if its result is no longer needed.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ if TYPE_CHECKING:
 
 SPEEDS = 15
 VALVE_OUTPUTS = ("aortic_valve_flow", "peak_aortic_valve_flow")
-"""Outputs that show whether the aortic valve opens, the purpose of a ramp of an assist pump."""
+"""Outputs that show whether the aortic valve opens, the purpose of a ramp with an assist pump."""
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:
-    """Outputs over the speeds of the state's pump; None without a rotary pump.
+    """Compute outputs over the speeds of the state's pump; None without a rotary pump.
 
-    At a speed whose beat no patient can have, or that has none, there is no number. `closed` are the speeds
-    at which the aortic valve never opens, `undetermined` those at which heart valves shut blood in: how much
-    depends on where the search began, and with it all pressures.
+    Outputs are null at a speed whose beat did not converge or is impossible in a patient. `closed` lists the
+    speeds at which the aortic valve never opens. `undetermined` lists those at which closed heart valves trap
+    blood: the trapped volume, and with it all pressures, depends on where the search started.
     """
     sweep = sweep_of(state.case)
     if sweep is None:
@@ -71,14 +71,14 @@ def ramp(state: PageState) -> dict[str, Any] | None:
 
 
 def _judging(circuit: Circuit) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Outputs and waveforms that say whether a patient can have a beat."""
+    """Return the outputs and waveforms that show whether a beat is possible in a patient."""
     known = output_names(circuit)
     judged = (n for n in known if any(limit.kind == "collapse" for limit in limits_of(n, known)))
     return tuple(judged), watched_waveforms(circuit)
 
 
 def schemes(state: PageState) -> dict[str, Any] | None:
-    """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
+    """Compute line pressures of the nine schemes at the state's speed; None without a rotary ECMO pump."""
     from eclsim.crrt_study.beats import line_pressures_of_nine_schemes
 
     result = line_pressures_of_nine_schemes(state.case, state.policy)
@@ -86,7 +86,7 @@ def schemes(state: PageState) -> dict[str, Any] | None:
 
 
 def plain_curve(values: np.ndarray) -> list[float | None]:
-    """Rounded numbers for the browser; null for what is not finite."""
+    """Return rounded numbers for the browser; null for those that are not finite."""
     return [finite(float(value), digits=5) for value in values]
 
 
@@ -98,9 +98,9 @@ POINTS = 100
 RAMP_MEMBERS = 64
 LOOP_POINTS = 60
 MOST_LOOPS = 24
-"""Loops drawn of a ventricle: a band has no meaning where a curve closes on itself."""
+"""Number of loops drawn per ventricle: a band has no meaning for a closed curve."""
 FEWEST_DRAWS = 10
-"""Below so many draws that are left there is no band."""
+"""Smallest number of remaining draws for which bands are computed."""
 VENTRICLES = ("lv", "rv")
 LOOP_WAVES = frozenset(kind + place for place in VENTRICLES for kind in "VP")
 Wanted = Callable[[], bool]
@@ -108,14 +108,14 @@ Wanted = Callable[[], bool]
 
 @dataclass(frozen=True)
 class Solved:
-    """Draws with a steady beat that a patient can have, last.
+    """Draws whose steady beat is possible in a patient; draws are the last axis of the arrays.
 
     Args:
-        phases: grid of the beat.
-        waves: by name, shape (points, draws).
-        outputs: by name, shape (draws,).
-        lost: draws without a steady beat, or without a steady gas state where gases are computed.
-        impossible: draws whose steady beat no patient has.
+        phases: grid of the beat, as fractions of it.
+        waves: waveforms by name, shape (points, draws).
+        outputs: outputs by name, shape (draws,).
+        lost: number of draws without a determined steady beat or, if gases are computed, a steady gas state.
+        impossible: number of draws whose steady beat is impossible in a patient.
     """
 
     phases: np.ndarray
@@ -126,12 +126,12 @@ class Solved:
 
     @property
     def count(self) -> int:
-        """Draws that bands are made of."""
+        """Number of draws from which bands are computed."""
         return len(next(iter(self.outputs.values())))
 
 
 def beat_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> dict[str, Any] | None:
-    """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
+    """Compute bands of a state's waveforms and outputs, and loops of members; None if no longer needed."""
     circuit, values = page_circuit(state.computed_case)
     count = len(members.draws)
     signals = tuple(n for n in waves_of(state.case) if n in beat_program(circuit).signals)
@@ -165,7 +165,7 @@ def beat_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
 
 
 def ramp_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> dict[str, Any] | None:
-    """Bands of outputs over the speeds of the state's pump; None without one, or if nobody wants them."""
+    """Compute bands of outputs over the pump's speeds; None without such a pump, or if no longer needed."""
     sweep = sweep_of(state.case)
     if sweep is None:
         return None
@@ -198,16 +198,17 @@ def solve(
     circuit: Circuit, values: Mapping[str, Any], count: int, policy: str, start: Mapping[str, float],
     shown: tuple[tuple[str, ...], tuple[str, ...]], current: Wanted,
 ) -> Solved | None:  # fmt: skip
-    """Steady beats of members side by side, without those that no patient has.
+    """Solve the steady beats of members in blocks, leaving out those impossible in a patient.
 
     Args:
-        circuit: that all share.
-        values: a number or an array (members,) for every parameter.
-        count: members.
+        circuit: circuit of all members.
+        values: a number or an array (members,) for each parameter.
+        count: number of members.
         policy: blood volume policy.
-        start: values that all are close to.
-        shown: names of outputs and of waveforms.
-        current: whether anybody still wants them; asked before each block.
+        start: parameter values near those of all members, where the search starts.
+        shown: names of the outputs and of the waveforms needed.
+        current: returns whether the result is still needed; called before each block. If not, None is
+            returned.
     """
     names, signals = shown
     resolution = int(np.max(needed_resolution(assemble(circuit), values)))
@@ -238,7 +239,7 @@ def solve(
 
 
 def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:
-    """Loops of some of the 90 % of members that stay nearest to the median loop."""
+    """Return loops of some of the 90 % of members nearest to the median loop."""
     sides = [solved.waves[kind + place] for kind in "VP"]
     away = np.zeros(solved.count)
     for wave in sides:

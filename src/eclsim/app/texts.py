@@ -1,4 +1,4 @@
-"""Every word on the page, in one place. Another language is another dictionary of the same keys."""
+"""All texts of the page. Another language is another dictionary with the same keys."""
 
 from __future__ import annotations
 
@@ -583,15 +583,15 @@ _MINUS = re.compile(r"(?<![\w.)-])-(?=\d)")
 
 
 def with_minus(sentence: str) -> str:
-    """A sentence of the command line as the page writes numbers: a minus before them is no hyphen."""
+    """Replace the hyphens before negative numbers in a sentence by minus signs, as the page writes them."""
     return _MINUS.sub("\N{MINUS SIGN}", sentence)
 
 
 def beside_field(mistake: Mistake) -> str:
-    """A mistake as it stands beside its knob or field: without the key."""
+    """Return a mistake as shown beside its knob or field, without the key."""
     return with_minus(str(Mistake("", mistake.message, mistake.value, mistake.allowed, mistake.suggestion)))
 
 
 def text(key: str, **values: object) -> str:
-    """The words of a key, with values put in."""
+    """Return the text of a key, with values inserted."""
     return ENGLISH[key].format(**values) if values else ENGLISH[key]

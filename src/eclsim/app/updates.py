@@ -1,4 +1,4 @@
-"""What is computed after each beat while its view is open: studies, and bands of a posterior."""
+"""Computations after each beat while their view is open: studies, courses, and bands of a posterior."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("eclsim.app")
 PAUSE_S = 0.3
-"""Bands are computed when no knob was turned for so long: a beat must not wait for them."""
+"""Time without a turned knob after which bands are computed [s], so that no beat has to wait for them."""
 MOST_POSTERIORS = 6
 BANDS = {"ramp": "ramp_bands"} | dict.fromkeys(("monitor", "loops", "gases", "outputs"), "bands")
-"""Views that show bands, and the topic under which these are sent."""
+"""Views that show bands, with the topic under which the bands are sent."""
 
 
 class _OneAtATime:
-    """Works off what is wanted in one task: while that runs nothing starts another."""
+    """Works off jobs in a single task; while it runs, no other is started."""
 
     _task: asyncio.Task[None] | None = None
 
@@ -43,8 +43,8 @@ class ViewStudy(_OneAtATime):
     """Runs one study of `eclsim.app.studies` for the newest state of a session, while its view is open.
 
     Args:
-        engine: where it is computed.
-        view: name of the view, of the study, and of the topic it is sent under.
+        engine: runs the study.
+        view: name of the view, of the study, and of the topic under which the result is sent.
     """
 
     def __init__(self, engine: Engine, view: str):
@@ -52,7 +52,7 @@ class ViewStudy(_OneAtATime):
         self._done: dict[str, PageState] = {}
 
     def __call__(self, session: Session) -> None:
-        """The session has a new beat, another view is open, or a state is pinned."""
+        """React to a new beat of the session, another open view, or a pinned state."""
         self._start(self._next(session), lambda: self._run(session))
 
     async def _run(self, session: Session) -> None:
@@ -64,7 +64,7 @@ class ViewStudy(_OneAtATime):
                 session.send(topic, study)
 
     def _next(self, session: Session) -> tuple[str, PageState] | None:
-        """Topic and state of what is still to be computed."""
+        """Return topic and state of the next study to compute; None if there is none."""
         if session.view != self.view or session.closed:
             return None
         kept = session.pinned
@@ -82,22 +82,22 @@ class ViewStudy(_OneAtATime):
 
         try:
             return await self.engine.study(work)
-        except Exception:  # the view says so; the page goes on
+        except Exception:  # the view reports it; the page continues
             log.exception("%s failed", self.view)
             return failed_study(state)
 
 
 def failed_study(state: PageState) -> dict[str, Any]:
-    """What a view gets in place of its numbers where these could not be computed."""
+    """Return the data for a view whose numbers could not be computed."""
     return {"of": key_of(state), "failed": text("study_failed")}
 
 
 class CourseStudy(_OneAtATime):
-    """Computes the course of the newest state of a session while its timeline is open, and beats of it.
+    """Computes the course of a session's newest state while its timeline is open, and beats of this course.
 
     Args:
-        engine: where they are computed.
-        session: whose states.
+        engine: computes courses and beats.
+        session: session whose states are followed.
     """
 
     def __init__(self, engine: Engine, session: Session):
@@ -109,7 +109,7 @@ class CourseStudy(_OneAtATime):
         self._moment: asyncio.Task[None] | None = None
 
     def open(self, minutes: int) -> None:
-        """The timeline is open for so long [min]; 0: it is closed."""
+        """Set the length of the open timeline [min]; 0 if it is closed."""
         self.minutes = minutes if minutes in LENGTHS else 0
         self.session.minutes = self.minutes
         if not self.minutes:
@@ -119,13 +119,13 @@ class CourseStudy(_OneAtATime):
         self()
 
     def __call__(self, _: Session | None = None) -> None:
-        """The session has a new beat."""
+        """React to a new beat of the session."""
         self._start(self._next_job(), self._run)
 
     def show(self, minute: float) -> None:
-        """Show the beat of a minute, 0: that of the state; of several that wait only the last.
+        """Show the beat of a minute (0: of the state); of several waiting minutes, only the last is shown.
 
-        Behind the end of a course that stopped early nothing is known: its last beat is shown, as such.
+        After the end of a course that stopped early, its last beat is shown.
         """
         if self.course is not None:
             minute = min(minute, self.course.end)
@@ -151,7 +151,7 @@ class CourseStudy(_OneAtATime):
             except CaseError as error:
                 self.session.send("course", {"of": key_of(state), "refused": with_minus(str(error))})
                 continue
-            except Exception:  # there is no course; the page goes on
+            except Exception:  # there is no course; the page continues
                 log.exception("a course failed")
                 self.session.send("course", {"of": key_of(state), "refused": text("course_failed")})
                 continue
@@ -165,7 +165,7 @@ class CourseStudy(_OneAtATime):
             minute = min(minute, course.end)
             try:
                 beat = await self.engine.moment(lambda c=course, m=minute: c.beat(m))
-            except Exception:  # the page goes on with the minute that it shows, and says so
+            except Exception:  # the page continues with the displayed minute, and reports it
                 log.exception("a moment failed")
                 self.session.send("failed", text("moment_failed", time=self._clock(minute)))
                 continue
@@ -179,11 +179,11 @@ class CourseStudy(_OneAtATime):
 
 
 class PosteriorBands(_OneAtATime):
-    """Follows the beats of a session and sends bands for those whose patient has a posterior.
+    """Sends bands for the beats of a session whose patient has a posterior.
 
     Args:
-        engine: where bands are computed.
-        session: whose beats.
+        engine: computes the bands.
+        session: session whose beats are followed.
     """
 
     def __init__(self, engine: Engine, session: Session):
@@ -195,23 +195,23 @@ class PosteriorBands(_OneAtATime):
         self._sent_members: PosteriorDraws | None = None
 
     def new_key(self) -> str:
-        """What a patient's state calls its posterior, whether it is there yet or not."""
+        """Return a new key by which a state refers to its posterior, which may be added later."""
         self._keys += 1
         return str(self._keys)
 
     def add(self, key: str, members: PosteriorDraws) -> None:
-        """A posterior was found, or loaded."""
+        """Add a posterior that was computed or read."""
         self._posteriors[key] = members
         for old in list(self._posteriors)[:-MOST_POSTERIORS]:
             del self._posteriors[old]
         self()
 
     def members(self, key: str) -> PosteriorDraws | None:
-        """The posterior of this key, if it is there."""
+        """Return the posterior with this key; None if there is none."""
         return self._posteriors.get(key)
 
     def show(self, on: bool) -> None:
-        """Show bands, or hide them."""
+        """Show or hide bands."""
         self.on = on
         self._done.clear()
         for topic in set(BANDS.values()):
@@ -219,7 +219,7 @@ class PosteriorBands(_OneAtATime):
         self()
 
     def __call__(self, _: Session | None = None) -> None:
-        """The session has a new beat, another view or another posterior."""
+        """React to a new beat, another view or another posterior of the session."""
         members = self._members()
         if members is not self._sent_members:
             self._sent_members = members
@@ -231,7 +231,7 @@ class PosteriorBands(_OneAtATime):
         return self.members(shown[0].posterior) if shown else None
 
     def _job(self) -> tuple[tuple[PageState, Beat], PosteriorDraws, str] | None:
-        """What is shown without the bands that it could have."""
+        """Return beat, posterior and topic if the displayed beat still lacks its bands; else None."""
         shown, members, topic = self.session.shown, self._members(), BANDS.get(self.session.view)
         if shown is None or members is None or topic is None or not self.on or self.session.closed:
             return None
@@ -249,14 +249,14 @@ class PosteriorBands(_OneAtATime):
                 continue
             shown, members, topic = job
             if not self._is_newest(shown):
-                return  # the beat that is on its way calls again
+                return  # the beat being computed calls again
             self._done[topic] = shown, members
             bands = await self._bands(shown, members, topic)
             if self.on and self._is_newest(shown):
                 self.session.send(topic, bands or {"of": key_of(shown[0])})
 
     def _is_newest(self, shown: tuple[PageState, Beat]) -> bool:
-        """Whether a beat is still the one that is seen, and no knob was turned since."""
+        """Whether a beat is still displayed and no knob has been turned since."""
         one = self.session
         return not one.closed and one.shown is shown and one.state == shown[0]
 
@@ -271,6 +271,6 @@ class PosteriorBands(_OneAtATime):
 
         try:
             return await self.engine.study(work)
-        except Exception:  # there are no bands, which the page says
+        except Exception:  # there are no bands, which the page reports
             log.exception("bands failed")
             return failed_study(shown[0])
