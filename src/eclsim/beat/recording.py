@@ -105,7 +105,10 @@ def one_way_mean(series: np.ndarray, weights: np.ndarray, sign: float) -> np.nda
     """Mean [L/min] of a flow [mL/s] where it has a sign, else 0; series (points[, patients])."""
     if series.max() <= 0.0 if sign > 0.0 else series.min() >= 0.0:
         return np.zeros(series.shape[1:])
-    return weights @ np.maximum(sign * series, 0.0) / ML_S_PER_L_MIN
+    one_way = np.maximum(sign * series, 0.0)
+    # A product of matrices rounds each patient's sum by the place beside the others.
+    total = weights @ one_way if one_way.ndim == 1 else (weights[:, None] * one_way).sum(axis=0)
+    return total / ML_S_PER_L_MIN
 
 
 class Recorder:
