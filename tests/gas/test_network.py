@@ -266,3 +266,29 @@ def test_an_oxygenator_saturates_blood_at_the_highest_flow_that_it_is_made_for(n
     passed = single_pass(flow, flow, 0.65, oxygen_transfer=membrane.oxygen_transfer)
     assert passed.saturation == pytest.approx(99.2, abs=0.1)
     assert passed.oxygen == pytest.approx(58.4 * flow, rel=0.01)
+
+
+def test_gases_of_a_patient_depend_on_no_other_member_to_the_last_bit():
+    base, speeds = model(), np.linspace(2800.0, 3600.0, 11)
+    whole = eclsim.simulate_many(base, {"ecmo.speed_rpm": speeds}, DERIVED)
+    for members in ([10], [9, 2, 10], [*range(10, 0, -1)]):
+        part = eclsim.simulate_many(base, {"ecmo.speed_rpm": speeds[members]}, DERIVED)
+        for name in DERIVED:
+            np.testing.assert_array_equal(part[name].values, whole[name].values[members], name)
+
+
+@pytest.mark.parametrize(
+    ("name", "outputs"),
+    [
+        ("gas.alveolar_ventilation_l_min", ("PaCO2", "pHa", "VCO2_lung", "VO2_lung")),
+        ("ecmo.sweep_l_min", ("PaCO2", "PaO2", "VCO2_oxygenator", "VO2_oxygenator")),
+    ],
+)
+def test_slopes_at_no_ventilation_or_sweep_are_those_towards_more(name, outputs):
+    """Less there is not: the gas that is left, nothing but for rounding, may have either sign."""
+    base, step = model(**{name.replace(".", "_"): 0.0}), 1e-6
+    some = eclsim.simulate_many(base, {name: [0.0, step]}, outputs)
+    exact = eclsim.derivatives(base, outputs, [name])
+    for output in outputs:
+        difference = float(np.diff(some[output].values)[0]) / step
+        assert float(exact.sel(output=output, parameter=name)) == pytest.approx(difference, rel=1e-3), output

@@ -32,6 +32,9 @@ AIR_OXYGEN = 0.2095
 """Fraction of oxygen in air."""
 USED_UP_SHARE, USED_UP_ML_MIN = 0.05, 2.0
 """Share and flow of the sweep gas below which what is left of it loses its contact with the blood."""
+NO_GAS = -1e-6
+"""Gas that is left [mL/min STPD], or its share of that which loses its contact, down to which it is none but
+for rounding: the law of gas that is there then has the right slope where ventilation or sweep are 0."""
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
 MIXED_WEIGHTS = np.ones((1, 1))
@@ -215,7 +218,7 @@ class NativeLung(GasExchanger):
         fractions = jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
         if self.held == 0.0:
             # Alveoli from which nothing is breathed out have no gas to give to the blood.
-            expired = jnp.where(expired >= 0.0, expired, 0.0)
+            expired = jnp.where(expired >= NO_GAS, expired, 0.0)
             return jnp.asarray(gas * fractions - inside.pressure / dry * expired)
         air = jnp.array([[AIR_OXYGEN], [AIR_CARBON_DIOXIDE]])
         inspired = gas * fractions + jnp.maximum(-expired, 0.0) * jnp.where(gas > 0.0, fractions, air)
@@ -271,7 +274,7 @@ class MembraneLung(GasExchanger):
         left = gas - inside.gained[0] - inside.gained[1]
         # Gas that is used up exchanges nothing more: the last of it, `least`, loses its contact smoothly.
         least = USED_UP_SHARE * gas + USED_UP_ML_MIN
-        rest = jnp.maximum(left / least, 0.0)
+        rest = jnp.where(left / least >= NO_GAS, left / least, 0.0)
         contact = jnp.where(rest < 1.0, rest * (2.0 - rest), 1.0)
         mixture = jnp.where(rest < 1.0, least / (2.0 - rest), left)
         partial = dry_gas_pressure(values[TEMPERATURE]) * (supplied - inside.gained) / mixture
