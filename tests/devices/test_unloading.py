@@ -86,6 +86,15 @@ def test_renox_moves_no_blood_and_clears_as_its_fibres_do_at_the_flow_of_the_ecm
     assert float(result["renox_free_ultrafiltration_ml_h"]) == pytest.approx(37.0 * mean, rel=1e-6)
 
 
+def test_renox_says_that_nothing_is_computed_where_blood_runs_backwards():
+    slow = case(ecmo=ECMO | {"speed_rpm": 1000}, renox={"dialysate_ml_h": 2000}, parameters={})
+    result = eclsim.simulate(slow)
+    assert float(result["PF"]) < -0.1
+    assert np.isnan(result["renox_clearance_urea"])
+    assert result["renox_clearance_urea"].attrs["finding"] == "alarm"
+    assert any("its clearances and what it does" in sentence for sentence in result.attrs["warnings"])
+
+
 @pytest.mark.slow
 def test_a_second_return_takes_its_share_of_the_flow_and_its_clamp_gives_it_back(alone):
     second = {"second_return_site": "ra", "second_return_fr": 15}

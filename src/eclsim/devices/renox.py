@@ -14,6 +14,7 @@ development: Martins Costa et al. 2022, doi 10.3389/fmedt.2022.909990.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -77,6 +78,11 @@ def _output(
         lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
         by_gases=by_gases,
     )  # fmt: skip
+
+
+_BY_FLOW = (*(f"{GROUP}_clearance_{name}" for name in SOLUTES), f"{GROUP}_base_gain",
+            f"{GROUP}_carbon_dioxide_removal")  # fmt: skip
+"""Outputs that the law of the fibres has only for blood that runs forwards."""
 
 
 class RenoxDevice(Device[Renox]):
@@ -173,18 +179,32 @@ class RenoxDevice(Device[Renox]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """How much water leaves where nothing holds the effluent's pressure."""
+        """Blood that runs backwards; how much water leaves where nothing holds the effluent's pressure."""
+        result = _backwards(names, outputs)
         name = f"{GROUP}_free_ultrafiltration_ml_h"
         free, net = outputs.get(name), values.get(f"{GROUP}.net_ultrafiltration_ml_h")
         if free is None or net is None or not free > 1.1 * max(net, 10.0):
-            return []
+            return result
         text = (
             f"{names.label}: the pressure of the ECMO circuit would filter {free:.0f} mL/h through an open "
             f"effluent, where {net:g} mL/h is set: hold the effluent at "
             f"{outputs[f'{GROUP}_effluent_pressure']:.0f} mmHg"
         )
         concerns = (f"{GROUP}_effluent_pressure",)
-        return [Finding("warning", name, free, net, text, concerns=concerns)]
+        return [*result, Finding("warning", name, free, net, text, concerns=concerns)]
+
+
+def _backwards(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+    """What is not computed where blood meets the fibres from their other end."""
+    name, fraction = f"{GROUP}_filtration_fraction", outputs.get(f"{GROUP}_filtration_fraction", math.inf)
+    if fraction > 1.0 or not math.isnan(outputs.get(_BY_FLOW[0], 0.0)):
+        return []
+    text = (
+        f"{names.label}: blood runs backwards through the housing: its clearances and what it does to "
+        "bicarbonate and carbon dioxide are not computed; raise the pump speed"
+    )
+    concerns = tuple(one for one in (name, *_BY_FLOW) if one in outputs)
+    return [Finding("alarm", name, fraction, 0.0, text, concerns=concerns)]
 
 
 RENOX = RenoxDevice()
