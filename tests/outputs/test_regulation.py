@@ -62,6 +62,22 @@ def test_derivatives_of_what_is_in_effect_match_central_differences(failing):
         np.testing.assert_allclose(exact.sel(parameter=name), numeric, rtol=1e-3, atol=1e-7)
 
 
+def test_slopes_of_the_use_at_the_set_point_are_those_towards_lower_pressures_and_say_so(failing):
+    """At rest, where its range is divided by another end on the other side, rounding must not choose."""
+    at_rest, outputs = model_of(case(regulation={"baroreflex": 1})), ("reflex_use", "MAP")
+    exact, step = derivatives(at_rest, outputs, [SET_POINT]), 1e-3
+    low, high = (
+        beat(at_rest.with_values({SET_POINT: at_rest.values[SET_POINT] + s})).outputs()["reflex_use"] / s
+        for s in (step, -step)
+    )
+    assert float(exact.sel(output="reflex_use", parameter=SET_POINT)) == pytest.approx(low, rel=1e-3)
+    (sentence,) = (w for w in exact.attrs["warnings"] if "corner" in w)
+    assert f"towards higher ones they are {high / low:.2f} times as large" in sentence
+    assert abs(high / low - 1.0) > 0.1
+    elsewhere = derivatives(failing, outputs, [SET_POINT]), derivatives(at_rest, ["MAP"], [SET_POINT])
+    assert not any("corner" in w for one in elsewhere for w in one.attrs["warnings"])
+
+
 def test_a_saturated_reflex_is_said(failing):
     far = failing.with_values({SET_POINT: 110.0, EXTRA_VOLUME: -200.0})
     assert any("the baroreflex saturates" in f.sentence for f in beat(far).findings())

@@ -10,10 +10,12 @@ from eclsim.parameters import regulation as keys
 from eclsim.parameters.regulation import GAIN, LUNG_RESISTANCE, SET_POINT, UNSTRESSED
 
 if TYPE_CHECKING:
-    from eclsim.circuit.network import Reading
+    from eclsim.circuit.network import Circuit, Reading
+    from eclsim.components.base import Values
     from eclsim.devices.description import BeatMeasures, Numbers
 
 _HEART_RATE = "heart_rate_bpm"
+REFLEX_USE = "reflex_use"
 
 
 def _in_effect(parameter: str) -> Callable[[BeatMeasures], Numbers]:
@@ -46,6 +48,31 @@ def _use(measures: BeatMeasures) -> Numbers:
     return measures.apply(
         reflex_use_law(control), [measures.mean("Pao"), *map(measures.parameter, (SET_POINT, GAIN))]
     )[0]
+
+
+def corner_at_set_point(circuit: Circuit, values: Values, use: float) -> list[str]:
+    """What to say of slopes of `reflex_use` at the set point, where they differ on both sides.
+
+    Args:
+        circuit: with a reflex.
+        values: of its parameters.
+        use: share of the reflex's range in use [%].
+    """
+    from eclsim.regulation.effects import reflex_of
+    from eclsim.regulation.reflex import AT_REST_MMHG, Reflex
+
+    control = reflex_of(circuit)
+    if control is None or not isinstance(control.component, Reflex) or not values[GAIN] > 0.0:
+        return []
+    lower, higher = (
+        abs(float(control.component.model.share_in_use(d))) for d in (-AT_REST_MMHG, AT_REST_MMHG)
+    )
+    if not abs(use) <= 100.0 * max(lower, higher):
+        return []
+    return [
+        "reflex_use has a corner at the set point, where this patient is: its slopes are those towards lower "
+        f"pressures; towards higher ones they are {higher / lower:.2f} times as large"
+    ]
 
 
 _FACTORS = (
@@ -133,7 +160,7 @@ REGULATED = (
         in_effect=True,
     ),
     Output(
-        "reflex_use", "use of the baroreflex's range", "%",
+        REFLEX_USE, "use of the baroreflex's range", "%",
         "drive of the systemic resistance at MAP / drive at a pressure far below, or above with a minus sign",
         ("Pao",), _use,
         parameters=(GAIN, SET_POINT),

@@ -26,6 +26,7 @@ from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
 from eclsim.outputs.alarms import findings, impossible, sentences
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import leading_outputs, output
+from eclsim.outputs.regulation import REFLEX_USE, corner_at_set_point
 from eclsim.outputs.signals import signal_labels, unstressed_volume, watched_waveforms
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
@@ -255,9 +256,16 @@ def derivatives(
             "id": model.name,
             "status": status,
             "message": message,
-            "warnings": [*model.doubts, *sentences(beat.findings())],
+            "warnings": [*model.doubts, *sentences(beat.findings()), *_corners(beat, outputs)],
         },
     )
+
+
+def _corners(beat: SteadyBeat, outputs: Sequence[str]) -> list[str]:
+    """Outputs that have other slopes on the other side of where the only member is."""
+    if REFLEX_USE not in outputs:
+        return []
+    return corner_at_set_point(beat.batch.circuit, beat.batch.member(0), float(beat.output(REFLEX_USE)[0]))
 
 
 def with_grid_check(model: Model, result: xr.Dataset) -> xr.Dataset:

@@ -20,6 +20,8 @@ from eclsim.parameters.regulation import GAIN, SET_POINT, UNSTRESSED, VENOUS_SET
 
 EXTREME_DEVIATION_MMHG = 1000.0
 """Deviation of pressure by which a reflex has saturated."""
+AT_REST_MMHG = 1e-5
+"""Deviation of pressure that a search for the steady beat may leave of none."""
 
 
 class SteadyController(Controller[Constants], ABC):
@@ -122,7 +124,10 @@ class ReflexModel:
         return self.effects([gain * drive for drive in self.drives(deviations)], blood_volume_ml)
 
     def share_in_use(self, arterial_deviation: Number) -> Number:
-        """Share of the resistance's range in use: 1 at the lowest arterial pressure, -1 at the highest."""
+        """Share of the resistance's range in use: 1 at the lowest arterial pressure, -1 at the highest.
+
+        It has a corner at the set point, where the slope is that towards lower pressures.
+        """
         resistance = next(e for e in self.effectors if e.parameter == "Rmc")
         pathway = next(k for k, gain in enumerate(resistance.gains[0]) if gain)
 
@@ -130,9 +135,8 @@ class ReflexModel:
             rest = [0.0] * (len(self.reads) - 1)
             return self.drives([deviation, *rest])[pathway]
 
-        end = jnp.where(
-            arterial_deviation < 0.0, drive(-EXTREME_DEVIATION_MMHG), -drive(EXTREME_DEVIATION_MMHG)
-        )
+        low, high = drive(-EXTREME_DEVIATION_MMHG), drive(EXTREME_DEVIATION_MMHG)
+        end = jnp.where(arterial_deviation < AT_REST_MMHG, low, -high)
         return drive(arterial_deviation) / end
 
 
