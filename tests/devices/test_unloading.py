@@ -86,7 +86,7 @@ def test_renox_moves_no_blood_and_clears_as_its_fibres_do_at_the_flow_of_the_ecm
     assert float(result["renox_free_ultrafiltration_ml_h"]) == pytest.approx(37.0 * mean, rel=1e-6)
 
 
-def test_renox_says_that_nothing_is_computed_where_blood_runs_backwards():
+def test_renox_says_what_is_not_computed_where_blood_runs_backwards():
     slow = case(ecmo=ECMO | {"speed_rpm": 1000}, renox={"dialysate_ml_h": 2000}, parameters={})
     result = eclsim.simulate(slow)
     assert float(result["PF"]) < -0.1

@@ -200,7 +200,7 @@ def _backwards(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
     if fraction > 1.0 or not math.isnan(outputs.get(_BY_FLOW[0], 0.0)):
         return []
     text = (
-        f"{names.label}: blood runs backwards through the housing: its clearances and what it does to "
+        f"{names.label}: no blood runs forwards through the housing: its clearances and what it does to "
         "bicarbonate and carbon dioxide are not computed; raise the pump speed"
     )
     concerns = tuple(one for one in (name, *_BY_FLOW) if one in outputs)
