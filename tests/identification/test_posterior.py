@@ -1,6 +1,7 @@
 """From a fit to a posterior and its files."""
 
 import json
+import sys
 import warnings
 from dataclasses import replace
 
@@ -13,12 +14,14 @@ from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.nuts import MissingPackageError
 from eclsim.identification.objective import Box
 from eclsim.identification.posterior import PosteriorSettings, piled_up, posterior, predict
 from eclsim.identification.report import posterior_text
 from eclsim.identification.samples import read_samples
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, Level, Reason
+from eclsim.inputs.mistakes import CaseError
 from eclsim.sensitivity.inputs import Uncertainty
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
@@ -98,6 +101,23 @@ def test_surer_measurements_give_narrower_intervals(fit, result):
     sure = {n: Uncertainty(relative=0.01) for n in result.density.measured}
     narrow = posterior(fit, settings=PosteriorSettings(method="importance", uncertainties=sure))
     assert (np.std(np.log(narrow.flat), axis=0) < 0.6 * np.std(np.log(result.flat), axis=0)).all()
+
+
+def test_uncertainties_of_what_was_not_measured_are_refused(fit):
+    """They change nothing: a misspelt name went unnoticed, with the draws of the default uncertainty."""
+    for name in ("PCWP", "MAPP"):
+        settings = PosteriorSettings(method="gaussian", uncertainties={name: Uncertainty(absolute=4.0)})
+        with pytest.raises(CaseError, match=rf"{name}.*not measured.*allowed: SP, DP, MAP, CO"):
+            posterior(fit, settings=settings)
+
+
+def test_without_numpyro_nothing_is_sampled_first(fit, monkeypatch):
+    """Chains start from weighted draws: half a minute went by before it said what is missing."""
+    monkeypatch.setitem(sys.modules, "numpyro.infer.hmc", None)
+    done = []
+    with pytest.raises(MissingPackageError, match=r"eclsim\[bayes\].*importance"):
+        posterior(fit, progress=done.append)
+    assert done == []
 
 
 def labels(figure):

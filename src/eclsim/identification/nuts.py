@@ -122,6 +122,23 @@ def sample(
     return _Sampler(posterior, proposals, settings or Sampling(), report).run()
 
 
+def numpyro_hmc() -> Callable[..., Any]:
+    """NumPyro's Hamiltonian sampler.
+
+    Raises:
+        MissingPackageError: NumPyro is not installed.
+    """
+    try:
+        from numpyro.infer.hmc import hmc
+    except ImportError:
+        message = (
+            "chains need NumPyro: pip install 'eclsim[bayes]', or weighted draws: "
+            'PosteriorSettings(method="importance")'
+        )
+        raise MissingPackageError(message) from None
+    return hmc
+
+
 class _Sampler:
     def __init__(
         self,
@@ -157,11 +174,7 @@ class _Sampler:
         """NumPyro's functions that begin a chain and advance it, and the potential with its gradient."""
         import jax
 
-        try:
-            from numpyro.infer.hmc import hmc
-        except ImportError:
-            raise MissingPackageError("sampling needs NumPyro: pip install 'eclsim[bayes]'") from None
-        init, advance = hmc(potential_fn_gen=lambda chain: lambda u: self._transported(chain, u), algo="NUTS")
+        init, advance = numpyro_hmc()(potential_fn_gen=lambda chain: lambda u: self._transported(chain, u), algo="NUTS")
         energy = jax.value_and_grad(lambda u, chain: self._transported(chain, u))
         return init, jax.jit(lambda state, chain: advance(state, (chain,), {})), jax.jit(energy)
 

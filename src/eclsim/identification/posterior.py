@@ -26,7 +26,7 @@ from eclsim.identification.density import (
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent
-from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
+from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, numpyro_hmc, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
     avoidable_assumptions,
@@ -363,6 +363,7 @@ def posterior(
         progress: called with what is being done.
 
     Raises:
+        CaseError: An uncertainty of what was not measured.
         NoSteadyBeatError: The fit has none.
         MissingPackageError: NumPyro is needed and not there.
         TypeError: No fit, or no `PosteriorSettings`.
@@ -373,6 +374,8 @@ def posterior(
         raise TypeError(f"fit: {kind} is no fit; allowed: what eclsim.fit(case) returns")
     if unused := without_measurement(settings.uncertainties or (), fit.measured):
         raise CaseError(unused)
+    if settings.method == "nuts":
+        numpyro_hmc()  # before minutes of work, not after them
     models = _models_of(fit, predictions)
     started = time.perf_counter()
     density = density_of(fit, settings)
