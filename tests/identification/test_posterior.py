@@ -120,6 +120,31 @@ def test_without_numpyro_nothing_is_sampled_first(fit, monkeypatch):
     assert done == []
 
 
+def test_predictions_that_would_be_called_something_else_are_refused(fit):
+    """An empty label made them "as measured"; with two of the same none could be chosen in the NetCDF."""
+    there = faster(fit.case)
+    for predictions, said in (([("", there)], "an empty label"), ([("a", there)] * 2, r'"a" is there twice')):
+        with pytest.raises(ValueError, match=said):
+            posterior(fit, settings=PosteriorSettings(method="gaussian"), predictions=predictions)
+
+
+def test_a_prediction_under_another_volume_policy_is_refused(fit):
+    """It was computed under the policy of the fit, whatever the case says."""
+    held = faster(fit.case).with_volume_policy("patient_held")
+    said = r"blood_volume_policy = patient_held: of the prediction.*as_published"
+    with pytest.raises(CaseError, match=said):
+        posterior(fit, settings=PosteriorSettings(method="gaussian"), predictions=[("held", held)])
+
+
+def test_every_prediction_says_that_its_fit_is_doubtful(fit):
+    """At the measured settings alone it was said."""
+    doubt = Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "CO", "CO is 3 standard uncertainties from it")
+    there = faster(CASE)
+    settings = PosteriorSettings(method="gaussian")
+    found = posterior(fit.judged([doubt]), settings=settings, predictions=[("100 bpm", there)])
+    assert ["DOUBTFUL fit" in " ".join(p.warnings) for p in found.predictions] == [True, True]
+
+
 def labels(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 

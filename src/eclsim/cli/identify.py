@@ -267,7 +267,11 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
     if o.posterior and o.posterior_method == "nuts" and find_spec("numpyro") is None:
         fail("--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
     cases: list[tuple[str, Case]] = []
-    wrong: list[str] = []
+    wrong = [
+        f"--predict {written}: given {o.predict.count(written)} times; leave all but one of them out"
+        for written in dict.fromkeys(o.predict)
+        if o.predict.count(written) > 1
+    ]
     for written in o.predict:
         changes = names_of(written)
         if not changes:

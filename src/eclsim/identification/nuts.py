@@ -174,7 +174,8 @@ class _Sampler:
         """NumPyro's functions that begin a chain and advance it, and the potential with its gradient."""
         import jax
 
-        init, advance = numpyro_hmc()(potential_fn_gen=lambda chain: lambda u: self._transported(chain, u), algo="NUTS")
+        hmc = numpyro_hmc()
+        init, advance = hmc(potential_fn_gen=lambda chain: lambda u: self._transported(chain, u), algo="NUTS")
         energy = jax.value_and_grad(lambda u, chain: self._transported(chain, u))
         return init, jax.jit(lambda state, chain: advance(state, (chain,), {})), jax.jit(energy)
 

@@ -35,7 +35,7 @@ from eclsim.identification.settings import (
     without_measurement,
 )
 from eclsim.identification.verdict import SIDES, Aspect, Level, possible_limits
-from eclsim.inputs.mistakes import CaseError, as_settings
+from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.outputs.signals import output_names, watched_waveforms
@@ -46,6 +46,7 @@ from eclsim.sensitivity.inputs import Uncertainty, as_uncertainties
 if TYPE_CHECKING:
     import xarray as xr
 
+    from eclsim.cases.case import Case
 
 Method = Literal["gaussian", "importance", "nuts"]
 KINDS: dict[Method, str] = {
@@ -363,10 +364,11 @@ def posterior(
         progress: called with what is being done.
 
     Raises:
-        CaseError: An uncertainty of what was not measured.
+        CaseError: An uncertainty of what was not measured, or a prediction under another blood volume policy.
         NoSteadyBeatError: The fit has none.
         MissingPackageError: NumPyro is needed and not there.
-        TypeError: No fit, or no `PosteriorSettings`.
+        TypeError: No fit, no `PosteriorSettings`, or predictions that are no labels with cases.
+        ValueError: Labels of predictions that are empty or the same.
     """
     settings = as_settings(settings, PosteriorSettings)
     if not isinstance(fit, FitResult):
@@ -376,7 +378,7 @@ def posterior(
         raise CaseError(unused)
     if settings.method == "nuts":
         numpyro_hmc()  # before minutes of work, not after them
-    models = _models_of(fit, predictions)
+    models = _models_of(fit, predictions, settings.volume_policy)
     started = time.perf_counter()
     density = density_of(fit, settings)
     gaussian = gaussian_approximation(density, fit.optimum.distinct_ends)
@@ -446,22 +448,46 @@ def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
     )
 
 
-def _models_of(fit: FitResult, predictions: Sequence[tuple[str, CaseSource]]) -> list[tuple[str, Model]]:
-    """The fitted patient, and at other settings; label and model of each."""
+def _models_of(
+    fit: FitResult, predictions: Sequence[tuple[str, CaseSource]], chosen: VolumePolicy | None
+) -> list[tuple[str, Model]]:
+    """The fitted patient, and at other settings; label and model of each.
+
+    Raises:
+        CaseError: A prediction under another blood volume policy than the fit, and none `chosen` for all.
+        TypeError: No list of labels with cases.
+        ValueError: Labels that are empty or the same.
+    """
     listed = isinstance(predictions, Sequence) and not isinstance(predictions, str)
     for one in predictions if listed else [predictions]:
         if not (isinstance(one, (tuple, list)) and len(one) == 2 and isinstance(one[0], str)):
             allowed = 'a list of labels with cases, such as [("4000 rpm", case)]'
             raise TypeError(f"predictions: {written(one)} is no label with a case; allowed: {allowed}")
-    return [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
+    labels = [label for label, _ in predictions]
+    for label in labels:
+        if not label.strip() or labels.count(label) > 1:
+            what = f"the label {shown(label)} is there twice" if label.strip() else "an empty label"
+            raise ValueError(f"predictions: {what}; allowed: a label of its own for each")
+    cases = [(label, as_case(source)) for label, source in predictions]
+    stated_policies = {label: case.blood_volume_policy for label, case in cases if chosen is None}
+    wrong = [
+        Mistake(
+            "blood_volume_policy", f"of the prediction {shown(label)}: another than that of the fit", policy,
+            f"{fit.case.volume_policy}, or PosteriorSettings(volume_policy=...) for all",
+        )
+        for label, policy in stated_policies.items()
+        if policy not in (None, fit.case.volume_policy)
+    ]  # fmt: skip
+    if wrong:
+        raise CaseError(wrong)
+    return [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in cases)]
 
 
-def _fitted_model(fit: FitResult, source: CaseSource) -> Model:
-    """The model of a case with the fitted patient's parameters."""
-    case = as_case(source)
+def _fitted_model(fit: FitResult, case: Case) -> Model:
+    """The model of a case with the fitted patient's parameters, and with the verdict on them."""
     names = (*fit.settings.names, *(case.regulation.open_set_points if case.regulation else ()))
     fitted = {n: v for n in names if (v := stated(fit.case, n)) is not None}
-    return model_of(with_values(case, fitted))
+    return model_of(with_values(case, fitted).model_copy(update={"fit_mark": fit.case.fit_mark}))
 
 
 def _predict_all(
