@@ -33,3 +33,16 @@ def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(value: flo
     (line,) = [line for line in fits_text(content).splitlines() if line.startswith("R2")]
     assert line.startswith(f"R2 of flows: {value:.4f} (")
     assert text in line
+
+
+def test_r2_says_where_poor_fits_are_in_it():
+    """The report said it, the terminal did not."""
+    from eclsim.identification.report import fits_text
+
+    fits = [
+        {"id": level, "cost": 1.0, "parameters": {}, "starts_agreeing": 1, "status": "fitted",
+         "verdict": {"level": level, "reasons": [{"sentence": "why"}]}}
+        for level in ("good", "poor")
+    ]  # fmt: skip
+    lines = fits_text({"points": fits, "r2": {"flows": 0.9}}).splitlines()
+    assert lines[-1].startswith("R2 of flows over all fits, the poor ones included: 0.9000 (")

@@ -36,6 +36,23 @@ def test_scatter_draws_pairs_and_leaves_out_what_is_missing():
     assert pressures.get_xlim() == pressures.get_ylim()
 
 
+def test_poor_fits_are_counted_above_the_pictures_that_hold_them():
+    """A picture that is passed on by itself showed them, and R2 of all, without a word."""
+    poor = [
+        {**each, "verdict": {"level": level}} for each, level in zip(RESULTS, ("poor", "good"), strict=True)
+    ]
+    for fig in (plot_scatter(poor, {}), plot_boxes(poor)):
+        assert fig.get_suptitle() == "1 of 2 fits is poor, and included"
+    assert plot_scatter(RESULTS, {}).get_suptitle() == ""
+
+
+def test_pressures_below_zero_are_in_the_picture():
+    """A wedge pressure of -4 mmHg was below the axis."""
+    results = [point(PCWP=(2.0, -4.0), MAP=(70.0, 70.0)), point(PCWP=(3.0, 1.0))]
+    for fig in (plot_scatter(results, {}), plot_boxes(results)):
+        assert fig.axes[0].get_ylim()[0] < -4.0
+
+
 def test_boxes_stand_in_pairs():
     pressures, flows = plot_boxes(RESULTS).axes
     assert [t.get_text() for t in pressures.get_xticklabels()] == ["SP"]

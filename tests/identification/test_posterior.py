@@ -183,7 +183,14 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     few, many = replace(second, without_beat=0.004), replace(second, without_beat=0.05)
     assert not few.doubts
     assert many.draws_without_beat == 50
-    table = posterior_text(replace(result, predictions=(first, many)).as_object())
+    doubted = replace(result, predictions=(first, many))
+    table = posterior_text(doubted.as_object())
+    assert [text.get_text() for text in plot_predictive(doubted).axes[0].get_yticklabels()] == [
+        "as measured", "patient.heart_rate_bpm=\n100\nNOT TO BE TRUSTED",
+    ]  # fmt: skip
+    trusted, not_trusted = doubted.draws["predictions"]["doubts"].values.tolist()
+    assert trusted == ""
+    assert not_trusted.startswith("50 of 1000 draws have no steady heartbeat at these settings")
     assert "50 of 1000 draws have no steady heartbeat there and are not counted" in table
     assert table.count("NOT TO BE TRUSTED") == 1
     explored_without_gases = replace(second, without_gases=0.05)

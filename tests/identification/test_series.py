@@ -1,8 +1,13 @@
 """What the measurements of a followed patient have in common."""
 
+import csv
+
 import pytest
+import xarray as xr
 
 from eclsim.cases.reading import read_mapping
+from eclsim.identification.figures import plot_outputs
+from eclsim.identification.files import write_tracks
 from eclsim.identification.report import track_page
 from eclsim.identification.series import (
     copied_measurements,
@@ -11,7 +16,14 @@ from eclsim.identification.series import (
     series_parameters,
 )
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.tracking import Innovation, Interval, TrackedPoint, TrackSettings, track
+from eclsim.identification.tracking import (
+    Innovation,
+    Interval,
+    TrackedPoint,
+    TrackResult,
+    TrackSettings,
+    track,
+)
 from eclsim.inputs.mistakes import CaseError
 from eclsim.outputs.results import simulate
 from eclsim.parameters.regulation import SET_POINT
@@ -146,6 +158,40 @@ def test_an_output_that_nothing_tells_is_doubted_at_its_number():
     page = track_page({"series": [{"id": "P", "points": [point.as_object()], "assumed_interval_hours": None}],
                        "refused": [], "settings": {"drifts": [0.1]}}, {})  # fmt: skip
     assert page.count("doubtful: see above") == 1
+
+
+def test_tables_picture_and_labelled_result_name_what_is_doubtful_or_was_not_used(tmp_path):
+    """Only JSON and report had it: the numbers of a time without a steady beat looked like any other."""
+    six = Interval(5.0, 6.0, 7.0)
+    doubts = ("CO: nothing tells it", "the shunt is held")
+    outputs, used = {"CO": six, "MAP": six}, {"MAP": Innovation(70.0)}
+    first = TrackedPoint("1", used, {"Rmc": six}, outputs, 0.1, doubts=doubts)
+    second = TrackedPoint("2", {"MAP": Innovation(9.0, used=False)}, {"Rmc": six}, {}, 0.1, failed=True,
+                          message="no steady heartbeat")  # fmt: skip
+    third = TrackedPoint("3", used, {"Rmc": six}, outputs, 0.1)
+    result = TrackResult("P", (first, second, third), 24.0, ("the volume is held",))
+    series = result.as_object()
+    write_tracks(tmp_path, {"series": [series], "refused": [], "settings": {"drifts": [0.1]}})
+    parameters, of_outputs = (
+        [
+            (r["id"], r.get("output"), r["doubts"])
+            for r in csv.DictReader((tmp_path / name).read_text().splitlines())
+        ]
+        for name in ("parameters.csv", "outputs.csv")
+    )
+    lost = "not used: no steady heartbeat"
+    assert parameters == [("1", None, "; ".join(doubts)), ("2", None, lost), ("3", None, "")]
+    assert of_outputs == [
+        ("1", "CO", "; ".join(doubts)), ("1", "MAP", doubts[1]), ("2", "MAP", lost),
+        ("3", "CO", ""), ("3", "MAP", ""),
+    ]  # fmt: skip
+    assert [axes.get_ylabel() for axes in plot_outputs(series).axes] == ["CO [L/min]\ndoubtful", "MAP [mmHg]"]
+    result.dataset.to_netcdf(tmp_path / "track.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "track.nc", engine="h5netcdf") as read:
+        assert read["failed"].values.tolist() == [False, True, False]
+        assert read["message"].values.tolist() == ["", "no steady heartbeat", ""]
+        assert read["doubts"].values.tolist() == ["; ".join(doubts), "", ""]
+        assert "the volume is held" in read.attrs["notes"]
 
 
 def test_a_set_point_that_nobody_measured_is_doubted():

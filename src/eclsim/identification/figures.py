@@ -201,20 +201,21 @@ def plot_scatter(results: Sequence[Mapping[str, Any]], r2: Mapping[str, float | 
         for ax, (names, key, unit) in zip(fig.subplots(1, 2), kinds, strict=True):
             shown = _shown(results, names)
             ends = [v for values in shown.values() for v in values.ravel()] or [0.0, 1.0]
-            top = 1.05 * max(ends)
-            ax.plot((0.0, top), (0.0, top), color=GREY, lw=0.8, zorder=0)
+            low, top = 1.05 * min(0.0, *ends), 1.05 * max(ends)
+            ax.plot((low, top), (low, top), color=GREY, lw=0.8, zorder=0)
             for name, values in shown.items():
                 mark, colour = _MARKS[name]
                 ax.plot(
                     *values.T, mark, color=OKABE_ITO[colour], markersize=3.6, mfc="none", mew=0.9, label=name
                 )
-            ax.set(xlim=(0.0, top), ylim=(0.0, top), aspect="equal")
+            ax.set(xlim=(low, top), ylim=(low, top), aspect="equal")
             ax.set_xlabel(f"measured [{unit}]")
             ax.set_ylabel(f"simulated [{unit}]")
             value = r2.get(key)
             ax.set_title(f"{key}: R² = {value:.3f}" if value is not None else key)
             if shown:
                 ax.legend(loc="upper left", handletextpad=0.2)
+        _count_poor_fits(fig, results)
     return fig
 
 
@@ -237,10 +238,19 @@ def plot_boxes(results: Sequence[Mapping[str, Any]]) -> Figure:
                 )  # fmt: skip
                 drawn["boxes"][0].set_label(side)
             ax.set_xticks(range(len(shown)), list(shown))
-            ax.set_ylim(bottom=0.0)
+            if not any((values < 0.0).any() for values in shown.values()):
+                ax.set_ylim(bottom=0.0)
             if shown and names is PRESSURES:
                 ax.legend(loc="upper right")
+        _count_poor_fits(fig, results)
     return fig
+
+
+def _count_poor_fits(fig: Figure, results: Sequence[Mapping[str, Any]]) -> None:
+    """Say above a figure how many of its fits are poor."""
+    poor = sum(result.get("verdict", {}).get("level") == "poor" for result in results)
+    if poor:
+        fig.suptitle(f"{poor} of {len(results)} fits {'are' if poor > 1 else 'is'} poor, and included")
 
 
 def _shown(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -323,6 +333,7 @@ def plot_predictive(result: PosteriorResult) -> Figure:
     outputs = list(dict.fromkeys(n for p in result.predictions for n in p.outputs))
     labels = [
         plain_text(p.settings or "as measured", 40).replace("=", "=\n").replace(",", ",\n")
+        + "\nNOT TO BE TRUSTED" * bool(p.doubts)
         for p in result.predictions
     ]
     rows, across = len(labels), 4
@@ -509,7 +520,8 @@ def plot_outputs(series: Series) -> Figure:
         _band(ax, time, outputs, "blue", "model afterwards, 90 %")
         _measured(ax, time, _values_of_points(series, "measurements", name))
         ax.yaxis.set_major_locator(MaxNLocator(4))
-        ax.set_ylabel(f"{name} [{unit_of(name)}]")
+        doubtful = any(name in p.get("doubtful", ()) for p in series["points"])
+        ax.set_ylabel(f"{name} [{unit_of(name)}]" + "\ndoubtful" * doubtful)
 
     fig = _panels_over_time(series, "outputs", "outputs: expected beforehand, measured, and afterwards", draw)
     entries = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in fig.axes]

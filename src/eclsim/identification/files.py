@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.cases.fit_mark import DOUBTS
 from eclsim.files import csv_text, whole_file, write_json, write_text
 from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.objective import RISE_90
 from eclsim.identification.samples import write_samples
-from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
+from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE, Level, headline
 
 if TYPE_CHECKING:
     from eclsim.identification.fit import FitResult
@@ -161,8 +162,12 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     write_json(content, folder / TRACK_SUMMARY)
     each = [(s["id"], p) for s in content["series"] for p in s["points"]]
-    head = ("patient", "id", "parameter", *_QUANTILES)
-    rows = ((s, p["id"], n, *(i[q] for q in _QUANTILES)) for s, p in each for n, i in p["parameters"].items())
+    head = ("patient", "id", "parameter", *_QUANTILES, DOUBTS)
+    rows = (
+        (s, p["id"], n, *(i[q] for q in _QUANTILES), _doubts_of_point(p))
+        for s, p in each
+        for n, i in p["parameters"].items()
+    )
     write_text(csv_text(head, rows), folder / "parameters.csv")
     write_text(csv_text(_TRACKED_HEAD, _tracked_rows(each)), folder / "outputs.csv")
     figures, drawings = [], {}
@@ -180,6 +185,7 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
 _TRACKED_HEAD = (
     "patient", "id", "output", "measured", "deviation", "unusual", "used",
     *(f"forecast_{q}" for q in _QUANTILES), *(f"expected_{q}" for q in _QUANTILES), *_QUANTILES,
+    DOUBTS,
 )  # fmt: skip
 
 
@@ -191,4 +197,19 @@ def _tracked_rows(each: Iterable[tuple[str, Mapping[str, Any]]]) -> Iterable[Seq
             kinds = (point["forecast"], point["expected"], point["outputs"])
             quantiles = [kind.get(name, {}).get(q) for kind in kinds for q in _QUANTILES]
             columns = [measurement.get(k) for k in ("measured", "deviation", "unusual", "used")]
-            yield (patient, point["id"], name, *columns, *quantiles)
+            doubts = _doubts_of_point(point, name)
+            yield (patient, point["id"], name, *columns, *quantiles, doubts)
+
+
+def _doubts_of_point(point: Mapping[str, Any], output: str = "") -> str:
+    """Why the numbers of a followed point are not to be trusted; empty where they are.
+
+    Args:
+        point: as in track.json.
+        output: that the numbers are of: doubts about another one are left out; empty for parameters.
+    """
+    verdict = point["verdict"]
+    fit = headline(verdict) if verdict is not None and verdict["level"] != Level.GOOD else ""
+    others = tuple(f"{name}: " for name in point["doubtful"] if output and name != output)
+    doubts = (doubt for doubt in point["doubts"] if not doubt.startswith(others))
+    return "; ".join(filter(None, (f"not used: {point['message']}" * point["failed"], fit, *doubts)))

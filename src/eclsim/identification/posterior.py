@@ -594,7 +594,10 @@ def _tree(result: PosteriorResult) -> xr.DataTree:
         for n in density.outputs
     }
     predicted = {n: np.stack([p.column(n) for p in result.predictions], axis=1)[None] for n in outputs}
-    labels = {**of_predictions, "settings": [p.label for p in result.predictions]}
+    labels = {
+        **of_predictions, "settings": [p.label for p in result.predictions],
+        "doubts": ("settings", ["; ".join((*result.doubts, *p.doubts)) for p in result.predictions]),
+    }  # fmt: skip
     groups: dict[str, tuple[dict[str, xr.Variable], Mapping[str, Any]]] = {
         "posterior": (
             {

@@ -87,7 +87,10 @@ def fits_text(content: Data) -> str:
     if "posterior" in content:
         lines.append(posterior_text(content["posterior"]))
     if len(points) > 1:
-        lines += [f"R2 of {k}: {v:.4f}{_about_r2(v)}" for k, v in content["r2"].items() if v is not None]
+        poor = any(p["verdict"]["level"] == Level.POOR for p in points)
+        over = " over all fits, the poor ones included" * poor
+        r2 = {k: v for k, v in content["r2"].items() if v is not None}
+        lines += [f"R2 of {k}{over}: {v:.4f}{_about_r2(v)}" for k, v in r2.items()]
     return "\n".join(lines)
 
 

@@ -229,13 +229,16 @@ class TrackResult:
         for name, unit in (("chi_square", "1"), ("probability", "1"), ("drift", "1"), ("hours", "h")):
             values = np.array([getattr(p, name) for p in points], dtype=float)
             data[name] = ("point", values, {"units": unit})
+        data |= {name: ("point", [getattr(p, name) for p in points]) for name in ("failed", "unusual")}
+        data["message"] = ("point", [p.message for p in points])
+        data["doubts"] = ("point", ["; ".join(p.doubts) for p in points])
         coordinates = {
             "point": [p.name for p in points], "parameter": parameters, "output": outputs,
             "quantile": list(SHARES),
             "parameter_units": ("parameter", list(map(unit_of_parameter, parameters))),
             "output_units": ("output", [unit_of(n) for n in outputs]),
         }  # fmt: skip
-        return xr.Dataset(data, coordinates, {"patient": self.patient})
+        return xr.Dataset(data, coordinates, {"patient": self.patient, "notes": list(self.notes)})
 
     def as_object(self) -> dict[str, Any]:
         """Plain data for JSON; null for what is not known."""
