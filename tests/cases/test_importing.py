@@ -12,6 +12,7 @@ from eclsim.cases.case import Case, Patient
 from eclsim.cases.cohort import read_cohort
 from eclsim.cases.importing import as_table, import_cohort
 from eclsim.cases.observations import BY_CODE, UnitError, in_unit_of
+from eclsim.cases.reading import read_mapping
 from eclsim.devices.ecmo import Ecmo
 from eclsim.inputs.mistakes import CaseError
 
@@ -137,6 +138,34 @@ def test_a_long_table_takes_codes_and_names_and_devices_of_a_base_case(tmp_path)
     assert point.case.measurements is not None
     assert pytest.approx(73.556, abs=1e-3) == point.case.measurements.MAP
     assert any("circuit of the base case" in str(n) for n in result.notes)
+
+
+def test_what_a_base_case_has_and_a_cohort_cannot_hold_is_named(tmp_path):
+    """A patient on ECMO and LVAD was imported, and then fitted, without the LVAD and without a word."""
+    base = read_mapping({
+        "format": 1, "blood_volume_policy": "patient_held",
+        "patient": {"id": "base", "sex": "male", "age_years": 50, "heart_rate_bpm": 70},
+        "regulation": {"baroreflex": 1.0}, "parameters": {"Csart": 3.0}, "gas": {"fio2": 0.4},
+        "ecmo": {"mode": "VA", "pump": {"roller_l_min": 4.0}, "oxygenator": "Quadrox-i Adult",
+                 "drainage_fr": 21, "return_fr": 17},
+        "crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy",
+                 "dialysate_ml_h": 1000},
+        "lvad": {"pump": "HVAD", "speed_rpm": 2600, "inlet_site": "lv", "outlet_site": "ao"},
+    }).case  # fmt: skip
+    result = import_cohort(long_table(tmp_path, "A,2024-03-01T08:00,MAP,80,mmHg"), base)
+    (warning,) = map(str, result.warnings)
+    assert (
+        "[regulation], ecmo.pump, crrt.dialysate_ml_h, [lvad], [parameters], blood_volume_policy: " in warning
+    )
+    assert "without them" in warning
+
+
+def test_times_that_have_no_order_are_named_and_no_conversion_is_called_an_error(tmp_path):
+    rows = ("A,2024-03-01T08:00Z,MAP,11,kPa", "A,2024-03-01T09:00,CO,4,L/min")
+    with pytest.raises(CaseError) as raised:
+        import_cohort(long_table(tmp_path, *rows))
+    (mistake,) = map(str, raised.value.mistakes)
+    assert "A = 2024-03-01T08:00Z and 2024-03-01T09:00: times with and without a zone" in mistake
 
 
 def test_all_mistakes_are_said_at_once(tmp_path):

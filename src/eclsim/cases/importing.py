@@ -14,6 +14,7 @@ from eclsim.cases.cohort_rows import read_table
 from eclsim.cases.observations import (
     BY_CODE,
     LOINC,
+    NOTHING_TO_FIT,
     PATIENT_COLUMNS,
     SNOMED,
     Imported,
@@ -21,7 +22,7 @@ from eclsim.cases.observations import (
     are_different_units,
     data_points,
 )
-from eclsim.cases.sections import Gas
+from eclsim.cases.sections import PATIENT_SECTIONS, Gas
 from eclsim.files import csv_text
 from eclsim.inputs.files import decoded, json_of, read_bytes
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
@@ -59,7 +60,8 @@ def import_cohort(
     data_points(observations, about, within, result)
     file = os.fsdecode(path)
     if result.mistakes:
-        message = [] if result.rows else [*result.warnings, *result.notes]
+        nothing_read = [m.message for m in result.mistakes] == [NOTHING_TO_FIT]
+        message = [*result.warnings, *result.notes] if nothing_read else []
         raise CaseError([m.at(file, m.line) for m in [*message, *result.mistakes]])
     result.warnings = [m.at(file, m.line) for m in result.warnings]
     result.notes = [m.at(file, m.line) for m in result.notes]
@@ -95,8 +97,31 @@ def _fill(result: Imported, base: Case, file: str) -> None:
     result.notes += [
         Mistake(device.key, "circuit of the base case, where the file says nothing", file=file)
         for device in base.instances()
-        if device.device.columns.needed
+        if device.device.columns.needed and not device.name
     ]
+    if lost := _without_column(base):
+        message = "a cohort has no columns for these of the base case, so its data points are without them"
+        result.warnings.append(Mistake(", ".join(lost), message, file=file))
+
+
+def _without_column(base: Case) -> list[str]:
+    """Sections and keys of a base case that the table of a cohort cannot hold."""
+    readable = {*COLUMNS.values(), *OPTIONAL.values()}
+    lost = [
+        f"[{one.section}]"
+        for one in PATIENT_SECTIONS
+        if one is not Gas and getattr(base, one.section) is not None
+    ]
+    for device in base.instances():
+        given = device.section.model_dump(exclude_none=True, exclude_defaults=True)
+        without = [
+            f"{device.key}.{key}"
+            for key, value in given.items()
+            if f"{device.key}.{key}" not in readable or not isinstance(value, str | float | int)
+        ]
+        lost += without if len(without) < len(given) else [f"[{device.key}]"]
+    lost += ["[parameters]"] * bool(base.parameters)
+    return lost + ["blood_volume_policy"] * (base.volume_policy != "as_published")
 
 
 # --- a long table ------------------------------------------------------------------------------------

@@ -120,6 +120,7 @@ def _known(unit: str) -> str | None:
 
 
 PATIENT_COLUMNS = ("sex", "age_years")
+NOTHING_TO_FIT = "nothing that can be fitted"
 SIZE_COLUMNS = ("height_cm", "weight_kg")
 """Columns measured once that apply to every data point of the patient."""
 
@@ -192,7 +193,7 @@ def data_points(
     for patient in sorted(placed):
         _rows_of(patient, placed[patient], about.get(patient, {}), within, result)
     if not result.rows and not result.mistakes:
-        result.mistakes.append(Mistake("", "nothing that can be fitted", allowed=", ".join(BY_CODE)))
+        result.mistakes.append(Mistake("", NOTHING_TO_FIT, allowed=", ".join(BY_CODE)))
 
 
 def _checked(record: Observation, kind: Measurable, result: Imported) -> tuple[datetime, float] | None:
@@ -232,8 +233,10 @@ def _rows_of(
     within: timedelta,
     result: Imported,
 ) -> None:
-    if len({when.tzinfo is None for when, *_ in entries}) > 1:
-        result.mistakes.append(Mistake(patient, "times with and without a zone: they have no order"))
+    with_zone = {when.tzinfo is not None: record.time.strip() for when, record, *_ in entries}
+    if len(with_zone) > 1:
+        both = f"{with_zone[True]} and {with_zone[False]}"
+        result.mistakes.append(Mistake(patient, "times with and without a zone: they have no order", both))
         return
     first: datetime | None = None
     row: dict[str, str] = {}
