@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.cases.sections import Gas
 from eclsim.identification.density import Prior
 from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
@@ -36,6 +37,10 @@ QUICK = FitSettings(NAMES, multi_start=MultiStart(points_per_parameter=10, refin
 def faster(case):
     patient = case.patient.model_copy(update={"heart_rate_bpm": 100})
     return case.model_copy(update={"patient": patient})
+
+
+def with_gas(case):
+    return case.model_copy(update={"gas": Gas(fio2=0.6)})
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +139,14 @@ def test_a_prediction_under_another_volume_policy_is_refused(fit):
     said = r"blood_volume_policy = patient_held: of the prediction.*as_published"
     with pytest.raises(CaseError, match=said):
         posterior(fit, settings=PosteriorSettings(method="gaussian"), predictions=[("held", held)])
+
+
+def test_a_prediction_without_a_section_of_the_fitted_parameters_is_named(fit):
+    blood = replace(
+        fit, settings=replace(fit.settings, parameters=("Rmc", "gas.fio2")), case=with_gas(fit.case)
+    )
+    with pytest.raises(ValueError, match=r'prediction "no gas": fio2: the case has no \[gas\] section'):
+        posterior(blood, settings=PosteriorSettings(method="gaussian"), predictions=[("no gas", CASE)])
 
 
 def test_every_prediction_says_that_its_fit_is_doubtful(fit):

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from eclsim._version import __version__
 from eclsim.arguments import Kind, article, check_fields, written
 from eclsim.cases.quantities import stated, with_values
 from eclsim.devices.description import GASES as VO2
@@ -23,11 +22,12 @@ from eclsim.identification.density import (
     check_prior,
     gaussian_approximation,
 )
+from eclsim.identification.draws import draws_as_tree
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, numpyro_hmc, sample
-from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
+from eclsim.identification.quantities import OUTPUTS, measurement_errors
 from eclsim.identification.settings import (
     avoidable_assumptions,
     remarks_on_fixed_volume,
@@ -68,12 +68,6 @@ UNCHECKED = (
     "by a bound, medians and intervals are off"
 )
 _LARGEST_EXTRACTION = adult_ranges("male")["O2ER"].plausible[1]
-ARVIZ_NAMES = {
-    "diverging": "diverging", "num_steps": "n_steps", "accept_prob": "acceptance_rate",
-    "potential_energy": "lp", "energy": "energy", "step_size": "step_size",
-    "jumped": "jumped", "saturated": "reached_max_treedepth",
-}  # fmt: skip
-"""The sampler's statistics and their names in ArviZ; `lp` is minus the potential, without constants."""
 
 
 @dataclass(frozen=True)
@@ -284,7 +278,7 @@ class PosteriorResult:
 
         Groups and names are those of ArviZ's schema, whose functions take it as it is.
         """
-        return _tree(self)
+        return draws_as_tree(self)
 
     def as_object(self) -> dict[str, Any]:
         """Plain data for JSON; null for what is not known."""
@@ -455,6 +449,34 @@ def _models_of(
 
     Raises:
         CaseError: A prediction under another blood volume policy than the fit, and none `chosen` for all.
+        ValueError: A case that lacks a section of the fitted parameters.
+    """
+    cases = _labelled_cases(predictions)
+    own = fit.case.volume_policy
+    allowed = f"{own}, or PosteriorSettings(volume_policy=...) for all"
+    wrong = [
+        Mistake(
+            "blood_volume_policy", f"of the prediction {shown(label)}: another than that of the fit",
+            case.volume_policy, allowed,
+        )
+        for label, case in cases
+        if chosen is None and case.blood_volume_policy not in (None, own)
+    ]  # fmt: skip
+    if wrong:
+        raise CaseError(wrong)
+    models = [("", model_of(fit.case))]
+    for label, case in cases:
+        try:
+            models.append((label, _fitted_model(fit, case)))
+        except ValueError as error:
+            raise ValueError(f"prediction {shown(label)}: {error}") from error
+    return models
+
+
+def _labelled_cases(predictions: Sequence[tuple[str, CaseSource]]) -> list[tuple[str, Case]]:
+    """Label and case of each prediction.
+
+    Raises:
         TypeError: No list of labels with cases.
         ValueError: Labels that are empty or the same.
     """
@@ -468,19 +490,7 @@ def _models_of(
         if not label.strip() or labels.count(label) > 1:
             what = f"the label {shown(label)} is there twice" if label.strip() else "an empty label"
             raise ValueError(f"predictions: {what}; allowed: a label of its own for each")
-    cases = [(label, as_case(source)) for label, source in predictions]
-    stated_policies = {label: case.blood_volume_policy for label, case in cases if chosen is None}
-    wrong = [
-        Mistake(
-            "blood_volume_policy", f"of the prediction {shown(label)}: another than that of the fit", policy,
-            f"{fit.case.volume_policy}, or PosteriorSettings(volume_policy=...) for all",
-        )
-        for label, policy in stated_policies.items()
-        if policy not in (None, fit.case.volume_policy)
-    ]  # fmt: skip
-    if wrong:
-        raise CaseError(wrong)
-    return [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in cases)]
+    return [(label, as_case(source)) for label, source in predictions]
 
 
 def _fitted_model(fit: FitResult, case: Case) -> Model:
@@ -568,56 +578,3 @@ def _starved_share(beat: SteadyBeat, read: tuple[str, ...], drawn: Mapping[str, 
 def _interval(quantiles: np.ndarray) -> dict[str, float | None]:
     lower, median, upper = (finite(float(q)) for q in quantiles)
     return {"lower": lower, "median": median, "upper": upper}
-
-
-def _tree(result: PosteriorResult) -> xr.DataTree:
-    import xarray as xr
-
-    density, first = result.density, result.predictions[0]
-    chains, draws, _ = result.samples.shape
-    of_chains = {"chain": np.arange(chains), "draw": np.arange(draws)}
-    of_predictions = {"chain": [0], "draw": np.arange(len(first.values))}
-    pair, outputs = ("chain", "draw"), tuple(dict.fromkeys(n for p in result.predictions for n in p.outputs))
-    attributes = {
-        "inference_library": "eclsim", "inference_library_version": __version__,
-        "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
-        "doubts": "; ".join(result.doubts), "warnings": "; ".join(first.warnings),
-        "id": result.name, "blood_volume_policy": density.policy,
-    }  # fmt: skip
-
-    def of_outputs(dims: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, xr.Variable]:
-        return {n: xr.Variable(dims, v, {"units": unit_of(n)}) for n, v in values.items()}
-
-    random = np.random.default_rng(result.settings.sampling.seed)
-    replicated = {  # what would be measured again: outputs of draws, with measurement noise
-        n: (first.column(n) + density.errors[n] * random.standard_normal(len(first.values)))[None]
-        for n in density.outputs
-    }
-    predicted = {n: np.stack([p.column(n) for p in result.predictions], axis=1)[None] for n in outputs}
-    labels = {
-        **of_predictions, "settings": [p.label for p in result.predictions],
-        "doubts": ("settings", ["; ".join((*result.doubts, *p.doubts)) for p in result.predictions]),
-    }  # fmt: skip
-    groups: dict[str, tuple[dict[str, xr.Variable], Mapping[str, Any]]] = {
-        "posterior": (
-            {
-                n: xr.Variable(pair, result.samples[:, :, k], {"units": unit_of_parameter(n)})
-                for k, n in enumerate(result.names)
-            },
-            of_chains,
-        ),
-        "sample_stats": ({}, of_chains),
-        "posterior_predictive": (of_outputs(pair, replicated), of_predictions),
-        "predictions": (of_outputs((*pair, "settings"), predicted), labels),
-        "observed_data": (of_outputs((), density.measured), {}),
-        "constant_data": (of_outputs((), density.errors), {}),
-    }
-    if result.chains is None:
-        del groups["sample_stats"]
-    else:
-        for numpyro_name, name in ARVIZ_NAMES.items():
-            values = result.chains.statistics[numpyro_name]
-            groups["sample_stats"][0][name] = xr.Variable(pair, -values if name == "lp" else values)
-    return xr.DataTree.from_dict(
-        {group: xr.Dataset(data, coords, attributes) for group, (data, coords) in groups.items()}
-    )
