@@ -169,6 +169,11 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
         (("--posterior-method", "importance"), "without --posterior"),
         (("--predict", "Rmc=0.4"), "Rmc is free, so every draw has its own"),
         (("--predict", "ecmo.rpm=4000"), "--predict: ecmo.rpm = "),
+        (("--predict", "measurements.SP=90"), "no output depends on measurements.SP"),
+        (
+            ("--parameters", "Rmc,heart_rate_bpm", "--predict", "patient.heart_rate_bpm=90"),
+            "heart_rate_bpm is free, so every draw",
+        ),
         (("--predict", "CQao=300", "--predict", "CQao=300"), "--predict CQao=300: given 2 times"),
         (("--bounds", "Rmc=0.1:1,Rmc=0.2:2"), "Rmc is given twice"),
     ],

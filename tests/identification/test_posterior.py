@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eclsim.cases import read_case, write_case
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.sections import Gas
 from eclsim.identification.density import Prior
@@ -147,6 +148,16 @@ def test_a_prediction_without_a_section_of_the_fitted_parameters_is_named(fit):
     )
     with pytest.raises(ValueError, match=r'prediction "no gas": fio2: the case has no \[gas\] section'):
         posterior(blood, settings=PosteriorSettings(method="gaussian"), predictions=[("no gas", CASE)])
+
+
+def test_a_reflex_that_is_switched_on_for_a_prediction_has_the_set_point_of_the_patient(fit, tmp_path):
+    """It had that of the case before the fit: a mean pressure of 88 fell to that of a healthy person."""
+    write_case(CASE, tmp_path / "patient.toml")
+    reflex = read_case(tmp_path / "patient.toml", ["regulation.baroreflex=1"]).case
+    settings = PosteriorSettings(method="gaussian")
+    measured, there = posterior(fit, settings=settings, predictions=[("reflex", reflex)]).predictions
+    k = measured.outputs.index("MAP")
+    assert 88.0 < there.intervals[k, 1] < measured.intervals[k, 1]
 
 
 def test_every_prediction_says_that_its_fit_is_doubtful(fit):

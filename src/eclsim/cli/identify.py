@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -279,21 +279,34 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
             continue
         try:
             case = read_case(o.file, [*o.settings, *changes]).case
-            wrong += [
-                f"--predict {written}: {name} is free, so every draw has its own; predict a setting, or fix "
-                "it with --bounds"
-                for section, key in parse_settings(changes)
-                if (name := key if section == "parameters" else f"{section}.{key}") in free
-            ]
-            wrong += [
-                f"--predict {written}: a target flow; predictions hold {instance.key}.{target.setting}"
-                for instance, target in case.targets()
-            ]
+            wrong += _mistakes_of_prediction(written, parse_settings(changes), case, free)
             cases.append((written, case))
         except CaseError as error:
             wrong += [f"--predict: {mistake.at('', None)}" for mistake in error.mistakes]
     refuse(wrong)
     return cases
+
+
+def _mistakes_of_prediction(
+    written: str, changes: Iterable[tuple[str, str]], case: Case, free: Collection[str]
+) -> list[str]:
+    """Changes by section and key that no prediction can be made with, each in a sentence."""
+    from eclsim.cases.quantities import section_and_key
+
+    names = {section_and_key(name): name for name in free}
+    wrong = []
+    for section, key in changes:
+        if (name := names.get((section, key))) is not None:
+            wrong.append(
+                f"{name} is free, so every draw has its own; predict a setting, or fix it with --bounds"
+            )
+        elif section == "measurements" or (section, key) == ("patient", "id"):
+            wrong.append(f"no output depends on {section}.{key}; predict a setting")
+    wrong += [
+        f"a target flow; predictions hold {instance.key}.{target.setting}"
+        for instance, target in case.targets()
+    ]
+    return [f"--predict {written}: {sentence}" for sentence in wrong]
 
 
 def _with_posterior(

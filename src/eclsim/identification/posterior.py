@@ -30,6 +30,7 @@ from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, 
 from eclsim.identification.quantities import OUTPUTS, measurement_errors
 from eclsim.identification.settings import (
     avoidable_assumptions,
+    measured_open_set_points,
     remarks_on_fixed_volume,
     remarks_on_unmeasured_oxygenator,
     without_measurement,
@@ -494,10 +495,18 @@ def _labelled_cases(predictions: Sequence[tuple[str, CaseSource]]) -> list[tuple
 
 
 def _fitted_model(fit: FitResult, case: Case) -> Model:
-    """The model of a case with the fitted patient's parameters, and with the verdict on them."""
-    names = (*fit.settings.names, *(case.regulation.open_set_points if case.regulation else ()))
-    fitted = {n: v for n in names if (v := stated(fit.case, n)) is not None}
-    return model_of(with_values(case, fitted).model_copy(update={"fit_mark": fit.case.fit_mark}))
+    """The model of a case with the fitted patient's parameters, and with the verdict on them.
+
+    Set points that it leaves open are those of the fit; where that had no reflexes, they are what was
+    measured, or else what the fitted patient has at rest.
+    """
+    fitted = {n: v for n in fit.settings.names if (v := stated(fit.case, n)) is not None}
+    left_open = () if case.regulation is None else case.regulation.open_set_points
+    points = measured_open_set_points(case.model_copy(update={"measurements": fit.case.measurements}))
+    points |= {n: v for n in left_open if (v := stated(fit.case, n)) is not None}
+    changed = with_values(case, {**points, **fitted})
+    rest = None if case.as_written is None else with_values(case.as_written, fitted)
+    return model_of(changed.model_copy(update={"fit_mark": fit.case.fit_mark, "as_written": rest}))
 
 
 def _predict_all(
