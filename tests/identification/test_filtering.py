@@ -5,7 +5,13 @@ import pytest
 from scipy.stats import norm
 
 from eclsim.identification.density import NoSteadyBeatError
-from eclsim.identification.filtering import GaussianMixture, regress, sigma_points, updated
+from eclsim.identification.filtering import (
+    GaussianMixture,
+    outputs_after,
+    regress,
+    sigma_points,
+    updated,
+)
 from eclsim.identification.importance import Transport
 
 SLOPE = np.array([[2.0, 0.5, 0.0], [0.0, -1.0, 1.5]])
@@ -43,6 +49,27 @@ def test_update_of_a_straight_model_is_kalmans(belief):
     gain = COVARIANCE @ SLOPE.T @ np.linalg.inv(total)
     assert found.mean == pytest.approx(MEAN + gain @ (measured - straight(MEAN)))
     assert found.covariance == pytest.approx(COVARIANCE - gain @ total @ gain.T)
+
+
+def test_outputs_after_a_sudden_change_are_those_of_the_estimate():
+    """Extrapolated from the forecast a heart that fails suddenly had a cardiac output of -5 L/min."""
+
+    def falling(z):
+        return np.exp(-z)
+
+    def state(mean, spread, weights=(0.5, 0.5)):
+        means, covariances = np.array([[mean], [mean]]), np.full((2, 1, 1), spread**2)
+        return GaussianMixture(np.array(weights), means, covariances)
+
+    forecast, near, far = state(0.0, 0.1), state(0.05, 0.02), state(2.0, 0.02)
+    first = regress(falling, forecast.means, forecast.covariances)
+    assert outputs_after(falling, forecast, first, far).mean == pytest.approx(np.exp(-2.0), rel=0.01)
+    extrapolated = first.mean + first.slope[:, 0] * near.means
+    assert outputs_after(falling, forecast, first, near).means.tolist() == extrapolated.tolist()
+    unlikely = GaussianMixture(np.array([1e-6, 1.0]), np.array([[9.0], [0.05]]), near.covariances)
+    assert outputs_after(falling, forecast, first, unlikely).mean == pytest.approx(np.exp(-0.05), rel=0.01)
+    with pytest.raises(NoSteadyBeatError):
+        outputs_after(lambda z: np.where(z < 1.0, z, np.nan), forecast, first, far)
 
 
 def test_an_output_that_is_not_used_changes_nothing(belief):

@@ -19,7 +19,7 @@ probable it has found the measurements so far (Magill 1965, IEEE Trans. Autom. C
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,8 @@ MOST_STEPS = 100
 ITERATIONS = 3
 SMALL_CHANGE = 0.3
 """The estimate is not linearised again once it has moved by less, in its own standard deviations."""
+LIKELY_FILTER = 0.05
+"""Weight of a filter from which on it decides how far an update has moved."""
 RETRACTED_SHARES = (0.5, 0.2, 0.05)
 """A sigma point without a steady beat is drawn in to these shares of its distance."""
 UNUSUAL_SERIES = 0.01
@@ -224,9 +226,38 @@ def updated(
             break
         means, covariances = _linear_update(forecast, before, again, measured, noise, used)
         moved = np.abs(means - before) / np.sqrt(np.einsum("fii->fi", covariances))
-        if (moved.max(axis=1) * (weights > 0.05)).max() < SMALL_CHANGE:
+        if (moved.max(axis=1) * (weights > LIKELY_FILTER)).max() < SMALL_CHANGE:
             break
     return GaussianMixture(weights, means, covariances)
+
+
+def outputs_after(
+    simulate: Simulate, forecast: GaussianMixture, first: Regression, state: GaussianMixture
+) -> GaussianMixture:
+    """Outputs after an update.
+
+    To first order in what the update moved; where that is further than the points of the regression over the
+    forecast, by a regression over the state itself.
+
+    Args:
+        simulate: outputs of latent variables.
+        forecast: of the latent variables.
+        first: regression over the forecast.
+        state: of the latent variables after the update.
+
+    Raises:
+        NoSteadyBeatError: At a mean of the state, where the outputs are taken from there.
+    """
+    moved = state.means - forecast.means
+    scaled = np.linalg.solve(forecast.covariances, moved[..., None])[..., 0]
+    within = np.einsum("fp,fp->f", moved, scaled) <= moved.shape[1]
+    likely = state.weights >= min(LIKELY_FILTER, state.weights.max())
+    if within[likely].all():
+        means = first.mean + np.einsum("fop,fp->fo", first.slope, moved)
+        return replace(first, mean=means).outputs(state)
+    weights = state.weights[likely] / state.weights[likely].sum()
+    chosen = GaussianMixture(weights, state.means[likely], state.covariances[likely])
+    return regress(simulate, chosen.means, chosen.covariances).outputs(chosen)
 
 
 def _linear_update(

@@ -28,6 +28,7 @@ from eclsim.identification.filtering import (
     InnovationTest,
     Regression,
     as_drifts,
+    outputs_after,
     regress,
     updated,
 )
@@ -430,13 +431,15 @@ class Tracker:
             for k, n in enumerate(names)
             if available[k]
         }
-        # Outputs after the update, to first order in what the update moved.
-        means = first.mean + np.einsum("fop,fp->fo", first.slope, state.means - forecast.state.means)
-        after = _intervals(names, replace(first, mean=means).outputs(state))
+        message = test.message(names)
+        try:
+            after = _intervals(names, outputs_after(simulate, forecast.state, first, state))
+        except NoSteadyBeatError as error:
+            after, message = {}, "; ".join(filter(None, (message, f"after the update {error}")))
         return TrackedPoint(
             name, innovations, self.estimate.parameters(self.settings.seed), after, self._drift(state),
             _intervals(names, outputs), self._expected(names, outputs, errors), test.chi_square,
-            test.probability, test.probability < UNUSUAL_SERIES, message=test.message(names),
+            test.probability, test.probability < UNUSUAL_SERIES, message=message,
         )  # fmt: skip
 
     def _failed(self, name: str, measured: Mapping[str, float], message: str, days: float) -> TrackedPoint:
