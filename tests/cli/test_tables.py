@@ -46,3 +46,14 @@ def test_r2_says_where_poor_fits_are_in_it():
     ]  # fmt: skip
     lines = fits_text({"points": fits, "r2": {"flows": 0.9}}).splitlines()
     assert lines[-1].startswith("R2 of flows over all fits, the poor ones included: 0.9000 (")
+
+
+def test_identifiability_says_where_nothing_is_determined(shell):
+    """It proposed an empty table with "collinearity index nan"."""
+    result = shell.run("identifiability", shell.case(), "--parameters", "Rmc", "--outputs", "CVP")
+    assert result.exit_code == 0, result.stderr
+    assert "nan" not in result.stdout
+    assert "None is proposed: these measurements determine none of the parameters" in result.stdout
+    assert "too little effect" in result.stdout
+    result = shell.run("identifiability", shell.case(), "--parameters", "Rmc", "--outputs", "MAP")
+    assert "Left out" not in result.stdout

@@ -501,17 +501,23 @@ def identifiability_text(result: Identifiability, limit: float) -> str:
     p = result.proposal
     effect = dict(zip(result.scaled.parameters, result.scaled.effect, strict=True))
     chosen = [(n, f"{effect[n]:.3g}", _in_words(n, p.relative_errors[n])) for n in p.chosen]
-    return "\n".join((
+    lines = [
         "Measurements and their standard uncertainties (a percentage is one of the measured value)",
         _measurements(result),
         *result.doubts,
-        "\nCollinearity index of all sets of a size (above the limit: cannot be told apart)",
-        _subsets(result, limit),
-        f"\nProposed to fit together (collinearity index {p.collinearity:.2f})",
-        text_table(("parameter", "effect", "least standard error"), chosen, numeric=(1, 2)),
-        "\nLeft out",
-        text_table(("parameter", "reason"), list(p.excluded.items())),
-    ))  # fmt: skip
+    ]
+    if result.subsets:
+        head = "\nCollinearity index of all sets of a size (above the limit: cannot be told apart)"
+        lines += [head, _subsets(result, limit)]
+    if chosen:
+        head = ("parameter", "effect", "least standard error")
+        lines.append(f"\nProposed to fit together (collinearity index {p.collinearity:.2f})")
+        lines.append(text_table(head, chosen, numeric=(1, 2)))
+    else:
+        lines.append("\nNone is proposed: these measurements determine none of the parameters")
+    if p.excluded:
+        lines += ["\nLeft out", text_table(("parameter", "reason"), list(p.excluded.items()))]
+    return "\n".join(lines)
 
 
 def _measurements(result: Identifiability) -> str:
