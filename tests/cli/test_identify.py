@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from eclsim.cases.cohort import read_cohort
 from eclsim.cases.fit_mark import FitMark, read_mark
+from eclsim.cli.identify import _check_points
 from eclsim.identification import multi_start
+from eclsim.identification.settings import FitSettings
 
 MEASURED = """[measurements]
 SP = 110
@@ -189,6 +192,16 @@ def test_a_case_without_measurements_has_nothing_to_fit(shell, tmp_path):
     done = shell.run("identify", shell.case(), "--out", str(tmp_path / "fit"))
     assert done.exit_code == 2
     assert "nothing to fit" in done.stderr
+
+
+def test_points_that_cannot_share_a_parameter_are_named(tmp_path, capsys):
+    on_ecmo = row(2).removesuffix(f"{NO_DEVICE},") + ",Rotaflow,3000,Quadrox-i Adult,25,15"
+    file = cohort(tmp_path, row(1), on_ecmo, row(3))
+    _check_points(read_cohort(file), FitSettings(("Rmc",), shared=("Csart",)), "f.csv")
+    said = capsys.readouterr().err
+    assert "f.csv: P01: lines 2, 3, 4 are points of different circuits: those of the same" in said
+    _check_points(read_cohort(file), FitSettings(("Rmc",)), "f.csv")
+    assert "circuits" not in capsys.readouterr().err
 
 
 def test_a_table_without_a_usable_row_is_bad_input(shell, tmp_path):

@@ -7,8 +7,9 @@ import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.cohort import CohortPoint
+from eclsim.cases.sections import Gas
 from eclsim.execution import Distribution
-from eclsim.identification.cohort import fit_cohort
+from eclsim.identification.cohort import fit_cohort, patients_of_several_circuits
 from eclsim.identification.multi_start import MultiStart, refine_shared
 from eclsim.identification.objective import Box, Objective, SharedObjective, Target
 from eclsim.identification.settings import FitSettings
@@ -66,6 +67,17 @@ def test_what_is_shared_is_found_together(objective: Objective, box: Box):
     own = np.log([[1.1, 0.8], [1.9, 0.5]])
     joint, result = refine_shared(objective, box, [0], own)
     np.testing.assert_allclose(np.exp(joint.rows(result.x)), [[1.4, 0.8], [1.4, 0.5]], rtol=2e-3)
+
+
+def test_patients_whose_points_have_different_circuits_are_known(cases: list[Case]):
+    gas = cases[0].model_copy(update={"gas": Gas()})
+    points = [
+        CohortPoint(who, str(k), line, case)
+        for line, (who, k, case) in enumerate(
+            (("A", 1, cases[0]), ("B", 1, cases[0]), ("A", 2, gas), ("B", 2, cases[1])), start=2
+        )
+    ]
+    assert patients_of_several_circuits(points) == {"A": [2, 4]}
 
 
 @pytest.mark.slow

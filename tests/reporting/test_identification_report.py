@@ -47,6 +47,15 @@ def test_fits_by_the_policy_of_each_case_say_so(fitted_point):
     assert "Blood volume: that of each case." in words(cohort_page(every, {}))
 
 
+def test_the_page_of_a_cohort_says_where_a_shared_parameter_is_not_the_same(fitted_point):
+    """With and without ECMO a patient had two compliances under --shared, without a word."""
+    points = [copy.deepcopy(fitted_point) | {"id": f"{p}/{k}", "patient_id": p} for p in "AB" for k in (1, 2)]
+    points[1]["parameters"]["Rmc"]["value"] = 0.5
+    shared = fits_object(points, FitSettings(shared=("Rmc",)).as_object())
+    assert "Rmc differs among the points of A: points of the same circuit" in words(cohort_page(shared, {}))
+    assert "differs among" not in words(cohort_page(content(*points), {}))
+
+
 def test_a_good_fit_is_no_warning_and_a_poor_one_reads_no_parameter(fitted_point):
     good = copy.deepcopy(fitted_point)
     good["verdict"] |= {"level": "good", "reasons": []}

@@ -392,6 +392,7 @@ def _in_rows(mistake: Mistake, lines: Sequence[int], points: int) -> Mistake:
 
 def _check_points(reading: CohortReading, settings: FitSettings, file: str) -> None:
     """Check all points; bounds and free parameters are common to all, so an error in them stops the run."""
+    from eclsim.identification.cohort import patients_of_several_circuits
     from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     doubts: dict[str, None] = {}
@@ -405,6 +406,13 @@ def _check_points(reading: CohortReading, settings: FitSettings, file: str) -> N
     unmeasured = unmeasured_uncertainties([point.case for point in reading.points], settings)
     refuse([source_of_mistake(mistake, settings, file) for mistake in unmeasured])
     warn(doubts)
+    if settings.shared:
+        names = ", ".join(settings.shared)
+        warn(
+            f"{file}: {patient}: lines {', '.join(map(str, lines))} are points of different circuits: those "
+            f"of the same circuit alone share {names}"
+            for patient, lines in patients_of_several_circuits(reading.points).items()
+        )
 
 
 # --- clinical data as the table of a cohort ---------------------------------------------------------

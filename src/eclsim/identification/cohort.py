@@ -160,6 +160,17 @@ def _groups(points: Sequence[CohortPoint], by_patient: bool) -> list[Group]:
     return [tuple(same[k : k + size]) for same in by_circuit.values() for k in range(0, len(same), size)]
 
 
+def patients_of_several_circuits(points: Sequence[CohortPoint]) -> dict[str, list[int]]:
+    """Lines of patients whose data points have different circuits, so that they share no parameter."""
+    groups = _groups(points, by_patient=True)
+    patients = [group[0].patient_id for group in groups]
+    return {
+        patient: [point.line for point in points if point.patient_id == patient]
+        for patient in dict.fromkeys(patients)
+        if patients.count(patient) > 1
+    }
+
+
 # --- for studies of many patients ----------------------------------------------------------------------
 
 

@@ -429,8 +429,19 @@ def cohort_page(content: Data, drawings: Mapping[str, str]) -> str:
         r2=content["r2"],
         captions=COHORT,
         drawings=drawings,
-        method=_method(content["settings"]),
+        method=[*_method(content["settings"]), *_not_shared(content["settings"]["shared"], points)],
     )
+
+
+def _not_shared(shared: Sequence[str], points: Sequence[Data]) -> Iterator[str]:
+    """Patients whose points do not have the same value of a shared parameter."""
+    for name in shared:
+        values: dict[str, set[float | None]] = {}
+        for point in points:
+            values.setdefault(point["patient_id"], set()).add(point["parameters"][name]["value"])
+        if several := [patient for patient, each in values.items() if len(each - {None}) > 1]:
+            patients = ", ".join(several)
+            yield f"{name} differs among the points of {patients}: points of the same circuit share it."
 
 
 def _cell(parameter: Data | None) -> str:
