@@ -86,6 +86,9 @@ def test_predictions_that_are_not_trusted_say_so(fitted_point):
     ):  # fmt: skip
         assert expected in shown
     assert shown.count("few draws count") == 1
+    trusted = {**posterior, "verdict": "", "doubts": []}
+    page = fit_page({**content(fitted_point), "posterior": trusted}, paper_case(), {})
+    assert re.search("NOT TO BE TRUSTED.*the pump is fast.*65 to 75", words(page))
 
 
 def test_a_point_without_a_steady_beat_has_a_row(fitted_point):
