@@ -57,6 +57,15 @@ def test_the_written_case_gives_the_fitted_outputs(fit, tmp_path: Path):
         assert float(beat[name]) == pytest.approx(value, rel=1e-5)
 
 
+def test_a_measurement_that_is_not_fitted_is_named_in_the_verdict(twin):
+    """Only the terminal said it: in Python and in every file a blood gas without [gas] was gone."""
+    assert twin.measurements is not None
+    more = twin.measurements.model_copy(update={"SaO2": 93.0})
+    found = fit_case(twin.model_copy(update={"measurements": more}), settings=QUICK)
+    (sentence,) = (r.sentence for r in found.verdict.reasons if r.sentence.startswith("SaO2"))
+    assert "measured and not fitted, since the case has no such output; it needs [gas]" in sentence
+
+
 def test_the_object_is_that_of_the_documentation(fit):
     point = json.loads(json.dumps(fit.as_object(), allow_nan=False))
     assert point["id"] == "T01"

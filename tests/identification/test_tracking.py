@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 
+from eclsim.cases import write_case
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification import tracking as track_module
 from eclsim.identification.filtering import GaussianMixture, InnovationTest
@@ -188,6 +189,16 @@ def test_another_patient_is_refused(series, after):
         with pytest.raises(CaseError, match="another patient"):
             use(renamed(series[1][0], "U"))
     assert tracker.estimate is estimate
+
+
+def test_a_tracker_takes_the_path_of_a_case_and_says_what_is_no_number(series, after, tmp_path):
+    """A path ended with "'str' object has no attribute 'patient'"."""
+    write_case(series[1][0], tmp_path / "case.toml")
+    tracker, path = after(1), str(tmp_path / "case.toml")
+    assert tracker.forecast(path) == tracker.forecast(series[1][0])
+    assert not tracker.update("1", path).failed
+    with pytest.raises(TypeError, match=r'hours = "2": no number'):
+        tracker.forecast(path, hours="2")
 
 
 def test_an_id_written_otherwise_is_the_same_patient(series, after):

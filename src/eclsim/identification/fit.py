@@ -35,6 +35,7 @@ from eclsim.identification.settings import (
     consumption_is_from_formula,
     remarks_on_fixed_consumption,
     remarks_on_fixed_volume,
+    remarks_on_unfitted,
     remarks_on_unmeasured_oxygenator,
     unmeasured_uncertainties,
 )
@@ -366,6 +367,7 @@ def _result(
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
         *_doubts_of_bounds(parameters, gains), *_doubts_of_fixed_parameters(goodness, box.names),
         *_doubts_of_set_points(set_points),
+        *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s) for s in remarks_on_unfitted(case, target.measured)),
     ]  # fmt: skip
     return FitResult(
         name, changed, target.measured, simulated, parameters, correlation(spread),

@@ -344,6 +344,15 @@ def remarks_on_fixed_volume(case: Case, measured: Collection[str], free: Collect
     ]
 
 
+def remarks_on_unfitted(case: Case, fitted: Collection[str]) -> list[str]:
+    """A sentence about measurements that are not fitted, since the case has no such outputs."""
+    names = [name for name in measured_outputs(case) if name not in fitted]
+    if not names:
+        return []
+    why = unavailable(names[0], output_names(circuit_of(case)))
+    return [f"{', '.join(names)}: measured and not fitted, since the case has no such output{why}"]
+
+
 def remarks_on_unmeasured_oxygenator(
     case: Case, measured: Collection[str], free: Collection[str]
 ) -> list[str]:

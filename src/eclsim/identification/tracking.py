@@ -289,7 +289,7 @@ class Tracker:
         self._reported_doubts: set[str] = set()
         self._before: TrackedPoint | None = None
 
-    def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
+    def update(self, name: str, case: CaseSource, hours: float | None = None) -> TrackedPoint:
         """Forecast a measurement, hold it against that, and learn from it.
 
         Args:
@@ -301,6 +301,7 @@ class Tracker:
             CaseError: Nothing measured, bounds that cannot be, another patient, or a time that runs back.
         """
         started = time.perf_counter()
+        case = as_case(case)
         self._check_patient(case)
         days = self._days(hours)
         self.series.learn(name, case)
@@ -318,7 +319,7 @@ class Tracker:
         return replace(point, seconds=time.perf_counter() - started, hours=since)
 
     def forecast(
-        self, case: Case, hours: float | None = None
+        self, case: CaseSource, hours: float | None = None
     ) -> tuple[dict[str, Interval], dict[str, Interval]]:
         """Outputs expected at the next time with the devices of a case: of the model, and as measured.
 
@@ -332,6 +333,7 @@ class Tracker:
         """
         if self.estimate is None:
             raise RuntimeError("nothing to forecast from: no measurement yet")
+        case = as_case(case)
         self._check_patient(case)
         case, checked = self.series.checked(case)
         model = model_of(case).with_values(checked.fixed)
@@ -346,7 +348,7 @@ class Tracker:
             raise CaseError([Mistake("patient.id", message, shown(case.patient.id), shown(self.patient))])
 
     def _days(self, hours: float | None) -> float:
-        hours = self.settings.interval_hours if hours is None else hours
+        hours = self.settings.interval_hours if hours is None else number_of("hours", hours)
         if not 0.0 <= hours < np.inf:
             message = "the time since the measurement before"
             raise CaseError([Mistake("hours", message, shown(float(hours)), "0 or more hours")])
