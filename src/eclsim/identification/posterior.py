@@ -470,6 +470,8 @@ def _models_of(
         try:
             models.append((label, _fitted_model(fit, case)))
         except ValueError as error:
+            if type(error) is not ValueError:  # a kind that callers know
+                raise
             raise ValueError(f"prediction {shown(label)}: {error}") from error
     return models
 
