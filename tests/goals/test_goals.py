@@ -440,3 +440,24 @@ def test_a_start_without_derivatives_is_an_answer_and_no_error(monkeypatch, tmp_
     content = json.loads(out.read_text())
     assert content["status"] == "not_converged"
     assert "have no derivatives" in content["message"]
+
+
+@pytest.mark.slow
+def test_the_search_follows_curved_bounds_to_an_optimum_with_fewer_goals_than_settings(monkeypatch):
+    """Sweep, speed and FdO2 for one goal of gases: creeping along its bound took more than the most steps."""
+    ends, search_from = [], search._search
+
+    def kept(patient, goals, now):
+        end = search_from(patient, goals, now)
+        ends.append((end.unfinished, search._merit(goals, end.at.place, end.at.values)))
+        return end
+
+    monkeypatch.setattr(search, "_search", kept)
+    result = reach(
+        read_case(VENO_VENOUS), "PaCO2 33..41, PF > 3", vary="ecmo.sweep_l_min, ecmo.speed_rpm, ecmo.fdo2"
+    )
+    assert result.reached
+    unfinished, merits = zip(*ends, strict=True)
+    assert len(ends) == 3
+    assert not any(unfinished)
+    assert max(merits) - min(merits) < 1e-9

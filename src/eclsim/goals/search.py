@@ -403,13 +403,6 @@ def _weights(count: int) -> np.ndarray:
 
 def _search(patient: _PatientModel, goals: Sequence[Goal], now: _Point) -> _SearchEnd:
     """Where the search from a point ends."""
-    outputs = [goal.output for goal in goals]
-
-    def moved(at: _Point, move: np.ndarray) -> tuple[_Point | None, float]:
-        """The place after a move, and its merit; None and NaN where there is no steady beat."""
-        trial = patient.point(np.clip(at.place + move, 0.0, 1.0), outputs)
-        return trial, np.nan if trial is None else _merit(goals, trial.place, trial.values)
-
     merit, region, trial = _merit(goals, now.place, now.values), 0.25, now
     move, expected = _linear_program(goals, now, region)
     for step in itertools.count():
@@ -421,14 +414,11 @@ def _search(patient: _PatientModel, goals: Sequence[Goal], now: _Point) -> _Sear
             )
         if step == MOST_STEPS:
             break
-        trial, trial_merit = moved(now, move)
-        if trial is not None and merit - trial_merit <= 0.75 * (merit - expected):
-            # Bounds that curve away are met by a second program with what the first one missed of them.
-            residuals = trial.values - now.slopes @ (trial.place - now.place)
-            second = _linear_program(goals, now._replace(values=residuals), region)[0]
-            corrected, corrected_merit = moved(now, second)
-            if corrected_merit < trial_merit:
-                trial, trial_merit = corrected, corrected_merit
+        trial, trial_merit = _moved(patient, goals, now, move)
+        if trial is not None:
+            trial, trial_merit = _corrected(
+                patient, goals, now, trial, target=merit - 0.75 * (merit - expected), region=region
+            )
         ratio = (merit - trial_merit) / (merit - expected)
         if trial is not None and ratio > 0.05:
             now, merit = trial, trial_merit
@@ -437,6 +427,37 @@ def _search(patient: _PatientModel, goals: Sequence[Goal], now: _Point) -> _Sear
             region = 0.25 * float(np.abs(move).max())
         move, expected = _linear_program(goals, now, region)
     return _SearchEnd(now, f"the search was stopped after {MOST_STEPS} steps")
+
+
+def _moved(
+    patient: _PatientModel, goals: Sequence[Goal], at: _Point, move: np.ndarray
+) -> tuple[_Point | None, float]:
+    """The place after a move, and its merit; None and NaN where there is no steady beat."""
+    trial = patient.point(np.clip(at.place + move, 0.0, 1.0), [goal.output for goal in goals])
+    return trial, np.nan if trial is None else _merit(goals, trial.place, trial.values)
+
+
+def _corrected(
+    patient: _PatientModel, goals: Sequence[Goal], now: _Point, trial: _Point, *, target: float, region: float
+) -> tuple[_Point, float]:
+    """A trial brought back to bounds that curve away from it, and its merit.
+
+    Each program has what the last one missed of the bounds. One program leaves a miss that outweighs a small
+    gain, and the search creeps along a curved bound in steps that never grow, so they go on until the merit
+    is at the target, or falls by less than a tenth of what is still lacking.
+    """
+    merit = _merit(goals, trial.place, trial.values)
+    while merit >= target:
+        residuals = trial.values - now.slopes @ (trial.place - now.place)
+        move, _ = _linear_program(goals, now._replace(values=residuals), region)
+        corrected, corrected_merit = _moved(patient, goals, now, move)
+        if corrected is None or not corrected_merit < merit:
+            break
+        lacking, gained = merit - target, merit - corrected_merit
+        trial, merit = corrected, corrected_merit
+        if gained <= 0.1 * lacking:
+            break
+    return trial, merit
 
 
 def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[np.ndarray, float]:
