@@ -141,6 +141,7 @@ def test_a_filter_that_takes_all_plasma_ends_the_course_with_a_reason():
     assert not result.attrs["converged"]
     assert "no value of effective_clearance_creatinine" in result.attrs["message"]
     assert "by which the course goes on" in result.attrs["message"]
+    assert "a filter takes as much water from its blood as the plasma holds" in result.attrs["message"]
 
 
 @pytest.mark.slow

@@ -93,4 +93,7 @@ def message_without_rates(lacking: Sequence[str]) -> str:
     """Why slow states have no rates although a steady beat was found."""
     if not lacking:
         return "what changes slowly has no finite rate"
-    return f"the steady beat has no value of {', '.join(lacking)}, by which the course goes on"
+    reason = f"the steady beat has no value of {', '.join(lacking)}, by which the course goes on"
+    if any("clearance" in name for name in lacking):
+        reason += ": a filter takes as much water from its blood as the plasma holds, or gets no blood"
+    return reason

@@ -6,7 +6,7 @@ With settings x over their ranges, u = (x - low) / (high - low), what is minimis
 
 where the first setting has the largest weight. Every step solves the linear program of the beat to first
 order within a trust region (sequential linear programming with an exact penalty, Fletcher and Sainz de la
-Maza 1989, doi 10.1007/BF01582292), and once more where bounds are curved (second-order correction). At a
+Maza 1989, doi 10.1007/BF01582292), and again where bounds are curved (second-order corrections). At a
 solution that as many goals determine as there are settings it converges as fast as Newton's method. Where
 goals exclude each other the same search ends at the smallest sum of misses, each in hundredths of its bound;
 what stands in the way is found by leaving out the goals at their bounds, one by one. Some goals hold though
