@@ -1,4 +1,4 @@
-"""A course of hours above the steady beat; `eclsim.course(case)` computes one."""
+"""A course: hours of a case, as a sequence of steady beats; `eclsim.course(case)` computes one."""
 
 from eclsim.front_door import make_callable
 

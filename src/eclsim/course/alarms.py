@@ -1,4 +1,4 @@
-"""Limits that a course breaks, each with the time from when to when."""
+"""Limits that a course violates, each with its start and end."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
 LimitKey = tuple[str, str, str]
 """Key of a limit: kind, output or waveform, and the sentence without its numbers."""
 FindingsByMoment = dict[int, "Finding"]
-"""The finding of each moment at which a limit is broken."""
+"""The findings for one limit, by index of the moment at which it is violated."""
 KINDS = (*GRAVEST_FIRST, CAUTION)
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
-"""Left out where sentences are compared: a limit such as another flow has another value at each moment."""
+"""Numbers are removed before sentences are compared, since a limit's value may change between moments."""
 
 
 class Alarm(NamedTuple):
-    """A limit broken for some time.
+    """A limit that is violated for some time.
 
     Attributes:
-        at_min: from when [min]: between two moments where the output crosses its limit, or a beat's start.
-        until_min: until when [min]; None where it is broken at the end.
+        at_min: start [min]: the crossing of the limit between two moments, or the start of a beat.
+        until_min: end [min]; None if the limit is still violated at the end of the course.
         kind: "collapse", "alarm", "warning" or "caution".
         quantity: the output or waveform.
-        limit: that is broken.
+        limit: limit that is violated.
         worst: the value farthest beyond it.
-        sentence: in words, with the time.
+        sentence: description with the time.
     """
 
     at_min: float
@@ -64,14 +64,14 @@ def alarms(
     by_beat: np.ndarray | None = None,
     shown: Sequence[DerivedQuantity] = (),
 ) -> list[Alarm]:
-    """Alarms of one patient, the gravest first and then by time.
+    """Alarms of one patient, sorted by severity and then by time.
 
     Args:
-        findings: of each moment.
-        outputs: by name, of each moment.
-        minute: time of each [min].
-        by_beat: which moments are beats that follow each other, of which the words say the second too.
-        shown: quantities that are no outputs, with their words and units.
+        findings: findings at each moment.
+        outputs: outputs by name, at each moment.
+        minute: time of each moment [min].
+        by_beat: whether each moment is a beat of a consecutive series, whose alarms are given to the second.
+        shown: derived quantities that are no outputs, with their names in words and units.
     """
     named = {quantity.name: (quantity.description, quantity.unit) for quantity in shown}
     by_beat = np.zeros(len(minute), dtype=bool) if by_beat is None else by_beat
@@ -98,11 +98,11 @@ def alarms(
 
 
 def findings_of_derived_quantities(shown: Sequence[DerivedQuantity], moments: int) -> list[list[Finding]]:
-    """Limits that derived quantities break at each moment; the gravest of each quantity.
+    """Limits that derived quantities violate at each moment; only the most severe one of each quantity.
 
     Args:
         shown: quantities with their values at the moments.
-        moments: number of these.
+        moments: number of moments.
     """
     result: list[list[Finding]] = [[] for _ in range(moments)]
     for quantity in shown:
@@ -118,7 +118,7 @@ def findings_of_derived_quantities(shown: Sequence[DerivedQuantity], moments: in
 def _with_equivalent_breaches(
     by_limit: Mapping[LimitKey, FindingsByMoment], outputs: Mapping[str, np.ndarray]
 ) -> list[FindingsByMoment]:
-    """Where each limit is broken, also where a beat's findings name another output that says the same."""
+    """Moments at which each limit is violated, also where the findings name an equivalent output instead."""
     groups: dict[str, set[int]] = {}
     for (kind, quantity, _), broken in by_limit.items():
         if kind in GRAVEST_FIRST:
@@ -136,7 +136,7 @@ def _with_equivalent_breaches(
 
 
 def _makes_redundant(one: Alarm, other: Alarm) -> bool:
-    """Whether an alarm makes another redundant: at least as grave and as long, of equivalent outputs."""
+    """Whether an alarm makes another redundant: as severe and as long, for an equivalent output."""
     if CAUTION in (one.kind, other.kind) or one is other:
         return False
     gravity = KINDS.index(other.kind) - KINDS.index(one.kind)
@@ -152,7 +152,7 @@ def _makes_redundant(one: Alarm, other: Alarm) -> bool:
 
 
 def _consecutive_runs(places: list[int]) -> list[list[int]]:
-    """Places in rows without a gap."""
+    """Split indices into runs of consecutive ones."""
     runs: list[list[int]] = []
     for place in places:
         if runs and place == runs[-1][-1] + 1:
@@ -173,7 +173,7 @@ def _alarm(
     first, begun, over = broken[run[0]], run[0], run[-1] + 1
 
     def crossing(place: int) -> float:
-        means = None if by_beat[place] else values  # of a beat, which begins at its minute
+        means = None if by_beat[place] else values  # of a beat, which begins at this minute
         return _crossing(place - 1, place, first.limit, minute, means)
 
     at, until = crossing(begun), None if over >= len(minute) else crossing(over)
@@ -187,7 +187,7 @@ def _alarm(
 
 
 def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: np.ndarray | None) -> float:
-    """When an output crosses its limit between two moments; with the event where that is sudden."""
+    """Time when an output crosses its limit between two moments; the event's time if the change is sudden."""
     if left < 0:
         return float(minute[0])
     sudden = minute[right] - minute[left] < 1.001 * BEFORE_S / MINUTE
@@ -224,7 +224,7 @@ def _words_of(name: str) -> tuple[str, str]:
 
 
 def _at_worst(finding: Finding, worst: float) -> str:
-    """Worst value after the number that a sentence gives for its first moment; empty where it stayed."""
+    """Worst value after the number that a sentence gives for its first moment; empty if it is the same."""
     if not (np.isfinite(worst) and np.isfinite(finding.value)) or finding.kind not in GRAVEST_FIRST:
         return ""
     stayed = abs(worst - finding.value) <= 0.05 * max(abs(worst), abs(finding.value))

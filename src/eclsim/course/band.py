@@ -1,4 +1,4 @@
-"""Courses of draws of a patient's parameters as a band: quantiles over time, and how probable alarms are."""
+"""Courses of draws of a patient's parameters as quantiles over time, with alarm probabilities."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from eclsim.outputs.results import variable
 from eclsim.simulation.target_flow import with_speed
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-"""Median, and the ends of the intervals that hold 50 % and 90 % of the draws."""
+"""Quantiles: the median and the ends of the central 50 % and 90 % intervals of the draws."""
 DEFAULT_DRAWS = 200
 MOST_REASONS = 3
 
@@ -46,30 +46,31 @@ def course_band(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """Courses of draws of a patient's parameters, all of steady beats, as quantiles over time.
+    """Simulate courses, by steady beats, for draws of a patient's parameters and return quantiles over time.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case; with its `[[events]]`.
         samples: values of each parameter, one for each draw, such as those of a posterior.
-        minutes: how long [min].
-        every_min: between moments that are shown [min]; left out, some 144 moments.
-        volume_policy: blood volume policy; left out, the case's.
-        draws: so many at most, evenly taken from the samples.
-        folder: keeps the courses; None keeps them for this call alone.
+        minutes: duration [min].
+        every_min: interval between moments shown [min]; None gives about 144 moments.
+        volume_policy: blood volume policy; None takes that of the case.
+        draws: largest number of draws, evenly taken from the samples.
+        folder: folder that stores the courses; None keeps them in memory only.
         executor: runs groups of draws; None runs them in this process.
-        progress: called as groups are done.
+        progress: called when a group is done.
 
     Returns:
-        Dataset over `quantile` and `time_min`: outputs and slow states of the draws that have come so far,
-        `draws_followed` how many those are; over `alarm` and `time_min` the `alarm_probability`, the share of
-        these that break a limit. Attributes as of `eclsim.course`, and `draws`, `failed` (that ended early).
+        Dataset over `quantile` and `time_min`: outputs and slow states of the draws still followed, and their
+        number `draws_followed`. Over `alarm` and `time_min`: `alarm_probability`, the share of these draws
+        that violate a limit. Attributes as for `eclsim.course`, and `draws` and `failed` (numbers of all and
+        of those that ended early).
 
     Raises:
-        CaseError: the file is no case, an event lies after the end, or parameters have different numbers of
+        CaseError: The file is no case, an event is after the end, or parameters have different numbers of
             samples or values out of range.
-        FlowNotReachedError: the case names a pump flow that no speed gives.
-        ExecutionError: the folder holds other courses, or workers cannot be reached.
-        ShardDone: this was a shard.
+        FlowNotReachedError: The case gives a pump flow that no speed can reach.
+        ExecutionError: The folder holds other courses, or workers cannot be reached.
+        ShardDone: This run computed one shard only.
     """
     began, minutes = clock.perf_counter(), number_of("minutes", minutes)
     draws, executor, folder = WholeNumber(1)("draws", draws), as_executor(executor), as_folder(folder)
@@ -95,8 +96,8 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     """Quantiles over time of several courses of one case.
 
     Args:
-        courses: of the draws, as `eclsim.course_many` gives them.
-        parameters: that differ between them.
+        courses: courses of the draws, as `eclsim.course_many` returns them.
+        parameters: names of the parameters that differ between the courses.
     """
     finished = [course for course in courses if course.attrs["converged"]] or list(courses)
     time = max((course[TIME].to_numpy() for course in finished), key=len)
@@ -141,7 +142,7 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
 
 
 def _values_at(time: np.ndarray, course: xr.Dataset, names: Sequence[str]) -> np.ndarray:
-    """A course's values at moments; NaN where it has none, shape (names, moments)."""
+    """Interpolate a course at given times, shape (names, moments); NaN outside the course."""
     moments = course[TIME].to_numpy()
     values = np.full((len(names), len(time)), np.nan)
     shared = np.isin(time, moments)
@@ -153,7 +154,7 @@ def _values_at(time: np.ndarray, course: xr.Dataset, names: Sequence[str]) -> np
 
 
 def _quantiles(values: np.ndarray) -> np.ndarray:
-    """Quantiles over the draws that have a value; NaN where none has."""
+    """Quantiles over the draws that have a value; NaN if none has."""
     result, with_value = np.full((len(QUANTILES), values.shape[1]), np.nan), np.isfinite(values).any(axis=0)
     result[:, with_value] = np.nanquantile(values[:, with_value], QUANTILES, axis=0)
     return result
@@ -166,7 +167,7 @@ _Key = tuple[str, str, str, float]
 def _alarm_probability(
     courses: Sequence[xr.Dataset], time: np.ndarray, followed: np.ndarray
 ) -> dict[_Key, np.ndarray]:
-    """Share of the draws followed that break a limit at each moment, the most probable first."""
+    """Share of the draws followed that violate a limit at each moment, the most probable limit first."""
     broken: dict[_Key, np.ndarray] = {}
     limits: dict[tuple[str, str, str], float] = {}
     fixed: dict[_Key, bool] = {}
@@ -181,7 +182,7 @@ def _alarm_probability(
             draws = broken.setdefault(key, np.zeros_like(followed))
             draws[k] |= followed[k] & (time >= alarm["at_min"]) & (time < until)
             fixed[key] = fixed.get(key, True) and alarm["limit"] == key[-1] and np.isfinite(key[-1])
-    # A graver alarm of a draw hides the milder one, whose limit it breaks all the same.
+    # A more severe alarm of a draw hides a milder one, whose limit is violated as well.
     for key, draws in broken.items():
         _, quantity, side, limit = key
         for k, course in enumerate(courses):
@@ -205,7 +206,7 @@ def _label(kind: str, quantity: str, side: str, limit: float) -> str:
 
 
 def _early_ends_text(failed: Sequence[xr.Dataset], count: int) -> str:
-    """How many draws ended early, and why."""
+    """Number of draws that ended early, and the reasons."""
     if not failed:
         return ""
     reasons = Counter(str(course.attrs["message"]).partition(": ")[2].partition(" (")[0] for course in failed)
@@ -220,21 +221,21 @@ _UNREADABLE = (
         "no valve opens all beat, so that volumes and pressures of the heart are not determined",
     ),
 )  # fmt: skip
-"""Name of a count of draws whose numbers are not valid, the variable and value that mark them, the reason."""
+"""For draws without valid numbers: name of the count, variable and value that mark them, reason."""
 
 
 _COUNTS = tuple(name for name, *_ in _UNREADABLE)
 
 
 def _has_mark(one: xr.Dataset, time: np.ndarray, key: str, mark: object) -> np.ndarray:
-    """At which moments a variable of a course has some value."""
+    """Whether a variable of a course has a given value at each moment."""
     if key not in one:
         return np.zeros(len(time), dtype=bool)
     return np.isin(time, one[TIME].to_numpy()[one[key].to_numpy() == mark])
 
 
 def _count_text(marked: np.ndarray, time: np.ndarray, words: str) -> str:
-    """In how many draws, and at most when; shape (draws, moments)."""
+    """Number of draws marked at any moment, and time of most; `marked` has shape (draws, moments)."""
     most = int(marked.sum(axis=0).argmax())
     return (
         f"in {marked.any(axis=1).sum()} of {len(marked)} draws, most at {clock_time(time[most])}, {words}; "
@@ -243,13 +244,13 @@ def _count_text(marked: np.ndarray, time: np.ndarray, words: str) -> str:
 
 
 def approximations_of_draws(courses: Sequence[xr.Dataset], of: str) -> list[str]:
-    """Where steady beats stand for what takes time, of one course for each kind, and in how many.
+    """Sentences on where steady beats replace transients, one for each kind, with the number of courses.
 
-    Remarks of courses on the fluid that is given likewise.
+    Remarks on infused fluid are combined in the same way.
 
     Args:
-        courses: as `eclsim.course_many` gives them.
-        of: what they are, such as "draws".
+        courses: courses as `eclsim.course_many` returns them.
+        of: what the courses are of, such as "draws".
     """
     kinds: dict[str, list[str]] = {}
     remarks_of_each = ([*one.attrs["approximations"], *one.attrs.get("cautions", ())] for one in courses)
@@ -259,7 +260,7 @@ def approximations_of_draws(courses: Sequence[xr.Dataset], of: str) -> list[str]
 
 
 def band_object(band: xr.Dataset) -> dict[str, Any]:
-    """A band as plain data for JSON; null where no draw has a value."""
+    """A band as plain data for JSON; null if no draw has a value."""
     from eclsim.files import finite
 
     about, names = band.attrs, [str(n) for n, v in band.data_vars.items() if "quantile" in v.dims]

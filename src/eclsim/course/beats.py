@@ -1,8 +1,9 @@
-"""A course beat by beat, for what is over in seconds to minutes: a clamp, a pump stop, a bolus.
+"""A course beat by beat, for events of seconds to minutes: a clamp, a pump stop, a bolus.
 
-Nothing is assumed to be settled: every beat starts where the last one ended, reflexes answer through their
-filters, gases move with the blood (`eclsim.course.gases`), and blood given or lost joins the systemic veins
-beat by beat. Slow states move by the rates of the beat (an explicit step of one beat's length).
+No steady state is assumed. Every beat starts from the end of the previous one, reflexes respond through their
+filters, gases are transported by the blood (`eclsim.course.gases`), and blood given or lost enters or leaves
+the systemic veins at each beat. Slow states change at the rates of the beat (an explicit step of one beat's
+length).
 """
 
 from __future__ import annotations
@@ -48,17 +49,17 @@ from eclsim.slow import INFLOWS
 
 LONGEST_MIN = 120.0
 MOST_SHOWN_BEATS = 1200
-"""Beats that are shown at most besides those after events, unless an interval is given."""
+"""Largest number of beats shown, besides those after events, unless an interval is given."""
 EVERY_BEAT_AFTER_EVENT_S = 15.0
-"""Time after an event for which every beat is shown."""
+"""Time after an event during which every beat is shown [s]."""
 PARAMETERS_IN_EFFECT = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
 LAGGED_PARAMETERS = {name: local_resistance(bed) for bed, name in LOCAL_OUTPUTS.items()}
-"""Outputs that follow the gases with a lag, and the parameters that hold their value in effect."""
+"""Parameters that hold the effective value of outputs which follow the gases with a lag."""
 REPEATED_SHARE, LONGEST_REPEAT_S, LARGEST_REPEATED_SHIFT_ML = 0.05, 10.0, 0.1
-"""One beat is repeated, where gases alone still change, for at most this share of the time since an event and
-so many seconds, while all compartments together gain and lose less than so much in it [mL]."""
+"""While only gases still change, one beat is repeated for at most this share of the time since an event
+and this number of seconds, if compartments gain and lose less in total during the beat [mL]."""
 SETTLED_ML = 1.0
-"""Shift to the steady beat at which the circulation has settled."""
+"""The circulation has settled if less blood than this separates it from the steady beat [mL]."""
 
 
 def course_beats(
@@ -69,20 +70,20 @@ def course_beats(
     outputs: Sequence[str] | None = None,
     volume_policy: str | None = None,
 ) -> xr.Dataset:
-    """A case beat after beat from its steady beat at minute 0, its events included.
+    """Simulate a case beat by beat from its steady beat at minute 0, with its events.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case.
-        minutes: how long [min].
-        every_min: between beats that are shown [min]; left out, every beat or some 1,200 of them.
-        outputs: names of the registry; left out, all that the circuit has.
-        volume_policy: blood volume policy; left out, the case's.
+        minutes: duration [min].
+        every_min: interval between beats shown [min]; None shows every beat or about 1,200 of them.
+        outputs: names of outputs, as in the registry; None for all that the circuit has.
+        volume_policy: blood volume policy; None takes that of the case.
 
     Returns:
-        Dataset as `eclsim.course` gives it; each moment is the beat that begins then, whether settled or not.
+        Dataset as of `eclsim.course`; each moment is the beat that begins then, whether settled or not.
 
     Raises:
-        CaseError: the file is no case, an event lies after the end or connects the circuit in another way.
+        CaseError: The file is no case, or an event is after the end or reconnects the circuit.
     """
     if (minutes := number_of("minutes", minutes)) > LONGEST_MIN:
         raise CaseError([Mistake("minutes", "too long", f"{minutes:g}", f"up to {LONGEST_MIN:g} min")])
@@ -100,7 +101,7 @@ def beat_by_beat_course(
     every_min: float | None = None,
     outputs: Sequence[str] | None = None,
 ) -> BeatByBeatCourse:
-    """A course beat by beat, kept for more questions; see `course_beats`."""
+    """Return a beat-by-beat course from which beats can be recorded again; see `course_beats`."""
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
     marching = BeatMarch(timeline, policy or timeline.case.volume_policy, outputs)
@@ -120,15 +121,15 @@ class TransientBeat(NamedTuple):
     """One beat of a course, settled or not.
 
     Attributes:
-        circuit: that beats.
-        values: its parameters.
-        period: length [s].
+        circuit: circuit of the beat.
+        values: parameters of the circuit.
+        period: duration of the beat [s].
         signals: names of the waveforms.
-        waves: shape (points, signals), at `phases`.
-        phases: from the first to the last recorded point.
-        means: of the waveforms, shape (signals,).
-        outputs: by name.
-        findings: limits that it breaks and how its numbers are to be read.
+        waves: waveforms, shape (points, signals), at `phases`.
+        phases: phases of the recorded points.
+        means: means of the waveforms over the beat, shape (signals,).
+        outputs: outputs by name.
+        findings: limits that the beat violates, and cautions about its numbers.
     """
 
     circuit: Circuit
@@ -143,14 +144,14 @@ class TransientBeat(NamedTuple):
 
 
 class BeatByBeatCourse(NamedTuple):
-    """A course beat by beat with what its beats can be recorded from again.
+    """A beat-by-beat course with the data to record its beats again.
 
     Attributes:
-        result: as `course_beats` gives it.
-        marching: that marched it.
-        beats: that are shown, without their signals.
-        measured: outputs of these by name.
-        findings: of each of these.
+        result: dataset as of `course_beats`.
+        marching: simulation that produced it.
+        beats: beats shown, without their signals.
+        measured: outputs of these beats by name.
+        findings: findings about each of these beats.
     """
 
     result: xr.Dataset
@@ -160,7 +161,7 @@ class BeatByBeatCourse(NamedTuple):
     findings: Sequence[Sequence[Finding]]
 
     def at(self, minute: float) -> TransientBeat:
-        """The last beat that is shown and begins at or before a minute, recorded once more."""
+        """Record again the last shown beat that begins at or before a minute."""
         times = [beat.time for beat in self.beats]
         k = max(int(np.searchsorted(times, minute * MINUTE + 1e-6, side="right")) - 1, 0)
         outputs = {name: float(column[k]) for name, column in self.measured.items()}
@@ -168,10 +169,10 @@ class BeatByBeatCourse(NamedTuple):
 
 
 class RecordedBeat(NamedTuple):
-    """A beat: its state before, signals, parameters, what acts on them, slow states, gases at its end.
+    """A recorded beat: initial state, signals, parameters, values in effect, slow states, final gases.
 
-    Signals begin with the point before.
-    `lowest` holds the smallest value of each signal that is looked at only for what collapses.
+    Signals begin with the point before the beat. `lowest` holds the smallest value of each signal that is
+    recorded only to detect collapse.
     """
 
     time: float
@@ -188,8 +189,8 @@ class SteadyState(NamedTuple):
     """The state of a steady beat.
 
     Attributes:
-        state: of the circuit.
-        coupled: parameters that were solved for with its gases, by key.
+        state: state of the circuit.
+        coupled: parameters solved for together with the gases of the beat, by key.
     """
 
     state: np.ndarray
@@ -197,15 +198,15 @@ class SteadyState(NamedTuple):
 
 
 class MarchState(NamedTuple):
-    """State of a march between two beats.
+    """State of the simulation between two beats.
 
     Attributes:
-        time: [s].
-        state: of the circuit.
-        slow: states, shape (states, 1).
+        time: time [s].
+        state: state of the circuit.
+        slow: slow states, shape (states, 1).
         before: parameters of the last beat, by key.
-        last: signals at its end; None before the first.
-        gases: of the blood; None where the circuit has none.
+        last: signals at the end of the last beat; None before the first.
+        gases: gases of the blood; None if the circuit has none.
     """
 
     time: float
@@ -217,15 +218,15 @@ class MarchState(NamedTuple):
 
 
 class ShownBeats:
-    """The beats that are shown: one in every so many seconds, or as many as fit.
+    """Selection of the beats that are shown: at a fixed interval, or as many as allowed.
 
-    As many as fit are kept besides those that follow an event at once: what happens there is quick, and
-    alarms are judged at what is shown.
+    The largest number does not include beats soon after events: changes are fast there, and alarms are judged
+    from the beats that are shown.
 
     Args:
-        every: seconds; None for as many as fit.
-        most: so many fit.
-        events: moments of events [s].
+        every: interval [s]; None for as many beats as allowed.
+        most: largest number of beats.
+        events: times of events [s].
     """
 
     def __init__(
@@ -238,17 +239,17 @@ class ShownBeats:
 
     @property
     def beats(self) -> list[RecordedBeat]:
-        """In their order."""
+        """Beats shown, in order of time."""
         return sorted([*self._spread, *self._after_events], key=lambda beat: beat.time)
 
     @property
     def with_last(self) -> list[RecordedBeat]:
-        """The same and the last beat, if that is another."""
+        """Beats shown and, if not among them, the last beat."""
         shown = self.beats
         return shown if self._last is None or shown[-1] is self._last else [*shown, self._last]
 
     def add_if_due(self, time: float, beat: RecordedBeat) -> None:
-        """Keep a beat if it is one to be shown."""
+        """Add a beat if it is to be shown."""
         self._last = beat
         since = time - self.events
         if self.every is None and bool(((since > -1e-9) & (since < EVERY_BEAT_AFTER_EVENT_S)).any()):
@@ -265,16 +266,16 @@ class ShownBeats:
 
 
 def shift_ml(before: Mapping[str, float], after: Mapping[str, float]) -> float:
-    """Blood that compartments gain, or lose if that is more, on the way from some volumes to others [mL].
+    """Volume shifted between compartments from one distribution to another: the larger of gain and loss [mL].
 
-    A compartment that only one of them has counts in neither.
+    Compartments that are in only one of the two distributions are ignored.
     """
     change = np.array([after[name] - before[name] for name in before if name in after])
     return float(max(change.clip(min=0.0).sum(), -change.clip(max=0.0).sum()))
 
 
 class BeatMarch:
-    """One patient, beat after beat."""
+    """Simulates one patient beat after beat."""
 
     def __init__(self, timeline: Timeline, policy: str, outputs: Sequence[str] | None):
         self.timeline, self.policy = timeline, policy
@@ -293,7 +294,7 @@ class BeatMarch:
         self.in_time = GasDynamics(self.circuit, self.signals, start) if exchanging else None
 
     def begin(self) -> MarchState:
-        """The steady beat at the start."""
+        """Return the state of the steady beat at the start."""
         settings = _columns(self.timeline.start[1])
         batch = Batch(self.circuit, settings, 1, self.policy)
         beat = steady_beat(batch, self.laws.reads)
@@ -306,7 +307,7 @@ class BeatMarch:
         return self.from_steady(0.0, SteadyState(state, coupled), slow[:, 0], START)
 
     def from_steady(self, time: float, beat: SteadyState, slow: np.ndarray, segment: int) -> MarchState:
-        """On from a steady beat at a time in a segment of the timeline."""
+        """Return the state of a steady beat at a time [s] in a segment of the timeline."""
         settings = _columns({**self.timeline.settings(segment, time), **beat.coupled})
         before = self.steady_laws.in_effect(slow[:, None], settings)
         return MarchState(
@@ -321,41 +322,41 @@ class BeatMarch:
         return self.in_time.begin(whole_beat(recorded), program.grid.phases, plain)
 
     def volumes(self, state: np.ndarray) -> dict[str, float]:
-        """Volumes of a state by compartment [mL]."""
+        """Volumes of the compartments in a state [mL]."""
         names = (c.name for c in self.circuit.compartments)
         return dict(zip(names, state[self.assembly.layout.volumes.where].tolist(), strict=True))
 
     def steady(self, time: float, beat: SteadyState, slow: np.ndarray) -> MarchState:
-        """A steady beat at a time with the settings and some slow states of then."""
+        """Return the state of a steady beat with the settings and slow states at a time [s]."""
         return self.from_steady(time, beat, slow, self._segment(time))
 
     def distance(self, at: MarchState, goal: MarchState) -> float:
-        """How far a moment is from the steady one, in what counts as settled."""
+        """Distance from the steady state, relative to what counts as settled."""
         shift = shift_ml(self.volumes(at.state), self.volumes(goal.state)) / SETTLED_ML
         if self.in_time is None or at.gases is None or goal.gases is None:
             return shift
         return max(shift, self.in_time.distance(at.gases, goal.gases))
 
     def alveolar_mmhg(self, at: MarchState) -> np.ndarray:
-        """PO2 of the gas that each lung holds; none where gases are not followed."""
+        """PO2 of the gas in each lung [mmHg]; empty if gases are not followed."""
         gases, in_time = at.gases, self.in_time
         return np.zeros(0) if in_time is None or gases is None else in_time.alveolar_mmhg(gases)
 
     def pco2_lag_mmhg(self, at: MarchState, goal: MarchState) -> float:
-        """Arterial PCO2 of a moment above that of the steady one; 0 where gases are not followed."""
+        """Arterial PCO2 minus that of the steady state [mmHg]; 0 if gases are not followed."""
         if at.gases is None or goal.gases is None:
             return 0.0
         place = Quantity("PCO2", "in", artery_of(self.circuit))
         return at.gases.state[place] - goal.gases.state[place]
 
     def follow(self, at: MarchState, until: float, shown: ShownBeats, every_beat: bool = True) -> MarchState:
-        """Beats from a moment on, up to the last that begins before another.
+        """Simulate beats from a state up to the last one that begins before a given time.
 
         Args:
-            at: the moment.
-            until: [s].
-            shown: takes the beats.
-            every_beat: else a beat stands for several where the circulation stands still but for its gases.
+            at: initial state.
+            until: time [s].
+            shown: selection to which the beats are added.
+            every_beat: if False, one beat represents several while only gases still change.
         """
         segment, program, settings = -1, None, dict[str, np.ndarray]()
         while at.time < until - 1e-9 and not self.stopped:
@@ -372,7 +373,7 @@ class BeatMarch:
         return at
 
     def _repeat_duration_s(self, at: MarchState, segment: int, until: float) -> float:
-        """For how long [s] beats may be alike: a share of the time since the last event."""
+        """Time for which one beat may be repeated [s]: a share of the time since the last event."""
         breaks = self.timeline.breaks
         if self.in_time is None or self.in_time.answers or at.last is None:
             return 0.0
@@ -391,7 +392,7 @@ class BeatMarch:
         shown: ShownBeats,
         repeat_s: float,
     ) -> MarchState:
-        """One beat, or as many alike as fit into some seconds; the march stops where it is not finite."""
+        """Simulate one beat, or repetitions of it for some seconds; the run stops at non-finite values."""
         values = self._values(at, settings)
         state = at.state + self._blood_given(at.before, values)
         plain = _numbers(values)
@@ -419,20 +420,20 @@ class BeatMarch:
         beat = RecordedBeat(at.time, state, series, lowest, plain, in_effect, at.slow[:, 0].copy(), gas_state)
         slow = self._slow_states_after(at, settings, beat, program, alike * period)
         end = at.time + alike * period
-        if alike > 1:  # the last of them is shown, at whose end gases are what they are
+        if alike > 1:  # the last repetition is shown, since the gases are those at its end
             beat = beat._replace(time=end - period, slow=(slow - (slow - at.slow) / alike)[:, 0])
         shown.add_if_due(beat.time, beat)
         return MarchState(end, after, slow, values, recorded[-1], gases)
 
     def _values(self, at: MarchState, settings: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Parameters of the beat that begins at a moment."""
+        """Parameters of the beat that begins in a state."""
         values = self.laws.in_effect(at.slow, settings)
         if self.in_time is None or at.gases is None:
             return values
         return values | _columns(self.in_time.in_effect(at.gases, _numbers(values)))
 
     def on_ramp(self, time: float) -> bool:
-        """Whether a setting still changes on a ramp at a time [s]."""
+        """Whether a setting is changing on a ramp at a time [s]."""
         return self.timeline.ramp_end(self._segment(time)) > time
 
     def _segment(self, time: float) -> int:
@@ -443,9 +444,9 @@ class BeatMarch:
         return beat_program(self.circuit, int(np.asarray(level).flat[0]))
 
     def _blood_given(self, before: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Blood that joined the circuit since the last beat, as a change of its state.
+        """Blood added to the circuit since the last beat, as a change of its state.
 
-        A setting that changes how much the circulation holds at the start changes it, as for steady beats.
+        A setting that changes the volume in the circulation at the start also counts, as for steady beats.
         """
         change = np.zeros(self.assembly.layout.size)
         started = self.assembly.start_changes(_numbers(before), _numbers(now))
@@ -460,14 +461,14 @@ class BeatMarch:
         program: BeatProgram,
         period: float,
     ) -> np.ndarray:
-        """Slow states a beat later."""
+        """Slow states at the end of a beat."""
         beat = self._measured(self.reads, [recorded], program)
         amounts = self._amounts(at.time, at.time + period)
         inflows = {kind: np.array([ml / period]) for kind, ml in amounts.items()}
         return at.slow + period * self.laws.rates(at.slow, settings, beat, inflows)
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
-        """Volumes given between two times [mL]."""
+        """Volumes given between two times [s], by kind [mL]."""
         amounts = {str(kind): 0.0 for kind in INFLOWS}
         for gift in self.timeline.constant_inflows:
             shared = max(0.0, min(end, gift.end) - max(begin, gift.begin))
@@ -504,7 +505,7 @@ class BeatMarch:
     def _lagged_output(
         self, name: str, values: Sequence[Mapping[str, float]], in_effect: Sequence[Mapping[str, float]]
     ) -> np.ndarray | None:
-        """Effects of reflex and drugs in a beat, with their lag; None for other outputs."""
+        """Lagged effects of reflex and drugs during beats; None for other outputs."""
         if name == "heart_rate":
             return np.array([of_beat[HEART_RATE] for of_beat in in_effect])
         if name == "unstressed_volume":
@@ -519,7 +520,7 @@ class BeatMarch:
     def recorded_again(
         self, beat: RecordedBeat, outputs: Mapping[str, float], beat_findings: Sequence[Finding]
     ) -> TransientBeat:
-        """A beat of the march with all its waveforms."""
+        """Simulate a beat again and record all its waveforms."""
         program, signals = self._program(_columns(beat.values)), all_signals(self.assembly)
         names, phases = needed_signals(self.circuit, (), signals), program.grid.phases
         _, series = _recorded_beat(program, names, beat.state, beat.values)
@@ -556,7 +557,7 @@ class BeatMarch:
         outputs: Mapping[str, np.ndarray],
         beat_findings: Sequence[Sequence[Finding]],
     ) -> xr.Dataset:
-        """Labelled beats."""
+        """Return the beats as a labelled dataset."""
         time, states = (
             np.array([beat.time for beat in beats]),
             np.stack([beat.slow for beat in beats], axis=-1),
@@ -575,7 +576,7 @@ class BeatMarch:
 def _recorded_beat(
     program: BeatProgram, signals: tuple[str, ...], state: np.ndarray, values: Mapping[str, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """State after a beat, and its signals (points, signals)."""
+    """State at the end of a beat, and its signals, shape (points, signals)."""
     packed = np.array([values[name] for name in program.names])
     after, recorded = compiled_search(program, 1).beat(state, packed)
     return after, recorded[:, _columns_of(program.signals, signals)]

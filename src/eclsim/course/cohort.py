@@ -1,4 +1,4 @@
-"""Courses of many: patients of a cohort, or draws of one patient's parameters, in groups side by side."""
+"""Courses of many members (patients of a cohort or draws of parameters), computed in groups."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from eclsim.orbit.model import CaseSource, as_case
 from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
 
 MEMBERS_PER_GROUP = 32
-"""Members that march side by side; what an interruption costs at most."""
+"""Number of members computed side by side; an interruption loses at most one such group."""
 PRELOAD = ("eclsim.course.cohort", "eclsim.outputs.steady_beat")
-"""What a worker needs before its first group."""
+"""Modules that a worker imports before its first group."""
 _FORMAT = json_format(list[dict[str, Any]])
 
 
@@ -46,9 +46,9 @@ class Members:
     """Members of a group.
 
     Args:
-        cases: several, or one of which `changes` makes variants.
+        cases: cases of the members, or one case whose variants are given by `changes`.
         changes: values of each parameter that varies, by key.
-        refused: why each case is not followed, or empty; left out, all are.
+        refused: reason why each case is not followed, or empty; no entries if all are followed.
     """
 
     cases: tuple[Case, ...]
@@ -56,13 +56,13 @@ class Members:
     refused: tuple[str, ...] = ()
 
     def reason(self, number: int) -> str:
-        """Why a case is not followed; empty where it is."""
+        """Reason why a case is not followed; empty if it is."""
         return self.refused[number] if self.refused else ""
 
 
 @dataclass(frozen=True)
 class CourseGroup:
-    """Follows the members of a group side by side; see `eclsim.course.course.course_many`."""
+    """Computes the courses of a group side by side; see `eclsim.course.course.course_many`."""
 
     minutes: float
     every_min: float
@@ -70,7 +70,7 @@ class CourseGroup:
     hand_over: bool
 
     def __call__(self, members: Members) -> list[dict[str, Any]]:
-        """The course of each as plain data; of a case whose flow no speed gives, the reason."""
+        """Return each course as plain data; the reason for a case whose pump flow no speed can reach."""
         announce(f"{len(members.cases)} patients" if not members.changes else "draws of a patient")
         reasons = [members.reason(k) or self._unreachable(case) for k, case in enumerate(members.cases)]
         begun = [case for case, reason in zip(members.cases, reasons, strict=True) if not reason]
@@ -95,7 +95,7 @@ class CourseGroup:
         )
 
     def _unreachable(self, case: Case) -> str:
-        """Why no speed gives the flow that a case names; empty where one does."""
+        """Reason why no speed gives the pump flow of a case; empty if one does."""
         try:
             with_speed(case, self.volume_policy)
         except FlowNotReachedError as error:
@@ -121,26 +121,26 @@ def course_cohort(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> list[xr.Dataset]:
-    """Courses of the patients of a cohort, as resumable tasks; the same bits on any number of workers.
+    """Simulate courses of a cohort's patients as resumable tasks; bitwise equal on any number of workers.
 
     Args:
         cases: paths of case files, what `read_case` returned, or cases; each with its `[[events]]`.
-        minutes: how long [min].
-        every_min: between moments that are shown [min]; left out, some 144 moments.
-        volume_policy: blood volume policy; left out, that of each case.
+        minutes: duration [min].
+        every_min: interval between moments shown [min]; None gives about 144 moments.
+        volume_policy: blood volume policy; None takes that of each case.
         hand_over: see `CourseOptions`.
-        folder: keeps the courses; None keeps them for this call alone.
+        folder: folder that stores the courses; None keeps them in memory only.
         executor: runs the groups; None runs them in this process.
-        progress: called as groups are done.
+        progress: called when a group is done.
 
     Returns:
-        One Dataset for each case, as `eclsim.course` gives it. One that could not begin, or whose file says
-        that it is a poor fit, has no moments and says why; `seconds` is that of its group.
+        One Dataset for each case, as of `eclsim.course`. A case that could not begin, or whose file is marked
+        as a poor fit, has no moments and a message with the reason. `seconds` is the time of the whole group.
 
     Raises:
-        CaseError: a file is no case, or an event lies after the end.
-        ExecutionError: the folder holds other courses, or workers cannot be reached.
-        ShardDone: this was a shard.
+        CaseError: A file is no case, or an event is after the end.
+        ExecutionError: The folder holds other courses, or workers cannot be reached.
+        ShardDone: This run computed one shard only.
     """
     minutes = number_of("minutes", minutes)
     executor, folder = as_executor(executor), as_folder(folder)
@@ -208,7 +208,7 @@ def _complete(
 
 
 def _digests(case: Case) -> dict[str, str]:
-    """What a case is, and apart from it its events; set points may be those of the case as written."""
+    """Digest of a case (its text without events, and as written) and, separately, of its events."""
     bare = (case.model_copy(update={"events": ()}), *([case.as_written] if case.as_written else ()))
     events = [event.as_object() for event in case.events]
     return {

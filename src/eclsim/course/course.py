@@ -1,4 +1,4 @@
-"""A course of hours: slow states from event to event, and the steady beat at each of many moments."""
+"""A course of hours: slow states between events, and the steady beat at many moments."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 MINUTES_PER_DAY = 1440.0
 SHOWN_MOMENTS = 144
-"""About so many moments are shown where it is not said how often."""
+"""Approximate number of moments shown unless an interval is given."""
 _INTERVALS_MIN = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
 MOST_MOMENTS = 20_000
 
@@ -57,30 +57,29 @@ def course(
     options: CourseOptions | None = None,
     execution: Execution | None = None,
 ) -> xr.Dataset:
-    """A case over hours: its events, slow states, and the steady beat at each moment.
+    """Simulate a case over hours: its events, slow states, and the steady beat at each moment.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case; with its `[[events]]`.
-        minutes: how long [min].
-        every_min: between moments that are shown [min]; left out, some 144 moments. Every event has a
-            moment of its own, and one a second before it where it is sudden.
-        outputs: names of the registry; left out, all that the circuit has.
-        volume_policy: blood volume policy; left out, the case's.
-        options: accuracy.
+        minutes: duration [min].
+        every_min: interval between moments shown [min]; None gives about 144 moments. Every event has its own
+            moment, and a sudden one another moment a second before it.
+        outputs: names of outputs, as in the registry; None for all that the circuit has.
+        volume_policy: blood volume policy; None takes that of the case.
+        options: numerical options.
         execution: how batches are computed.
 
     Returns:
-        Dataset over `time_min`: outputs and slow states with units, `status` of each moment and whether it
-        is `impossible` (a chamber without blood). Attributes:
-        `id`, `converged` (1: it reached its end), `message` (why it stopped), `balance` and `events` (JSON),
-        `warnings` (a sentence each, with the time), those of them that are `approximations` or `cautions` (of
-        the fluid that is given), `settling_s`
-        (in which the circulation follows a sudden change), `steps`, `beats`, `seconds`. A moment without a
-        steady beat ends it; what came before stays.
+        Dataset over `time_min`: outputs and slow states with units, the `status` of each moment, and whether
+        its beat is `impossible` (a chamber without blood). Attributes: `id`, `converged` (1: the course
+        reached its end), `message` (why it stopped), `balance` and `events` (JSON), `warnings` (one sentence
+        each, with the time), those of them that are `approximations` or `cautions` (about infused fluid),
+        `settling_s` (time in which the circulation follows a sudden change), `steps`, `beats`, `seconds`. A
+        course ends at a moment without a steady beat; earlier moments are kept.
 
     Raises:
-        CaseError: the file is no case, or an event lies after the end.
-        FlowNotReachedError: the case names a pump flow that no speed gives.
+        CaseError: The file is no case, or an event is after the end.
+        FlowNotReachedError: The case gives a pump flow that no speed can reach.
     """
     (result,) = course_many(
         [case], minutes=minutes, every_min=every_min, outputs=outputs, volume_policy=volume_policy,
@@ -101,25 +100,25 @@ def course_many(
     execution: Execution | None = None,
     with_alarms: bool = True,
 ) -> list[xr.Dataset]:
-    """Courses of several patients, or of variants of one, marched side by side.
+    """Simulate courses of several patients, or of variants of one case, side by side.
 
     Args:
-        cases: several, or one for all variants.
-        changes: an array (members,) for each parameter that varies, such as draws of a posterior.
-        minutes: see `course`, as the others.
+        cases: several cases, or one case for all variants.
+        changes: an array (members,) for each varied parameter, such as draws of a posterior.
+        minutes: see `course`.
         every_min: see `course`.
         outputs: see `course`.
         volume_policy: see `course`.
         options: see `course`.
         execution: see `course`.
-        with_alarms: whether limits are looked for; that takes longer than the beats of a large batch.
+        with_alarms: whether limits are checked, which takes longer than the beats of a large batch.
 
     Returns:
-        One Dataset for each member, as `course` gives it; `seconds` is that of all.
+        One Dataset for each member, as of `course`; `seconds` is the time of all.
 
     Raises:
-        CaseError: as `course`, or the case has no such parameter to change.
-        FlowNotReachedError: as `course`.
+        CaseError: As for `course`, or the case has no such parameter to change.
+        FlowNotReachedError: As for `course`.
     """
     began, minutes = clock.perf_counter(), number_of("minutes", minutes)
     options = None if options is None else as_settings(options, CourseOptions, "options")
@@ -145,7 +144,7 @@ def course_many(
 
 
 def refuse_unknown(timeline: Timeline, names: Iterable[str]) -> None:
-    """Parameters that a course cannot have others of."""
+    """Raise an error for parameters that cannot differ between the members of a course."""
     known = timeline.start[1]
     message = "the course of this case has no such parameter"
     wrong = [Mistake(n, message, suggestion=did_you_mean(n, known)) for n in names if n not in known]
@@ -163,9 +162,9 @@ def follow(
     with_alarms: bool = False,
     broken: Callable[[Mapping[str, float]], bool] | None = None,
 ) -> list[xr.Dataset]:
-    """Courses along some timelines, each with moments so many minutes apart; see `course_many`.
+    """Simulate courses along timelines, each with its own interval between moments; see `course_many`.
 
-    One whose steady beat is `broken` by the outputs named ends behind the first such moment.
+    A course ends after the first moment whose steady beat is `broken`, judged by the named outputs.
     """
     results: dict[int, xr.Dataset] = {}
     for members in _groups(timelines, volume_policy).values():
@@ -189,7 +188,7 @@ def _marched_group(
     with_alarms: bool,
     early_stop: EarlyStop | None = None,
 ) -> tuple[Engine, Moments]:
-    """Members of one circuit and policy at the ends of their courses, and the moments that are shown."""
+    """Compute members of one circuit and policy to the end; return the engine and the moments shown."""
     policy = policy or timelines[0].case.volume_policy
     laws = Laws(laws_of(*timelines[0].start))
     engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution, early_stop)
@@ -199,12 +198,12 @@ def _marched_group(
 
 
 class SteadyBeatCourse(NamedTuple):
-    """One course with what its beats can be computed from again.
+    """A course with the data from which its beats can be computed again.
 
     Attributes:
-        result: As `course` gives it.
-        engine: That marched it.
-        moments: That are shown.
+        result: dataset as of `course`.
+        engine: engine that computed it.
+        moments: moments shown.
     """
 
     result: xr.Dataset
@@ -217,15 +216,15 @@ class SteadyBeatCourse(NamedTuple):
 
 
 def steady_beat_course(case: CaseSource, minutes: float, policy: str | None = None) -> SteadyBeatCourse:
-    """A course with all its outputs, kept for more questions.
+    """Return a course with all outputs, from which beats can be computed again.
 
     Args:
-        case: as for `course`.
-        minutes: how long [min].
-        policy: blood volume policy; left out, the case's.
+        case: see `course`.
+        minutes: duration [min].
+        policy: blood volume policy; None takes that of the case.
 
     Raises:
-        CaseError: an event lies after the end.
+        CaseError: An event is after the end.
     """
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
@@ -238,10 +237,10 @@ def steady_beat_course(case: CaseSource, minutes: float, policy: str | None = No
 
 
 def checked_interval_min(every_min: float | None, minutes: float) -> float:
-    """Minutes between moments: those asked for, or the usual ones.
+    """Return the checked interval between moments [min]; None gives the default.
 
     Raises:
-        CaseError: More moments than can be shown.
+        CaseError: There would be more moments than can be shown.
     """
     if every_min is None:
         return default_interval_min(minutes)
@@ -253,12 +252,12 @@ def checked_interval_min(every_min: float | None, minutes: float) -> float:
 
 
 def default_interval_min(minutes: float) -> float:
-    """Minutes between moments for a course that shows about `SHOWN_MOMENTS` of them."""
+    """Interval for a course that shows about `SHOWN_MOMENTS` moments [min]."""
     return next((e for e in _INTERVALS_MIN if minutes / e <= 1.01 * SHOWN_MOMENTS), minutes / SHOWN_MOMENTS)
 
 
 def _groups(timelines: Sequence[Timeline], policy: str | None) -> dict[Any, list[int]]:
-    """Members that share laws and policy: those of one circuit at the start."""
+    """Members grouped by laws and policy, i.e. by circuit at the start."""
     groups: dict[Any, list[int]] = {}
     for k, timeline in enumerate(timelines):
         groups.setdefault((timeline.start[0], policy or timeline.case.volume_policy), []).append(k)
@@ -266,7 +265,7 @@ def _groups(timelines: Sequence[Timeline], policy: str | None) -> dict[Any, list
 
 
 def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) -> xr.Dataset:
-    """A member's course as a Dataset."""
+    """Return a member's course as a labelled dataset."""
     places = moments.of(member)
     history, laws, time, states = (
         engine.histories[member],
@@ -309,14 +308,14 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
 
 
 def _early_end_text(stopped: str, minute: np.ndarray) -> str:
-    """Why and when a course ended early; empty where it did not."""
+    """Reason and time of an early end; empty if the course reached its end."""
     if not stopped:
         return ""
     return f"stopped at {clock_time(minute[-1])}: {stopped}" if len(minute) else f"not begun: {stopped}"
 
 
 def _skipped_transients_text(history: History) -> list[str]:
-    """Sudden changes that should have been followed beat by beat and were not, and why."""
+    """Sentences on sudden changes that could not be followed beat by beat, with the reason."""
     if not history.skipped_transients:
         return []
     times = ", ".join(clock_time(event.time / MINUTE) for event in history.skipped_transients[:MOST_SPANS])
@@ -330,7 +329,7 @@ def _skipped_transients_text(history: History) -> list[str]:
 
 
 def _unsettled_spans(history: History) -> list[str]:
-    """Spans that ended before the patient had settled, though the course goes on."""
+    """Sentences on beat-by-beat spans that ended before the patient had settled."""
     return [
         f"the patient was followed beat by beat from {clock_time(span.begin / MINUTE)} to "
         f"{clock_time(span.end / MINUTE)} and had not settled then: from there steady beats run ahead"
@@ -342,10 +341,10 @@ def _unsettled_spans(history: History) -> list[str]:
 def _sudden_gas_change(
     time: np.ndarray, outputs: Mapping[str, np.ndarray], engine: Engine, member: int, by_beat: np.ndarray
 ) -> list[str]:
-    """The first event at which steady beats change the gases at once, where blood takes its time.
+    """A warning about the first event at which steady beats change gases faster than blood is renewed.
 
-    Ramps are compared with the time in which blood is renewed; where beats in a row may be followed,
-    they were compared with it before.
+    Ramps are compared with the time in which blood is renewed. Where beats may be followed one by one, this
+    comparison was made before.
     """
     timeline, settling = engine.timelines[member], max(engine.settling_s[member], BLOOD_RENEWAL_S)
     gases = {n: outputs[n] for n in LARGEST_GAS_CHANGE if n in outputs and np.isfinite(outputs[n]).all()}
@@ -371,7 +370,7 @@ def _sudden_gas_change(
 
 
 def _fast_slow_states(history: History, laws: Laws, settling: float) -> list[str]:
-    """Where slow states change while the circulation still settles, so that steady beats run ahead of it."""
+    """Warnings where slow states change while the circulation still settles: steady beats are too early."""
     lags = [np.abs(rates) * settling / laws.scales for rates in history.rates]
     steady = [k for k, t in enumerate(history.times) if not any(s.begin <= t < s.end for s in history.spans)]
     over = [k for k in steady if lags[k].max(initial=0.0) > LARGEST_LAG]

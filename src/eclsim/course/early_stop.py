@@ -1,4 +1,4 @@
-"""Ends a march early: at a steady beat that meets a condition, such as a broken goal."""
+"""Early end of a course at a steady beat that meets a condition, such as a broken goal."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 
 class EarlyStop:
-    """Ends a member's march after the first shown moment whose beat meets a condition.
+    """Ends a member's course after the first shown moment whose beat meets a condition.
 
     Args:
-        outputs: that the condition reads of each step's beat.
-        broken: the condition: whether a beat with these values breaks a goal.
-        every: between moments that are shown [s], of each member.
+        outputs: outputs of each step's beat that the condition needs.
+        broken: condition: whether a beat with these values breaks a goal.
+        every: interval between moments shown for each member [s].
     """
 
     reason = "a goal is broken"
@@ -24,8 +24,8 @@ class EarlyStop:
         self._since = [math.inf] * len(every)
 
     def is_over(self, member: int, time: float, beat: Mapping[str, float]) -> bool:
-        """Whether a member's march is over at a time [s], at the end of a step with this beat."""
-        if not beat or not self.broken(beat):  # nothing is read where no law reads a beat
+        """Whether a member's course ends at a time [s], the end of a step with this beat."""
+        if not beat or not self.broken(beat):  # empty if no law needs outputs of a beat
             self._since[member] = math.inf
             return False
         since = self._since[member] = min(self._since[member], time)

@@ -1,8 +1,8 @@
-"""Slow states of one or many patients over hours, each rate that of a steady beat.
+"""Slow states of one or many patients over hours, with the rates of the steady beat.
 
-The heart settles within a minute or two of any change, slow states change over many: their rates are taken at
-the steady beat of the moment (averaging over the fast scale). Each member has steps and times of its own; all
-members' beats of a stage are solved as one batch.
+The heart settles within a minute or two of any change, while slow states change over many minutes. Their
+rates are therefore evaluated at the steady beat of the moment (averaging over the fast scale). Each member
+has its own steps and times; the beats of all members in a stage are solved as one batch.
 """
 
 from __future__ import annotations
@@ -49,29 +49,30 @@ from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.slow import INFLOWS
 
 SHORTEST_STEP_S = 5.0
-"""Step below which a moment without a steady beat ends a course."""
+"""A moment without a steady beat ends a course if the step is shorter than this [s]."""
 SHORTEST_FIRST_STEP_S, FIRST_STEP_SHARE = 20.0, 0.5
-"""Shortest first step behind an event; share of the length at which the third derivative is felt."""
+"""Shortest first step after an event [s]; share of the length at which the third derivative matters."""
 LONGEST_STEP_S = 3600.0
 FEWEST_SIDE_BY_SIDE = 16
-"""From so many members on, the program for many side by side is worth its compilation."""
+"""From this number of members on, compiling the program for many members side by side pays off."""
 PCO2_ITERATIONS, PCO2_TOLERANCE_MMHG = 4, 0.01
-"""Limits of the iteration of blood and its stores of CO2 until both have the same arterial PCO2."""
+"""Limits of the iteration of blood and CO2 stores to the same arterial PCO2: iterations, mmHg."""
 DIFFERENCE_STEP = 0.3
-"""Step of a state for its column of the Jacobian, as a share of its scale."""
+"""Step of a state for its column of the Jacobian, relative to the state's scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CourseOptions:
-    """How a course is computed.
+    """Numerical options of a course.
 
     Args:
-        tolerance: error of a slow state in a step, of its scale (`SlowState`).
-        step_s: fixed length of steps [s]; left out, steps follow from the error.
-        orbits: accuracy of the beats between which rates are taken.
-        predictor: where a beat's search begins: "secant" (on from the last beat by a slope that starts as the
-            derivative at the last event and learns from beat to beat), "derivative" (that alone), or "last".
-        hand_over: whether the course is followed beat by beat where an event leaves the circulation no time
+        tolerance: allowed error of a slow state in a step, relative to its scale (`SlowState`).
+        step_s: fixed length of steps [s]; None for steps that follow from the error.
+        orbits: accuracy of the steady beats.
+        predictor: start of the search for a beat: "secant" (extrapolated from the last beat with a slope that
+            is the derivative at the last event and is updated with each beat), "derivative" (that derivative
+            alone) or "last" (the last beat).
+        hand_over: whether the course is followed beat by beat after events that leave the circulation no time
             to settle (`eclsim.course.handover`).
     """
 
@@ -97,16 +98,16 @@ class History:
     """A member's slow states at the ends of its steps.
 
     Attributes:
-        segments: which segment of its timeline each step belongs to.
-        times: ends of steps [s], the first of a segment at its beginning.
-        states: at these, each of shape (states,).
-        rates: likewise, per second.
-        points: of the steady beat there (`Predictor`); None where no law reads the beat.
-        stopped: why it ended early; empty where it did not.
-        beats: computed for it.
-        solves: steady beats searched for.
-        spans: that were followed beat by beat.
-        skipped_transients: what would have been, had nothing been in the way.
+        segments: index of the timeline segment of each step.
+        times: ends of the steps [s]; the first of a segment is its beginning.
+        states: slow states at these times, each of shape (states,).
+        rates: rates of change at these times, per second, each of shape (states,).
+        points: points of the steady beats at these times (`Predictor`); None if no law needs the beat.
+        stopped: reason for an early end; empty if there was none.
+        beats: number of beats computed.
+        solves: number of searches for a steady beat.
+        spans: spans that were followed beat by beat.
+        skipped_transients: transients that should have been followed beat by beat but could not be.
     """
 
     segments: list[int] = field(default_factory=list)
@@ -122,15 +123,15 @@ class History:
 
 
 class Engine:
-    """Marches members through their timelines.
+    """Advances members along their timelines.
 
     Args:
-        timelines: of the members, with the same laws.
-        laws: of the slow states.
+        timelines: timelines of the members, which have the same laws.
+        laws: laws of the slow states.
         policy: blood volume policy.
-        options: accuracy.
+        options: numerical options.
         execution: how batches are computed.
-        early_stop: what ends a member's march early; None for nothing.
+        early_stop: condition for an early end of a member's course; None for none.
 
     Attributes:
         at_rest: gases of each member before events at minute 0, as far as they are in `LARGEST_GAS_CHANGE`.
@@ -168,7 +169,7 @@ class Engine:
         self.at_rest = [dict[str, float]() for _ in timelines]
 
     def march(self) -> list[History]:
-        """From the start, the beat before events at minute 0, to the end of every member."""
+        """Compute all members from the beat before events at minute 0 to their ends."""
         everyone = np.arange(len(self.timelines))
         for member in range(len(everyone)):
             self._load_settings(member)
@@ -187,7 +188,7 @@ class Engine:
         return self.histories
 
     def _not_stopped(self, active: np.ndarray) -> np.ndarray:
-        """The members whose march no early stop ends."""
+        """Return the members whose course does not end by the early stop."""
         stop, time = self.early_stop, self.time
         over = [m for m in active if stop and stop.is_over(m, float(time[m]), self.snapshots[m].read)]
         for m in over:
@@ -195,7 +196,7 @@ class Engine:
         return np.setdiff1d(active, over)
 
     def _advance(self, active: np.ndarray) -> np.ndarray:
-        """One step of some members; those who go on."""
+        """Advance some members by one step and return those that continue."""
         ends = np.array([self.timelines[m].breaks[self.segment[m] + 1] for m in active])
         to_end = ends - self.time[active]
         planned = self.length[active]
@@ -239,12 +240,12 @@ class Engine:
         return np.sort(np.concatenate([remain, entered, carried])).astype(int)
 
     def _may_leave_ramp(self, member: int) -> bool:
-        """Whether a member is on a ramp, which may be followed beat by beat."""
+        """Whether a member is on a ramp that may be followed beat by beat."""
         ramp_end = self.timelines[member].ramp_end(int(self.segment[member]))
         return self.options.hand_over and ramp_end > float(self.time[member])
 
     def _ahead_of_blood(self, active: np.ndarray, length: np.ndarray) -> dict[int, StateBeforeEvent]:
-        """Members whose steady gases ran ahead of the blood in a step of a ramp, reset to the beat before."""
+        """Members whose steady gases outran the blood in a step of a ramp; they return to the last beat."""
         events: dict[int, StateBeforeEvent] = {}
         for m, of_step in zip(active, length, strict=True):
             if not self._may_leave_ramp(m):
@@ -260,7 +261,7 @@ class Engine:
         return events
 
     def _leave_ramp(self, lost: np.ndarray, ahead_of_blood: Mapping[int, StateBeforeEvent]) -> np.ndarray:
-        """Members whose steady beat a ramp took away or too far, run beat by beat until they reach it."""
+        """Follow beat by beat the members that a ramp left without a steady beat or changed too fast."""
         carried: list[int] = []
         for m in lost:
             if not self._may_leave_ramp(m):
@@ -282,7 +283,7 @@ class Engine:
         fine: np.ndarray,
         accepted: np.ndarray,
     ) -> None:
-        """Lengths of the next steps; a moment without a steady beat is approached by halves."""
+        """Set the lengths of the next steps; shorter ones approach a moment without a steady beat."""
         if self.options.step_s is not None:
             self.length[active] = np.where(accepted, self.options.step_s, 0.5 * length)
             return
@@ -292,7 +293,7 @@ class Engine:
         self.length[active] = np.clip(length * factor, SHORTEST_STEP_S, LONGEST_STEP_S)
 
     def _load_settings(self, member: int) -> None:
-        """Put the settings of a member's segment into the tables."""
+        """Copy the settings of a member's segment into the tables."""
         timeline, segment = self.timelines[member], int(self.segment[member])
         for key, value in timeline.settings(segment, float(self.time[member])).items():
             self.table.setdefault(key, np.zeros(len(self.timelines)))[member] = value
@@ -300,7 +301,7 @@ class Engine:
             self.inflow[kind][member] = rate
 
     def _begin_segment(self, active: np.ndarray) -> np.ndarray:
-        """Begin a segment: rates and their Jacobian there; those who have a steady beat."""
+        """Begin a segment, with rates and their Jacobian; returns the members that can continue."""
         if not len(active):
             return active
         events = [self._state_before_event(m) for m in active] if self.options.hand_over else []
@@ -314,7 +315,7 @@ class Engine:
         return self._resume(np.setdiff1d(active, without_beat))
 
     def _resume(self, active: np.ndarray) -> np.ndarray:
-        """Members that have a steady beat, with the Jacobian of their rates and a length of the next step."""
+        """Compute the Jacobian of the rates and the next step length for members that have a steady beat."""
         if len(active):
             self._differentiate(active)
         self._append_history(active)
@@ -323,7 +324,7 @@ class Engine:
         return active
 
     def _first_lengths(self, active: np.ndarray) -> np.ndarray:
-        """Lengths of first steps behind events, from the third derivative J^2 f of slow states y' = f."""
+        """Lengths of first steps after events, from the third derivative J^2 f of slow states y' = f."""
         jacobian, slopes = self.jacobian[active], self.slopes[:, active].T
         third = np.einsum("mij,mjk,mk->mi", jacobian, jacobian, slopes)
         size = np.abs(third / self.laws.scales).max(axis=1, initial=0.0)
@@ -332,7 +333,7 @@ class Engine:
         return np.clip(length, SHORTEST_FIRST_STEP_S, LONGEST_STEP_S)
 
     def _state_before_event(self, member: int) -> StateBeforeEvent | None:
-        """What a member comes from as a segment begins; None where nothing happens at minute 0."""
+        """A member's state before a segment begins; None if nothing happens at minute 0."""
         predictor, segment, time = (
             self.predictors[member],
             int(self.segment[member]),
@@ -355,12 +356,12 @@ class Engine:
         return StateBeforeEvent(beat, before.gases, before.volumes, ahead, *shares, refusal)
 
     def _lung_gas_renewal_s(self, member: int, length: float) -> float:
-        """Time in which a member's lung gas is renewed once so many seconds have passed [s]."""
+        """Time in which a member's lung gas is renewed after a given number of seconds [s]."""
         timeline, segment, time = self.timelines[member], int(self.segment[member]), float(self.time[member])
         return lung_gas_renewal_s(timeline.settings(segment, time), timeline.settings(segment, time + length))
 
     def _blood_state(self, member: int, circuit: Circuit) -> BloodState:
-        """What a member's last beat, which was of that circuit, has of blood and gases."""
+        """Blood volumes and gases of a member's last beat, which had the given circuit."""
         predictor = self.predictors[member]
         volumes = predictor.state[assemble(circuit).layout.volumes.where]
         names = (c.name for c in circuit.compartments)
@@ -368,7 +369,7 @@ class Engine:
         return BloodState(dict(zip(names, volumes.tolist(), strict=True)), gases)
 
     def _reason(self, member: int, event: StateBeforeEvent) -> str:
-        """Why the beats behind an event are followed, in words; empty where they need not be."""
+        """Reason to follow the beats after an event, in words; empty if there is none."""
         settling, rates = self.predictors[member].settling_s, self.slopes[:, member]
         now = event.ramp_end_state or self._blood_state(member, self._circuit(member))
         shift = event.share * shift_ml(event.volumes, now.volumes)
@@ -379,13 +380,13 @@ class Engine:
     def _follow_if_needed(
         self, member: int, event: StateBeforeEvent, has_beat: bool, of: int | None = None
     ) -> bool:
-        """Follow a member beat by beat where steady beats would pass over too much; whether it goes on.
+        """Follow a member beat by beat if steady beats would skip too much; returns whether it continues.
 
         Args:
-            member: which.
-            event: what it comes from.
-            has_beat: whether there is a steady beat now.
-            of: segment of the steady beat that it comes from; left out, the one before.
+            member: index of the member.
+            event: state before the event.
+            has_beat: whether there is a steady beat after the event.
+            of: segment of the steady beat before the event; None for the previous one.
         """
         settling = self.predictors[member].settling_s
         reason = self._reason(member, event) if has_beat else NO_STEADY_BEAT
@@ -411,9 +412,9 @@ class Engine:
         return has_beat and not march.stopped
 
     def _steady_at(self, member: int, at: MarchState, march: BeatMarch) -> SteadyTarget | None:
-        """The steady beat at what a march beat by beat has come to; the member goes on from there.
+        """Compute the steady beat for the state of a beat-by-beat simulation; the member continues from it.
 
-        How far the blood has followed the stores of carbon dioxide is what its arterial PCO2 says.
+        The arterial PCO2 tells how far the blood has followed the stores of carbon dioxide.
         """
         active, predictor = np.array([member]), self.predictors[member]
         breaks = self.timelines[member].breaks
@@ -446,7 +447,7 @@ class Engine:
             self.histories[m].stopped = self.messages[m]
 
     def _settings(self, active: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
-        """Parameters of some members at a time in their segments, by key."""
+        """Parameters of some members at times within their segments [s], by key."""
         values = {key: column[active] for key, column in self.table.items()}
         for k, m in enumerate(active):
             for key, value in self.timelines[m].ramped(int(self.segment[m]), float(time[k])).items():
@@ -456,7 +457,7 @@ class Engine:
     def _rates(
         self, active: np.ndarray, time: np.ndarray, states: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Rates of some members, and which have a steady beat."""
+        """Rates of some members, and whether each has a steady beat."""
         settings = self._settings(active, time)
         beat, solved = self._solve(active, self.laws.in_effect(states, settings), states, time)
         inflows = {kind: column[active] for kind, column in self.inflow.items()}
@@ -473,7 +474,7 @@ class Engine:
         return rates, solved
 
     def _differentiate(self, active: np.ndarray) -> None:
-        """Jacobians of the rates by differences, and slopes of the beats along the slow states."""
+        """Compute Jacobians of the rates by finite differences, and slopes of beats along the slow states."""
         size, scales = len(self.laws.states), self.laws.scales
         n = len(active)
         members = np.tile(active, size)
@@ -501,13 +502,13 @@ class Engine:
         self.jacobian[active] = np.nan_to_num(differences.reshape(size, size, n).transpose(2, 0, 1))
 
     def _beat_of(self, members: np.ndarray) -> dict[str, np.ndarray]:
-        """What the laws read of the last beat of each."""
+        """Outputs of each member's last beat that the laws need."""
         return {name: np.array([self.predictors[m].read[name] for m in members]) for name in self.laws.reads}
 
     def _shifted_beats(
         self, members: np.ndarray, columns: np.ndarray, values: dict[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """Beats with one slow state shifted; what is read of them. The predictors learn from them."""
+        """Outputs of beats with one slow state shifted, from which the predictors learn slopes."""
         outputs = {name: np.full(len(members), np.nan) for name in self.laws.reads}
         for chosen in self._groups_by_circuit(members):
             predictors = [self.predictors[m] for m in members[chosen]]
@@ -528,7 +529,7 @@ class Engine:
         states: np.ndarray | None,
         time: np.ndarray | None = None,
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """What the laws read of the beats of some members, and which have one."""
+        """Solve the beats of some members; returns outputs that laws need, and whether each has a beat."""
         solved = np.ones(len(active), dtype=bool)
         read = {name: np.full(len(active), np.nan) for name in self.laws.reads}
         if not self.laws.reads:
@@ -559,7 +560,7 @@ class Engine:
     def _place(
         self, member: int, column: int, states: np.ndarray | None, time: np.ndarray | None
     ) -> np.ndarray:
-        """Where a member's beat is: slow states in their scales, and minutes of a ramp."""
+        """Coordinates of a member's beat: slow states in units of their scales, and minutes of a ramp."""
         size = len(self.laws.states)
         place = np.zeros(size + 1)
         if states is not None:
@@ -572,7 +573,7 @@ class Engine:
         return self.circuits[member][self.segment[member]]
 
     def _groups_by_circuit(self, active: np.ndarray) -> list[np.ndarray]:
-        """Positions of members that share a circuit and whether their search has a start."""
+        """Positions of members grouped by circuit and by whether a start for their search is known."""
         groups: dict[tuple[int, bool], list[int]] = {}
         for k, m in enumerate(active):
             circuit = self._circuit(m)

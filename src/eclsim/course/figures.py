@@ -44,9 +44,9 @@ _AXES = {
     "mL/min": "Oxygen",
 }
 _NARROWEST = {"1": 0.005, "mL": 2.0}
-"""Span of an axis at least, in its unit, so that rounding is no curve; 0.1 of others."""
+"""Smallest span of an axis in its unit, so that rounding is not shown as a curve; 0.1 for other units."""
 MOST_ALARMS = 5
-"""Alarms of a band at most: the most probable ones are drawn."""
+"""Largest number of alarms drawn for a band, the most probable ones."""
 _BARS = {"collapse": "#7A0000", "alarm": style.OKABE_ITO["vermillion"], "warning": style.OKABE_ITO["orange"]}
 
 
@@ -55,7 +55,7 @@ def plot_course(result: xr.Dataset) -> Figure:
     """Pressures, flows and volumes over hours.
 
     Args:
-        result: as `eclsim.course` or `eclsim.course_band` returns it.
+        result: dataset as of `eclsim.course` or `eclsim.course_band`.
     """
     panels = (*panels_of(result), RATE, SATURATION, OXYGEN, CARBON_DIOXIDE, BLOOD, BLOOD_CELLS, DISSOLVED)
     drawn = list({p.names: p for p in panels if any(_has_values(result, name) for name in p.names)}.values())
@@ -86,7 +86,7 @@ def plot_course(result: xr.Dataset) -> Figure:
 
 
 def _time_axis_unit(result: xr.Dataset) -> tuple[str, float]:
-    """Unit of the time axis, and its minutes."""
+    """Unit of the time axis, and the number of minutes in it."""
     return ("h", 60.0) if len(result["time_min"]) and result["time_min"][-1] > 240.0 else ("min", 1.0)
 
 
@@ -112,7 +112,7 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
 
 
 def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index: int) -> None:
-    """An output over time; of a band the median, with the intervals that hold 50 % and 90 % of the draws."""
+    """Plot an output over time; for a band, the median and the 50 % and 90 % intervals of the draws."""
     look: dict[str, Any] = {**style.curve_style(index)}
     numbers = values.to_numpy().astype(float)
     if "quantile" in values.dims:
@@ -132,7 +132,7 @@ def _mark_events(ax: Axes, hours: np.ndarray, events: list[Event], minutes: floa
 
 
 def _mark_spans(ax: Axes, spans: list[dict[str, Any]], minutes: float) -> None:
-    """A grey bar at the top where every beat was followed."""
+    """Draw a grey bar at the top where every beat was followed."""
     for span in spans:
         ends = [span["from_min"] / minutes, span["until_min"] / minutes]
         top = Line2D(ends, [1.01, 1.01], transform=ax.get_xaxis_transform(), color="0.65", linewidth=2.4)
@@ -148,7 +148,7 @@ def _legend_above(ax: Axes, columns: int = 2) -> None:
 
 
 def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None:
-    """How many of the draws break a limit, over time."""
+    """Plot the share of the draws that violate a limit over time."""
     _, minutes = _time_axis_unit(result)
     hours, gravest = result["time_min"].to_numpy() / minutes, result.isel(alarm=slice(MOST_ALARMS))
     for index, (label, share) in enumerate(
@@ -164,7 +164,7 @@ def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None
 
 
 def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None:
-    """Bars at the foot where a limit of one of the panel's outputs is broken."""
+    """Draw bars at the bottom where a limit of one of the panel's outputs is violated."""
     end = float(result["time_min"][-1])
     for alarm in sorted(alarms, key=lambda item: list(_BARS).index(str(item["kind"])), reverse=True):
         until = end if alarm["until_min"] is None else float(str(alarm["until_min"]))

@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 COURSES, GROUPS, SUMMARY, TABLE = "courses", "groups", "courses.json", "courses.csv"
-"""In a cohort's folder: courses, results of tasks; the outcome of every course, as JSON and table."""
+"""In a cohort's folder: courses, results of tasks, and the results of all courses as JSON and table."""
 
 
 def course_object(result: xr.Dataset) -> dict[str, Any]:
-    """A course as plain data for JSON, in the form of the contract; null where an output is none."""
+    """A course as plain data for JSON in the agreed format; null for missing outputs."""
     about, numeric = result.attrs, [str(n) for n, v in result.data_vars.items() if v.dtype.kind == "f"]
     states = [name for name in numeric if "definition" not in result[name].attrs]
     return {
@@ -57,7 +57,7 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
 
 
 def cohort_object(results: Sequence[xr.Dataset]) -> dict[str, Any]:
-    """Courses of a cohort as plain data for JSON: what became of each, without its moments."""
+    """Courses of a cohort as plain data for JSON: the result of each, without its moments."""
     summary = ("id", "converged", "status", "message", "balance", "alarms", "warnings", "blood_volume_policy")
     courses = [
         {key: value for key, value in course_object(course).items() if key in summary} for course in results
@@ -69,12 +69,12 @@ def cohort_object(results: Sequence[xr.Dataset]) -> dict[str, Any]:
 
 
 def course_stem(name: str) -> str:
-    """Beginning of the names of all files of a patient's course."""
+    """Stem of the names of all files of a patient's course."""
     return f"{file_stem(name)}_course"
 
 
 def course_stems(names: Sequence[str]) -> list[str]:
-    """The same of each patient of a cohort; names that would share their files are told apart."""
+    """Stems for each patient of a cohort; names that would have the same stem get different ones."""
     return [f"{stem}_course" for stem in file_stems(names)]
 
 
@@ -84,12 +84,12 @@ def course_files(name: str) -> tuple[str, str]:
 
 
 def write_tables(result: xr.Dataset, folder: Path, stem: str | None = None) -> list[Path]:
-    """Write a row for each moment as CSV, units in the head, and everything as NetCDF.
+    """Write one row for each moment as CSV, with units in the header, and everything as NetCDF.
 
     Args:
         result: a course.
-        folder: made if need be.
-        stem: beginning of the names of the files; left out, that of the patient.
+        folder: folder of the files, created if necessary.
+        stem: stem of the file names; None takes that of the patient.
     """
     frame = result.to_dataframe().reset_index()
     units = {str(n): result[n].attrs.get("units", "") for n in (*result.coords, *result.data_vars)}
@@ -99,7 +99,7 @@ def write_tables(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
 
 
 def write_band_tables(band: xr.Dataset, folder: Path) -> list[Path]:
-    """Write a band as CSV, a row for each output and moment, its alarms likewise, and all as NetCDF."""
+    """Write a band as CSV (one row for each output and moment), its alarms likewise, and all as NetCDF."""
     minutes, followed = band[TIME].to_numpy(), band["draws_followed"].to_numpy()
     said = "; ".join(untrusted(band.attrs["warnings"]))
     last, words = ((DOUBTS,), (said,)) if said else ((), ())
@@ -142,9 +142,9 @@ def write_figure(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
 
 
 def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]:
-    """Write the courses of a cohort, a table and a NetCDF file each, and what became of all; returns that.
+    """Write table and NetCDF file of each course of a cohort, and a summary, which is returned.
 
-    Courses of an earlier cohort in the folder are removed: they would be read as if they belonged to it.
+    Courses of an earlier cohort in the folder are removed, since they would be read as part of this one.
     """
     content, places = cohort_object(results), folder / COURSES
     stems = course_stems([str(course.attrs["id"]) for course in results])

@@ -1,4 +1,4 @@
-"""Remarks on the fluid and blood that the events of a course give and take, and how measurements differ."""
+"""Remarks on fluid and blood given and lost in a course, and on differences from measurements."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _ALBUMIN_LOSS = (
     "2022); with fluid.lymph_ml_min = 6 it leaves nearly as fast"
 )
 LARGEST_WALL_ML_MIN_MMHG, SMALLEST_COMPLIANCE_ML_MMHG, SMALLEST_LYMPH_ML_MIN = 4.0, 60.0, 5.0
-"""Largest filtration coefficient, smallest venous compliance and lymph flow with which, and with a reflex,
-fluid stays in the plasma about as long as measured."""
+"""Largest filtration coefficient, smallest venous compliance and lymph flow for which, with a reflex,
+fluid remains in the plasma about as long as measured."""
 LOSS_SHARE = 0.05
-"""Share of the blood; smaller losses get no remark."""
+"""Share of the blood; smaller losses give no remark."""
 RETAINED_FLUIDS = ("blood_ml", "red_cells_ml", "albumin_ml")
 _WALL_KEY = "fluid.filtration_ml_min_mmHg"
 ULTRAFILTRATION_KEY = ".net_ultrafiltration_ml_h"
@@ -52,7 +52,7 @@ _HAEMORRHAGE_WITHOUT_REFLEX = (
 )
 
 LARGEST_DIALYSIS_WALL_ML_MIN_MMHG, LARGEST_DIALYSIS_SHARE = 3.0, 0.2
-"""Filtration coefficient, and pericapillary share, up to which a dialysis is about as measured."""
+"""Filtration coefficient and pericapillary share up to which dialysis agrees with measurements."""
 _ULTRAFILTRATION = (
     "net ultrafiltration with the default wall, fluid.filtration_ml_min_mmHg = 10: refill is too quick, "
     "blood volume falls by 0.7 % in an hour where dialysis patients lost 3.2 % (1.7 L, Keane 2018), so that "
@@ -66,10 +66,10 @@ _OWN_BLOOD = (
 
 
 def remarks_on_fluids(timeline: Timeline) -> list[str]:
-    """Sentences about the fluid and blood that a course gives and takes.
+    """Sentences about the fluid and blood given and lost in a course.
 
     Args:
-        timeline: of the course.
+        timeline: timeline of the course.
     """
     given: dict[str, float] = {}
     for event in timeline.case.events:
@@ -108,7 +108,7 @@ def remarks_on_fluids(timeline: Timeline) -> list[str]:
 
 
 def _loses_blood(timeline: Timeline) -> bool:
-    """Whether more is bled than takes its place at the same time, by a share of the blood that is felt."""
+    """Whether the blood lost exceeds its simultaneous replacement by a relevant share of the blood volume."""
     gifts = (event.give for event in timeline.case.events)
     lost = sum(
         max(give.get("bleed_ml", 0.0) - sum(give.get(k, 0.0) for k in RETAINED_FLUIDS), 0.0) for give in gifts
@@ -118,7 +118,7 @@ def _loses_blood(timeline: Timeline) -> bool:
 
 
 def _removes_fluid_quickly(timeline: Timeline) -> bool:
-    """Whether fluid is removed through a wall that refills quickly."""
+    """Whether fluid is removed from a patient whose capillary wall refills quickly."""
     values = dict(timeline.start[1])
     rates = [values, *(change.after for change in timeline.changes)]
     removed = any(

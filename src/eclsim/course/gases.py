@@ -1,10 +1,9 @@
-"""Gases of the blood beat by beat, and what answers to them with its lag.
+"""Gases of the blood beat by beat, and the lagged responses to them.
 
-Every beat is an implicit step of the contents of oxygen and carbon dioxide in all compartments, with the
-beat's own flows (`eclsim.gas.transport`): what changes reaches the next compartment as its blood is renewed.
-Alveoli hold gas that is breathed in, taken up and breathed out; membrane and tissues answer at once to the
-blood that passes. Blood that is given joins with the contents of the veins; where haemoglobin changes, its
-oxygen does.
+Every beat is an implicit step of the oxygen and carbon dioxide contents of all compartments, with the flows
+of the beat (`eclsim.gas.transport`): a change reaches the next compartment as its blood is renewed. Alveoli
+hold gas that is inhaled, taken up and exhaled. Membrane and tissues respond at once to the blood that passes.
+Infused blood has the contents of the veins. Where haemoglobin changes, its oxygen changes with it.
 """
 
 from __future__ import annotations
@@ -40,10 +39,10 @@ if TYPE_CHECKING:
     from eclsim.gas.network import GasFunction
 
 LEAST_ML = 1.0
-"""Blood that a compartment holds at least, as far as gases go."""
+"""Smallest blood volume of a compartment in the gas transport [mL]."""
 SETTLED_ML_DL = (0.03, 0.05)
-"""Content of oxygen and of carbon dioxide within which a compartment of the patient has settled: a fifth of a
-percent of saturation at 10 g/dL of haemoglobin, and 0.1 mmHg."""
+"""A compartment of the patient has settled within these contents of oxygen and of carbon dioxide [mL/dL]:
+0.2 % of saturation at 10 g/dL of haemoglobin, and 0.1 mmHg."""
 NOT_FOLLOWED = (
     "the gases of the blood could not be followed beat by beat; steady beats alone (--steady-only) may still "
     "have them"
@@ -54,10 +53,10 @@ class Gases(NamedTuple):
     """Gases at the end of a beat.
 
     Attributes:
-        contents: of oxygen and carbon dioxide in all compartments [mL/dL], (2, compartments).
-        haemoglobin: that they belong to [g/dL].
-        state: all that is known of the gases, by quantity.
-        sensed: what nerves and organs have in effect, each late by its lag, by name.
+        contents: oxygen and carbon dioxide contents of all compartments [mL/dL], (2, compartments).
+        haemoglobin: haemoglobin concentration of these contents [g/dL].
+        state: all gas quantities.
+        sensed: lagged values that receptors and organs respond to, by name.
     """
 
     contents: np.ndarray
@@ -67,12 +66,12 @@ class Gases(NamedTuple):
 
 
 class GasDynamics:
-    """Gases of one circuit over beats.
+    """Gases of one circuit, beat by beat.
 
     Args:
-        circuit: with exchanges of gas.
-        signals: of a beat that are recorded, all flows among them.
-        values: its parameters, NaN where something answers to gases.
+        circuit: circuit with gas exchange.
+        signals: recorded signals of a beat, including all flows.
+        values: parameters of the circuit; NaN for those that depend on the gases.
     """
 
     def __init__(self, circuit: Circuit, signals: Sequence[str], values: Mapping[str, float]):
@@ -84,12 +83,12 @@ class GasDynamics:
         self.beside = np.array(total_volumes(circuit, values, [0.0] * len(circuit.compartments)))
 
     def begin(self, series: np.ndarray, phases: np.ndarray, values: Mapping[str, float]) -> Gases:
-        """Gases of a steady beat.
+        """Return the gases of a steady beat.
 
         Args:
-            series: its signals (points, signals).
-            phases: of the points, from 0 to 1.
-            values: its parameters.
+            series: signals of the beat, shape (points, signals).
+            phases: phases of the points, from 0 to 1.
+            values: parameters of the beat.
         """
         state = self._state(self.steady, [*self._flows(series, phases), *self._numbers(self.steady, values)])
         return Gases(self._contents(state), values[HAEMOGLOBIN], state, self._signals(state))
@@ -103,15 +102,15 @@ class GasDynamics:
         volumes: tuple[np.ndarray, np.ndarray],
         period: float,
     ) -> Gases:
-        """Gases a beat later.
+        """Return the gases one beat later.
 
         Args:
-            gases: before it.
-            series: its signals (points, signals).
-            phases: of the points, from 0 to 1.
-            values: its parameters.
-            volumes: stressed volumes of all compartments at its beginning and at its end [mL].
-            period: of the beat [s].
+            gases: gases before the beat.
+            series: signals of the beat, shape (points, signals).
+            phases: phases of the points, from 0 to 1.
+            values: parameters of the beat.
+            volumes: stressed volumes of all compartments at the beginning and end of the beat [mL].
+            period: duration of the beat [s].
         """
         blood = np.maximum(self.beside + np.stack(volumes), LEAST_ML) / period / ML_S_PER_L_MIN
         contents = gases.contents * [[values[HAEMOGLOBIN] / gases.haemoglobin], [1.0]]
@@ -126,34 +125,34 @@ class GasDynamics:
         return Gases(self._contents(state), values[HAEMOGLOBIN], state, sensed)
 
     def in_effect(self, gases: Gases, values: Mapping[str, float]) -> dict[str, float]:
-        """Parameters that what is felt of the gases sets."""
+        """Parameters that are set by the sensed gases."""
         sensed = gases.sensed
         effective = {name: sensed[name] for name in (SENSED_PAO2, SENSED_PACO2) if name in sensed}
         for bed in self._beds():
             settings = [values[name] for name in local_settings(bed)]
-            # Content and oxygen supply stand for the content of the blood that leaves.
+            # Content and supply of oxygen represent the content of the blood that leaves.
             numbers = [sensed[f"{bed}.oxygen"], 1.0, 0.0, sensed[f"{bed}.carbon_dioxide"], *settings]
             effective[local_resistance(bed)] = float(single(local_law, None)(np.array(numbers))[0])
         return {name: effective[name] for name in self.answers if name in effective}
 
     def distance(self, now: Gases, goal: Gases) -> float:
-        """Largest difference of contents, in those that count as settled."""
+        """Largest difference of contents in the patient, relative to `SETTLED_ML_DL`."""
         share = np.abs(now.contents - goal.contents) / np.array(SETTLED_ML_DL)[:, None]
         return float(share[:, self.of_patient].max())
 
     def alveolar_mmhg(self, gases: Gases) -> np.ndarray:
-        """PO2 of the gas that each lung holds."""
+        """PO2 of the gas in each lung [mmHg]."""
         return np.array([gases.state[Quantity("PO2", "within", lung)] for lung in self.lungs])
 
     def reason_without_gases(self, gases: Gases) -> str:
-        """Why there are no gases; empty where there are."""
+        """Reason why there are no gases; empty if there are."""
         return "" if np.isfinite(gases.contents).all() else NOT_FOLLOWED
 
     def _beds(self) -> list[str]:
         return [bed for bed in LOCAL_OUTPUTS if local_resistance(bed) in self.answers]
 
     def _signals(self, state: Mapping[Quantity, float]) -> dict[str, float]:
-        """Gases that receptors and organs are exposed to."""
+        """Gas values to which receptors and organs are exposed."""
         artery = artery_of(self.circuit)
         signals = {}
         if SENSED_PAO2 in self.answers:
@@ -173,7 +172,7 @@ class GasDynamics:
         return {SENSED_PAO2: RECEPTORS_S, SENSED_PACO2: RECEPTORS_S, **of_organs}
 
     def _flows(self, series: np.ndarray, phases: np.ndarray) -> np.ndarray:
-        """Mean forward, then backward flow of each connection [L/min]."""
+        """Mean forward and backward flow of each connection [L/min]."""
         beat = Measures(dict(zip(self.signals, series.T, strict=True)), phases)
         return np.array([[mean(n) for n in self.step.connections] for mean in (beat.forward, beat.backward)])
 

@@ -1,8 +1,8 @@
-"""Where an event leaves the circulation no time to settle, a course goes on beat by beat until it has.
+"""Beat-by-beat simulation after events that leave the circulation no time to settle.
 
-Steady beats see a sudden change as done at once. What they pass over is how much blood the circulation has to
-move for it, how far the gases of that blood have to go, or how much slow states change meanwhile; where that
-is felt, the beats in between are followed.
+In steady beats, a sudden change takes effect at once. They skip the time in which the circulation shifts
+blood and the gases of that blood change, and changes of slow states during that time. Where these are
+considerable, the beats in between are simulated.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ if TYPE_CHECKING:
     from eclsim.course.laws import Laws
 
 LARGEST_LAG = 4.0
-"""Scales by which slow states may change while the circulation settles."""
+"""Largest change of slow states while the circulation settles, in units of their scales."""
 LARGEST_SHIFT_ML = 40.0
-"""Blood that compartments may have to shift at once: as `LARGEST_LAG` lets plasma change meanwhile."""
+"""Largest volume shifted at once between compartments [mL]; like the plasma change at `LARGEST_LAG`."""
 LARGEST_GAS_CHANGE = {"SaO2": 3.0, "SaO2_lower": 3.0, "PaCO2": 3.0, "PaCO2_lower": 3.0, "SvO2": 5.0}
-"""Change of the blood's gases [%, mmHg] that may come at once; blood is renewed in a minute or more."""
+"""Largest sudden change of gases [%, mmHg]; blood is renewed in a minute or more."""
 SETTLING_RATIO = 0.8
-"""Distance from the steady beat over that one time constant before; above it, beats come no closer."""
+"""Beats no longer approach the steady beat above this ratio of its distance to that a time constant ago."""
 GAS_TIME_CONSTANT_S = 120.0
-"""Time constant of the gases of the blood, which settle within minutes."""
+"""Time constant of the gases of the blood, which settle within minutes [s]."""
 ALVEOLAR_MMHG = 2.0
-"""Change of the alveoli's PO2 in that time by which lungs still fill or empty. Blood that lives on the oxygen
-in lungs without ventilation comes no closer to the steady beat for minutes, and then all at once."""
+"""Change of alveolar PO2 in that time above which the lungs still fill or empty [mmHg]. With oxygen from
+unventilated lungs, blood stays away from the steady beat for minutes, then approaches it suddenly."""
 LONGEST_SPAN_S = 1800.0
-"""Longest span that is followed beat by beat; after it the course goes on in steady beats."""
+"""Longest span that is followed beat by beat [s]; after it the course continues in steady beats."""
 LONGEST_SPAN_WITHOUT_BEAT_S = 600.0
-"""The same without a steady beat to settle to, as of a patient without any oxygen; there a course ends."""
+"""Longest span without a steady beat to settle to, as without any oxygen [s]; the course ends there."""
 BLOOD_RENEWAL_S = 60.0
-"""Time in which blood is renewed: gases settle no sooner, even where the circulation does."""
+"""Time in which blood is renewed [s]: gases do not settle sooner, even if the circulation does."""
 VENTILATION = "gas.alveolar_ventilation_l_min"
 LONGEST_FAST_RAMP = 10.0
-"""Length of a ramp, in settling times, up to which it may be too fast for steady beats."""
+"""A ramp up to this length, in settling times, may be too fast for steady beats."""
 RECONNECTED = "an event connects the circuit in another way"
-"""Why a patient is not followed beat by beat."""
+"""Reason why a patient is not followed beat by beat."""
 NO_STEADY_BEAT = "no steady beat is ahead"
 BEATS_PER_SPAN = 60
-"""Beats of a span that are shown, about."""
+"""Approximate number of beats of a span that are shown."""
 
 
 class BloodState(NamedTuple):
-    """How a steady beat distributes the blood, and the gases of that.
+    """Distribution of the blood in a steady beat, and its gases.
 
     Attributes:
-        volumes: by compartment [mL].
-        gases: as far as they are in `LARGEST_GAS_CHANGE`, by name.
+        volumes: blood volumes by compartment [mL].
+        gases: gases by name, as far as they are in `LARGEST_GAS_CHANGE`.
     """
 
     volumes: Mapping[str, float]
@@ -63,16 +63,16 @@ class BloodState(NamedTuple):
 
 
 class StateBeforeEvent(NamedTuple):
-    """A patient's state as an event begins or ends.
+    """State of a patient before an event begins or ends.
 
     Attributes:
-        beat: the steady beat before.
-        gases: of that beat, as far as they are in `LARGEST_GAS_CHANGE`, by name.
-        volumes: of that beat, by compartment [mL].
-        ramp_end_state: the steady beat at the end of a ramp; None without one.
-        share: of the ramp that is done while the circulation settles.
-        gas_share: of the ramp that is done while blood is renewed, too.
-        refusal: why this patient is not followed beat by beat, in words; empty where nothing is in the way.
+        beat: steady beat before the event.
+        gases: gases of that beat by name, as far as they are in `LARGEST_GAS_CHANGE`.
+        volumes: blood volumes of that beat by compartment [mL].
+        ramp_end_state: steady beat at the end of a ramp; None without a ramp.
+        share: share of the ramp that is done while the circulation settles.
+        gas_share: share of the ramp that is done while blood is renewed, too.
+        refusal: reason why this patient cannot be followed beat by beat, in words; empty if there is none.
     """
 
     beat: SteadyState
@@ -85,12 +85,12 @@ class StateBeforeEvent(NamedTuple):
 
 
 class SkippedTransient(NamedTuple):
-    """A transient that steady beats skipped, as no beat could be followed.
+    """A transient that steady beats skipped because it could not be followed beat by beat.
 
     Attributes:
-        time: [s].
-        reason: what changed too fast, in words.
-        refusal: why it is not followed, in words.
+        time: time [s].
+        reason: quantity that changed too fast, in words.
+        refusal: reason why it is not followed, in words.
     """
 
     time: float
@@ -103,12 +103,12 @@ class Span:
     """Part of a course that is followed beat by beat.
 
     Attributes:
-        begin: [s].
-        end: [s].
-        reason: why, in words.
-        march: that followed it.
-        beats: that are shown.
-        settled: whether its end is the steady beat, or as close as beats come.
+        begin: start [s].
+        end: end [s].
+        reason: reason for following beats, in words.
+        march: simulation of the beats.
+        beats: beats that are shown.
+        settled: whether the span ends at the steady beat, or as close as beats come.
     """
 
     begin: float
@@ -124,18 +124,18 @@ class Span:
 
 
 def lag_shares(settling_s: float, lung_gas_renewal_s: float, length_s: float) -> tuple[float, float]:
-    """Shares of a change over so many seconds by which the circulation and the gases lag behind it."""
+    """Shares of a change over a number of seconds by which circulation and gases lag behind it."""
     return min(1.0, settling_s / length_s), min(
         1.0, max(settling_s, BLOOD_RENEWAL_S, lung_gas_renewal_s) / length_s
     )
 
 
 def lung_gas_renewal_s(before: Mapping[str, float], after: Mapping[str, float]) -> float:
-    """Time in which ventilation renews the gas of the lungs [s]; infinite where a change ends ventilation.
+    """Time in which ventilation renews the gas of the lungs [s]; infinite if ventilation ends.
 
     Args:
         before: parameters before the change.
-        after: behind it.
+        after: parameters after the change.
     """
     if VENTILATION not in after or not (before[VENTILATION] or after[VENTILATION]):
         return 0.0
@@ -144,14 +144,14 @@ def lung_gas_renewal_s(before: Mapping[str, float], after: Mapping[str, float]) 
 
 
 def slow_state_lag(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
-    """Largest change of slow states while the circulation settles, in their scales."""
+    """Largest change of slow states while the circulation settles, in units of their scales."""
     return float((np.abs(rates) * settling_s / laws.scales).max(initial=0.0))
 
 
 def largest_gas_change(
     before: Mapping[str, float], after: Mapping[str, float], share: float
 ) -> tuple[float, str]:
-    """Largest share of `LARGEST_GAS_CHANGE` by which gases change at once, and the change in words."""
+    """Largest sudden change of gases, relative to `LARGEST_GAS_CHANGE`, and the change in words."""
     moves = {name: share * (after[name] - before[name]) for name in before.keys() & after.keys()}
     name = max(sorted(moves), key=lambda name: abs(moves[name]) / LARGEST_GAS_CHANGE[name], default="")
     if not name:
@@ -164,7 +164,7 @@ def largest_gas_change(
 def reason_to_follow(
     shift: float, lag: float, gases: tuple[float, str], rates: np.ndarray, settling_s: float, laws: Laws
 ) -> str:
-    """Why beats are followed, in words; empty where they need not be."""
+    """Reason to follow beats, in words; empty if there is none."""
     if max(shift / LARGEST_SHIFT_ML, lag / LARGEST_LAG, gases[0]) <= 1.0:
         return ""
     if gases[0] > max(shift / LARGEST_SHIFT_ML, lag / LARGEST_LAG):
@@ -178,11 +178,11 @@ def reason_to_follow(
 
 
 class SteadyTarget(NamedTuple):
-    """The steady beat that a march beat by beat approaches.
+    """The steady beat that a beat-by-beat simulation approaches.
 
     Attributes:
-        moment: its state, with the slow states that the course goes on with.
-        lag: slow states' largest change while the circulation settles, in their scales.
+        moment: its state, with the slow states with which the course continues.
+        lag: largest change of slow states while the circulation settles, in units of their scales.
     """
 
     moment: MarchState
@@ -197,15 +197,15 @@ def follow_until_settled(
     end: float,
     reason: str,
 ) -> tuple[Span, MarchState]:
-    """Beats from an event on until they are close to the steady one, or come no closer.
+    """Simulate beats from an event until they are close to the steady beat or no longer approach it.
 
     Args:
-        march: of the patient.
-        start: the steady beat before the event, at the moment of the event.
-        steady: the steady beat at slow states and settings of a moment; None where there is none.
+        march: beat-by-beat simulation of the patient.
+        start: steady beat before the event, at the time of the event.
+        steady: returns the steady beat at the slow states and settings of a moment; None without one.
         settling_s: three time constants of the circulation.
-        end: [s], where the span ends at the latest, by its length or the course's.
-        reason: why these beats are followed.
+        end: latest end [s], given by the longest span or the end of the course.
+        reason: reason for following these beats.
     """
     shown, at, until = (
         ShownBeats(None, BEATS_PER_SPAN, march.timeline.moments_of_events),
@@ -221,12 +221,12 @@ def follow_until_settled(
         at, before_this = march.follow(at, min(until, end), shown, every_beat=False), at.time
         until = at.time + pause
         if ((events > before_this) & (events <= at.time)).any():
-            distances.clear()  # they are from a steady beat that an event has changed
+            distances.clear()  # they refer to a steady beat that an event has changed
         if march.stopped or at.time >= end - settling_s / 3.0:
             at = march.follow(at, end, shown, every_beat=False)
             return Span(start.time, at.time, reason, march, shown.with_last, False), at
         if march.on_ramp(at.time):
-            distances.clear()  # on a ramp the steady beat itself moves
+            distances.clear()  # on a ramp the steady beat itself changes
             if at.time - start.time < patience:
                 continue
         goal = steady(at)
@@ -240,12 +240,12 @@ def follow_until_settled(
 
 
 def _at_rest(before: tuple[float, float, np.ndarray], left: float, lungs: np.ndarray) -> bool:
-    """Whether beats come no closer to the steady one, and the gas in the lungs stays.
+    """Whether beats no longer approach the steady beat and the gas in the lungs is constant.
 
     Args:
-        before: a time constant ago: when, how far from the steady beat, and PO2 of the lungs [mmHg].
-        left: how far from it now.
-        lungs: PO2 now [mmHg].
+        before: values a time constant ago: time [s], distance from the steady beat, PO2 of the lungs [mmHg].
+        left: present distance from the steady beat.
+        lungs: present PO2 of the lungs [mmHg].
     """
     _, farther, held = before
     return left > SETTLING_RATIO * farther and bool((np.abs(lungs - held) <= ALVEOLAR_MMHG).all())

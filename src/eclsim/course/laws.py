@@ -1,4 +1,4 @@
-"""The slow laws of a course."""
+"""The laws of the slow states of a course."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, ...]:
-    """The slow laws of a circuit with its parameters: another one is another line."""
+    """Return the laws of the slow states of a circuit with its parameters; add a line to add a law."""
     drugs = any(name.startswith(f"{DRUGS}.") for name in circuit.parameter_names())
     hypoxic = LUNG_RESISTANCE in circuit.parameter_names()
     return (
@@ -29,14 +29,14 @@ def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, .
 
 
 USED_UP = 0.1
-"""Share of an amount's scale by which it may be below zero within the tolerance of a step."""
+"""An amount may be below zero by this share of its scale, within the tolerance of a step."""
 
 
 class Laws:
-    """Several laws as one, of states in rows.
+    """Several laws combined; their states are the rows of an array.
 
     Args:
-        laws: the laws.
+        laws: laws that are combined.
     """
 
     def __init__(self, laws: tuple[SlowLaw, ...]):
@@ -49,7 +49,7 @@ class Laws:
         self.reads = tuple(dict.fromkeys(name for law in laws for name in law.reads))
 
     def beat_by_beat(self) -> Laws:
-        """The laws where gases of the blood are followed beat by beat."""
+        """Return the laws for use where gases of the blood are followed beat by beat."""
         return Laws(tuple(law.beat_by_beat() for law in self.laws))
 
     def start(self, settings: Named, beat: Named) -> np.ndarray:
@@ -60,25 +60,25 @@ class Laws:
         return np.array([values[name] for name in self.names])
 
     def in_effect(self, states: np.ndarray, settings: Named) -> dict[str, np.ndarray]:
-        """The settings with what slow states set."""
+        """Return the settings with the values that slow states set."""
         named, values = self._named(states), dict(settings)
         for law in self.laws:
             values |= law.in_effect(named, values)
         return values
 
     def rates(self, states: np.ndarray, settings: Named, beat: Named, inflows: Named) -> np.ndarray:
-        """Change of each state per second, shape (states, members)."""
+        """Rate of change of each state per second, shape (states, members)."""
         named, rates = self._named(states), dict[str, np.ndarray]()
         for law in self.laws:
             rates |= law.rates(named, settings, beat, inflows)
         return np.array([rates[name] for name in self.names])
 
     def negative_amounts(self, states: np.ndarray) -> np.ndarray:
-        """Which amounts are below zero, shape (states, members)."""
+        """Whether each amount is below zero, shape (states, members)."""
         return states < self.least[:, None]
 
     def derived_quantities(self, states: np.ndarray, in_effect: Named) -> tuple[DerivedQuantity, ...]:
-        """Quantities that follow from the states and are shown beside them."""
+        """Quantities that are derived from the states and shown with them."""
         return tuple(
             quantity
             for law in self.laws
@@ -90,7 +90,7 @@ class Laws:
 
 
 def message_without_rates(lacking: Sequence[str]) -> str:
-    """Why slow states have no rates although a steady beat was found."""
+    """Reason why slow states have no rates although a steady beat was found."""
     if not lacking:
         return "what changes slowly has no finite rate"
     reason = f"the steady beat has no value of {', '.join(lacking)}, by which the course goes on"

@@ -1,4 +1,4 @@
-"""The moments of a course that are shown: slow states between steps, and their steady beats as one batch."""
+"""The moments of a course that are shown: slow states between steps, and their steady beats as a batch."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 
 MOMENTS_PER_BATCH = 2048
-"""Moments whose beats are solved as one batch."""
+"""Largest number of moments whose beats are solved as one batch."""
 SOLVED = (int(Status.CONVERGED), int(Status.ONE_OF_MANY))
 QUICK_SEARCH = OrbitOptions(newton_iterations=0)
-"""Options of the first search for all; the moments it does not solve are solved one after the other."""
+"""Options of the first search for all moments; those not solved are solved one after the other."""
 
 
 DECIMALS, ROUNDED_S = 6, 1e-6
-"""Decimals of the times of moments [s], and by how much a time may have been rounded."""
+"""Decimals to which times of moments [s] are rounded, and allowance for this rounding [s]."""
 
 
 @dataclass
 class Moments:
-    """Moments of several members, one after the other.
+    """Moments of several members in one sequence.
 
     Attributes:
-        member: whose each is.
-        segment: of the member's timeline.
-        time: [s].
+        member: index of the member of each moment.
+        segment: segment of the member's timeline.
+        time: time [s].
         states: slow states, shape (states, moments).
         in_effect: parameters, by key.
-        values: outputs by name; filled in by `beats_at`, as what follows.
-        status: how each beat ended, a `Status`.
-        findings: about each beat.
+        values: outputs by name; filled in by `beats_at`, like the attributes below.
+        status: how the search for each beat ended, a `Status`.
+        findings: findings about each beat.
         by_beat: whether each is a beat of a span that was followed beat by beat.
-        stopped: by member, why its course ended early; empty where it did not.
+        stopped: by member, the reason for an early end of its course; empty if there was none.
     """
 
     member: np.ndarray
@@ -67,7 +67,7 @@ class Moments:
         return tuple(self.values)
 
     def of(self, member: int) -> np.ndarray:
-        """Positions of a member's moments up to the end of its course, in order."""
+        """Indices of a member's moments up to the end of its course, in order of time."""
         places = np.flatnonzero(self.member == member)
         places = places[np.argsort(self.time[places], kind="stable")]
         return places[np.isin(self.status[places], SOLVED)] if len(self.status) else places
@@ -78,7 +78,7 @@ class Moments:
 
 
 def moments_of(engine: Engine, histories: Sequence[History], every: Sequence[float]) -> Moments:
-    """Moments of all members, each in so many seconds and at every event."""
+    """Return the moments of all members, at the interval `every` [s] of each and at every event."""
     rows = [
         _moments_of(engine, m, history, _moment_times(engine, m, history, every[m]))
         for m, history in enumerate(histories)
@@ -87,7 +87,7 @@ def moments_of(engine: Engine, histories: Sequence[History], every: Sequence[flo
 
 
 def in_effect_at(engine: Engine, member: int, time: float) -> tuple[Circuit, dict[str, float]]:
-    """Circuit and parameters of a member at any time [s] that it has marched through."""
+    """Circuit and parameters of a member at any time [s] that it has passed."""
     row = _moments_of(engine, member, engine.histories[member], np.array([time]))
     moment = _joined(engine, [row])
     return engine.circuits[member][moment.segment[0]], moment.values_in_effect(0)
@@ -113,7 +113,7 @@ _Row = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[np.ndarray | N
 
 
 def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray) -> _Row:
-    """Member, segment, time, slow states and where the searches for beats begin, of one member."""
+    """Member, segment, time, slow states and start points for the searches of one member's moments."""
     segments, states, points = [], np.zeros((len(engine.laws.states), len(time))), list[np.ndarray | None]()
     for k, now in enumerate(time):
         right = max(bisect_right(history.times, now + ROUNDED_S) - 1, 0)
@@ -131,7 +131,7 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
 
 
 def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
-    """Point of the beat between two steps, where their ends have one."""
+    """Interpolate the point of the beat between two steps, if both ends have one."""
     a, b, (begin, end) = (
         history.points[left],
         history.points[ahead],
@@ -161,7 +161,7 @@ def beats_at(
     with_findings: bool,
     execution: Execution | None,
 ) -> None:
-    """Solve and measure the beat of every moment; a member's moments behind one without end its course."""
+    """Compute the beat of every moment; a member's course ends where no steady beat is found."""
     count, members = len(moments.time), len(engine.timelines)
     moments.status = np.full(count, int(Status.NOT_CONVERGED))
     moments.findings = [[] for _ in range(count)]
@@ -183,7 +183,7 @@ def beats_at(
 
 
 def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_findings: bool) -> None:
-    """Put the beats of a span behind the moments of steady beats, as far as the course goes."""
+    """Insert the beats of a span after the moments of steady beats, up to the end of the course."""
     places, history, stopped = moments.of(member), engine.histories[member], moments.stopped[member]
     within = stopped == history.stopped and history.times[-1] <= span.begin
     last = moments.time[places[-1]] if len(places) and stopped and not within else np.inf
@@ -214,7 +214,7 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
 
 
 def _use_last_beats_at_end(moments: Moments, last: np.ndarray) -> None:
-    """Where a course ends before it has settled its last moments are the last beat, not the steady one."""
+    """Replace the last moments by the last beat if a course ends before it has settled."""
     moments.by_beat[last] = True
     for column in moments.values.values():
         column[last] = column[-1]
@@ -224,7 +224,7 @@ def _use_last_beats_at_end(moments: Moments, last: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class _MomentSolver:
-    """Fills in what the beats of moments say."""
+    """Computes the beats of moments and stores their outputs."""
 
     moments: Moments
     engine: Engine
@@ -235,7 +235,7 @@ class _MomentSolver:
     def solve(
         self, chosen: np.ndarray, options: OrbitOptions | None, start: Mapping[str, float] | Anchor | None
     ) -> bool:
-        """Beats of some moments that share a circuit; whether the first has one."""
+        """Solve the beats of moments that share a circuit; returns whether the first one was found."""
         moments, engine = self.moments, self.engine
         circuit = engine.circuits[moments.member[chosen[0]]][moments.segment[chosen[0]]]
         values = {key: column[chosen] for key, column in moments.in_effect.items()}
@@ -260,9 +260,9 @@ class _MomentSolver:
         return bool(beat.converged[0])
 
     def finish(self, member: int) -> None:
-        """What was not solved at once is sought from the moment before; without it the course ends.
+        """Search beats not found at once from the previous moment; without a beat the course ends.
 
-        The last moment with a steady beat is then found by halves.
+        The last moment with a steady beat is then found by bisection.
         """
         moments = self.moments
         places = np.flatnonzero(moments.member == member)
@@ -279,7 +279,7 @@ class _MomentSolver:
             return
 
     def _move_last_moment(self, member: int, good: int, bad: int) -> None:
-        """Put the last moment with a steady beat in place of the first without."""
+        """Replace the first moment without a steady beat by the last one that has a steady beat."""
         moments, history = self.moments, self.engine.histories[member]
         low, high, before = (
             float(moments.time[good]),
@@ -298,7 +298,7 @@ class _MomentSolver:
 
 
 def _start(moments: Moments, engine: Engine, chosen: np.ndarray) -> Anchor | None:
-    """Where the searches of some moments begin."""
+    """Start points for the searches of some moments; None if any is unknown."""
     points = [point for k in chosen if (point := moments.points[k]) is not None]
     if len(points) < len(chosen):
         return None
@@ -306,7 +306,7 @@ def _start(moments: Moments, engine: Engine, chosen: np.ndarray) -> Anchor | Non
 
 
 def _replace_moment(moments: Moments, place: int, other: Moments) -> None:
-    """A moment in place of another, which has no beat."""
+    """Replace a moment that has no beat by another."""
     moments.time[place], moments.segment[place] = other.time[0], other.segment[0]
     moments.states[:, place], moments.status[place] = other.states[:, 0], other.status[0]
     moments.findings[place] = other.findings[0]

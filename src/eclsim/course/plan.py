@@ -1,4 +1,4 @@
-"""Questions put to courses: how fast can fluid be removed, and what does weaning need?"""
+"""Planning with courses: how fast fluid can be removed, and steps of weaning."""
 
 from __future__ import annotations
 
@@ -37,28 +37,28 @@ if TYPE_CHECKING:
 
 ULTRAFILTRATION = "net_ultrafiltration_ml_h"
 FILTRATION_FRACTION = "filtration_fraction"
-"""Output whose limit bounds the rate unasked: beyond it the filter that is to remove the fluid clots."""
+"""Output whose limit restricts the rate by default: beyond it, the filter of the device clots."""
 LEAST_ML_H = 1.0
-"""Slowest rate that devices can be set to."""
+"""Smallest rate that devices can be set to [mL/h]."""
 RATES_PER_ROUND = 8
-"""Rates of one round, marched side by side."""
+"""Number of rates per round, computed side by side."""
 ROUNDS = 3
 MOMENTS_PER_COURSE = 40
-"""Moments of each course at which goals are looked at."""
+"""Number of moments of each course at which goals are checked."""
 ROUNDING = 1e-3
-"""Scales of a goal by which a march is beyond it before it ends: beats of steps and moments differ less."""
+"""A march ends beyond a goal by this share of its scale; beats of steps and moments differ by less."""
 OUTFLOW_TRACT_CM = 2.0
 """Diameter of the left ventricular outflow tract for the velocity-time integral."""
 
 
 class BrokenGoal(NamedTuple):
-    """A goal that a course breaks.
+    """A goal that a course violates.
 
     Attributes:
-        goal: as written.
-        value: of its output then.
-        at_min: when it is broken first [min].
-        unit: of the value.
+        goal: goal as written.
+        value: value of its output at that time.
+        at_min: time of the first violation [min].
+        unit: unit of the value.
     """
 
     goal: str
@@ -69,19 +69,19 @@ class BrokenGoal(NamedTuple):
 
 @dataclass(frozen=True)
 class Removal:
-    """How fast a volume can be removed.
+    """Result of planning the removal of a volume.
 
     Args:
-        id: of the case.
-        remove_ml: volume wanted [mL].
-        keep: goals that hold all the time.
-        rate_ml_h: fastest rate that keeps them [mL/h]; NaN where the slowest does not.
-        hours: that it takes.
-        possible: whether any rate keeps them.
-        limits: what stops the next faster rate that was tried.
-        message: in words.
+        id: id of the case.
+        remove_ml: volume to remove [mL].
+        keep: goals that must hold at all times.
+        rate_ml_h: fastest rate that keeps the goals [mL/h]; NaN if the slowest rate does not.
+        hours: duration of the removal [h].
+        possible: whether any rate keeps the goals.
+        limits: goals that the next faster rate tried violates.
+        message: result in words.
         tried: by rate, whether all goals were kept.
-        warnings: limits that the patient breaks on the way at that rate, and cautions.
+        warnings: limits that the patient violates at the rate found, and cautions.
     """
 
     id: str
@@ -109,24 +109,24 @@ def plan_removal(
     hours: float = 72.0,
     volume_policy: str | None = None,
 ) -> Removal:
-    """The fastest constant net ultrafiltration that removes a volume and breaks no goal on the way.
+    """Find the fastest constant net ultrafiltration that removes a volume without violating a goal.
 
-    Rates from the slowest, which takes `hours`, to the fastest that the filter allows are marched side by
-    side; the interval between the last that keeps all goals and the first that does not is divided again.
-    The limit is known to about 1 %. Events of the case are left out: nothing else happens meanwhile. Unless a
-    goal says otherwise, the filtration fraction keeps its limit and no vein collapses, where that is so at
-    the slowest rate.
+    Rates from the slowest, which takes `hours`, to the fastest that the filter allows are computed side by
+    side. The interval between the last rate that keeps all goals and the first that does not is then divided
+    again. The rate is found to about 1 %. Events of the case are left out. Unless a goal says otherwise, the
+    filtration fraction must stay within its limit and no vein may collapse, provided that this holds at the
+    slowest rate.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case, with a device that removes fluid.
-        remove_ml: volume [mL].
+        remove_ml: volume to remove [mL].
         keep: goals such as "MAP > 60, drainage_pressure > -80, DO2 > 400".
-        hours: longest time that it may take [h].
-        volume_policy: blood volume policy; left out, the case's.
+        hours: longest allowed duration [h].
+        volume_policy: blood volume policy; None takes that of the case.
 
     Raises:
-        GoalError: goals that cannot be meant, or no device that removes fluid.
-        CaseError: the file is no case.
+        GoalError: Goals are not possible, or no device removes fluid.
+        CaseError: The file is no case.
     """
     solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
     remove_ml, hours = number_of("remove_ml", remove_ml), number_of("hours", hours)
@@ -171,7 +171,7 @@ def plan_removal(
 def _implied_goals(
     case: Case, outputs: Sequence[str], asked: Sequence[Goal], policy: str | None
 ) -> tuple[Goal, ...]:
-    """Goals that hold unstated, where the steady beat at the slowest rate keeps them."""
+    """Default goals that are not stated, if the steady beat at the slowest rate keeps them."""
     beat = simulate(case, policy)
     present = {name: float(beat[name]) for name in outputs if name in beat}
     goals = list(implicit_goals(outputs, asked, present, model_of(case).values))
@@ -187,7 +187,7 @@ def _implied_goals(
 
 
 def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -> Removal:
-    """The removal with the alarms and cautions of the course at its rate."""
+    """Add the alarms and cautions of the course at the rate found."""
     minutes = 60.0 * removal.hours
     timeline = Timeline(case_with_settings(case, {key: removal.rate_ml_h}, case), minutes * MINUTE)
     (result,) = follow([timeline], [minutes / MOMENTS_PER_COURSE], None, policy, with_alarms=True)
@@ -203,9 +203,9 @@ def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -
 
 
 def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | None]:
-    """The last of the slowest rates in a row that keep all goals, and the next faster that does not.
+    """The last of the consecutive slowest rates that keep all goals, and the next faster that does not.
 
-    Where none keeps them the slowest rate is the second.
+    If no rate keeps them, the second is the slowest rate.
     """
     slowest = min((rate for rate, kept in tried.items() if kept), default=None)
     from_there = 0.0 if slowest is None else slowest
@@ -215,7 +215,7 @@ def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | N
 
 
 def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
-    """Key of the net ultrafiltration of the case's device; without one an error, with mistakes in goals."""
+    """Key of the device's net ultrafiltration; without one, an error that includes mistakes in goals."""
     for instance in case.instances():
         if ULTRAFILTRATION in instance.device.section.fields():
             return f"{instance.key}.{ULTRAFILTRATION}"
@@ -231,7 +231,7 @@ def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
 
 
 def _fastest(case: Case, key: str, slowest: float) -> float:
-    """The highest rate that the device may be set to, within 1 %; the slowest where that is too fast."""
+    """Highest rate allowed for the device, within 1 %; the slowest rate if that is too high already."""
 
     def allowed(rate: float) -> bool:
         try:
@@ -252,7 +252,7 @@ def _fastest(case: Case, key: str, slowest: float) -> float:
 def _removal_courses(
     case: Case, key: str, rates: Sequence[float], remove_ml: float, goals: Sequence[Goal], policy: str | None
 ) -> list[xr.Dataset]:
-    """Courses that remove a volume at some rates, side by side."""
+    """Courses that remove a volume at several rates, side by side."""
     minutes = [60.0 * remove_ml / rate for rate in rates]
     timelines = [
         Timeline(case_with_settings(case, {key: rate}, case), span * MINUTE)
@@ -267,7 +267,7 @@ def _removal_courses(
 
 
 def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]:
-    """What a course breaks at the first moment at which it breaks anything, its own end included."""
+    """Goals violated at the first moment with a violation; an early end of the course counts as one."""
     minutes = result["time_min"].to_numpy()
     lost = BrokenGoal(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
     for k, minute in enumerate(minutes.tolist()):
@@ -330,17 +330,17 @@ WEANING_OUTPUTS = (
 
 
 class WeaningStep(NamedTuple):
-    """The patient at one speed of the pump.
+    """Results for one pump speed.
 
     Attributes:
-        speed_rpm: of the pump.
-        setting: what was needed of the drug (or of another setting); None where none was asked for.
-        reached: whether the goals hold.
-        outputs: by name, `WEANING_OUTPUTS` and `LVOT_VTI_cm`, the velocity-time integral that a stroke of the
-            left ventricle has in an outflow tract 2 cm wide.
-        message: in words, where a goal is not reached, no steady beat was found, or a flow is beyond a limit
-            that what is given cannot keep.
-        warnings: limits that the beat breaks and how its numbers are to be read.
+        speed_rpm: speed of the pump [rpm].
+        setting: dose of the drug (or value of another setting) needed; None if nothing is varied.
+        reached: whether the goals are reached.
+        outputs: values by name of `WEANING_OUTPUTS`, and `LVOT_VTI_cm`, the velocity-time integral of a left
+            ventricular stroke in an outflow tract 2 cm wide.
+        message: explanation if a goal is not reached, no steady beat was found, or a flow exceeds a limit
+            that the varied setting cannot keep.
+        warnings: limits that the beat violates, and cautions about its numbers.
     """
 
     speed_rpm: float
@@ -359,19 +359,19 @@ def plan_weaning(
     vary: str | None = None,
     volume_policy: str | None = None,
 ) -> list[WeaningStep]:
-    """The pump turned down speed by speed, with the reflex of the case: what is read at each steady beat.
+    """Reduce the pump speed step by step, with the reflex of the case, and read each steady beat.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case with ECMO.
-        speeds: of the pump [rpm], in order.
-        keep: goals at every speed, such as "MAP > 65".
-        vary: what is given for them, such as "drugs.noradrenaline=0..1"; the smallest is sought. Left out,
-            it is only looked at which speeds keep them.
-        volume_policy: blood volume policy; left out, the case's.
+        speeds: speeds of the pump in order [rpm].
+        keep: goals for every speed, such as "MAP > 65".
+        vary: setting varied to reach them, such as "drugs.noradrenaline=0..1"; the smallest value is sought.
+            If None, goals are only checked at each speed.
+        volume_policy: blood volume policy; None takes that of the case.
 
     Raises:
-        GoalError: goals or settings that cannot be meant, or no ECMO.
-        CaseError: the file is no case, or a speed is not allowed.
+        GoalError: Goals or settings are not possible, or the case has no ECMO.
+        CaseError: The file is no case, or a speed is not allowed.
     """
     start = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
     if start.ecmo is None:
@@ -391,7 +391,7 @@ def plan_weaning(
 
 
 def _speeds(given: Sequence[float]) -> list[float]:
-    """Speeds [rpm] as numbers."""
+    """Return the speeds as numbers [rpm]."""
     try:
         speeds = [] if isinstance(given, str) else [float(speed) for speed in given]
     except (TypeError, ValueError):
@@ -424,7 +424,7 @@ def _weaning_step(
 
 
 def _weaning_outputs(numbers: dict[str, float], case: Case) -> dict[str, float]:
-    """What is read at the bedside, the velocity-time integral of a stroke among it."""
+    """Outputs read at the bedside, including the velocity-time integral of a stroke."""
     read = {name: numbers[name] for name in WEANING_OUTPUTS if name in numbers}
     if "LVO" in read:
         stroke = 1000.0 * read["LVO"] / read.get("heart_rate", case.patient.heart_rate_bpm)
@@ -433,5 +433,5 @@ def _weaning_outputs(numbers: dict[str, float], case: Case) -> dict[str, float]:
 
 
 def unit_of(name: str) -> str:
-    """Unit of an output, or of what a step of weaning reads."""
+    """Unit of an output or of a derived quantity of weaning."""
     return "cm" if name == "LVOT_VTI_cm" else output(name).unit

@@ -1,4 +1,4 @@
-"""Where the search for a member's next steady beat begins: the last beats continued along the slow states."""
+"""Start of the search for a member's next steady beat, extrapolated from earlier beats."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from eclsim.outputs.steady_beat import SteadyBeat
 
 SETTLING_TIME_CONSTANTS = 3.0
-"""Time constants in which the circulation settles: 5 % are left."""
+"""Number of time constants in which the circulation settles: 5 % of the deviation remain."""
 SMALLEST_MOVE = 1e-3
-"""Move, in scales of the slow states, that a slope is learnt from."""
+"""Smallest move, in scales of the slow states, from which a slope is learnt."""
 
 
 def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
-    """Seconds in which a circulation follows a sudden change, from the slowest mode of its beat.
+    """Time in which a circulation follows a sudden change [s], from the slowest mode of its beat.
 
-    The Jacobian of y - beat(y), of which the inverse is given, has the eigenvalues 1 - m, where a disturbance
-    shrinks by m in every beat.
+    `inverse` is the inverse Jacobian of y - beat(y). The Jacobian has the eigenvalues 1 - m, where m is the
+    factor by which a disturbance shrinks in every beat.
     """
     modes = np.abs(1.0 - np.linalg.eigvals(np.linalg.pinv(inverse)))
     slowest = float(modes[modes < 1.0].max(initial=0.0))
@@ -36,7 +36,7 @@ def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
 
 
 class PredictorSnapshot(NamedTuple):
-    """A beat that a predictor had: point, place and outputs."""
+    """A previous beat of a predictor: point, place and outputs."""
 
     point: np.ndarray | None
     place: np.ndarray
@@ -44,12 +44,12 @@ class PredictorSnapshot(NamedTuple):
 
 
 class Predictor:
-    """A member's last beat and its slope along the slow states.
+    """A member's last beat and its slope with respect to the slow states.
 
-    A point is the state of a beat, and behind it the logarithms of what was solved for with its gases.
+    A point is the state of a beat followed by the logarithms of the quantities solved for with its gases.
 
     Args:
-        kind: "last", "derivative" or "secant", see `CourseOptions`.
+        kind: "last", "derivative" or "secant"; see `CourseOptions`.
     """
 
     def __init__(self, kind: str):
@@ -75,20 +75,20 @@ class Predictor:
 
     @property
     def beat(self) -> SteadyState:
-        """The last beat."""
+        """The last beat as state and coupled parameters."""
         coupled = np.exp(self.last[len(self.state) :]).tolist()
         return SteadyState(self.state, dict(zip(self.coupled, coupled, strict=True)))
 
     def has_beat_of(self, circuit: Circuit) -> bool:
-        """Whether a beat of that circuit was put."""
+        """Whether the last beat is one of the given circuit."""
         return self.point is not None and self.circuit is circuit
 
     def predict(self, place: np.ndarray) -> np.ndarray:
-        """The point at a place."""
+        """Return the extrapolated point at a place."""
         return self.last if self.kind == "last" else self.last + self.slope @ (place - self.place)
 
     def put(self, beat: SteadyBeat, member: int, place: np.ndarray, circuit: Circuit) -> None:
-        """Keep a beat, and learn a slope from it."""
+        """Store a beat and update the slope from it."""
         point = point_of(beat, member)
         if not self.has_beat_of(circuit) or beat.coupled != self.coupled:
             self.circuit, self.inverse = circuit, inverse_jacobian(beat.orbits, member)
@@ -105,27 +105,27 @@ class Predictor:
             self.response = beat.response[member]
 
     def snapshot(self) -> PredictorSnapshot:
-        """The last beat, to come back to."""
+        """Return the last beat, so that it can be restored."""
         return PredictorSnapshot(self.point, self.place, self.read)
 
     def restore(self, snapshot: PredictorSnapshot) -> None:
-        """Take an earlier beat of the same circuit for the last one."""
+        """Restore an earlier beat of the same circuit as the last one."""
         self.point, self.place, self.read = snapshot
 
     def learn(self, column: int, change: np.ndarray) -> None:
-        """The derivative along one slow state, by a difference."""
+        """Set the derivative with respect to one slow state from a difference."""
         self.slope = self.slope.copy()
         self.slope[:, column] = change
 
 
 def point_of(beat: SteadyBeat, member: int) -> np.ndarray:
-    """A beat's state, and the logarithms of what was solved for with its gases."""
+    """State of a beat followed by the logarithms of the quantities solved for with its gases."""
     answers = [np.log(np.asarray(beat.batch.values[name])[member]) for name in beat.coupled]
     return np.concatenate([beat.orbits.states[:, member], answers])
 
 
 def anchor_at(points: Sequence[np.ndarray], predictors: Sequence[Predictor]) -> Anchor | None:
-    """Where searches begin, from a point of each member; None where these are not of one kind."""
+    """Start of searches from a point of each member; None if the points are not of one kind."""
     names = predictors[0].coupled
     if (
         len({(len(point), len(p.inverse), p.coupled) for point, p in zip(points, predictors, strict=True)})

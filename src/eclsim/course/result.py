@@ -1,4 +1,4 @@
-"""A course as a labelled result, whether it is of steady beats or of every beat."""
+"""A course as a labelled dataset, by steady beats or beat by beat."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def labelled_course(
     states: np.ndarray,
     in_effect: Mapping[str, np.ndarray],
 ) -> xr.Dataset:
-    """Outputs and slow states over time, with what these mean to a reader, each with its unit.
+    """Return outputs, slow states and quantities derived from them over time, each with its unit.
 
     Args:
-        time: of the moments [s].
-        outputs: values at these, by name of the registry.
-        laws: of the slow states.
-        states: at these, shape (states, moments).
-        in_effect: parameters at these, by key.
+        time: times of the moments [s].
+        outputs: outputs at the moments, by name in the registry.
+        laws: laws of the slow states.
+        states: slow states at the moments, shape (states, moments).
+        in_effect: parameters at the moments, by key.
     """
     data = {name: variable(TIME, values, **output_labels(name)) for name, values in outputs.items()}
     for row, state in zip(states, laws.states, strict=True):
@@ -63,13 +63,13 @@ def attributes_of(
     warnings: Sequence[str],
     approximations: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Attributes of every course; `message` is why it ended early, empty where it did not.
+    """Attributes of every course; `message` is the reason for an early end, empty if there was none.
 
-    `approximations` says where steady beats stand for what takes time, `cautions` what of the fluid that is
-    given and lost a course does not hold as patients do; both are among `warnings`, too. `balance` is empty
-    where nothing began. `case_values` are parameters that are others than the case's, as of a draw.
+    `approximations` lists where steady beats replace transients; `cautions` lists where the model differs
+    from patients for fluid given or lost. Both are also among `warnings`. `balance` is empty if the course
+    did not begin. `case_values` are parameters that differ from those of the case, such as those of a draw.
     """
-    cautions = remarks_on_fluids(timeline) if balance else []  # none of a patient who did not begin
+    cautions = remarks_on_fluids(timeline) if balance else []  # none if the course did not begin
     return {
         "id": timeline.case.patient.id,
         CASE: json.dumps(case_record(timeline.case, policy)),
@@ -87,12 +87,12 @@ def attributes_of(
 
 
 def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Where the patient's blood volume went [mL]; `error_ml` is what does not add up.
+    """Balance of the patient's blood volume [mL]; `error_ml` is the part that is not accounted for.
 
     Args:
-        laws: of the slow states.
-        states: at all moments, shape (states, moments).
-        in_effect: parameters at these, by key.
+        laws: laws of the slow states.
+        states: slow states at all moments, shape (states, moments).
+        in_effect: parameters at the moments, by key.
     """
     if not states.shape[-1]:
         return dict.fromkeys(BALANCE, 0.0)
@@ -105,18 +105,18 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
 
 
 def impossible_among(moment_findings: Sequence[Sequence[Finding]]) -> xr.Variable:
-    """At which moments a chamber is without blood or a vein sucked shut, as no patient is; `IMPOSSIBLE`."""
+    """Whether at each moment a chamber is empty or a vein sucked shut, as variable `IMPOSSIBLE`."""
     collapses = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
     return variable(TIME, np.array(collapses, dtype=int))
 
 
 def impossible_moments(result: xr.Dataset) -> np.ndarray:
-    """The same of a course; none where limits were not looked at."""
+    """Whether each moment of a course is impossible; all False if limits were not checked."""
     return result[IMPOSSIBLE].to_numpy() == 1 if IMPOSSIBLE in result else np.zeros(result.sizes[TIME], bool)
 
 
 def spans_in_words(result: xr.Dataset) -> str:
-    """Where every beat was followed; empty where steady beats served all along."""
+    """Sentence on the spans in which every beat was followed; empty if there are none."""
     spans = json.loads(result.attrs.get("spans", "[]"))
     if not spans:
         return ""

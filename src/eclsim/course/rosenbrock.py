@@ -1,9 +1,9 @@
-"""A linearly implicit step with error control: refill and drugs are stiff beside a day.
+"""A linearly implicit step with error control, because refill and drugs are stiff compared with a day.
 
-ROS34PW2 (Rang and Angermann 2005, doi 10.1007/s10543-005-0035-y): four stages, order 3, an embedded
-solution of order 2, stiffly accurate. As a W-method it has its order whatever matrix stands for the Jacobian,
-so that one of finite differences, kept over many steps, costs stability at most. What linear laws conserve
-(a balance of volumes) stays to rounding, as the matrix conserves it too.
+ROS34PW2 (Rang and Angermann 2005, doi 10.1007/s10543-005-0035-y): four stages, order 3, an embedded solution
+of order 2, stiffly accurate. As a W-method it keeps its order with any approximation of the Jacobian. One
+from finite differences, kept over many steps, can therefore only reduce stability. Linear invariants of the
+laws (a balance of volumes) are conserved to rounding, since the approximation conserves them, too.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ COUPLING = (
 WEIGHTS = (0.24212380706095346, -1.2232505839045147, 1.5452602553351020, 0.435866521508459)
 EMBEDDED = (0.37810903145819369, -0.096042292212423178, 0.5, 0.21793326075422950)
 TIMES = tuple(sum(row) for row in ALPHA)
-"""Moments of the stages, as shares of the step."""
+"""Times of the stages, as shares of the step."""
 
 Rates = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""(time, states) -> rates, and which members have some; members last."""
+"""Maps (time, states) to rates and whether each member has rates; members are the last dimension."""
 
 
 class Step(NamedTuple):
     """Steps of some members.
 
     Attributes:
-        states: at their ends, shape (states, members).
-        error: estimated, likewise.
-        done: whether all stages had rates, shape (members,).
+        states: states at the ends of the steps, shape (states, members).
+        error: estimated errors, shape (states, members).
+        done: whether all stages of a member had rates, shape (members,).
     """
 
     states: np.ndarray
@@ -53,15 +53,15 @@ def step(
     rates: Rates, first: np.ndarray, time: np.ndarray, states: np.ndarray, length: np.ndarray,
     jacobian: np.ndarray,
 ) -> Step:  # fmt: skip
-    """One step of every member.
+    """Advance every member by one step.
 
     Args:
-        rates: of change.
-        first: rates at the beginning, shape (states, members).
-        time: at the beginning, shape (members,).
-        states: likewise, shape (states, members).
-        length: of each step, shape (members,).
-        jacobian: of the rates, shape (members, states, states).
+        rates: function for the rates of change.
+        first: rates at the beginning of the steps, shape (states, members).
+        time: times at the beginning, shape (members,).
+        states: states at the beginning, shape (states, members).
+        length: lengths of the steps, shape (members,).
+        jacobian: Jacobians of the rates, shape (members, states, states).
     """
     n = len(states)
     matrix = np.eye(n) - GAMMA * length[:, None, None] * jacobian
@@ -87,7 +87,7 @@ def between(
     time: np.ndarray, ends: tuple[float, float], states: tuple[np.ndarray, np.ndarray],
     rates: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:  # fmt: skip
-    """States of a member within a step, by the cubic through both ends; shape (states, times)."""
+    """States of a member within a step by cubic Hermite interpolation, shape (states, times)."""
     length = ends[1] - ends[0]
     u = np.clip((time - ends[0]) / length, 0.0, 1.0) if length > 0.0 else np.ones_like(time)
     (a, b), (da, db) = ([x[:, None] for x in pair] for pair in (states, rates))

@@ -1,4 +1,4 @@
-"""The settings of a case over time: its events as moments at which something changes, and ramps between."""
+"""Settings of a case over time: events as moments at which something changes, and ramps between them."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 MINUTE = 60.0
 BEFORE_S = 1.0
-"""A moment so long before a sudden change shows what it finds."""
+"""A moment this long before a sudden change shows the state before it [s]."""
 START = -1
-"""The segment before events at minute 0."""
+"""Index of the segment before events at minute 0."""
 SENSITIVITIES = tuple(f"{drug}_sensitivity" for drug in DRUG_DOSES)
 
 
@@ -39,11 +39,11 @@ class Change:
     """Parameters that an event changes.
 
     Args:
-        begin: [s].
-        end: of the ramp [s]; `begin` where it is at once.
-        before: values of those that change, by key.
-        after: likewise.
-        circuit: what the parameters are of from `begin` on.
+        begin: start [s].
+        end: end of the ramp [s]; equal to `begin` for a sudden change.
+        before: values of the changed parameters before the event, by key.
+        after: values after the event, by key.
+        circuit: circuit of the parameters from `begin` on.
     """
 
     begin: float
@@ -53,18 +53,18 @@ class Change:
     circuit: Circuit
 
     def share(self, time: float) -> float:
-        """How much of the change is done at a time within a segment."""
+        """Share of the change that is done at a time [s] within a segment."""
         return 1.0 if time >= self.end - 1e-9 else (time - self.begin) / (self.end - self.begin)
 
 
 @dataclass(frozen=True)
 class ConstantInflow:
-    """What is given or lost at a constant rate.
+    """Fluid or another substance given or lost at a constant rate.
 
     Args:
-        begin: [s].
-        end: [s].
-        rates: mL/s by the names of `INFLOWS`.
+        begin: start [s].
+        end: end [s].
+        rates: rates by the names of `INFLOWS` [mL/s].
     """
 
     begin: float
@@ -74,12 +74,12 @@ class ConstantInflow:
 
 @dataclass(frozen=True)
 class Timeline:
-    """A case from minute 0 to the end; between `breaks` everything changes smoothly.
+    """Settings of a case from minute 0 to the end; they are smooth between `breaks`.
 
     Args:
-        case: at minute 0, its flow of a pump solved for.
-        end: of the course [s].
-        overrides: parameters that are others than the case's, by key, until an event sets them.
+        case: case at minute 0, with a given pump flow converted to a speed.
+        end: end of the course [s].
+        overrides: parameters that replace those of the case, by key, until an event sets them.
     """
 
     case: Case
@@ -100,9 +100,9 @@ class Timeline:
 
     @cached_property
     def start_case(self) -> Case:
-        """The case whose veins may be given volume and whose tissues hold carbon dioxide.
+        """The case with what a course needs: blood volume that can be changed, and stores of carbon dioxide.
 
-        Fluids, drugs and clamps that an event starts are at 0.
+        Fluids, drugs and clamps that start with an event are 0.
         """
         case = self.case.model_copy(update={"events": ()})
         added = {"fluid": case.fluid or Fluid(), "solutes": case.solutes or (Solutes() if case.gas else None)}
@@ -113,18 +113,18 @@ class Timeline:
         return _with_values(case, off) if off else case
 
     def values_of(self, case: Case, overrides: Mapping[str, float]) -> dict[str, float]:
-        """Parameters of a case, some overridden; of solutes only stores where it has none."""
+        """Parameters of a case with overrides; for a case without solutes, only their stores."""
         unfollowed = {} if self.case.solutes else {SOLUTES_FOLLOWED: 0.0}
         return {**values_of(case), **unfollowed, **overrides}
 
     @cached_property
     def start(self) -> tuple[Circuit, dict[str, float]]:
-        """Circuit and parameters at minute 0, but for events at minute 0."""
+        """Circuit and parameters at minute 0, without the effect of events at minute 0."""
         return circuit_of(self.start_case), self.values_of(self.start_case, self.overrides)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """What events set, in their order."""
+        """Changes by events, in order."""
         now, (circuit, values) = self.start_case, self.start
         changes, overrides = list[Change](), dict(self.overrides)
         for n, event in enumerate(self.case.events, start=1):
@@ -151,7 +151,7 @@ class Timeline:
 
     @cached_property
     def constant_inflows(self) -> tuple[ConstantInflow, ...]:
-        """What events give and take."""
+        """Constant inflows and losses by events."""
         return tuple(
             ConstantInflow(event.at_min * MINUTE, (event.at_min + event.over_min) * MINUTE,
                  {kind: ml / (event.over_min * MINUTE) for kind, ml in event.give.items()})
@@ -159,7 +159,7 @@ class Timeline:
         )  # fmt: skip
 
     def cut_short(self) -> list[str]:
-        """What goes on past the end of the course, in words."""
+        """Descriptions of what continues beyond the end of the course."""
         cut, end = list[str](), self.end / MINUTE
         for event in self.case.events:
             what = []
@@ -177,7 +177,7 @@ class Timeline:
 
     @cached_property
     def breaks(self) -> np.ndarray:
-        """Moments at which something begins or ends [s], the start and the end of the course among them."""
+        """Times at which anything begins or ends [s], including the start and the end of the course."""
         moments = [
             0.0,
             self.end,
@@ -187,7 +187,7 @@ class Timeline:
 
     @property
     def moments_of_events(self) -> np.ndarray:
-        """Times of the breaks at which something happens [s]."""
+        """Times of the breaks at which an event begins or ends [s]."""
         return self.breaks[0 if self.has_event_at_start else 1 : -1]
 
     def circuit(self, segment: int) -> Circuit:
@@ -196,24 +196,24 @@ class Timeline:
         return begun[-1].circuit if begun else self.start[0]
 
     def settings(self, segment: int, time: float) -> dict[str, float]:
-        """Parameters at a time [s] from break `segment` to the next, both included."""
+        """Parameters at a time [s] within the segment from break `segment` to the next, both included."""
         values = dict(self.start[1])
         for change in self._begun(segment):
             values |= _interpolated(change, time)
         return values
 
     def ramped(self, segment: int, time: float) -> dict[str, float]:
-        """Values of the parameters that change between two breaks."""
+        """Values of the parameters on a ramp within a segment, at a time [s]."""
         moving = [c for c in self._begun(segment) if c.end > self.breaks[segment]]
         return {key: value for change in moving for key, value in _interpolated(change, time).items()}
 
     def ramp_end(self, segment: int) -> float:
-        """Where the first ramp that is under way between two breaks ends [s]; its beginning without one."""
+        """End of the first ramp that is active in a segment [s]; start of the segment if there is none."""
         begin = float(self.breaks[segment])
         return min((c.end for c in self._begun(segment) if c.end > begin), default=begin)
 
     def inflows(self, segment: int) -> dict[str, float]:
-        """What events give between two breaks, mL/s by kind."""
+        """Rates of fluids given in a segment [mL/s], by kind."""
         rates = {str(kind): 0.0 for kind in INFLOWS}
         for gift in self.constant_inflows:
             if segment != START and gift.begin <= self.breaks[segment] < gift.end:
@@ -235,10 +235,10 @@ class Timeline:
 def _adjusted_volume(
     circuit: Circuit, values: Mapping[str, float], start: Circuit, own: Mapping[str, float]
 ) -> float:
-    """Stressed volume [mL] that vessels of the patient would be filled with for their new compliance.
+    """Additional volume [mL] that filling the patient's vessels to their pressures needs after a change.
 
-    A case fills its vessels to a pressure. In a course they hold what they held, so that wider ones have a
-    lower pressure: what the new compliance would be filled with more is no longer stressed.
+    A case fills its vessels to a given pressure. In a course they keep their volume, so more compliant
+    vessels have a lower pressure: the additional volume that filling would need becomes unstressed.
     """
     mine = {c.name: c for c in start.compartments if c.group == "patient"}
     same = [c for c in circuit.compartments if c == mine.get(c.name)]
@@ -247,12 +247,12 @@ def _adjusted_volume(
 
 
 def _is_unchanged(before: float | None, after: float) -> bool:
-    """Whether a parameter stays; one that is solved for with the gases is NaN before and after."""
+    """Whether a parameter is unchanged; one that is solved for with the gases is NaN before and after."""
     return before == after or (before is not None and math.isnan(before) and math.isnan(after))
 
 
 def _parameters(settings: Mapping[str, object]) -> set[str]:
-    """Keys of the parameters that settings of a case are."""
+    """Keys of the parameters that correspond to settings of a case."""
     paths = [path for key in settings if (path := section_and_key(key)) is not None]
     return {name for section, name in paths} | {f"{section}.{name}" for section, name in paths}
 
@@ -265,7 +265,7 @@ def _interpolated(change: Change, time: float) -> dict[str, float]:
 
 
 def case_with_settings(case: Case, settings: Mapping[str, object], start: Case) -> Case:
-    """The case with settings put in; open set points of reflexes go on being those of the start."""
+    """Return the case with new settings; open set points of reflexes keep the values at the start."""
     paths = {path: value for key, value in settings.items() if (path := section_and_key(key)) is not None}
     return _with_values(case, paths).model_copy(update={"as_written": start.as_written or start})
 
@@ -278,7 +278,7 @@ def _with_values(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
 
 
 def _refuse_ramp(event: Event, number: int) -> None:
-    """What is connected or disconnected is there or not; only its numbers change along a ramp."""
+    """Raise an error for a ramp that connects or disconnects something; only numbers can change on a ramp."""
     if event.ramp_min:
         message = "connects or disconnects part of the model, which cannot be done little by little"
         allowed = "an event without ramp_min that connects it, then one that ramps its numbers"
@@ -287,7 +287,7 @@ def _refuse_ramp(event: Event, number: int) -> None:
 
 
 def _refuse_overlap(changes: list[Change], event: int) -> None:
-    """Two keys may stand for one parameter; it cannot be on two ramps at a time."""
+    """Raise an error for overlapping ramps of a parameter, which two keys may refer to."""
     *earlier, last = changes
     shared = [
         key for change in earlier if change.end > last.begin for key in last.after if key in change.after
@@ -298,7 +298,7 @@ def _refuse_overlap(changes: list[Change], event: int) -> None:
 
 
 def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
-    """The circuit of each segment of each member, at last that of the `START`; equal ones are one object."""
+    """Circuits of each segment of each member, that of `START` last; equal circuits are one object."""
     return [
         [timeline.circuit(k).canonical for k in (*range(len(timeline.breaks) - 1), START)]
         for timeline in timelines
@@ -306,7 +306,7 @@ def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
 
 
 def refuse_reconnection(timeline: Timeline) -> None:
-    """Refuse events that connect the circuit in another way: beat by beat a circuit is one circuit.
+    """Raise an error for events that connect the circuit differently, not possible beat by beat.
 
     Raises:
         CaseError: There are such events.

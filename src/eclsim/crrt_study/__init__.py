@@ -1,4 +1,4 @@
-"""Where the CRRT lines go on an ECMO circuit; `eclsim.crrt_study(case)` runs the study."""
+"""The study of CRRT connections to an ECMO circuit; `eclsim.crrt_study(case)` runs it."""
 
 from eclsim.front_door import make_callable
 

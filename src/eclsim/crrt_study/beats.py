@@ -1,11 +1,11 @@
-"""The steady beats of the study: all schemes at all speeds as one batch, as labelled datasets.
+"""Steady beats of the study: all schemes at all speeds, solved as one batch, as labelled datasets.
 
-Compared with the patient on ECMO alone at the same speed, every difference splits exactly in two. `flow` is
-what is left when the patient keeps the stressed volume of the patient without CRRT (the circuit is primed
-with as much as it takes up); `uptake` is the rest: what the missing blood does.
+Every difference from the patient on ECMO alone at the same speed has exactly two parts. `flow` is the
+difference if the patient keeps the stressed volume of the patient without CRRT (the circuit is primed with
+the volume that it holds). `uptake` is the rest, the effect of the blood that the circuit has taken up.
 
-Beats that were not found have no numbers (`eclsim.outputs.steady_beat`); which they are, and why, is reported
-here.
+Beats that were not found have no numbers (`eclsim.outputs.steady_beat`). This module reports them with the
+reasons.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ START_PRESSURE, VENOUS_COMPLIANCE = "P0svn", "Csvn"
 
 @dataclass(frozen=True)
 class StudyCircuits:
-    """A patient on ECMO with the CRRT circuit's lines on switches, and the same patient without CRRT.
+    """Circuits of a patient on ECMO with switchable CRRT lines, and of the same patient without CRRT.
 
     Args:
-        circuit: with CRRT; `crrt.access_site` and `crrt.return_site` choose among `nodes`.
-        without: the same without CRRT.
-        values: the case's parameters, CRRT flow included.
-        nodes: compartments that a line may attach to.
-        schemes: the schemes of the study.
+        circuit: circuit with CRRT; `crrt.access_site` and `crrt.return_site` select from `nodes`.
+        without: circuit without CRRT.
+        values: parameters of the case, including the CRRT flow.
+        nodes: compartments to which a line may be connected.
+        schemes: schemes of the study.
     """
 
     circuit: Circuit
@@ -72,14 +72,14 @@ class StudyCircuits:
         patient_volume_ml: float | None = None,
         patients: Mapping[str, np.ndarray] | None = None,
     ) -> SteadyBeat:
-        """Steady beats of all schemes at all speeds, schemes slowest, then speeds, then variants.
+        """Solve all schemes at all speeds; members vary fastest by variant, then by speed, then by scheme.
 
         Args:
             speeds: pump speeds [rpm].
             policy: blood volume policy.
-            keep: members whose waveforms are kept.
-            patient_volume_ml: stressed volume of the patient, with `patient_held`; left out, the case's own.
-            patients: parameters in which variants of the patient differ, each (variants,); on one grid.
+            keep: indices of members whose waveforms are kept.
+            patient_volume_ml: stressed volume of the patient with `patient_held`; None takes the case's own.
+            patients: parameters in which variants of the patient differ, each (variants,); all on one grid.
         """
         values, places, patients = self._values(patient_volume_ml), self._places(), patients or {}
         variants = len(next(iter(patients.values()), [0.0]))
@@ -97,16 +97,16 @@ class StudyCircuits:
         return result.determined_only()
 
     def _places(self) -> np.ndarray:
-        """Positions in `nodes` of access and return, shape (schemes, 2)."""
+        """Indices in `nodes` of access and return site, shape (schemes, 2)."""
         return np.array([[self.nodes.index(node) for node in s.nodes] for s in self.schemes], dtype=float)
 
     def run_without(self, speeds: np.ndarray, policy: str) -> SteadyBeat:
-        """Steady beats of the patient on ECMO alone."""
+        """Solve the steady beats of the patient on ECMO alone."""
         batch = Batch(self.without, self.values | {SPEED: speeds}, len(speeds), policy)
         return steady_beat(batch, waveforms=None, keep=None, start=self.values).determined_only()
 
     def _values(self, patient_volume_ml: float | None) -> dict[str, float]:
-        """Parameters with the systemic veins filled so that the patient starts with a given volume."""
+        """Return parameters with the systemic veins filled so that the patient starts with a given volume."""
         if patient_volume_ml is None:
             return self.values
         batch = Batch(self.without, self.values, 1, PATIENT_HELD)
@@ -116,7 +116,7 @@ class StudyCircuits:
 
 
 def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: float) -> StudyCircuits:
-    """The circuits of a case with ECMO; its own CRRT section, if any, gives way to the schemes."""
+    """Return the circuits for a case with ECMO; the schemes replace its own CRRT connection."""
     without_crrt = case.model_copy(update={"crrt": None})
     without = circuit_of(without_crrt)
     others = dict.fromkeys(node for s in schemes for node in s.nodes if node not in POSITIONS.values())
@@ -140,7 +140,7 @@ FURTHER_QUANTITIES = ("patient_volume_change", "recirculated_fraction", "past_ox
 
 
 def quantities(circuits: StudyCircuits) -> tuple[str, ...]:
-    """Names of the numbers of a scheme's beat: means of pressures and flows, outputs, and what is added."""
+    """Names of the numbers of a scheme's beat: mean pressures and flows, outputs, and derived quantities."""
     signals = (s for s in map(str, circuits.circuit.signals()) if s[0] in "PQ")
     return (*signals, *output_names(circuits.circuit), *FURTHER_QUANTITIES)
 
@@ -188,7 +188,7 @@ def means(
 
 
 def without(without_crrt: Sequence[SteadyBeat], policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset:
-    """The same without CRRT, over `policy` and `speed`."""
+    """Cycle means, outputs and volumes without CRRT over `policy` and `speed`."""
     import xarray as xr
 
     data = _variables(without_crrt, ("policy", "speed"), (len(speeds),))
@@ -197,7 +197,7 @@ def without(without_crrt: Sequence[SteadyBeat], policies: Sequence[str], speeds:
 
 
 def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Sequence[str]) -> xr.Dataset:
-    """Waveforms at the case's speed over `policy`, `scheme` and `phase`; volumes are the absolute ones."""
+    """Waveforms at the case's speed over `policy`, `scheme` and `phase`; volumes are total, not stressed."""
     import xarray as xr
 
     first, data = runs[0], {}
@@ -218,7 +218,7 @@ def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Seq
 
 
 def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tuple[int, ...]) -> Variables:
-    """Means of all pressures and flows, all outputs, volumes by group, and how each beat was found."""
+    """Means of all pressures and flows, all outputs, volumes by group, and how each search ended."""
     first, circuit = records[0], records[0].batch.circuit
 
     def stacked(rows: list[np.ndarray]) -> np.ndarray:
@@ -246,13 +246,13 @@ def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tupl
 
 
 def _whole_vessel_pressures(data: Variables) -> Variables:
-    """Pressures of vessels that are divided in a patient with regions, by the names of the whole ones."""
+    """Pressures of vessels that a patient with regions has divided, under the names of the whole vessels."""
     parts = {f"P{vessel}": f"P{part}" for vessel, part in SAME_IN_REGIONS.items()}
     return {vessel: data[part] for vessel, part in parts.items() if part in data}
 
 
 def _recirculation(circuits: StudyCircuits, records: SteadyBeat) -> np.ndarray:
-    """Recirculated share of every member, from its mean flows; shape (members,)."""
+    """Recirculated share of every member from its mean flows, shape (members,)."""
     names = [c.name for c in circuits.circuit.connections]
     flows = np.stack([records.mean("Q" + name) for name in names])
     per_scheme = flows.shape[1] // len(circuits.schemes)
@@ -278,14 +278,14 @@ SUMMARISED = (
 
 
 def summarise(means: xr.Dataset) -> xr.Dataset:
-    """Median, absolute and relative variation over the dimension `scheme`.
+    """Compute median, absolute and relative variation over the dimension `scheme`.
 
     Args:
-        means: quantities with a dimension `scheme`; NaN where the beat was not found.
+        means: quantities with a dimension `scheme`; NaN if the beat was not found.
 
     Returns:
-        For each quantity `<name>_median`, `<name>_variation` (largest less smallest),
-        `<name>_variation_percent` (variation over the median's magnitude) and `<name>_highest`,
+        For each quantity `<name>_median`, `<name>_variation` (largest minus smallest),
+        `<name>_variation_percent` (variation relative to the magnitude of the median) and `<name>_highest`,
         `<name>_lowest` (letters of schemes; empty unless all are known); `schemes_known`, the number of
         schemes that these are computed from.
     """
@@ -297,7 +297,7 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
     for name in SUMMARISED:
         values = means[name].transpose("scheme", *dims).values
         units = means[name].attrs.get("units", "")
-        with warnings.catch_warnings():  # NaN where no scheme is known
+        with warnings.catch_warnings():  # NaN if no scheme is known
             warnings.filterwarnings("ignore", message="All-NaN")
             median, variation = (
                 np.nanmedian(values, axis=0),
@@ -329,18 +329,18 @@ SPLIT_QUANTITIES = ("Psart", "Psvn", "Ppart", "MAP", "CO", "PF", "EDVRV", "ESVRV
 def split_differences(
     circuits: StudyCircuits, published: SteadyBeat, without: SteadyBeat, at: np.ndarray, speed: float
 ) -> xr.Dataset:
-    """Differences to the patient without CRRT at one speed, split into uptake and flow.
+    """Differences from the patient without CRRT at one speed, split into uptake and flow.
 
     Args:
-        circuits: of the study.
-        published: records of all schemes with the published volume policy.
-        without: record of the patient without CRRT at the speed.
-        at: members of `published` at the speed, one per scheme.
-        speed: [rpm].
+        circuits: circuits of the study.
+        published: beats of all schemes with the published volume policy.
+        without: beat of the patient without CRRT at this speed.
+        at: indices of the members of `published` at this speed, one per scheme.
+        speed: pump speed [rpm].
 
     Returns:
-        Over `scheme`: `<name>_difference`, `<name>_uptake`, `<name>_flow`, and `blood_taken_up` [mL]; NaN
-        where one of the beats was not found. `status` is how the search with the volume kept ended.
+        Over `scheme`: `<name>_difference`, `<name>_uptake`, `<name>_flow`, and `blood_taken_up` [mL]; NaN if
+        one of the beats was not found. `status` tells how the search with constant patient volume ended.
     """
     import xarray as xr
 
@@ -362,9 +362,9 @@ def split_differences(
 
 
 def value(records: SteadyBeat, name: str) -> np.ndarray:
-    """A quantity by name: an output of the registry, else the mean of a waveform.
+    """Return a quantity by name: an output of the registry, else the mean of a waveform.
 
-    A vessel that is divided in a patient with regions is read where `SAME_IN_REGIONS` says.
+    For a vessel that a patient with regions has divided, `SAME_IN_REGIONS` gives the vessel to read.
     """
     if name in records.names:
         return records.output(name)
@@ -386,21 +386,21 @@ REASONS = {
     "no_oxygen": "a tissue gets less than a tenth of the oxygen that it needs",
     "no_removal": "carbon dioxide is hardly removed",
 }
-"""Reason by status."""
+"""Reason in words, by status."""
 MOST_SPEEDS_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True)
 class MissingBeats:
-    """Beats of one scheme, or their gases, that were not found for one reason.
+    """Beats of one scheme, or their gas states, that were not found for the same reason.
 
     Args:
         policy: blood volume policy.
         place: "scheme a" or "without CRRT".
-        speeds: of the pump [rpm].
+        speeds: pump speeds [rpm].
         status: how the search ended, in lower case.
-        condition: what else was special about the beats.
-        state: what was not found, "beat" or "gas state".
+        condition: further condition of these beats.
+        state: kind of state that was not found, "beat" or "gas state".
     """
 
     policy: str
@@ -412,7 +412,7 @@ class MissingBeats:
 
     @property
     def sentence(self) -> str:
-        """Speeds without a steady state, and why."""
+        """Speeds without a steady state, and the reason."""
         where = f"{self.place} {self.condition}".strip()
         return (
             f"{where}: {speeds_without_solution(self.speeds, [self.status] * len(self.speeds), self.state)}"
@@ -420,17 +420,17 @@ class MissingBeats:
 
     @property
     def advice(self) -> str:
-        """Meaning of the status, and what to do."""
+        """Meaning of the status, with advice."""
         return (GasStatus if self.state == GASES else Status)[self.status.upper()].message
 
 
 def speeds_without_solution(speeds: Sequence[float], statuses: Sequence[str], state: str = "beat") -> str:
-    """Speeds without a steady beat or gas state, and the reasons; empty where all are found.
+    """Speeds without a steady beat or gas state, with reasons; empty if all were found.
 
     Args:
-        speeds: of the pump [rpm].
-        statuses: one for each speed; those that were found are left out.
-        state: "beat" or "gas state".
+        speeds: pump speeds [rpm].
+        statuses: status for each speed; speeds with a solution are left out.
+        state: kind of state, "beat" or "gas state".
     """
     reasons = dict.fromkeys(status for status in statuses if status not in SOLVED_STATUSES)
     messages = []
@@ -441,7 +441,7 @@ def speeds_without_solution(speeds: Sequence[float], statuses: Sequence[str], st
 
 
 def speeds_text(speeds: Sequence[float]) -> str:
-    """A few speeds one by one, of more the first, the last and how many."""
+    """List a few speeds, or of many the first, the last and the number."""
     numbers = [f"{speed:.0f}" for speed in speeds]
     if len(numbers) > MOST_SPEEDS_NAMED:
         return f"{len(numbers)} speeds from {numbers[0]} to {numbers[-1]} rpm"
@@ -464,7 +464,7 @@ def unsettled(study: CrrtStudy) -> tuple[MissingBeats, ...]:
 
 
 def _grouped(policy: str, place: str, data: xr.Dataset) -> Iterator[MissingBeats]:
-    """One entry for each reason; gases of a beat that was not found are not asked for."""
+    """One entry for each reason; gas states of beats that were not found are left out."""
     speeds, beats = data["speed"].values, data["status"].values.astype(str)
     gases = (
         np.where(data["converged"], data["gas_status"], SOLVED_STATUSES[1])
@@ -477,7 +477,7 @@ def _grouped(policy: str, place: str, data: xr.Dataset) -> Iterator[MissingBeats
 
 
 def _primed(study: CrrtStudy) -> Iterator[MissingBeats]:
-    """Schemes whose beat with the volume of the patient without CRRT was not found."""
+    """Schemes whose beat with the blood volume of the patient without CRRT was not found."""
     if study.uptake is None:
         return
     for letter, status in zip(
@@ -489,11 +489,11 @@ def _primed(study: CrrtStudy) -> Iterator[MissingBeats]:
 
 PRIMED = "with the volume of the patient without CRRT"
 NOT_COMPUTED = "not_computed"
-"""Status of a beat that was not computed since the one it is compared with was not found."""
+"""Status of a beat that was not computed because the beat to compare with was not found."""
 
 
 def samples_without_a_beat(uncertainty: xr.Dataset) -> dict[str, int]:
-    """Number of samples without a steady beat that a patient can have, by scheme that has any."""
+    """Number of samples without a physically possible steady beat, for schemes that have any."""
     count = np.rint((1.0 - uncertainty["settled"].values) * uncertainty.attrs["samples"]).astype(int)
     letters = uncertainty["scheme"].values.astype(str)
     return {str(letter): int(n) for letter, n in zip(letters, count, strict=True) if n}
@@ -503,7 +503,7 @@ MOST_LINES = 20
 
 
 def missing_beats_text(study: CrrtStudy) -> list[str]:
-    """Every beat or gas state that was not found, with its reason and what to do; empty if all were."""
+    """Every beat or gas state that was not found, with reason and advice; empty if all were found."""
     places_of: dict[MissingBeats, list[str]] = {}
     for entry in study.unsettled:
         places_of.setdefault(replace(entry, place=""), []).append(entry.place)
@@ -525,7 +525,7 @@ def missing_beats_text(study: CrrtStudy) -> list[str]:
 
 
 def _places(places: list[str]) -> str:
-    """Places of one kind together: schemes a, b and c."""
+    """Combine places of one kind, such as "schemes a, b and c"."""
     letters = [place.removeprefix("scheme ") for place in places if place.startswith("scheme ")]
     others = [place for place in places if not place.startswith("scheme ")]
     terms = [schemes_named(letters)] if letters else []
@@ -534,7 +534,7 @@ def _places(places: list[str]) -> str:
 
 
 def schemes_named(letters: list[str]) -> str:
-    """Scheme a, or Schemes a, b and c."""
+    """Text such as "Scheme a" or "Schemes a, b and c"."""
     return f"Scheme{'s' if len(letters) > 1 else ''} {joined_with_and(letters)}"
 
 
@@ -550,9 +550,9 @@ POINTS = 60
 
 
 def line_pressures_of_nine_schemes(case: Case, policy: str) -> dict[str, object] | None:
-    """Pressures of both lines in each scheme; None without a rotary ECMO pump, or beside named CRRTs.
+    """Pressures of both lines in each scheme; None without a rotary ECMO pump or with named CRRT sections.
 
-    A scheme whose beat no patient can have is not `possible`, and has no waveforms.
+    A scheme with a beat that no patient can have is not `possible` and has no waveforms.
     """
     from eclsim.crrt_study.schemes import named_crrts, nine_schemes
 

@@ -1,4 +1,4 @@
-"""The CRRT study of every patient of a cohort: does one scheme win for all?"""
+"""The CRRT study of every patient of a cohort: whether one scheme is best for all."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FILES = ("report.html", "cohort.json", "points.csv", "schemes.csv", "ranks.svg")
 FITS = "fits"
-"""Folder of the fits, so that they can be gone on with."""
+"""Folder of the fits, so that they can be resumed."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class PointResult:
     """Result of the study for one data point.
 
     Args:
-        name: of the data point.
-        flow: ECMO flow without CRRT at the point's speed [L/min]; NaN if that beat was not found.
-        pressure: mean arterial pressure without CRRT there [mmHg]; NaN likewise.
-        speed: of the pump [rpm].
-        ranking: schemes from best to worst, by blood volume policy; those without a place last.
-        variation: largest less smallest mean arterial pressure of the schemes [mmHg], by policy; NaN unless
+        name: name of the data point.
+        flow: ECMO flow without CRRT at the point's speed [L/min]; NaN if this beat was not found.
+        pressure: mean arterial pressure of this beat [mmHg]; NaN if it was not found.
+        speed: pump speed [rpm].
+        ranking: schemes from best to worst, by blood volume policy; those without a rank are last.
+        variation: largest minus smallest mean arterial pressure of the schemes [mmHg], by policy; NaN unless
             the beats of all schemes were found.
         taken_up: largest volume that a scheme takes from the patient [mL]; NaN without the published policy,
             or unless the beats of all schemes and of the patient without CRRT were found.
-        unsettled: steady beats that were not found, a sentence for each scheme, policy and reason.
-        beats_not_found: how many they are.
+        unsettled: one sentence for each scheme, policy and reason with steady beats that were not found.
+        beats_not_found: number of these beats.
     """
 
     name: str
@@ -56,11 +56,11 @@ class PointResult:
     beats_not_found: int
 
     def ranked(self, policy: str, letter: str) -> Ranked:
-        """A scheme's place and the numbers behind it."""
+        """Rank of a scheme with the numbers it is based on."""
         return next(ranked for ranked in self.ranking[policy] if ranked.letter == letter)
 
     def first(self, policy: str) -> str | None:
-        """The scheme that is first; None if what is known does not tell."""
+        """Letter of the best scheme; None if the known numbers do not determine it."""
         best = first_choice(self.ranking[policy])
         return None if best is None else best.letter
 
@@ -70,11 +70,11 @@ class CohortStudy:
     """The study of a cohort.
 
     Args:
-        points: one for each data point, in the order of the cohort.
-        schemes: schemes compared.
-        fitted: the cases and how they were found.
-        lost: data points without a study, and why.
-        rule: by which schemes are ranked.
+        points: results for the data points, in the order of the cohort.
+        schemes: schemes that are compared.
+        fitted: cases and how their parameters were found.
+        lost: data points without a study, with the reason.
+        rule: rule by which schemes are ranked.
     """
 
     points: tuple[PointResult, ...]
@@ -99,33 +99,34 @@ class CohortStudy:
         return tuple(point for point in self.points if point.unsettled)
 
     def winners(self, policy: str) -> dict[str, int]:
-        """In how many data points each scheme is first, most often first."""
+        """Number of data points in which each scheme is best, largest first."""
         first = [point.first(policy) for point in self.points]
         count = {scheme.letter: first.count(scheme.letter) for scheme in self.schemes}
         return dict(sorted(count.items(), key=lambda item: -item[1]))
 
     def undecided(self, policy: str) -> tuple[str, ...]:
-        """Data points of which it is not known which scheme is first."""
+        """Data points for which the best scheme is not known."""
         return tuple(point.name for point in self.points if point.first(policy) is None)
 
 
 @dataclass(frozen=True)
 class SchemeSummary:
-    """One scheme over the cohort. What is not known of a data point has no part in a number here.
+    """One scheme over the cohort; unknown values of data points are left out of each number.
 
     Args:
-        letter: of the scheme.
-        first: in how many data points it is first.
-        ranked: in how many its place is known.
-        median_rank: median of its places; NaN if none is known.
-        worst_rank: its worst place; None if none is known.
-        known: in how many its beat at the point's speed was found.
-        alarms_kept: in how many of these the lines stay within the machine's alarms.
-        access_190_kept: in how many of these the access pressure stays below 190 mmHg, or the rule's limit.
-        above_atmosphere: in how many of these both lines attach above atmospheric pressure.
-        flow_known: in how many it is known up to which ECMO flow all limits of the CRRT lines are kept.
-        smallest_flow: smallest of that flow over these points [L/min]; 0 if one keeps them at no speed.
-        median_flow: median of it.
+        letter: letter of the scheme.
+        first: number of data points in which it is best.
+        ranked: number of data points in which its rank is known.
+        median_rank: median of its known ranks; NaN if there are none.
+        worst_rank: worst of its known ranks; None if there are none.
+        known: number of data points in which its beat at the point's speed was found.
+        alarms_kept: number of these in which the lines are within the machine's alarm limits.
+        access_190_kept: number of these in which the access pressure is below 190 mmHg, or the rule's limit.
+        above_atmosphere: number of these in which both lines connect above atmospheric pressure.
+        flow_known: number of data points for which the ECMO flow up to which all limits of the CRRT lines are
+            kept is known.
+        smallest_flow: smallest of these flows [L/min]; 0 if the limits are kept at no speed in some point.
+        median_flow: median of these flows [L/min].
     """
 
     letter: str
@@ -144,7 +145,7 @@ class SchemeSummary:
 
 @dataclass(frozen=True)
 class PointOutcome:
-    """Study of a data point, or why there is none."""
+    """Study of a data point, or the reason why there is none."""
 
     name: str
     study: PointResult | None
@@ -152,13 +153,13 @@ class PointOutcome:
 
 
 PRELOAD = ("eclsim.identification.cohort", "eclsim.crrt_study.cohort", "eclsim.outputs.steady_beat")
-"""Modules that a worker loads before its first group."""
+"""Modules that a worker imports before its first group."""
 _FORMAT = json_format(list[PointOutcome])
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """Options of `crrt_study` for all cases of a cohort; called, it studies the cases of a group in turn."""
+    """Options of `crrt_study` for all cases of a cohort; a call studies the cases of a group in turn."""
 
     schemes: str | Sequence[str] = NINE
     speeds: str | Sequence[float] | None = None
@@ -168,7 +169,7 @@ class StudyOptions:
     rule: str | Path | Mapping[str, object] | Rule | None = None
 
     def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
-        """Outcome of each case."""
+        """Return the outcome for each case."""
         from eclsim.crrt_study.schemes import StudyError
 
         outcomes = []
@@ -190,19 +191,19 @@ def crrt_cohort(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> CohortStudy:
-    """Run the study for every case, each at its own speed and over the same speeds, or those of its pump.
+    """Study every case at its own speed and over common speeds (by default those of its pump).
 
     Args:
         fitted: the cases.
-        options: of the study; without a policy, what the cases say, else both.
-        folder: keeps the studies; None keeps them for this call alone.
-        executor: runs them; None runs them in this process.
-        progress: called as they are done.
+        options: options of the study; without a policy, that of the cases, else both.
+        folder: folder that stores the studies; None keeps them in memory only.
+        executor: runs the studies; None runs them in this process.
+        progress: called when a group is done.
 
     Raises:
-        StudyError: If no case can be studied, or the cases state different policies.
-        ExecutionError: the folder holds other studies, or workers cannot be reached.
-        ShardDone: this was a shard.
+        StudyError: No case can be studied, or the cases state different policies.
+        ExecutionError: The folder holds other studies, or workers cannot be reached.
+        ShardDone: This run computed one shard only.
     """
     from eclsim.crrt_study.schemes import StudyError, policy_of_cases
 
@@ -214,7 +215,7 @@ def crrt_cohort(
     tasks = Tasks(
         "schemes", "groups of data points", compute, groups, {**fitted.inputs, "study": vars(compute)}
     )
-    # Studies with other options do not disturb each other, so the fits can be used again.
+    # Studies with different options have separate folders, so the fits can be reused.
     mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
     place = None if folder is None else folder / f"studies-{mark}"
     executor = executor or Executor(Distribution(), in_process)
@@ -246,7 +247,7 @@ def _point(name: str, study: CrrtStudy) -> PointResult:
 
 
 def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
-    """Every scheme over the cohort: most often first, then the better median place."""
+    """Summaries of the schemes, those most often best first, then by median rank."""
     winners = study.winners(policy)
     result = []
     for scheme in study.schemes:
@@ -275,7 +276,7 @@ def _order(summary: SchemeSummary) -> tuple[float, ...]:
 
 
 def conclusion(study: CohortStudy, policy: str) -> str:
-    """Does one scheme win for all, in a sentence."""
+    """One sentence on whether a single scheme is best for all."""
     winners = {letter: count for letter, count in study.winners(policy).items() if count}
     total, open_ = len(study.points), len(study.undecided(policy))
     doubt = f" In {open_} of {total} it is not known which scheme is first." if open_ else ""
@@ -295,7 +296,7 @@ def conclusion(study: CohortStudy, policy: str) -> str:
 
 
 def _reasons_in_other_points(study: CohortStudy, policy: str, letter: str) -> str:
-    """Why the scheme that is first most often is not first in the other points."""
+    """Reasons why the scheme that is most often best is not best in the other points."""
     rankings = [point.ranked(policy, letter) for point in study.points if point.first(policy) != letter]
     not_first = [
         ranked for ranked in rankings if ranked.known and ranked.places is not None and ranked.places[0] > 1

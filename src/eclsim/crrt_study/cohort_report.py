@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
-    """Write everything to a folder, which is made if it does not exist; returns the files."""
+    """Write all files to a folder, which is created if necessary, and return their paths."""
     folder.mkdir(exist_ok=True)
     drawn = svg_text(_figure(study))
     texts = {
@@ -62,7 +62,7 @@ def cohort_json(study: CohortStudy) -> str:
 
 
 def show(study: CohortStudy) -> None:
-    """Show the schemes over the cohort, most often first, for each blood volume policy."""
+    """Print the schemes over the cohort, those most often best first, for each blood volume policy."""
     heads = ("scheme", "access – return", *_with_bound(_SHORT_HEAD, study))
     for policy in study.policies:
         rows = [list(map(str, row)) for row in _scheme_rows(study, policy)]
@@ -76,7 +76,7 @@ _HEAD = (
     "Access ≤ {} in", "No air drawn in", "Limits kept up to [L/min], median", "smallest",
 )  # fmt: skip
 
-# In a terminal, the columns after the scheme and its positions: no head wider than two short lines.
+# Columns in a terminal after scheme and sites; headers have at most two short lines.
 _SHORT_HEAD = (
     "first\nin", "median\nplace", "worst\nplace", "alarms\nkept in", "access\n≤ {} in", "no air\ndrawn in",
     "limits kept to\nL/min, median", "at\nleast",
@@ -84,7 +84,7 @@ _SHORT_HEAD = (
 
 
 def _with_bound(heads: Sequence[str], study: CohortStudy) -> list[str]:
-    """Heads with the limit of the access pressure that the rule has."""
+    """Headers with the rule's limit of the access pressure."""
     return [head.format(f"{study.rule.access_mmhg:g}") for head in heads]
 
 
@@ -109,7 +109,7 @@ def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
 
 
 def _of(known: int, total: int) -> str:
-    """In how many data points a number is known; empty if in all."""
+    """Number of data points in which a number is known, as text; empty if in all."""
     return "" if known == total else f" of {known}"
 
 
@@ -132,7 +132,7 @@ def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
 
 
 def _order(point: PointResult, policy: str) -> str:
-    """Schemes from best to worst; the place in brackets where it is not known for sure."""
+    """Schemes from best to worst, with ranks that are not certain in brackets."""
     return " ".join(
         ranked.letter if ranked.rank is not None else f"{ranked.letter}({place(ranked)})"
         for ranked in point.ranking[policy]
@@ -244,15 +244,15 @@ def plot_cohort_ranks(
     flows: Sequence[float],
     limits: np.ndarray,
 ) -> Figure:
-    """Places of the schemes by data point, sorted by ECMO flow; beside it the flow that each scheme keeps.
+    """Plot the ranks of schemes by data point, sorted by ECMO flow, and the flow that each scheme allows.
 
     Args:
-        ranks: place of each scheme (columns) in each data point (rows), 1 is best; NaN where not known.
-        letters: of the schemes.
-        names: of the data points.
-        flows: ECMO flow of each data point [L/min]; NaN where not known, sorted last.
-        limits: flow up to which each scheme keeps all limits of its lines [L/min], shape of the ranks; 0 if
-            at no speed, NaN where not known.
+        ranks: rank of each scheme (columns) in each data point (rows), 1 is best; NaN if not known.
+        letters: letters of the schemes.
+        names: names of the data points.
+        flows: ECMO flow of each data point [L/min]; NaN if not known, sorted last.
+        limits: flow up to which each scheme keeps all limits of its lines [L/min], same shape as the ranks; 0
+            if it keeps them at no speed, NaN if not known.
     """
     order = np.argsort(flows, kind="stable").tolist()
     height = max(34 + min(4.2 * len(names), 190.0), 85.0)

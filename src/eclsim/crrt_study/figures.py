@@ -1,6 +1,6 @@
-"""Figures of the CRRT study: one beat of every scheme, the range of ECMO flows, limits, the split of effects.
+"""Figures of the CRRT study: beats of all schemes, range of ECMO flows, limits, effect of blood uptake.
 
-In the manner of Figures 5 and 6 of Thiel et al. 2025.
+The style follows Figures 5 and 6 of Thiel et al. 2025.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ def schemes_without_beat(means: xr.Dataset) -> list[str]:
 def plot_crrt_beat(
     waveforms: xr.Dataset, means: xr.Dataset, rule_limits: tuple[Limit, ...] = LIMITS
 ) -> Figure:
-    """Two beats of every scheme at one speed: pressures of the patient, right ventricle, access and return.
+    """Plot two beats of every scheme at one speed: patient pressures, right ventricle, access and return.
 
     Args:
-        waveforms: over `scheme` and `phase`, with `time` [s].
+        waveforms: waveforms over `scheme` and `phase`, with `time` [s].
         means: cycle means over `scheme` at the same speed.
-        rule_limits: limits that are drawn.
+        rule_limits: limits to draw.
     """
     highest, lowest = extreme_schemes(means)
     fig, grid = _four_panels(_longest_label(means, highest, lowest))
@@ -60,16 +60,16 @@ def plot_crrt_beat(
 
 
 def _longest_label(means: xr.Dataset, highest: str, lowest: str) -> int:
-    """Characters of the longest label beside a curve."""
+    """Number of characters of the longest label beside a curve."""
     return 9 if means.sizes["scheme"] <= MOST_LABELS else len(f"{highest} {lowest}")
 
 
 def _four_panels(characters: int, legend_rows: int = 2) -> tuple[Figure, np.ndarray]:
-    """Two rows of two axes at fixed places: arranging them by trial takes longer than drawing them.
+    """Create two rows of two axes at fixed positions, since automatic layout takes longer than drawing.
 
     Args:
-        characters: room at the right of each.
-        legend_rows: lines of the legend below.
+        characters: space on the right of each panel, in characters.
+        legend_rows: number of lines of the legend below.
     """
     height = 150.0 + 4.5 * (legend_rows - 2)
     fig = new_figure(PAGE_WIDTH_MM, height)
@@ -114,7 +114,7 @@ def _draw_vessels(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) ->
 
 
 def _name_vessel(ax: Axes, name: str, label: str, lowest: float, highest: float) -> None:
-    """Name of a vessel at the left, above its curves, below for the veins at the bottom."""
+    """Write the name of a vessel at the left above its curves, or below for the veins at the bottom."""
     below = name == "Psvn"
     ax.annotate(
         label, (0.02, lowest if below else highest), xycoords=("axes fraction", "data"), fontsize=7.5,
@@ -139,7 +139,7 @@ def _finish_line(
     ax: Axes, line: str, ends: Mapping[str, tuple[float, float]], highest: str, lowest: str,
     rule_limits: tuple[Limit, ...],
 ) -> None:  # fmt: skip
-    """Alarms, letters at the ends of the curves, and title of the access or the return line."""
+    """Add alarm limits, letters at the ends of the curves, and title to the panel of a line."""
     _alarms(ax, line, rule_limits)
     label_ends(ax, ends, highest, lowest)
     ax.set_title({"access": "c) Access line", "return": "d) Return line"}[line], loc="left")
@@ -162,12 +162,12 @@ def _alarms(ax: Axes, line: str, rule_limits: tuple[Limit, ...]) -> None:
 
 @figure_style()
 def plot_crrt_speeds(means: xr.Dataset, case_speed: float, rule_limits: tuple[Limit, ...] = LIMITS) -> Figure:
-    """Cycle means of every scheme over the ECMO flow: patient, drainage cannula, access and return line.
+    """Plot cycle means of every scheme over the ECMO flow: patient, drainage cannula, access and return line.
 
     Args:
-        means: over `scheme` and `speed`; pressures [mmHg] and `PF` [L/min].
-        case_speed: speed [rpm] that is marked; it also decides which schemes stand out.
-        rule_limits: limits that are drawn.
+        means: means over `scheme` and `speed`; pressures [mmHg] and `PF` [L/min].
+        case_speed: speed that is marked [rpm]; it also determines which schemes are highlighted.
+        rule_limits: limits to draw.
     """
     highest, lowest = extreme_schemes(means.sel(speed=case_speed))
     gaps = bool(np.isnan(means["Psart"].values).any())
@@ -216,12 +216,12 @@ def _over_flow(
 
 @figure_style()
 def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset) -> Figure:
-    """Arterial pressure of every scheme under both volume policies, and what the blood taken up does to it.
+    """Plot arterial pressure of every scheme with both volume policies, and the effect of blood uptake.
 
     Args:
-        uptake: differences to the patient without CRRT, over `scheme`, split into `_uptake` and `_flow`.
-        means: over `policy` and `scheme` at the same speed.
-        without: over `policy` at the same speed, without CRRT.
+        uptake: differences from the patient without CRRT over `scheme`, split into `_uptake` and `_flow`.
+        means: means over `policy` and `scheme` at the same speed.
+        without: means over `policy` at the same speed without CRRT.
     """
     fig = new_figure(PAGE_WIDTH_MM, 20 + 6.5 * means.sizes["scheme"])
     left, right = fig.subplots(1, 2, sharey=True)
@@ -258,7 +258,7 @@ def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset)
 
 
 def _mark_unknown(ax: Axes, rows: np.ndarray, which: np.ndarray) -> None:
-    """Words in the rows of schemes of which something is missing."""
+    """Write a note in the rows of schemes for which something is missing."""
     for row in rows[which]:
         ax.annotate("not known: no steady beat", (0.02, row), xycoords=("axes fraction", "data"), va="center",
                     fontsize=6.5, color=GREY, zorder=6,
@@ -269,15 +269,15 @@ def _mark_unknown(ax: Axes, rows: np.ndarray, which: np.ndarray) -> None:
 def plot_crrt_limits(
     limits: xr.Dataset, case_flow: float, ranked: list[str], rule_limits: tuple[Limit, ...] = LIMITS
 ) -> Figure:
-    """Largest ECMO flow that every scheme keeps each limit up to.
+    """Plot the largest ECMO flow up to which every scheme keeps each limit.
 
     Args:
         limits: `largest_flow`, `flow_at_most` and `state` over `scheme` and `limit`.
-        case_flow: ECMO flow [L/min] of the case, marked; NaN if it is not known.
+        case_flow: ECMO flow of the case, which is marked [L/min]; NaN if not known.
         ranked: schemes from best to worst, top to bottom.
         rule_limits: limits of the rule.
     """
-    fig = new_figure(PAGE_WIDTH_MM, 22 + 6.5 * max(len(ranked), 5))  # room for label and legend
+    fig = new_figure(PAGE_WIDTH_MM, 22 + 6.5 * max(len(ranked), 5))  # space for label and legend
     ax = fig.subplots()
     rows = np.arange(len(ranked))
     all_limits = limits.sel(limit="crrt", scheme=ranked)
@@ -320,11 +320,11 @@ HIGHEST_COLOUR = OKABE_ITO["vermillion"]
 LOWEST_COLOUR = OKABE_ITO["blue"]
 OTHERS_COLOUR = "#9A9A9A"
 MOST_LABELS = 12
-"""Up to so many schemes every curve is labelled; of more, the highest and the lowest."""
+"""With more schemes than this, only the highest and the lowest curves are labelled."""
 
 
 def style_of(letter: str, highest: str, lowest: str) -> dict[str, object]:
-    """Line of a scheme: the one with the highest arterial pressure and the one with the lowest stand out."""
+    """Line style of a scheme; those with the highest and lowest arterial pressure are highlighted."""
     if letter and letter == highest:
         return {"color": HIGHEST_COLOUR, "linewidth": 1.7, "linestyle": (0, (6, 1.2)), "zorder": 4}
     if letter and letter == lowest:
@@ -333,7 +333,7 @@ def style_of(letter: str, highest: str, lowest: str) -> dict[str, object]:
 
 
 def colour_of(letters: Sequence[str], highest: str, lowest: str) -> str:
-    """Colour of a label that stands for one or more schemes."""
+    """Colour of a label for one or more schemes."""
     if highest in letters and lowest not in letters:
         return HIGHEST_COLOUR
     if lowest in letters and highest not in letters:
@@ -342,7 +342,7 @@ def colour_of(letters: Sequence[str], highest: str, lowest: str) -> str:
 
 
 def label_ends(ax: Axes, ends: Mapping[str, tuple[float, float]], highest: str, lowest: str) -> None:
-    """Letters beside the right end of curves; curves that end together share a label."""
+    """Write letters at the right ends of curves; curves with the same end share a label."""
     shown = {k: v for k, v in ends.items() if np.isfinite(v).all()}
     if len(shown) > MOST_LABELS:
         shown = {k: v for k, v in shown.items() if k in (highest, lowest)}
@@ -367,7 +367,7 @@ def label_ends(ax: Axes, ends: Mapping[str, tuple[float, float]], highest: str, 
 
 
 def limit_line(ax: Axes, value: float, text: str, *, dotted: bool = False, above: bool = True) -> None:
-    """A horizontal line at a limit with its name at the left, above or below the line."""
+    """Draw a horizontal line at a limit, with its name at the left, above or below the line."""
     ax.axhline(value, color="black", linewidth=0.9, linestyle=":" if dotted else "--", zorder=2)
     ax.annotate(
         text, (0.015, value), xycoords=("axes fraction", "data"), xytext=(0, 2 if above else -2),
@@ -377,13 +377,13 @@ def limit_line(ax: Axes, value: float, text: str, *, dotted: bool = False, above
 
 
 def mark_gaps(ax: Axes, x: np.ndarray, y: np.ndarray, colour: object) -> bool:
-    """Hollow circles on the points of a curve beside which a point is not known; whether there are any.
+    """Draw hollow circles where a curve ends at an unknown point; returns whether there are any.
 
     Args:
         ax: axes of the curve.
-        x: of all points; NaN where not known.
-        y: likewise.
-        colour: of the curve.
+        x: coordinates of all points; NaN if not known.
+        y: coordinates of all points; NaN if not known.
+        colour: colour of the curve.
     """
     known = np.isfinite(x) & np.isfinite(y)
     beside = np.r_[known[1:], True] & np.r_[True, known[:-1]]
@@ -403,12 +403,12 @@ def explain_colours(
     missing: Sequence[str] = (),
     gaps: bool = False,
 ) -> None:
-    """Legend of what is drawn below the figure.
+    """Add a legend below the figure.
 
     Args:
         ax: one of the figure's axes.
         highest: scheme with the highest arterial pressure; empty if none is known.
-        lowest: scheme with the lowest; likewise.
+        lowest: scheme with the lowest arterial pressure; empty if none is known.
         mark: name of the thin vertical line, if there is one.
         missing: schemes whose beat at the case's speed was not found.
         gaps: whether curves end in hollow circles.
@@ -439,7 +439,7 @@ def explain_colours(
 
 
 def _few(letters: Sequence[str]) -> str:
-    """Up to six schemes by name, of more how many."""
+    """List up to six schemes by name; of more, give their number."""
     if len(letters) > 6:
         return f"{len(letters)} schemes"
     return plain_text(", ".join(letters), 50)
@@ -459,11 +459,11 @@ MOST_DRAWN = 18
 
 @figure_style()
 def draw_schemes(schemes: Sequence[Scheme], places: Mapping[str, str] | None = None) -> Figure:
-    """Small drawings of schemes, three in a row.
+    """Draw schemes as small diagrams, three in a row.
 
     Args:
-        schemes: up to 18 are drawn; of more, the 18 that rank best.
-        places: rank of each by letter, best first, written in the title; "–" where it is not known.
+        schemes: schemes to draw; of more than 18, only the 18 best ones.
+        places: rank of each by letter, best first, written in the title; "–" if not known.
     """
     shown = list(schemes)
     if len(shown) > MOST_DRAWN:
@@ -534,5 +534,5 @@ def _draw_crrt(ax: Axes, scheme: Scheme) -> None:
 
 
 def _x(site: str, shift: float) -> float:
-    """Place of a site along the ECMO circuit; the patient's compartments lie beyond its ends."""
+    """Position of a site along the ECMO circuit; the patient's compartments are beyond its ends."""
     return POSITIONS.get(site, -0.1 + shift)

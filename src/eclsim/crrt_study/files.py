@@ -34,7 +34,7 @@ def file_names() -> tuple[str, ...]:
 
 
 def write_study(study: CrrtStudy, folder: Path) -> list[Path]:
-    """Write everything to a folder, which is made if it does not exist; returns the files."""
+    """Write all files to a folder, which is created if necessary, and return their paths."""
     from eclsim.crrt_study.report import drawings, study_page
 
     folder.mkdir(exist_ok=True)
@@ -67,15 +67,15 @@ EXCHANGE = (
     "effluent_ml_h",
     "transmembrane_pressure",
 )
-"""Outputs of dialysis and gas exchange of each scheme, where a study has them."""
+"""Outputs of dialysis and gas exchange of each scheme, if the study has them."""
 STATISTICS = ("median", "variation", "variation_percent", "highest", "lowest")
 DIFFERENCES = ("difference", "uptake", "flow")
 STATES = ("converged", "status", "gas_status")
-"""How beats, and where a study has them gases, were found."""
+"""How the searches for beats and, if the study has them, gas states ended."""
 
 
 def study_object(study: CrrtStudy) -> dict[str, Json]:
-    """The study as a mapping of plain values; a number that is not finite is None."""
+    """The study as a mapping of plain values; numbers that are not finite are None."""
     content = {
         "id": study.case.patient.id,
         CASE: case_record(study.case),
@@ -110,7 +110,7 @@ def _states(data: xr.Dataset) -> list[str]:
 
 
 def _values(data: xr.Dataset, names: Sequence[str] | Mapping[str, str]) -> dict[str, object]:
-    """Scalars of a dataset under their names, or under the keys of a mapping to their names."""
+    """Scalars of a dataset by name, or by the keys of a mapping to their names."""
     keys = names if isinstance(names, Mapping) else {name: name for name in names}
     return {key: data[name].item() for key, name in keys.items()}
 
@@ -165,7 +165,7 @@ def _summary(summary: xr.Dataset) -> dict[str, object]:
 
 
 def _at_speeds(study: CrrtStudy, policy: str) -> list[dict[str, object]]:
-    """All schemes at every speed; read from plain arrays, as there are thousands of numbers."""
+    """All schemes at every speed, read from plain arrays since there are thousands of numbers."""
     means = study.means.sel(policy=policy)
     names = (*_states(means), *_names(study))
     values = {name: means[name].transpose("scheme", "speed").values.tolist() for name in names}
@@ -224,9 +224,9 @@ def _uncertainty(result: xr.Dataset) -> dict[str, object]:
 
 
 def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
-    """All tables by name; units stand in the heads.
+    """All tables by name, with units in the headers.
 
-    `means` has a row for each policy, scheme and speed, `summary` for each policy and speed, `limits` for
+    `means` has one row for each policy, scheme and speed, `summary` for each policy and speed, `limits` for
     each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme.
     """
     means = study.means[[*_names(study), "patient_volume_change", *_states(study.means)]]
@@ -246,7 +246,7 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
 
 
 def _frame(data: xr.Dataset, first: Sequence[str] = ()) -> pd.DataFrame:
-    """A dataset as a table with units in the heads, some coordinates first and in this order."""
+    """Convert a dataset to a table with units in the headers and the given coordinates first."""
     import pandas as pd
 
     frame = data.to_dataframe().reset_index()
@@ -256,7 +256,7 @@ def _frame(data: xr.Dataset, first: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def ranking_table(study: CrrtStudy) -> pd.DataFrame:
-    """A row for each policy and scheme, best first; rank is empty where the place is not known."""
+    """Table with one row for each policy and scheme, best first; rank is empty if not known."""
     import pandas as pd
 
     rows = []
@@ -293,7 +293,7 @@ MORE = (
 def write_netcdf(study: CrrtStudy, path: Path) -> None:
     """Write NetCDF: the case at the root, and the groups means, without_crrt, waveforms, limits and uptake.
 
-    Of the means, pressures and the quantities of the JSON object are written.
+    Of the means, only pressures and the quantities of the JSON object are written.
     """
     import xarray as xr
 
@@ -308,6 +308,6 @@ def write_netcdf(study: CrrtStudy, path: Path) -> None:
 
 
 def _written(data: xr.Dataset) -> list[str]:
-    """Names of the variables of the means that go to NetCDF."""
+    """Names of the variables of the means that are written to NetCDF."""
     names = [str(name) for name in data.data_vars]
     return [n for n in names if n in (*MEANS, *EXCHANGE, *MORE) or (n[0] == "P" and "Q" + n[1:] in names)]

@@ -1,6 +1,6 @@
-"""Limits of machine and circuit, and the largest ECMO flow at which a scheme keeps them.
+"""Limits of machine and circuit, and the largest ECMO flow up to which a scheme keeps them.
 
-A speed without a steady beat has no margin (NaN): nothing is concluded from it, nor across it.
+A speed without a steady beat has no margin (NaN); margins are not interpolated across it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ KEPT_TO_THE_END = "kept_to_the_end"
 NOT_KNOWN_ABOVE = "not_known_above"
 NEVER = "never"
 NOT_KNOWN = "not_known"
-"""How far a limit is kept: up to a flow where it breaks; up to the largest speed studied; up to a flow above
-which beats were not found; at no speed; at no speed whose beat was found."""
+"""How far a limit is kept: up to a flow where it is violated; up to the largest speed studied; up to a
+flow above which beats were not found; at no speed; at no speed whose beat was found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +40,12 @@ class Limit:
     """A bound on a quantity of the steady beat.
 
     Args:
-        name: key.
+        name: key of the limit.
         quantity: variable of the study's means.
         low: smallest allowed value [mmHg], -inf for none.
         high: largest allowed value [mmHg], inf for none.
-        meaning: what it is and where it comes from.
-        of_crrt: whether the CRRT scheme is judged by it.
+        meaning: meaning and source of the limit.
+        of_crrt: whether CRRT schemes are judged by it.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Limit:
     of_crrt: bool = True
 
     def margin(self, value: np.ndarray | float) -> np.ndarray:
-        """Distance to the nearer bound [mmHg]; negative where it is broken."""
+        """Distance to the nearer bound [mmHg]; negative if the limit is violated."""
         return np.minimum(np.asarray(value) - self.low, self.high - np.asarray(value))
 
 
@@ -73,20 +73,20 @@ LIMITS = (
     ),
 )  # fmt: skip
 CRRT_LIMITS = "crrt"
-"""Key of all limits by which the scheme is judged, taken together."""
+"""Key of the combination of all limits by which a scheme is judged."""
 
 
 @dataclass(frozen=True, slots=True)
 class LimitRange:
-    """How far a limit is kept as the pump speeds up.
+    """Range of pump speeds up to which a limit is kept.
 
     Args:
         state: one of the five words above.
-        flow: largest ECMO flow known to keep it [L/min]; NaN if there is none.
+        flow: largest ECMO flow known to keep the limit [L/min]; NaN if there is none.
         speed: pump speed at that flow [rpm].
-        flow_at_most: flow that it may be kept up to where the state is not known further up [L/min]; inf if
-            nothing bounds it, and `flow` where that is known.
-        broken_below: lower speeds [rpm] at which it is broken.
+        flow_at_most: largest flow that may keep the limit if beats above are not known [L/min]; inf without
+            an upper bound, and equal to `flow` if that is certain.
+        broken_below: lower speeds at which the limit is violated [rpm].
     """
 
     state: str
@@ -99,18 +99,19 @@ class LimitRange:
 def largest_flows(
     means: xr.Dataset, case_speed: float, rule_limits: tuple[Limit, ...] = LIMITS
 ) -> xr.Dataset:
-    """Limits that each scheme keeps at the case's speed, and up to which ECMO flow.
+    """Limits that each scheme keeps at the case's speed, and the ECMO flow up to which it keeps them.
 
     Args:
-        means: over `policy`, `scheme` and `speed`; pressures, `PF` [L/min] and `status`, NaN without a beat.
-        case_speed: speed [rpm] of the case, one of the speeds.
+        means: means over `policy`, `scheme` and `speed`: pressures, `PF` [L/min] and `status`, NaN without a
+            beat.
+        case_speed: speed of the case, one of the speeds [rpm].
         rule_limits: limits of the rule.
 
     Returns:
-        Over `policy`, `scheme` and `limit` (the last one, "crrt", is all limits of the CRRT lines together):
+        Over `policy`, `scheme` and `limit` (the last one, "crrt", combines all limits of the CRRT lines):
         `state`, `largest_flow` [L/min], `largest_speed` [rpm] and `flow_at_most` [L/min], see `LimitRange`;
-        `kept_throughout`, if the limit is kept at every speed studied; `in_words`; `margin` [mmHg] at the
-        case's speed, negative where the limit is broken, NaN where the beat was not found.
+        `kept_throughout`, whether the limit is kept at every speed studied; `in_words`; `margin` [mmHg] at
+        the case's speed, negative if the limit is violated, NaN if the beat was not found.
     """
     import xarray as xr
 
@@ -156,21 +157,21 @@ _COLUMNS = {
 
 
 def _margins(values: Mapping[str, np.ndarray], rule_limits: tuple[Limit, ...]) -> dict[str, np.ndarray]:
-    """Margin of each limit, and the smallest of those of the CRRT lines."""
+    """Margin of each limit, and the smallest margin of the CRRT lines."""
     margins = {limit.name: limit.margin(values[limit.quantity]) for limit in rule_limits}
     margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in rule_limits if limit.of_crrt], axis=0)
     return margins
 
 
 def limit_range(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> LimitRange:
-    """How far a limit is kept: the last speed that keeps it, and what is known above.
+    """Range up to which a limit is kept: the last speed that keeps it, and what is known above it.
 
-    Between two speeds next to each other the margin is interpolated; not across a speed without a beat.
+    Margins are interpolated between neighbouring speeds, but not across a speed without a beat.
 
     Args:
-        speeds: ascending [rpm].
-        flows: ECMO flow at each [L/min].
-        margins: distance to the limit [mmHg], negative where it is broken, NaN where it is not known.
+        speeds: increasing speeds [rpm].
+        flows: ECMO flow at each speed [L/min].
+        margins: distance to the limit [mmHg], negative if it is violated, NaN if not known.
     """
     known = np.isfinite(margins) & np.isfinite(flows)
     keeping = np.flatnonzero(known & (np.where(known, margins, -1.0) >= 0.0))
@@ -192,12 +193,12 @@ def limit_range(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> L
 
 
 def _next_flow(flows: np.ndarray, broken: np.ndarray) -> float:
-    """Flow at the first of the speeds that break a limit; inf without any."""
+    """Flow at the first speed that violates a limit; inf if there is none."""
     return float(flows[broken[0]]) if len(broken) else np.inf
 
 
 def _crossing(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray, last: float) -> tuple[float, float]:
-    """Speed and flow where the margin runs out for good, by monotone cubics in speed; `last` keeps it."""
+    """Speed and flow above which the margin remains negative, by monotone cubics; `last` keeps the limit."""
     from scipy.interpolate import PchipInterpolator
 
     fine = np.linspace(speeds[0], speeds[-1], FINE_POINTS)
@@ -207,12 +208,12 @@ def _crossing(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray, last: 
 
 
 def limit_range_text(reach: LimitRange, missing: str, noun: str = "its limits") -> str:
-    """A sentence without its full stop.
+    """Return a sentence on the range of a limit, without its full stop.
 
     Args:
-        reach: how far the limit is kept.
-        missing: which beats were not found, and why; empty if all were.
-        noun: what is kept.
+        reach: range up to which the limit is kept.
+        missing: beats that were not found, with the reason; empty if all were found.
+        noun: name of the limits in the sentence.
     """
     doubt = f"; {missing}" if missing else ""
     if reach.state == NEVER:
@@ -235,11 +236,11 @@ def limit_range_text(reach: LimitRange, missing: str, noun: str = "its limits") 
 
 
 def limit_flow_text(flow: float, flow_at_most: float, to_the_end: bool) -> str:
-    """The ECMO flow that keeps a limit: +, kept at the largest speed; ≥, not known above.
+    """ECMO flow that keeps a limit as text: "+" if kept at the largest speed, "≥" if not known above.
 
     Args:
-        flow: largest that is known to keep it [L/min].
-        flow_at_most: bound on what may keep it.
+        flow: largest flow known to keep it [L/min].
+        flow_at_most: largest flow that may keep it [L/min].
         to_the_end: whether it is kept at the largest speed studied.
     """
     if math.isnan(flow):
@@ -249,7 +250,7 @@ def limit_flow_text(flow: float, flow_at_most: float, to_the_end: bool) -> str:
     return f"{flow:.1f}{'+' if to_the_end else ''}"
 
 
-# --- how surely limits are kept, over samples of the patient's parameters -------------------------
+# --- probability of keeping limits, over samples of the patient's parameters ----------------------
 
 
 QUANTITIES = ("Psart", "Pcrrttuin", "Pcrrttuout", "PF")
@@ -263,21 +264,21 @@ def uncertainty(
     samples: Mapping[str, Sequence[float]],
     rule_limits: tuple[Limit, ...] = LIMITS,
 ) -> xr.Dataset:
-    """Probability that every scheme keeps each limit, and the spread of its pressures.
+    """Compute the probability that each scheme keeps each limit, and the spread of its pressures.
 
     Args:
-        circuits: of the study.
+        circuits: circuits of the study.
         speed: pump speed [rpm].
         policy: blood volume policy.
         samples: values by parameter, one per sample.
         rule_limits: limits of the rule.
 
     Returns:
-        Over `scheme`: `settled`, the share of the samples whose steady beat was found, and is one that a
-        patient can have (no chamber without blood, no vein sucked shut). Of these alone:
-        `probability_kept` over `scheme` and `limit`, and `<quantity>_quantiles` over `scheme` and `quantile`;
-        NaN where there is none. The share of all samples lies between `probability_at_least`, where those
-        without a beat break the limit, and `probability_at_most`, where they keep it.
+        Over `scheme`: `settled`, the share of the samples with a steady beat that a patient can have (no
+        chamber without blood, no vein sucked shut). From these samples only: `probability_kept` over `scheme`
+        and `limit`, and `<quantity>_quantiles` over `scheme` and `quantile`; NaN if there are none. The share
+        of all samples is between `probability_at_least`, if those without a beat violate the limit, and
+        `probability_at_most`, if they keep it.
     """
     import xarray as xr
 
@@ -305,7 +306,7 @@ def uncertainty(
         "settled": (("scheme",), settled.mean(axis=1), {"units": "1"}),
     }
     for name in QUANTITIES:
-        with warnings.catch_warnings():  # NaN where no beat was found
+        with warnings.catch_warnings():  # NaN if no beat was found
             warnings.filterwarnings("ignore", message="All-NaN")
             quantiles = np.nanquantile(values(name), QUANTILES, axis=1).T
         data[f"{name}_quantiles"] = (("scheme", "quantile"), quantiles, {})
@@ -319,7 +320,7 @@ def uncertainty(
 
 
 LIMITED_OUTPUTS = ("crrt_access_pressure", "crrt_return_pressure", "lowest_drainage_pressure")
-"""Outputs whose limits the study has tables of."""
+"""Outputs with limits that the study shows in tables."""
 
 
 def beat_warnings(
@@ -329,15 +330,15 @@ def beat_warnings(
     without_crrt: SteadyBeat,
     assumed: Sequence[str],
 ) -> tuple[str, ...]:
-    """Warnings of the beats at the case's speed: without CRRT, and further ones of schemes.
+    """Warnings about the beats at the case's speed: without CRRT, and additional ones of schemes.
 
     Args:
-        circuits: of the study.
+        circuits: circuits of the study.
         run: beats of the schemes.
-        members: those at the case's speed, a member for each scheme; of the first scheme that is the place of
-            the speed as well.
+        members: indices of the members at the case's speed, one for each scheme; the first is also the index
+            of the speed.
         without_crrt: beats of the patient on ECMO alone.
-        assumed: sentences that are shown already.
+        assumed: sentences that are already shown.
     """
     alone = without_crrt.findings(members[0]) if without_crrt.determined[members[0]] else []
     schemes: dict[tuple[str, str], list[str]] = {}

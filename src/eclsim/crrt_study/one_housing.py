@@ -1,8 +1,8 @@
-"""RenOx against the schemes: what one housing for oxygenator and dialyzer does on the same beats.
+"""RenOx compared with the schemes: oxygenator and dialyzer in one housing, on the same beats.
 
-It has no lines, so blood moves as without CRRT: the beats are those of the patient on ECMO alone, and only
-what crosses the membrane is added. Its fluids are those of the case's section [renox]; left out, all that the
-case's CRRT gives as dialysate and replacement, as dialysate.
+RenOx has no lines, so blood flows as without CRRT. The beats are those of the patient on ECMO alone, and only
+the exchange across the membrane is added. Its fluids are those of the case's section [renox]; without it, all
+dialysate and replacement fluid of the case's CRRT is used as dialysate.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ COLUMNS = {
     "filtration_fraction": "filtration_fraction", "effluent_pressure_mmhg": "effluent_pressure",
     "SreturnO2": "SreturnO2", "SaO2": "SaO2", "PaCO2": "PaCO2",
 }  # fmt: skip
-"""Quantities of a scheme compared with RenOx, by their keys in JSON."""
+"""Quantities of a scheme that are compared with RenOx, by their keys in JSON."""
 
 
 def without_renox(case: Case) -> Case:
-    """The case with its oxygenator alone; without a CRRT, one that gives the fluids of its RenOx."""
+    """Return the case without RenOx; without a CRRT, it gets one with the fluids of its RenOx."""
     crrt, renox = case.crrt, case.renox
     if crrt is None and renox is not None:
         crrt = Crrt(**CRRT.usual, **renox.model_dump())
@@ -49,7 +49,7 @@ def without_renox(case: Case) -> Case:
 
 
 def section_of(case: Case) -> Renox | None:
-    """The fluids of RenOx; None where the case has neither its section nor a CRRT that dialyses."""
+    """Return the fluids of RenOx; None if the case has neither its section nor a CRRT with dialysis."""
     if case.renox is not None:
         return case.renox
     if case.crrt is None or not case.crrt.dialyses:
@@ -64,7 +64,7 @@ def section_of(case: Case) -> Renox | None:
 
 
 def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset | None:
-    """Outputs of RenOx and the gases of the patient, over `policy` and `speed`; None without its fluids."""
+    """Outputs of RenOx and the patient's gases over `policy` and `speed`; None without fluids of RenOx."""
     import xarray as xr
 
     section = section_of(case)
@@ -90,9 +90,9 @@ def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> x
 def compared_with_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, float | bool | None]]:
     """RenOx and every scheme at the case's speed, in the order of the ranking; empty without RenOx.
 
-    Lines that are not there have no pressures and no alarms; without a beat nothing is known of RenOx.
-    `open_effluent_l_h` is what the pressure of the blood would filter through a membrane whose effluent is
-    open to the atmosphere.
+    RenOx has no lines, hence no line pressures and alarms; without a beat all its numbers are unknown.
+    `open_effluent_l_h` is the filtration by blood pressure through a membrane whose effluent side is open to
+    the atmosphere.
     """
     if study.renox is None:
         return {}

@@ -1,4 +1,4 @@
-"""Which scheme to prefer by a rule, and why; a place only where every number that decides it is known."""
+"""Ranking of schemes by a rule, with reasons; a rank is given only if all numbers it depends on are known."""
 
 from __future__ import annotations
 
@@ -22,29 +22,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """One scheme's place and the numbers that put it there.
+    """Rank of a scheme and the numbers it is based on.
 
     Args:
-        letter: of the scheme.
-        rank: 1 is best, among the schemes whose beat at the case's speed was found; None where a number that
-            decides it is not known.
-        alarms_kept: whether both lines stay within the machine's alarms at the case's speed; None where the
+        letter: letter of the scheme.
+        rank: rank among the schemes whose beat at the case's speed was found, 1 is best; None if a number
+            that it depends on is not known.
+        alarms_kept: whether both lines are within the machine's alarm limits at the case's speed; None if the
             beat at that speed was not found.
-        access_190_kept: whether the access pressure stays below 190 mmHg, or the rule's own limit; None
-            likewise.
-        lowest_site_pressure: lower of the mean pressures where the lines attach [mmHg]; NaN likewise.
-        largest_flow: largest ECMO flow known to keep all limits of the CRRT lines [L/min]; NaN if none is.
-        throughout: whether it keeps them at the largest speed studied.
-        recirculated: share of the access flow that comes straight from the return line; NaN without a beat.
+        access_190_kept: whether the access pressure is below 190 mmHg, or the rule's own limit; None if the
+            beat was not found.
+        lowest_site_pressure: lower of the mean pressures at the sites of the lines [mmHg]; NaN without a
+            beat.
+        largest_flow: largest ECMO flow known to keep all limits of the CRRT lines [L/min]; NaN if there is
+            none.
+        throughout: whether the scheme keeps them at the largest speed studied.
+        recirculated: share of the access flow that comes directly from the return line; NaN without a beat.
         margin: distance to the nearest limit [mmHg]; NaN without a beat.
-        reasons: sentences.
-        flow_at_most: the flow that keeps the limits is not larger than this [L/min]; equals `largest_flow`
-            where that is known for sure.
-        places: best and worst place that what is known allows, among the schemes whose beat at the case's
-            speed was found; None for the others.
-        why_no_rank: what is not known; empty for a scheme with a rank.
-        numbers: quantities of the rule.
-        decided_by: criterion that puts it behind the one before it; empty for the first and for a tie.
+        reasons: reasons as sentences.
+        flow_at_most: largest flow that may keep the limits [L/min]; equal to `largest_flow` if that is
+            certain.
+        places: best and worst possible rank among the schemes whose beat at the case's speed was found; None
+            for the others.
+        why_no_rank: what is unknown; empty for a scheme with a rank.
+        numbers: values of the quantities of the rule.
+        decided_by: criterion by which the scheme ranks after the previous one; empty for the first and for
+            ties.
     """
 
     letter: str
@@ -70,17 +73,17 @@ class Ranked:
 
     @property
     def flow_known(self) -> bool:
-        """Whether it is known up to which flow the limits are kept, or that they never are."""
+        """Whether the flow up to which the limits are kept is known, including that they never are."""
         return self.flow_at_most == self.largest_flow or bool(np.isnan(self.flow_at_most))
 
     @property
     def compared(self) -> Mapping[str, float]:
-        """Numbers as the rule compares them: flows of limits that break nowhere are no limits, and equal."""
+        """Numbers as compared by the rule: flows of limits that are never violated count as infinite."""
         return {**self.numbers, FLOW: np.inf} if self.throughout else self.numbers
 
     @property
     def most_flow(self) -> float:
-        """Value of `flow_at_most` where the rule compares."""
+        """Value of `flow_at_most` as compared by the rule."""
         return np.inf if self.throughout else self.flow_at_most
 
     @property
@@ -93,13 +96,13 @@ class Ranked:
 def rank(
     means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...], rule: Rule = DEFAULT_RULE
 ) -> tuple[Ranked, ...]:
-    """Schemes from best to worst for one policy at one speed; those without a place last.
+    """Rank the schemes from best to worst for one policy and speed; those without a rank are last.
 
     Args:
-        means: over `scheme`, at the case's speed and one policy.
-        limits: of `largest_flows`, over `scheme` and `limit`, likewise.
-        schemes: those of the study.
-        rule: by which.
+        means: means over `scheme`, at the case's speed and for one policy.
+        limits: result of `largest_flows` over `scheme` and `limit`, for the same policy.
+        schemes: schemes of the study.
+        rule: rule by which schemes are ranked.
     """
     assessed = [_assessed(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s, rule) for s in schemes]
     known, unknown = [r for r in assessed if r.known], [r for r in assessed if not r.known]
@@ -115,28 +118,28 @@ def rank(
 
 
 def first_choice(ranking: Sequence[Ranked]) -> Ranked | None:
-    """The scheme that is first of all; None where that is not known, or the beat of another was not found."""
+    """The best scheme of all; None if not known or if the beat of any scheme was not found."""
     return best_known(ranking) if all(r.known for r in ranking) else None
 
 
 def best_known(ranking: Sequence[Ranked]) -> Ranked | None:
-    """The scheme that is first for sure of those whose beat was found; None where that is not known."""
+    """The scheme that is certainly best among those with a beat; None if not known."""
     return next((r for r in ranking if r.rank == 1), None)
 
 
 def ties(ranking: Sequence[Ranked]) -> list[str]:
-    """Letters of the schemes that share the first place, which the rule does not tell apart; else empty."""
+    """Letters of the schemes that share the first rank, which the rule cannot separate; else empty."""
     first = [r.letter for r in ranking if r.rank == 1]
     return first if len(first) > 1 else []
 
 
 def candidates(ranking: Sequence[Ranked]) -> list[Ranked]:
-    """Schemes that may be first by what is known."""
+    """Schemes that may be best, as far as known."""
     return [r for r in ranking if r.places is not None and r.places[0] == 1]
 
 
 def _placed(scheme: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
-    """With the best and the worst place among the schemes that are known, and the rank where they agree."""
+    """Return the scheme with its best and worst possible rank, and with a rank if both are equal."""
     others = [other for other in known if other is not scheme]
     better = sum(_is_better(other, scheme, rule) is True for other in others)
     open_against = [other for other in others if _is_better(other, scheme, rule) is None]
@@ -150,7 +153,7 @@ def _placed(scheme: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
 
 
 def _missing_numbers_text(scheme: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
-    """First quantity of the rule that is unknown of a scheme, or of those it is compared with, in words."""
+    """First quantity of the rule that is unknown for the scheme or those it is compared with, in words."""
     missing = scheme.unknown.union(*(other.unknown for other in others))
     quantity = next(criterion.quantity for criterion in rule.criteria if criterion.quantity in missing)
     letters = [] if quantity in scheme.unknown else [o.letter for o in others if quantity in o.unknown]
@@ -162,7 +165,7 @@ def _missing_numbers_text(scheme: Ranked, others: Sequence[Ranked], rule: Rule) 
 
 
 def _is_better(a: Ranked, b: Ranked, rule: Rule) -> bool | None:
-    """Whether a scheme is better than another; None where what is known does not tell."""
+    """Whether a scheme is better than another; None if the known numbers do not determine it."""
     for criterion in rule.criteria:
         unknown = criterion.quantity in a.unknown or criterion.quantity in b.unknown
         if criterion.quantity == FLOW and unknown:
@@ -241,7 +244,7 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
 
 
 def _beyond_access_limit(pressure: float, rule: Rule) -> str:
-    """What it means that the access pressure breaks its limit: the usual one has a source."""
+    """Meaning of an access pressure beyond its limit; the default limit has a source."""
     limit = next(limit for limit in rule.limits if limit.name == "access_190")
     side, bound = ("above", limit.high) if pressure > limit.high else ("below", limit.low)
     text = f"access pressure {side} {bound:g} mmHg"
@@ -251,11 +254,11 @@ def _beyond_access_limit(pressure: float, rule: Rule) -> str:
 
 
 def _integer_text(value: float) -> str:
-    """A whole number with a real minus sign."""
+    """A whole number as text with a minus sign."""
     return f"{value:.0f}".replace("-", "−")
 
 
-# --- which scheme is first, in words -----------------------------------------------------------
+# --- the best scheme, in words -----------------------------------------------------------------
 
 IN_ANOTHER_POLICY = {
     "as_published": "as published, where the patient's own blood fills the circuits",
@@ -265,7 +268,7 @@ MOST_LINES = 20
 
 
 def choice_text(study: CrrtStudy, policy: str) -> list[str]:
-    """Which scheme is first and why, or what is missing to tell; the first line is the answer."""
+    """The best scheme with reasons, or what is missing to determine it; the first line is the answer."""
     ranking = study.ranking[policy]
     best, unknown = best_known(ranking), [r for r in ranking if not r.known]
     left_out = _unranked_text(unknown)
@@ -302,7 +305,7 @@ def choice_text(study: CrrtStudy, policy: str) -> list[str]:
 
 
 def _alternatives_text(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked) -> list[str]:
-    """What the best scheme does not have, and the best of those that have it."""
+    """Disadvantages of the best scheme, and the best of the schemes without them."""
     schemes = {scheme.letter: scheme for scheme in study.schemes}
     chosen, lines = schemes[best.letter], []
 
@@ -323,7 +326,7 @@ def _alternatives_text(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked
 
 
 def _unranked_text(unknown: list[Ranked]) -> list[str]:
-    """Schemes without a place, those with the same reason together."""
+    """Schemes without a rank, grouped by reason."""
     letters_of: dict[str, list[str]] = {}
     for r in unknown:
         letters_of.setdefault(r.why_no_rank, []).append(r.letter)
@@ -331,7 +334,7 @@ def _unranked_text(unknown: list[Ranked]) -> list[str]:
 
 
 def choice_in_other_policy(study: CrrtStudy, policy: str) -> str | None:
-    """Which scheme is first under the other blood volume policy; None if only one was studied."""
+    """The best scheme under the other blood volume policy; None if only one was studied."""
     others = [p for p in study.policies if p != policy]
     if not others:
         return None
@@ -345,7 +348,7 @@ def choice_in_other_policy(study: CrrtStudy, policy: str) -> str | None:
 
 
 def place(ranked: Ranked) -> str:
-    """A scheme's place; where it is not known, the places that it may have."""
+    """Rank of a scheme as text; if not known, the possible ranks."""
     if ranked.rank is not None:
         return str(ranked.rank)
     return "–" if ranked.places is None else f"{ranked.places[0]}–{ranked.places[1]}"

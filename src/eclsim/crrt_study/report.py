@@ -1,4 +1,4 @@
-"""The CRRT study for people: a page that a clinician can read, print and pass on; tables in the terminal."""
+"""Report of the CRRT study: a printable page for clinicians, and tables in the terminal."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
 
 PAGE = "crrt_study.html"
-"""End of the name of a file with the page."""
+"""End of the file name of the page."""
 
 
 class Column(NamedTuple):
-    """A column of numbers: variable of the study, head, decimals, and what the number is multiplied by."""
+    """A column of numbers: variable of the study, header, decimals, and factor."""
 
     name: str
     head: str
@@ -49,13 +49,13 @@ MEAN_COLUMNS = (
 
 
 def _cells(data: Mapping[Any, Any], columns: Sequence[Column], suffix: str = "", none: str = "") -> list[str]:
-    """Numbers of a row; `none` where the data have none."""
+    """Numbers of a row as text; `none` if the data lack them."""
     values = [data.get(column.name + suffix) for column in columns]
     return [none if v is None else c.cell(v) for c, v in zip(columns, values, strict=True)]
 
 
 def _table(heads: Sequence[str], columns: Sequence[Column], rows: list[list[str]], foot: int = 0) -> Table:
-    """A table of text columns, then numbers."""
+    """Return a table with text columns followed by number columns."""
     numeric = range(len(heads), len(heads) + len(columns))
     return Table([*heads, *(column.head for column in columns)], rows, numeric, foot)
 
@@ -65,9 +65,9 @@ def _tables(
     groups: Sequence[Sequence[Column]],
     rows: Sequence[tuple[list[str], Mapping[Any, Any], str]],
 ) -> list[Table]:
-    """A table for each group of columns, as far as the first row has them; the first in any case.
+    """Return a table for each group of columns that the first row has, and always for the first group.
 
-    Rows are their texts, their data by column name, and what stands where these have no number.
+    Each row has its texts, its data by column name, and the text for missing numbers.
     """
     known = rows[0][1] if rows else {}
     chosen = [[column for column in group if column.name in known] for group in groups if rows]
@@ -79,7 +79,7 @@ def _tables(
 
 
 def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
-    """The page; answer, ranking and figures (SVG text by name) are for the first policy studied."""
+    """Return the page; answer, ranking and figures (SVG text by name) are for the first policy studied."""
     main = study.policies[0]
     case, known = study.case, sum(r.known for r in study.ranking[main])
     nodes = {node for scheme in study.schemes for node in scheme.nodes}
@@ -178,11 +178,11 @@ EXCHANGE_COLUMNS = (
         Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
 )
-"""What the CRRT does to the blood, a table each, of what a study has."""
+"""Columns for the effect of the CRRT on the blood, one table for each group that a study has."""
 
 
 def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
-    """Ways of the blood, clearances (recirculation taken off) and gases, as far as the study has them."""
+    """Blood paths, clearances (less recirculation) and gases, as far as the study has them."""
     means = study.means.sel(policy=policy, speed=study.case_speed)
     rows = []
     for ranked in study.ranking[policy]:
@@ -208,15 +208,15 @@ RENOX_COLUMNS = (
         Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
 )
-"""Quantities compared with RenOx, a table each that fits a page; names are keys in JSON."""
+"""Quantities compared with RenOx, in tables that fit a page; names are keys in JSON."""
 KEPT_LABELS: dict[float | bool | None, str] = {True: "kept", False: "broken", None: "not known"}
 
 
 def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
-    """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
+    """Tables of one housing for oxygenator and dialyzer and every scheme, at the case's speed."""
     rows = []
     for name, values in compared_with_schemes(study, policy).items():
-        no_lines = name == "RenOx" and values["alarms_kept"] is not None  # else its beat was not found
+        no_lines = name == "RenOx" and values["alarms_kept"] is not None  # otherwise its beat was not found
         alarms = "no lines" if no_lines else KEPT_LABELS[values["alarms_kept"]]
         rows.append(([name, alarms], values, "none" if no_lines else number(None)))
     return _tables(["", "Alarms of the lines"], RENOX_COLUMNS, rows)
@@ -240,13 +240,13 @@ def _means_table(study: CrrtStudy, policy: str) -> Table:
 
 
 def _of_schemes(study: CrrtStudy, summary: xr.Dataset) -> str:
-    """How many schemes a median is taken over, in words; empty if over all."""
+    """Number of schemes that a median is taken over, in words; empty if over all."""
     known, total = int(summary["schemes_known"]), len(study.schemes)
     return "" if known == total else f" of {known} of {total}"
 
 
 def _summary_table(study: CrrtStudy, policy: str) -> Table:
-    """Medians and variations over the schemes at a handful of speeds."""
+    """Table of medians and variations over the schemes at a few speeds."""
     speeds = study.means["speed"].values
     step = math.ceil(len(speeds) / 8)
     shown = sorted({*speeds[::step], speeds[-1]})
@@ -320,13 +320,13 @@ def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
 
 
 def _share(data: xr.Dataset) -> str:
-    """Share of the samples in which a limit is kept; a range where some have no beat."""
+    """Share of the samples in which a limit is kept, as text; a range if some have no beat."""
     low, high = (percent(float(data[f"probability_at_{word}"])) for word in ("least", "most"))
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
 def percent(share: float) -> str:
-    """A share in whole percent; 0 and 100 only where it is none and all."""
+    """A share in whole percent; 0 and 100 only if the share is exactly none or all."""
     if 0.0 < share < 0.005:
         return "< 1"
     return "> 99" if 0.995 <= share < 1.0 else number(100.0 * share, 0)
@@ -405,7 +405,7 @@ _COLUMNS = (
 
 
 def show(study: CrrtStudy) -> None:
-    """Show the schemes, best first, for each blood volume policy."""
+    """Print the schemes, best first, for each blood volume policy."""
     names = {scheme.letter: scheme.name for scheme in study.schemes}
     heads = ["rank", "scheme", "access – return", *(c.head for c in _COLUMNS), "limits kept\nto L/min"]
     for policy, ranked in study.ranking.items():

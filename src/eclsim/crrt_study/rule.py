@@ -1,11 +1,11 @@
-"""By what schemes are ranked: quantities with bounds or directions, in order; a centre may set its own.
+"""Rules for ranking schemes: ordered criteria with bounds or preferred directions.
 
 A rule's file is TOML:
 
     name = "our centre"
-    [limits]                             # left out: the usual ones
-    access_alarm = [-200, 250]           # mmHg; likewise return_alarm, access_190, suction; inf for none
-    [[criteria]]                         # left out: the usual ones; a later one counts where earlier ones tie
+    [limits]                             # optional, else the default limits
+    access_alarm = [-200, 250]           # mmHg; also return_alarm, access_190, suction; inf for none
+    [[criteria]]                         # optional, else the default ones; later ones decide ties
     quantity = "alarms"
     at_least = 0
     [[criteria]]
@@ -40,24 +40,24 @@ RULE_QUANTITIES = (
     ON_PATIENT,
     FLOW,
 )
-"""Quantities that a rule may use besides all pressures, flows and outputs of the study."""
+"""Quantities that a rule may use in addition to all pressures, flows and outputs of the study."""
 
 
 class RuleError(ValueError):
-    """A rule that cannot be used; a line for each mistake."""
+    """Raised for a rule that cannot be used; the message has one line for each mistake."""
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """One point of a rule.
+    """One criterion of a rule.
 
     Args:
-        quantity: of the study, at the case's speed.
-        at_least: bound that it keeps or breaks.
-        at_most: likewise.
-        prefer: which is better, where there is no bound.
+        quantity: quantity of the study at the case's speed.
+        at_least: smallest value that meets the criterion.
+        at_most: largest value that meets the criterion.
+        prefer: preferred direction, if there is no bound.
         step: values are rounded to multiples of it before they are compared.
-        words: what it asks for.
+        words: description of the criterion.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -69,7 +69,7 @@ class Criterion:
     words: str = ""
 
     def __post_init__(self) -> None:
-        """One of bound and direction."""
+        """Check that there is either a bound or a direction, and that numbers are valid."""
         if (self.prefer is None) == (self.at_least is None and self.at_most is None):
             raise ValueError('allowed: at_least or at_most, or prefer = "larger" or "smaller"')
         for name in ("at_least", "at_most", "step"):
@@ -85,7 +85,7 @@ class Criterion:
             raise ValueError(f"step = {self.step:g}: allowed: zero or above")
 
     def key(self, value: float) -> float:
-        """Key to sort by: the smaller, the better; an unknown value is worst."""
+        """Sort key: smaller is better; unknown values are worst."""
         if self.prefer is None:
             low, high = self.at_least, self.at_most
             return float(not ((low is None or value >= low) and (high is None or value <= high)))
@@ -96,7 +96,7 @@ class Criterion:
 
     @property
     def sentence(self) -> str:
-        """The rule in words."""
+        """The criterion in words."""
         if self.words:
             return self.words
         bounds = {"at least": self.at_least, "at most": self.at_most}
@@ -107,12 +107,12 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule.
+    """A rule for ranking schemes.
 
     Args:
-        name: whose it is.
-        criteria: in order.
-        limits: of machine and circuit.
+        name: name of the rule, such as that of its centre.
+        criteria: criteria in order of priority.
+        limits: limits of machine and circuit.
     """
 
     name: str
@@ -120,7 +120,7 @@ class Rule:
     limits: tuple[Limit, ...] = LIMITS
 
     def decides(self, first: Mapping[str, float], second: Mapping[str, float]) -> Criterion | None:
-        """The first criterion in which two schemes' numbers differ; None behind one that is not known."""
+        """First criterion in which the numbers of two schemes differ; None if an earlier one is unknown."""
         for criterion in self.criteria:
             numbers = [numbers[criterion.quantity] for numbers in (first, second)]
             if criterion.quantity != FLOW and any(map(math.isnan, numbers)):
@@ -135,7 +135,7 @@ class Rule:
         return next(limit.high for limit in self.limits if limit.name == "access_190")
 
     def as_object(self) -> dict[str, object]:
-        """Plain data, which `read_rule` takes too; an infinite bound is None."""
+        """Plain data that `read_rule` also accepts; an infinite bound is None."""
         criteria = [
             {k: v for k, v in asdict(criterion).items() if v not in (None, "")} for criterion in self.criteria
         ]
@@ -144,7 +144,7 @@ class Rule:
 
 
 def default_criteria(limits: tuple[Limit, ...] = LIMITS) -> tuple[Criterion, ...]:
-    """Criteria of the usual rule, in words with the bounds of these limits."""
+    """Criteria of the default rule, with descriptions that give the bounds of these limits."""
     access = next(limit for limit in limits if limit.name == "access_190")
     bounds = (
         f"below {access.high:g}" if math.isinf(access.low) else f"within {access.low:g} and {access.high:g}"
@@ -212,7 +212,7 @@ class _RuleFile(BaseModel):
         return value
 
     def rule(self) -> Rule:
-        """The rule."""
+        """Convert to a rule."""
         limits = []
         for limit in LIMITS:
             low, high = _bounds(self.limits.get(limit.name, (limit.low, limit.high)))
@@ -227,10 +227,10 @@ def _bounds(bounds: tuple[float | None, float | None]) -> tuple[float, float]:
 
 
 def read_rule(source: str | Path | Mapping[str, object] | Rule | None) -> Rule:
-    """A rule from its file, from the same as a mapping, or as it is; None is the usual one.
+    """Read a rule from its file or a mapping, or return a given rule; None gives the default one.
 
     Raises:
-        RuleError: it cannot be read; a line for all that is wrong.
+        RuleError: The rule cannot be read; the message has one line for each mistake.
     """
     if source is None or isinstance(source, Rule):
         return source or DEFAULT_RULE
@@ -248,7 +248,7 @@ def read_rule(source: str | Path | Mapping[str, object] | Rule | None) -> Rule:
 
 
 def _mistake(error: Mapping[str, object]) -> str:
-    """One line for what pydantic refuses."""
+    """One line for an error reported by pydantic."""
     path = [str(word) for word in error["loc"]]  # pyright: ignore[reportGeneralTypeIssues]  # a tuple
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):

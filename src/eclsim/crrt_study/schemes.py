@@ -1,6 +1,6 @@
-"""How a CRRT circuit can be connected to an ECMO circuit, and what the study asks of a case and its options.
+"""Ways to connect a CRRT circuit to an ECMO circuit, and requirements of the study on cases and options.
 
-Nothing here computes, so that input errors are reported at once.
+Nothing is simulated here, so input errors are reported at once.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 
 BEFORE_OXYGENATOR = ("post_dc", "pre_pump", "post_pump", "pre_oxy")
 BEHIND_OXYGENATOR = ("post_oxy", "pre_rc")
-"""Positions by their side of the oxygenator."""
+"""Positions upstream and downstream of the oxygenator."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scheme:
-    """A scheme: where the CRRT draws blood and where it returns it.
+    """A scheme: the sites from which the CRRT draws blood and to which it returns it.
 
     Args:
-        letter: key of the scheme; a to i for those of Figure 2 of Thiel et al., else "access:return".
-        access_site: position in the ECMO circuit or compartment of the patient that blood is drawn from.
-        return_site: where it is given back.
-        note: what is special about it.
+        letter: key of the scheme, a to i for those of Figure 2 of Thiel et al., else "access:return".
+        access_site: position in the ECMO circuit or compartment of the patient from which blood is drawn.
+        return_site: position or compartment to which it is returned.
+        note: special feature of the scheme.
     """
 
     letter: str
@@ -52,40 +52,40 @@ class Scheme:
 
     @property
     def nodes(self) -> tuple[str, str]:
-        """Compartments of the circuit that the two lines attach to."""
+        """Compartments of the circuit to which the two lines connect."""
         access, back = (ECMO_POSITIONS.get(site, site) for site in (self.access_site, self.return_site))
         return access, back
 
     @property
     def returns_behind_oxygenator(self) -> bool:
-        """Whether what is given back meets no oxygenator: no trap for air or clots before the patient."""
+        """Whether returned blood passes no oxygenator, which would trap air or clots before the patient."""
         return self.return_site in BEHIND_OXYGENATOR
 
     @property
     def past_oxygenator(self) -> bool:
-        """Whether blood of the veins is drawn, from them or the circuit, and given back behind it."""
+        """Whether venous blood, from the patient or the circuit, bypasses the oxygenator through the CRRT."""
         venous = (*BEFORE_OXYGENATOR, *VENOUS_SITES, *RIGHT_HEART)
         return self.returns_behind_oxygenator and self.access_site in venous
 
     @property
     def on_patient(self) -> bool:
-        """Whether a line attaches to the patient, where the model has no catheter's resistance."""
+        """Whether a line connects to the patient, where the model has no resistance of a catheter."""
         return not {self.access_site, self.return_site} <= ECMO_POSITIONS.keys()
 
 
 def site_words(site: str) -> str:
-    """A site in words."""
+    """Name of a site in words."""
     return POSITION_WORDS.get(site) or f"patient's {PATIENT_SITES[site]}"
 
 
 FIGURE_2 = {letter: Scheme(letter, *sites) for letter, sites in CRRT_SCHEMES.items()}
-"""The nine schemes as Figure 2 of Thiel et al. 2025 draws them."""
+"""The nine schemes as drawn in Figure 2 of Thiel et al. 2025."""
 
 PUBLISHED = "published"
 AS_DRAWN = "figure"
 SCHEME_H = (PUBLISHED, AS_DRAWN)
-"""Two readings of scheme h: the published code and all numbers of the paper have both lines at pre pump; the
-figure draws the return line at post drainage cannula."""
+"""Two versions of scheme h: in the published code and all numbers of the paper both lines are at pre pump;
+in the figure the return line is at post drainage cannula."""
 
 NINE = "all"
 PAIRS = "pairs"
@@ -99,11 +99,11 @@ SEPARATE_PAIRS = (("svn", "ra"), ("svn", "svn"), ("ra", "ra"))
 
 
 class SchemeError(ValueError):
-    """A selection of schemes that cannot be read; says what is allowed."""
+    """Raised for a selection of schemes that cannot be read; the message says what is allowed."""
 
 
 def nine_schemes(scheme_h: str = PUBLISHED) -> dict[str, Scheme]:
-    """The nine schemes by letter, h as the published code ran it or as the figure draws it."""
+    """The nine schemes by letter, with h as in the published code or as in the figure."""
     if scheme_h not in SCHEME_H:
         raise SchemeError(f"scheme h '{scheme_h}'; allowed: {', '.join(SCHEME_H)}")
     schemes = dict(FIGURE_2)
@@ -117,15 +117,15 @@ def nine_schemes(scheme_h: str = PUBLISHED) -> dict[str, Scheme]:
 
 
 def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLISHED) -> tuple[Scheme, ...]:
-    """The schemes that a selection names, each once.
+    """Return the schemes that a selection names, without repetition.
 
     Args:
         selection: letters a to i, groups (`all`, `pairs`, `separate`) and pairs `access:return`, as one text
             with commas or as a list.
-        scheme_h: reading of scheme h.
+        scheme_h: version of scheme h.
 
     Raises:
-        SchemeError: Naming every word that cannot be read.
+        SchemeError: Words cannot be read; the message names all of them.
     """
     if isinstance(selection, Mapping) or not isinstance(selection, Iterable):
         raise SchemeError(f"{written(selection)} is no scheme; allowed: {_allowed()}")
@@ -174,7 +174,7 @@ def _schemes_of_word(word: str, nine: dict[str, Scheme]) -> list[Scheme]:
 
 
 def _pair(access_site: str, return_site: str, nine: dict[str, Scheme]) -> Scheme:
-    """The scheme of a pair: the lettered one where there is one."""
+    """Return the scheme of a pair of sites, with its letter if it is one of the nine."""
     same = [s for s in nine.values() if (s.access_site, s.return_site) == (access_site, return_site)]
     return same[0] if same else Scheme(f"{access_site}:{return_site}", access_site, return_site)
 
@@ -183,7 +183,7 @@ def _unknown(word: str, known: Sequence[str]) -> str:
     return f"'{word[:40]}' is no scheme{spelling_hint(word, known)}"
 
 
-# --- what the study asks of a case and of its options -----------------------------------------------
+# --- requirements of the study on cases and options -------------------------------------------------
 
 
 AS_PUBLISHED = "as_published"
@@ -193,11 +193,11 @@ DEFAULT_FLOW_ML_MIN = 200.0
 
 
 class StudyError(ValueError):
-    """A case or an option that the study cannot be run with; says what is needed."""
+    """Raised for a case or option that the study cannot use; the message says what is needed."""
 
 
 def policies_of(volume_policy: str) -> tuple[str, ...]:
-    """The policies that an option names."""
+    """Return the policies that an option names."""
     if volume_policy == BOTH:
         return VOLUME_POLICIES
     if volume_policy not in VOLUME_POLICIES:
@@ -208,10 +208,10 @@ def policies_of(volume_policy: str) -> tuple[str, ...]:
 
 
 def policy_of_cases(cases: Sequence[Case]) -> str:
-    """The policy that cases of a cohort state, both where none does.
+    """Return the policy that the cases of a cohort state, or both policies if none is stated.
 
     Raises:
-        StudyError: If they state different things.
+        StudyError: The cases state different policies.
     """
     result = {case.blood_volume_policy or BOTH: case.patient.id for case in cases}
     if len(result) > 1:
@@ -221,7 +221,7 @@ def policy_of_cases(cases: Sequence[Case]) -> str:
 
 
 def case_speed(case: Case) -> float:
-    """Pump speed of a case [rpm]; the study needs one."""
+    """Pump speed of a case, which the study requires [rpm]."""
     if case.ecmo is None:
         raise StudyError(
             f"case '{case.patient.id}' has no [ecmo] section: the study connects CRRT to an ECMO circuit"
@@ -239,12 +239,12 @@ def case_speed(case: Case) -> float:
 
 
 def named_crrts(case: Case) -> list[str]:
-    """Sections such as "crrt.a", beside which the study would place a CRRT circuit more."""
+    """Named CRRT sections such as "crrt.a", to which the study would add another CRRT circuit."""
     return [key for key in case.other_devices if device_key(key) == "crrt"]
 
 
 def default_speeds(case: Case) -> tuple[float, ...]:
-    """Speeds [rpm] over the range in use of the case's pump."""
+    """Default speeds over the usual range of the case's pump [rpm]."""
     assert case.ecmo is not None
     assert isinstance(case.ecmo.pump, str)
     low, high = PUMPS[case.ecmo.pump].speed_range_rpm
@@ -252,10 +252,10 @@ def default_speeds(case: Case) -> tuple[float, ...]:
 
 
 def check_speeds(case: Case, speeds: Sequence[float]) -> None:
-    """No speed may be one that a case file could not have.
+    """Raise an error for speeds that a case file could not have.
 
     Raises:
-        StudyError: Where one is far above what the case's pump runs at.
+        StudyError: A speed is far above those of the case's pump.
     """
     if case.ecmo is None:
         return
@@ -266,10 +266,10 @@ def check_speeds(case: Case, speeds: Sequence[float]) -> None:
 
 
 def check_flow(flow: float) -> None:
-    """The range of flows [mL/min] is that of a case file.
+    """Raise an error for a CRRT flow [mL/min] outside the range allowed in a case file.
 
     Raises:
-        StudyError: Outside it.
+        StudyError: The flow is outside the range.
     """
     from eclsim.devices.crrt import Crrt
     from eclsim.inputs.numbers import suspected_unit
@@ -284,7 +284,7 @@ def check_flow(flow: float) -> None:
 
 
 def crrt_flow(case: Case, requested: float | None) -> float:
-    """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
+    """Blood flow of the CRRT [mL/min]: the requested one, else the case's, else 200."""
     if requested is None:
         requested = DEFAULT_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
     requested = number_of("crrt_flow_ml_min", requested)
@@ -299,17 +299,17 @@ SPEED_STEP_RPM = 250.0
 
 
 class SpeedError(ValueError):
-    """Speeds that cannot be read; says what is allowed."""
+    """Raised for speeds that cannot be read; the message says what is allowed."""
 
 
 def parse_speeds(text: str) -> tuple[float, ...]:
-    """Speeds [rpm] in ascending order, each once.
+    """Parse speeds [rpm] into ascending order, without repetition.
 
     Args:
-        text: `first:last:step`, both ends included, or single speeds, with commas between.
+        text: `first:last:step` with both ends included, or single speeds, separated by commas.
 
     Raises:
-        SpeedError: If any of it is no speed.
+        SpeedError: A part of the text is no speed.
     """
     allowed = "first:last:step or single speeds [rpm] above 0, such as 1000:5000:250,3425"
     wrong = SpeedError(f"'{text[:60]}' are no speeds; allowed: {allowed}")

@@ -1,6 +1,7 @@
-"""The combined ECMO and CRRT study: every way to connect the CRRT, over the range of pump speeds.
+"""The combined ECMO and CRRT study: all ways to connect the CRRT, over the range of pump speeds.
 
-Section 3.3 of Thiel et al. 2025 for any patient on ECMO with a rotary pump, under either blood volume policy.
+It applies section 3.3 of Thiel et al. 2025 to any patient on ECMO with a rotary pump, under either blood
+volume policy.
 """
 
 from __future__ import annotations
@@ -42,28 +43,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CrrtStudy:
-    """Results of the study.
+    """Results of the CRRT study.
 
     Args:
-        case: the case.
-        schemes: schemes compared.
-        case_speed: pump speed of the case [rpm]; one of the speeds.
-        crrt_flow_ml_min: blood flow of the CRRT.
-        means: cycle means and outputs over `policy`, `scheme` and `speed`; NaN where the beat was not found,
-            and `status` says why.
-        without_crrt: the same for the patient on ECMO alone, over `policy` and `speed`.
-        waveforms: at the case's speed, over `policy`, `scheme` and `phase`.
-        summary: median and variation over the schemes, over `policy` and `speed`.
-        limits: what each scheme keeps, over `policy`, `scheme` and `limit`.
-        uptake: differences at the case's speed, split into blood taken up and flow; None unless the published
-            policy was studied.
+        case: case that was studied.
+        schemes: schemes that are compared.
+        case_speed: pump speed of the case, one of the speeds [rpm].
+        crrt_flow_ml_min: blood flow of the CRRT [mL/min].
+        means: cycle means and outputs over `policy`, `scheme` and `speed`; NaN if the beat was not found,
+            with the reason in `status`.
+        without_crrt: means and outputs of the patient on ECMO alone, over `policy` and `speed`.
+        waveforms: waveforms at the case's speed over `policy`, `scheme` and `phase`.
+        summary: median and variation over the schemes, by `policy` and `speed`.
+        limits: limits that each scheme keeps, over `policy`, `scheme` and `limit`.
+        uptake: differences at the case's speed, split into effects of blood taken up and of flow; None unless
+            the published policy was studied.
         ranking: schemes from best to worst, by policy.
-        uncertainty: how surely each scheme keeps its limits; None unless samples were given.
-        rule: by which schemes are ranked.
+        uncertainty: probabilities that each scheme keeps its limits; None unless samples were given.
+        rule: rule by which schemes are ranked.
         renox: oxygenator and dialyzer in one housing on the beats without CRRT, over `policy` and `speed`;
-            None where the case has no fluids for it.
-        assumed: what numbers of the study follow from without a source, a sentence each.
-        warnings: of the beats at the case's speed under the first policy.
+            None if the case has no fluids for it.
+        assumed: sentences on values without a source that numbers of the study depend on.
+        warnings: warnings about the beats at the case's speed under the first policy.
     """
 
     case: Case
@@ -98,14 +99,14 @@ class CrrtStudy:
         return self.means
 
     def as_object(self) -> dict[str, Json]:
-        """Plain data for JSON, what `eclsim crrt-study --json` writes."""
+        """Plain data for JSON, as written by `eclsim crrt-study --json`."""
         from eclsim.crrt_study.files import study_object
 
         return study_object(self)
 
     @property
     def converged(self) -> bool:
-        """Whether every steady beat was found, those of the samples included."""
+        """Whether every steady beat was found, including those of the samples."""
         return not self.unsettled and not self.samples_without_a_beat
 
     @property
@@ -117,7 +118,7 @@ class CrrtStudy:
 
     @property
     def samples_without_a_beat(self) -> dict[str, int]:
-        """Number of samples of the patient's parameters without a steady beat, by scheme that has any."""
+        """Number of samples of the patient's parameters without a steady beat, for schemes that have any."""
         from eclsim.crrt_study.beats import samples_without_a_beat
 
         return {} if self.uncertainty is None else samples_without_a_beat(self.uncertainty)
@@ -135,31 +136,32 @@ def crrt_study(
     rule: str | Path | Mapping[str, object] | Rule | None = None,
     progress: Callable[[object], None] = lambda _: None,
 ) -> CrrtStudy:
-    """Where the CRRT lines go on an ECMO circuit: each scheme simulated, compared with limits, and ranked.
+    """Study the connection of CRRT lines to an ECMO circuit: simulate, compare with limits, and rank schemes.
 
     Args:
-        case: case or its file, with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
-            Of a case that names a pump flow the speed is solved for, under the first policy, and held.
+        case: case or its file, with an ECMO circuit and a rotary pump; of its CRRT section, the connection is
+            replaced by the schemes. If a case gives a pump flow, the speed is solved for under the first
+            policy and then held.
         schemes: letters, groups and pairs, see `select_schemes`.
-        speeds: pump speeds [rpm], see `parse_speeds`; left out, the range in use of the case's pump. The
-            case's own speed is added.
-        crrt_flow_ml_min: blood flow of the CRRT; left out, the case's own, else 200 mL/min.
-        volume_policy: "as_published", "patient_held" or "both"; left out, what the case says, else both.
+        speeds: pump speeds [rpm], see `parse_speeds`; None for the usual range of the case's pump. The case's
+            own speed is added.
+        crrt_flow_ml_min: blood flow of the CRRT [mL/min]; None for the case's own, else 200 mL/min.
+        volume_policy: "as_published", "patient_held" or "both"; None for that of the case, else both.
         scheme_h: "published" or "figure", see `SCHEME_H`.
-        samples: values by parameter, one per sample of the patient's posterior; the limits are then held
-            against each, at the case's speed and the first policy.
-        rule: a centre's own rule of ranking or its file, see `eclsim.crrt_study.rule`; left out, the usual.
-        progress: called with what is being computed.
+        samples: values by parameter, one per sample of the patient's posterior; the limits are then checked
+            for each sample, at the case's speed and under the first policy.
+        rule: rule of ranking of a centre or its file, see `eclsim.crrt_study.rule`; None for the default.
+        progress: called with a description of the current step.
 
     Raises:
-        CaseError: If the file cannot be read, or samples have names that the study does not read, different
+        CaseError: The file cannot be read, or samples have parameters that the study does not use, different
             lengths or values out of range.
-        FlowNotReachedError: If no speed gives the pump flow that the case names.
-        RuleError: If the rule cannot be read, or asks for what is not computed.
-        StudyError: If the case has no ECMO circuit with a rotary pump, a speed is far above what that runs
-            at, or the policy is none.
-        SchemeError: If a scheme cannot be read.
-        SpeedError: If a speed cannot be read, or is not above 0.
+        FlowNotReachedError: No speed gives the pump flow of the case.
+        RuleError: The rule cannot be read, or uses a quantity that is not computed.
+        StudyError: The case has no ECMO circuit with a rotary pump, a speed is far above its range, or the
+            policy is unknown.
+        SchemeError: A scheme cannot be read.
+        SpeedError: A speed cannot be read or is not above 0.
     """
     from eclsim.cases.samples import as_samples, check_samples
     from eclsim.crrt_study import beats as crrt_datasets
@@ -223,10 +225,10 @@ def crrt_study(
 
 
 def _speeds(given: str | ArrayLike) -> tuple[float, ...]:
-    """Speeds [rpm] in ascending order, each once: of a text as in `parse_speeds`, or of a list.
+    """Return speeds in ascending order, without repetition, from a text as in `parse_speeds` or a list [rpm].
 
     Raises:
-        SpeedError: If any of it is no speed, or a table in place of a list.
+        SpeedError: A part is no speed, or the list is a table.
     """
     if isinstance(given, str):
         return parse_speeds(given)

@@ -1,1 +1,1 @@
-"""Settings that reach goals: from what the outputs should be to how devices have to be set."""
+"""Find the smallest device settings with which outputs reach goals."""

@@ -1,4 +1,4 @@
-"""What outputs should be, and which settings may be turned for it: as users write both."""
+"""Goals for outputs and the settings that may be varied to reach them, parsed from the user's text."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SMALLEST_OXYGEN_FLOW_ML_MIN = 10.0
 
 
 class GoalError(ValueError):
-    """Goals or settings that cannot be meant; one line for each mistake."""
+    """Raised for impossible goals or settings; the message has one line for each mistake."""
 
     def __init__(self, mistakes: Sequence[str]):
         self.mistakes = tuple(mistakes)
@@ -50,11 +50,11 @@ class Goal:
     """Bounds of an output.
 
     Args:
-        output: its name.
+        output: name of the output.
         low: smallest value, in the output's unit; minus infinity for none.
         high: largest value; infinity for none.
-        because: what a value beyond it would mean, of a bound that holds unasked; empty for a user's goal.
-        gives_way: whether it is an alarm and no goal where what is turned cannot keep it.
+        because: for an implicit goal, the meaning of a value beyond the bound; empty for a user's goal.
+        gives_way: whether the goal is dropped, and only reported, if no varied setting can keep it.
     """
 
     output: str
@@ -76,33 +76,33 @@ class Goal:
 
     @property
     def scale(self) -> float:
-        """What a miss is measured in: a hundredth of the bound, at least 0.01 of the output's unit."""
+        """Unit in which a miss is measured: a hundredth of the bound, at least 0.01 of the output's unit."""
         bounds = [abs(bound) for bound in (self.low, self.high) if math.isfinite(bound)]
         return max(0.01 * max(bounds), 0.01)
 
     def excess(self, value: float) -> float:
-        """By how much a value is beyond the nearer bound, in the output's unit; negative within."""
+        """Distance of a value beyond the nearer bound, in the output's unit; negative within the bounds."""
         return max(self.low - value, value - self.high)
 
     def at_bound(self, value: float) -> bool:
-        """Whether a value is at a bound or beyond it, to the accuracy of a search."""
+        """Whether a value is at or beyond a bound, within the accuracy of a search."""
         return self.excess(value) >= -1e-3 * self.scale
 
     def inside(self) -> Goal:
-        """The goal with bounds so little narrower that what reaches it breaks no limit by rounding."""
+        """Return the goal with slightly narrower bounds, so that rounding does not break a limit."""
         margin = min(1e-5 * self.scale, 0.25 * (self.high - self.low))
         return replace(self, low=self.low + margin, high=self.high - margin)
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A number that may be turned.
+    """A parameter that may be varied, with its range.
 
     Args:
-        name: of the parameter, such as "ecmo.speed_rpm" or "Rmc".
+        name: name of the parameter, such as "ecmo.speed_rpm" or "Rmc".
         low: smallest value, in the parameter's unit.
         high: largest value.
-        unit: of the value.
+        unit: unit of the value.
     """
 
     name: str
@@ -116,14 +116,14 @@ class Setting:
 
 
 def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal, ...]:
-    """Goals as users write them.
+    """Parse goals from a user's text.
 
     Args:
-        text: such as "MAP > 65, PaCO2 35..45"; strict or not makes no difference.
-        outputs: names that the case has.
+        text: goals such as "MAP > 65, PaCO2 35..45"; strict and non-strict signs mean the same.
+        outputs: names of the outputs that the case has.
 
     Raises:
-        GoalError: with every mistake.
+        GoalError: There are mistakes; the message names all of them.
     """
     goals, wrong = [], []
     parts = text.split(",") if isinstance(text, str) else _listed(text, Goal, "goal", ALLOWED_FORMS)
@@ -154,21 +154,22 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
 def implicit_goals(
     outputs: Sequence[str], asked: Sequence[Goal], present: Mapping[str, float], values: Mapping[str, float]
 ) -> tuple[Goal, ...]:
-    """Goals that hold though nobody states them: of veins, of chambers that eject, of flows and of gases.
+    """Goals that hold without being stated, for veins, ejecting chambers, flows and gases.
 
-    No vein may be below its surroundings, no chamber below empty, no device carry blood backwards, no
-    oxygenator less than its label says; no alarm of gases may be raised that the case does not raise itself.
-    Those of flows and gases give way where what is turned cannot keep them.
+    No vein may be below the pressure of its surroundings, no chamber may eject more than it holds, no device
+    may carry blood backwards, no oxygenator may have less flow than its label requires, and no alarm of gases
+    may be raised that the case does not raise already. Goals of flows and gases give way if no varied setting
+    can keep them.
 
     Args:
-        outputs: names that the case has.
-        asked: goals of the user, whose own bounds win on their side of an output.
-        present: outputs at the case's own settings, as far as they are known.
-        values: of its parameters.
+        outputs: names of the outputs that the case has.
+        asked: goals of the user, which replace implicit goals on the same side of an output.
+        present: outputs at the case's own settings, as far as known.
+        values: parameters of the case.
     """
     taken = {(goal.output, "below") for goal in asked if math.isfinite(goal.low)}
     taken |= {(goal.output, "above") for goal in asked if math.isfinite(goal.high)}
-    goals: dict[tuple[str, str], Goal] = {}  # by output and meaning: two sides may say different things
+    goals: dict[tuple[str, str], Goal] = {}  # by output and meaning, which may differ between sides
     backward = [_least_flow(limit, values) for limit in backward_flow_bounds(outputs)]
     gases = [
         limit for name in outputs if requires_gases(name) for limit in limits_of(name, outputs, values)
@@ -186,7 +187,7 @@ def implicit_goals(
 
 
 def is_kept_by_settings(goal: Goal, settings: Sequence[Setting]) -> bool:
-    """Whether a bound can be kept by settings: that of a device's flow only by settings of the device."""
+    """Whether settings can keep a bound; for a device's flow, only settings of that device can."""
     known = named_output(goal.output)
     if not goal.gives_way or known is None:
         return True
@@ -199,7 +200,7 @@ def requires_gases(name: str) -> bool:
 
 
 def _least_flow(limit: Limit, values: Mapping[str, float]) -> Limit:
-    """The limit at no flow backwards, or for an unclamped oxygenator at the least flow of its label."""
+    """The limit with a value of 0, or for an unclamped oxygenator with the least flow of its label."""
     known = named_output(limit.quantity)
     if known is not None and known[1].name == "PF":
         names = known[0]
@@ -223,7 +224,7 @@ def _read(text: str) -> Goal:
 
 
 def _without_unit(goal: Goal, written: str, text: str) -> Goal:
-    """A goal behind whose bound a unit stands, which has to be that of its output."""
+    """Parse a goal whose bound has a unit; raises an error unless it is the unit of the output."""
     if goal.output not in all_outputs():
         return goal
     unit = output(goal.output).unit
@@ -237,7 +238,7 @@ def _without_unit(goal: Goal, written: str, text: str) -> Goal:
 
 
 def _mistakes_in_units(goal: Goal) -> list[str]:
-    """What is wrong with bounds that no patient could have, such as 0.9 for a saturation in percent."""
+    """Mistakes about bounds that no patient could have, such as 0.9 for a saturation in percent."""
     unit = output(goal.output).unit
     field = Measurements.fields().get(goal.output.removesuffix("_lower"))
     wrong = []
@@ -258,7 +259,7 @@ def _mistakes_in_units(goal: Goal) -> list[str]:
 
 
 def _probable_value(name: str, unit: str, bound: float) -> str:
-    """The bound in the output's unit, where it is likely in another one; else empty."""
+    """The bound converted to the output's unit if it probably has another unit, else empty."""
     size = abs(bound)
     if unit == "%" and 0.0 < size <= 1.0:
         return f"{100.0 * bound:g} %"
@@ -276,7 +277,7 @@ def _repeated(names: Sequence[str]) -> list[str]:
 
 
 def default_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
-    """What is turned on the devices of a case to reach goals, the dearest first, over the page's ranges."""
+    """Default settings of the devices of a case, over the ranges of the page, the costliest first."""
     settings: list[Setting | None] = []
     for instance in case.instances():
         names = (f"{instance.key}.{key}" for key in instance.device.adjusted)
@@ -285,7 +286,7 @@ def default_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
 
 
 def _hint_for_missing_setting(case: Case, name: str, known: Sequence[str]) -> str:
-    """How the case gets a setting whose section it lacks, else the nearest spelling."""
+    """Hint on adding a setting whose section the case lacks, else the nearest spelling."""
     section, _, key = name.rpartition(".")
     kind = section_of(section)
     if kind is None or key not in kind.fields() or section in case.as_mapping():
@@ -296,15 +297,15 @@ def _hint_for_missing_setting(case: Case, name: str, known: Sequence[str]) -> st
 def read_settings(
     text: str | Sequence[Setting] | None, case: Case, known: Sequence[str]
 ) -> tuple[Setting, ...]:
-    """Settings as users write them: names, each with or without bounds ("ecmo.speed_rpm=2000..4000, Rmc").
+    """Parse settings from a user's text: names, with or without bounds ("ecmo.speed_rpm=2000..4000, Rmc").
 
     Args:
-        text: left out, the usual ones of the devices of the case.
-        case: whose ranges hold where no bounds are written.
-        known: names of all parameters that may be turned.
+        text: settings; None for the default ones of the devices of the case.
+        case: case whose ranges apply if no bounds are written.
+        known: names of all parameters that may be varied.
 
     Raises:
-        GoalError: with every mistake.
+        GoalError: There are mistakes; the message names all of them.
     """
     if text is None:
         settings = default_settings(case, known)
@@ -342,10 +343,10 @@ def read_settings(
 
 
 def _listed(given: object, kind: type, what: str, allowed: str) -> list[Any]:
-    """Goals or settings that are given as a list, each a text or an object of its kind.
+    """Check and return goals or settings given as a list of texts or of objects of their kind.
 
     Raises:
-        GoalError: It is something else.
+        GoalError: They are something else.
     """
     parts = [given] if isinstance(given, Mapping) or not isinstance(given, Iterable) else list(given)
     if wrong := [part for part in parts if not isinstance(part, (str, kind))]:
@@ -354,7 +355,7 @@ def _listed(given: object, kind: type, what: str, allowed: str) -> list[Any]:
 
 
 def _checked_settings(given: Sequence[Setting], known: Sequence[str]) -> tuple[Setting, ...]:
-    """Settings that are given as objects."""
+    """Check and return settings given as objects."""
     allowed = "ecmo.speed_rpm=2000..4000, or eclsim.Setting(name, low, high)"
     settings, wrong = _listed(given, Setting, "setting", allowed), []
     for setting in settings:
@@ -374,7 +375,7 @@ def _checked_settings(given: Sequence[Setting], known: Sequence[str]) -> tuple[S
 
 
 def _with_usual_bounds(case: Case, name: str) -> Setting | None:
-    """A setting over the range of its pump, of its knob on the page, or of the table of parameters."""
+    """A setting with the range of its pump, of its control on the page, or of the parameter table."""
     from eclsim.devices.registry import parameter_of
 
     section, _, key = name.rpartition(".")
@@ -389,7 +390,7 @@ def _with_usual_bounds(case: Case, name: str) -> Setting | None:
 
 
 def _reason_out_of_range(case: Case, name: str, low: float, high: float) -> str:
-    """What a parameter may be, where bounds leave that; empty where they do not."""
+    """Explain why bounds are outside a parameter's allowed range; empty if they are not."""
     from eclsim.devices.registry import parameter_of
 
     entry = parameter_of(name, [instance.key for instance in case.instances()])

@@ -1,4 +1,4 @@
-"""What a search for settings found: as data and in sentences."""
+"""Result of a search for settings, as data and in sentences."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from eclsim.outputs.alarms import Finding
 
 MET_TOLERANCE = 1e-4
-"""Largest miss, in scales of the goal, of a goal that is reached."""
+"""Largest miss of a goal that counts as reached, in scales of the goal."""
 ALARM_KINDS = ("alarm", "collapse")
-"""Kinds of findings that an answer names in its first words."""
+"""Kinds of findings that the message names first."""
 
 
 class ReachStatus(StrEnum):
@@ -32,14 +32,14 @@ class ReachStatus(StrEnum):
 
 
 class GoalResult(NamedTuple):
-    """One goal at the settings.
+    """One goal and the output at the settings found.
 
     Attributes:
-        goal: what was asked for.
-        value: what the output is, in its unit.
-        met: whether it is reached.
-        binding: whether it is at its bound, or missed: it keeps the settings from being smaller.
-        slopes: d output / d setting, in the units of both, by setting.
+        goal: goal that was requested.
+        value: value of the output, in its unit.
+        met: whether the goal is reached.
+        binding: whether the output is at its bound or misses it, which prevents smaller settings.
+        slopes: d output / d setting in the units of both, by setting.
     """
 
     goal: Goal
@@ -50,7 +50,7 @@ class GoalResult(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The broken bound in words."""
+        """Description of the missed bound."""
         unit = output(self.goal.output).unit
         if math.isnan(self.value):
             return f"{self.goal.output} has no value there"
@@ -67,26 +67,26 @@ class GoalResult(NamedTuple):
 
 @dataclass(frozen=True)
 class Reached:
-    """What `reach` found.
+    """Result of `reach`.
 
     Args:
-        id: of the case.
-        settings: what was turned, with the ranges.
-        values: of each setting, in its unit; NaN where no steady beat was found at all.
-        goals: how each goal stands there.
-        stops: bounds at which the search stood though nobody asked for them, since no patient is beyond them.
-        status: how the search ended; what has not converged is not the smallest setting.
-        message: in words; where a goal is not reached, why.
-        without: for each goal that stands in the way, the settings that reach all others (none: neither do);
-            a goal whose own search did not converge is left out.
-        outputs: all outputs of the beat, by name.
-        findings: limits that it breaks and how its numbers are to be read.
-        beats: solved on the way.
-        not_kept: bounds of flows and gases that nobody asked for, that no setting turned keeps, and that are
-            broken there.
-        tried: places all over the ranges that were tried first.
-        without_beat: those of them without a steady beat that is determined.
-        doubts: about the fit that gave the parameters, where that is not good.
+        id: id of the case.
+        settings: settings that were varied, with their ranges.
+        values: value of each setting, in its unit; NaN if no steady beat was found at all.
+        goals: goals with the outputs at these settings.
+        stops: bounds that were not requested but stopped the search, since no patient can be beyond them.
+        status: how the search ended; without convergence, the settings are not the smallest.
+        message: result in words; if a goal is not reached, with the reason.
+        without: for each conflicting goal, the settings that reach all others (None if there are none); a
+            goal whose own search did not converge is left out.
+        outputs: all outputs of the beat by name.
+        findings: limits that the beat violates, and cautions about its numbers.
+        beats: number of beats solved in the search.
+        not_kept: bounds of flows and gases that were not requested, that no varied setting keeps, and that
+            are violated.
+        tried: number of points throughout the ranges that were tried first.
+        without_beat: number of these points without a determined steady beat.
+        doubts: doubts about the fit that gave the parameters, if it is not good.
     """
 
     id: str
@@ -115,7 +115,7 @@ class Reached:
 
     @property
     def reached(self) -> bool:
-        """Whether these are the smallest settings that meet all goals."""
+        """Whether these are the smallest settings that reach all goals."""
         return self.status is ReachStatus.REACHED
 
     def as_object(self) -> dict[str, object]:
@@ -142,7 +142,7 @@ class Reached:
 
 
 def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
-    """The goals that outputs miss, or whose output has no value."""
+    """The goals that outputs miss or whose output has no value."""
     for goal in goals:
         value = outputs.get(goal.output, math.nan)
         if not goal.excess(value) <= MET_TOLERANCE * goal.scale:
@@ -150,7 +150,7 @@ def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterato
 
 
 def scan_gaps_text(tried: int, without_beat: int) -> str:
-    """How many places of the scan had no determined steady beat; empty where all had one."""
+    """Number of points of the scan without a determined steady beat, as text; empty if there are none."""
     if not without_beat:
         return ""
     where = f"{without_beat} of the {tried} places over the ranges that were tried first"
@@ -195,7 +195,7 @@ def message_of(
 def _binding_goals_text(
     settings: Sequence[Setting], values: Mapping[str, float], results: Sequence[GoalResult]
 ) -> str:
-    """Why the settings are not smaller: goals that a smaller one breaks, then others at their bounds."""
+    """Reasons why settings are not smaller: goals that smaller ones break, then others at their bounds."""
     at_bound = [result for result in results if result.binding]
     free = [s.name for s in settings if values[s.name] > s.low + 1e-6 * (s.high - s.low)]
     broken = [result for result in at_bound if any(_breaks_below(result, name) for name in free)]
@@ -208,17 +208,17 @@ def _binding_goals_text(
 
 
 def _breaks_below(result: GoalResult, setting: str) -> bool:
-    """Whether a goal at its bound is missed where a setting is smaller."""
+    """Whether a goal at its bound is missed if a setting is smaller."""
     at_low = abs(result.value - result.goal.low) < abs(result.value - result.goal.high)
     return result.slopes[setting] > 0.0 if at_low else result.slopes[setting] < 0.0
 
 
 def broken_alarms_text(quantities: Iterable[str], where: str = "with the settings found") -> str:
-    """A text on outputs beyond alarm limits; empty without any.
+    """Sentence on outputs beyond alarm limits; empty if there are none.
 
     Args:
-        quantities: outputs or waveforms whose alarm limits are broken.
-        where: that is so, in words.
+        quantities: outputs or waveforms whose alarm limits are violated.
+        where: when this is so, in words.
     """
     alarming = dict.fromkeys(quantities)
     if not alarming:
@@ -228,12 +228,12 @@ def broken_alarms_text(quantities: Iterable[str], where: str = "with the setting
 
 
 def _goal_with_reason(goal: Goal) -> str:
-    """A goal, and why it holds if nobody asked for it."""
+    """A goal as text, with the reason if it was not requested."""
     return f"{goal} ({goal.because})" if goal.because else str(goal)
 
 
 def _at_end(setting: Setting, value: float) -> str:
-    """Whether a setting stands at an end of its range, in words."""
+    """Text if a setting is at an end of its range, else empty."""
     span = setting.high - setting.low
     if value >= setting.high - 1e-6 * span:
         return f"{setting.name} at its highest"

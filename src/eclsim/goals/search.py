@@ -56,20 +56,19 @@ from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.simulation.target_flow import with_speed
 
 PENALTY = 30.0
-"""Weight of a miss by one scale of its goal (`Goal.scale`); a setting counts at most 1 over its whole
-range."""
+"""Weight of a miss by one scale of its goal (`Goal.scale`); a setting counts at most 1 over its range."""
 WEIGHT_RATIO = 0.05
-"""Weight of each further setting over that of the one before."""
+"""Ratio of the weight of each further setting to that of the one before."""
 SMALLEST_EFFECT = 1e-6
-"""Change of all goals, in scales, over the whole range of a setting that none of them depends on."""
+"""A setting has no effect if its whole range changes all goals by less than this, in their scales."""
 SMALLEST_REGION = 1e-9
 MOST_STEPS = 80
 NO_BEAT = "no steady beat was found"
 SCAN_VALUES = {1: 9, 2: 7, 3: 5}
-"""Values of each setting that are tried first, by the number of settings; with more of them, three."""
+"""Number of values of each setting tried first, by the number of settings; three for more settings."""
 
 STARTS = 3
-"""Places from which a search of several settings is begun."""
+"""Largest number of starts of a search with several settings."""
 
 
 def reach(
@@ -79,18 +78,18 @@ def reach(
     vary: str | Sequence[Setting] | None = None,
     volume_policy: str | None = None,
 ) -> Reached:
-    """The smallest settings that reach goals, or which goals cannot be reached together and why.
+    """Find the smallest settings that reach goals, or which goals cannot be reached together and why.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case.
-        goals: such as "MAP > 65, drainage_pressure > -80, PaCO2 35..45".
-        vary: what is turned, the dearest first: "ecmo.speed_rpm=2000..4000, ecmo.sweep_l_min"; left out, the
-            speeds (and sweep) of the devices, over the ranges of their knobs on the page.
-        volume_policy: blood volume policy; left out, the case's.
+        goals: goals such as "MAP > 65, drainage_pressure > -80, PaCO2 35..45".
+        vary: settings that may be varied, the costliest first: "ecmo.speed_rpm=2000..4000, ecmo.sweep_l_min";
+            None for the speeds (and sweep) of the devices, over the ranges of their controls on the page.
+        volume_policy: blood volume policy; None takes that of the case.
 
     Raises:
-        GoalError: goals or settings that cannot be meant, with every mistake.
-        CaseError: the file is no case.
+        GoalError: Goals or settings are not possible; the message names every mistake.
+        CaseError: The file is no case.
     """
     known = with_speed(as_case(case), volume_policy)[0]
     model = model_of(known)
@@ -122,12 +121,12 @@ def reach(
 def _settings_with_effect(
     patient: _PatientModel, goals: Sequence[Goal], implicit: Sequence[Goal]
 ) -> tuple[Setting, ...]:
-    """The default settings that a goal depends on; settings of gases only where a goal is one of gases.
+    """The default settings that affect a goal; settings of gases only if a goal concerns gases.
 
-    A sweep that no goal depends on would be turned to nothing, since the smallest settings are sought.
+    Since the smallest settings are sought, a sweep that no goal depends on would be set to its minimum.
 
     Raises:
-        GoalError: no goal depends on any.
+        GoalError: No goal depends on any setting.
     """
     outputs = [goal.output for goal in goals]
     now = patient.point(patient.own_place, outputs)
@@ -152,7 +151,7 @@ def _settings_with_effect(
 
 
 def _has_effect_in_range(patient: _PatientModel, outputs: Sequence[str], scales: np.ndarray) -> np.ndarray:
-    """Whether each setting moves an output anywhere in its range: a valve may open at low speed only."""
+    """Whether each setting changes an output anywhere in its range; a valve may open at low speed only."""
     _, values, _ = patient.scan(outputs)
     count = len(patient.settings)
     grid = values.reshape(len(outputs), *(patient.axis_count,) * count) / scales.reshape(-1, *(1,) * count)
@@ -162,7 +161,7 @@ def _has_effect_in_range(patient: _PatientModel, outputs: Sequence[str], scales:
 
 
 class _Point(NamedTuple):
-    """Goals' outputs at one place of the settings, and their slopes along the settings' ranges."""
+    """Outputs of the goals at one point of the settings, and their slopes over the settings' ranges."""
 
     place: np.ndarray
     values: np.ndarray
@@ -170,21 +169,21 @@ class _Point(NamedTuple):
 
 
 class _NoStart(NamedTuple):
-    """Nothing to start a search from: how it ended, and why."""
+    """Status and message if there is no point to start a search from."""
 
     status: ReachStatus
     message: str
 
 
 class _SearchEnd(NamedTuple):
-    """Where a search ended, and why it did before it had converged (empty: it has)."""
+    """Point where a search ended, and the reason if it had not converged (else empty)."""
 
     at: _Point
     unfinished: str
 
 
 class _PatientModel:
-    """The patient, as a function of the settings."""
+    """The patient as a function of the settings."""
 
     def __init__(self, model: Model, settings: tuple[Setting, ...], policy: str | None):
         self.model, self.settings, self.policy = model, settings, policy
@@ -195,17 +194,17 @@ class _PatientModel:
 
     @property
     def own_place(self) -> np.ndarray:
-        """The place of the case's own settings, or the nearest in the ranges."""
+        """The case's own settings, or the nearest ones within the ranges, as coordinates u."""
         values = np.array([self.model.values[setting.name] for setting in self.settings])
         return np.clip((values - self.low) / self.span, 0.0, 1.0)
 
     def values_at(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of the settings at places of shape (settings, members)."""
+        """Values of the settings at coordinates u of shape (settings, members)."""
         numbers = self.low[:, None] + self.span[:, None] * places
         return {setting.name: row for setting, row in zip(self.settings, numbers, strict=True)}
 
     def beat(self, places: np.ndarray, outputs: Sequence[str] | None) -> SteadyBeat:
-        """Steady beats at places (settings, members)."""
+        """Steady beats at coordinates u of shape (settings, members)."""
         self.beats += places.shape[1]
         values = {**self.model.values, **self.values_at(places)}
         return steady_beat(Batch(self.model.circuit, values, places.shape[1], self._policy), outputs)
@@ -215,7 +214,7 @@ class _PatientModel:
         return self.policy or self.model.policy
 
     def point(self, place: np.ndarray, outputs: Sequence[str]) -> _Point | None:
-        """Outputs and slopes at a place; None where there is no determined steady beat."""
+        """Outputs and slopes at a point; None without a determined steady beat or without derivatives."""
         beat = self.beat(place[:, None], outputs)
         if not beat.determined[0]:
             self.no_point_reason = _reason_without_point(beat)
@@ -229,11 +228,11 @@ class _PatientModel:
 
     @property
     def axis_count(self) -> int:
-        """Values of each setting that a scan tries."""
+        """Number of values of each setting in a scan."""
         return SCAN_VALUES.get(len(self.settings), 3)
 
     def scan(self, outputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, SteadyBeat]:
-        """Places all over the ranges (settings, members), the outputs there, and their beats."""
+        """Points throughout the ranges (settings, members), outputs at these, and their beats."""
         axis = np.linspace(0.0, 1.0, self.axis_count)
         places = np.array(list(itertools.product(axis, repeat=len(self.settings)))).T
         beat = self.beat(places, outputs)
@@ -242,14 +241,14 @@ class _PatientModel:
 
 
 def _reason_without_point(beat: SteadyBeat) -> str:
-    """Why a search cannot go on from a beat."""
+    """Reason why a search cannot continue from a beat."""
     return "valves stay shut all beat, so that it is one of many" if beat.converged[0] else NO_BEAT
 
 
 def _search_from_starts(
     patient: _PatientModel, goals: tuple[Goal, ...], giving_way: Sequence[Goal]
 ) -> Reached:
-    """Search, and where a goal is missed, look for the goals that prevent it."""
+    """Search from the starts and, if a goal is missed, find the goals that prevent it."""
     scan = _Scan.of(patient, goals)
     goals, starts = scan.goals, _points(patient, scan.goals, scan.starts())
     tried, without_beat = len(scan.beat.status), int((~scan.beat.determined).sum())
@@ -315,7 +314,7 @@ def _search_from_starts(
 def _settings_without_each_goal(
     patient: _PatientModel, goals: tuple[Goal, ...], results: Sequence[GoalResult], start: _Point
 ) -> dict[str, Mapping[str, float] | None]:
-    """For each goal that may stand in the way of a missed one: the settings that reach all but it, if any."""
+    """For each goal that may prevent another one: the settings that reach all others, or None."""
     settings: dict[str, Mapping[str, float] | None] = {}
     unmet = sum(not result.met for result in results)
     binding = [result for result in results if result.binding and not result.goal.because]
@@ -332,7 +331,7 @@ def _settings_without_each_goal(
 
 
 class _Scan(NamedTuple):
-    """Places all over the ranges (settings, places), with the outputs of goals there (goals, places)."""
+    """Points throughout the ranges (settings, points), with the goals' outputs at these (goals, points)."""
 
     goals: tuple[Goal, ...]
     places: np.ndarray
@@ -341,7 +340,7 @@ class _Scan(NamedTuple):
 
     @classmethod
     def of(cls, patient: _PatientModel, goals: Sequence[Goal]) -> _Scan:
-        """Without goals that give way and are kept nowhere."""
+        """Scan the ranges; goals that give way and are kept nowhere are dropped."""
         places, values, beat = patient.scan([goal.output for goal in goals])
         rows = []
         for k, goal in enumerate(goals):
@@ -351,9 +350,9 @@ class _Scan(NamedTuple):
         return cls(tuple(goals[k] for k in rows), places, values[rows], beat)
 
     def starts(self) -> list[np.ndarray] | _NoStart:
-        """The best of the places, or why no goal's output is known at any.
+        """The best of the points, or the reason why the outputs of the goals are unknown at all of them.
 
-        With several settings three of them, each with another value of the last setting.
+        With several settings, up to `STARTS` points, each with another value of the last setting.
         """
         beat, places = self.beat, self.places
         merits = np.array([_merit(self.goals, u, v) for u, v in zip(places.T, self.values.T, strict=True)])
@@ -380,7 +379,7 @@ class _Scan(NamedTuple):
 def _points(
     patient: _PatientModel, goals: Sequence[Goal], starts: list[np.ndarray] | _NoStart
 ) -> list[_Point] | _NoStart:
-    """Outputs and slopes at the starts that have them."""
+    """Outputs and slopes at those starts that have them."""
     if isinstance(starts, _NoStart):
         return starts
     points = (patient.point(start, [goal.output for goal in goals]) for start in starts)
@@ -390,7 +389,7 @@ def _points(
 
 
 def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> float:
-    """What is minimised; NaN where there are no outputs."""
+    """Objective of the search; NaN without outputs."""
     if not np.isfinite(values).all():
         return np.nan
     misses = [max(g.inside().excess(v), 0.0) / g.scale for g, v in zip(goals, values, strict=True)]
@@ -402,7 +401,7 @@ def _weights(count: int) -> np.ndarray:
 
 
 def _search(patient: _PatientModel, goals: Sequence[Goal], now: _Point) -> _SearchEnd:
-    """Where the search from a point ends."""
+    """Search from a point and return where the search ended."""
     merit, region, trial = _merit(goals, now.place, now.values), 0.25, now
     move, expected = _linear_program(goals, now, region)
     for step in itertools.count():
@@ -461,7 +460,7 @@ def _corrected(
 
 
 def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[np.ndarray, float]:
-    """Best move within the region to first order, and the merit expected there."""
+    """Best first-order move within the trust region, and the merit expected there."""
     count = len(at.place)
     rows, limits = [], []
     for goal, value, slopes in zip(goals, at.values, at.slopes, strict=True):

@@ -1,4 +1,4 @@
-"""Fitting a cohort: groups of data points as tasks, kept as soon as they are done, on one machine or many."""
+"""Fit a cohort: groups of data points run as tasks, each stored when done, on one machine or many."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
 POINTS_PER_GROUP = 8
-"""Data points that are fitted side by side; what an interruption costs at most."""
+"""Number of data points that are fitted side by side; an interruption loses at most one such group."""
 PRELOAD = ("scipy.optimize", "eclsim.identification.cohort", "eclsim.outputs.steady_beat")
-"""Modules that a worker loads before its first group."""
+"""Modules that a worker imports before its first group."""
 GROUPS, CASES = "groups", "cases"
-"""Folders of the results and of the fitted case files."""
+"""Subfolders of the stored results and of the fitted case files."""
 
 
 @dataclass(frozen=True)
 class StoredFit:
-    """A fit as it is stored: its numbers, and the text of the fitted case (None without a fit)."""
+    """A fit as it is stored: its numbers and the text of the fitted case file (None without a fit)."""
 
     numbers: dict[str, Any]
     case: str | None
@@ -54,7 +54,7 @@ class FitGroup:
     settings: FitSettings
 
     def __call__(self, group: Group) -> list[StoredFit]:
-        """The fits, in the order of the points."""
+        """Return the fits in the order of the points."""
         return [
             StoredFit(
                 numbers={
@@ -67,12 +67,12 @@ class FitGroup:
         ]  # fmt: skip
 
     def _fits(self, cases: Sequence[tuple[str, Case]]) -> list[FitResult]:
-        """The fits of cases; one that an error ends stops no other, unless they share parameters."""
+        """Fit cases; an error in one fit does not end the others, unless the cases share parameters."""
         try:
             return fit_cases(cases, self.settings, lambda step: announce(str(step)))
-        except (CaseError, MemoryError, OSError):  # of the whole run: no point by itself would do better
+        except (CaseError, MemoryError, OSError):  # concerns the whole run, not one point
             raise
-        except Exception as error:  # whatever it is, it must not take the cohort
+        except Exception as error:  # no error of one fit may end the whole cohort
             if len(cases) > 1 and not self.settings.shared:
                 return [fit for case in cases for fit in self._fits([case])]
             return [failed_fit(name, case, self.settings, error) for name, case in cases]
@@ -81,7 +81,7 @@ class FitGroup:
 def fit_tasks(
     points: Sequence[CohortPoint], settings: FitSettings, digest: str
 ) -> Tasks[Group, list[StoredFit]]:
-    """The groups of a cohort."""
+    """Return the tasks that fit the groups of a cohort."""
     inputs = {"cohort_file": digest, "points": len(points), **settings.as_object(), **digests_of_own_files()}
     return Tasks(
         "fits", "groups of data points", FitGroup(settings), _groups(points, bool(settings.shared)), inputs
@@ -97,19 +97,19 @@ def fit_cohort(
     executor: Executor,
     progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
-    """Fit all points; results in their order. The fitted case files go to the folder.
+    """Fit all points, write the fitted case files to the folder, and return the results in order.
 
     Args:
-        points: of the cohort.
-        settings: what is free, how it is weighted, how widely to look.
-        digest: of the cohort's file.
-        folder: keeps the fits; None keeps them for this call alone.
+        points: data points of the cohort.
+        settings: free parameters, weights and extent of the search.
+        digest: digest of the cohort's file.
+        folder: folder that stores the fits; None keeps them in memory only.
         executor: runs the groups.
-        progress: called as groups are done, and with what is being done.
+        progress: called when a group is done, and with a description of the current step.
 
     Raises:
-        ExecutionError: the folder holds other fits, or workers cannot be reached.
-        ShardDone: this was a shard.
+        ExecutionError: The folder holds other fits, or workers cannot be reached.
+        ShardDone: This run computed one shard only.
     """
     tasks = fit_tasks(points, settings, digest)
     place = None if folder is None else folder / GROUPS
@@ -121,7 +121,7 @@ def fit_cohort(
 
 
 def _write_cases(folder: Path, fits: Sequence[StoredFit]) -> None:
-    """Write the fitted case files; those of earlier runs go."""
+    """Write the fitted case files and delete those of earlier runs."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.toml"):
         old.unlink()
@@ -131,25 +131,25 @@ def _write_cases(folder: Path, fits: Sequence[StoredFit]) -> None:
 
 
 def stem(name: str) -> str:
-    """A file name for a data point; names that differ get file names that differ."""
+    """Return a file name for a data point; different names give different file names."""
     return file_stem(name, slashes=True)
 
 
 def with_name(case: Case, name: str) -> Case:
-    """The case under the name of its data point, where that is short enough for an id."""
+    """Return the case with the name of its data point as id; unchanged if the name is too long for an id."""
     if len(name) > 64:
         return case
     return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
 
 
 def fitted_text(fit: FitResult) -> str:
-    """The fitted case as the text of a case file, with the verdict on the fit."""
+    """Return the text of the fitted case file, with the verdict on the fit."""
     case = fit.case if fit.name == fit.case.patient.id else with_name(fit.case, fit.name)
     return with_mark(case_text(case), fit.verdict.level, fit.verdict.headline)
 
 
 def _groups(points: Sequence[CohortPoint], by_patient: bool) -> list[Group]:
-    """Points with the same circuit, some at a time, or all of a patient."""
+    """Group points of the same circuit, a few at a time; with `by_patient`, all points of one patient."""
     from eclsim.orbit.model import circuit_of
 
     by_circuit: dict[tuple[Circuit, str], list[CohortPoint]] = {}
@@ -176,15 +176,16 @@ def patients_of_several_circuits(points: Sequence[CohortPoint]) -> dict[str, lis
 
 @dataclass(frozen=True)
 class FittedCases:
-    """Cases with their own parameters.
+    """Cases with individual parameters, given or fitted.
 
     Args:
-        cases: by name of the data point; of a shard, its own.
-        misfits: root mean square of the relative differences of each fit, by name; empty if they came fitted.
-        not_fitted: data points that could not be fitted, or only poorly, and why.
-        description: how the parameters were found.
-        groups: names that are studied together, all of them.
-        inputs: all that the cases follow from, as plain data.
+        cases: cases by name of the data point; for a shard, only those of that shard.
+        misfits: root mean square of the relative differences of each fit, by name; empty if cases were given
+            with their parameters.
+        not_fitted: data points without a fit or with a poor one, and the reason.
+        description: how the parameters were found, as text.
+        groups: all groups of names that are studied together.
+        inputs: everything that determines the cases, as plain data.
     """
 
     cases: Mapping[str, Case]
@@ -203,7 +204,7 @@ def fit_points(
     executor: Executor,
     progress: Progress | None = None,
 ) -> FittedCases:
-    """The fitted cases of a table; of a shard, those of its own groups."""
+    """Return the fitted cases of a table; for a shard, only those of its own groups."""
     tasks = fit_tasks(reading.points, settings, reading.digest)
     place = None if folder is None else folder / GROUPS
     results = executor.completed_by_this_shard(tasks, place, _FORMAT, progress)
@@ -231,14 +232,14 @@ def fit_points(
 
 
 def with_fitted_parameters(case: Case, result: Mapping[str, Any]) -> Case:
-    """A case with the parameters of a result of `fit_cohort`, and its verdict on them."""
+    """Return a case with the parameters and the verdict of a result of `fit_cohort`."""
     fitted = {name: cell["value"] for name, cell in result["parameters"].items()}
     mark = FitMark(str(result["verdict"]["level"]), is_changed=False)
     return case.model_copy(update={"parameters": {**case.parameters, **fitted}, "fit_mark": mark})
 
 
 def cases_as_given(cases: Sequence[CaseSource], where: str) -> FittedCases:
-    """Cases that have their parameters already; files that say they are poor fits are left out."""
+    """Return cases that already have their parameters; cases marked as poor fits are left out."""
     by_name = {case.patient.id: case for case in map(as_case, cases)}
     poor = {name: case.refusal for name, case in by_name.items() if case.refusal}
     inputs: dict[str, object] = {"cases": {name: case_text(case) for name, case in by_name.items()}}
@@ -248,11 +249,11 @@ def cases_as_given(cases: Sequence[CaseSource], where: str) -> FittedCases:
     return FittedCases(kept, {}, poor, f"read from {where}", groups, inputs)
 
 
-# --- how well a cohort is met --------------------------------------------------------------------------
+# --- goodness of fit of a cohort -----------------------------------------------------------------------
 
 
 def r_squared(results: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
-    """R2 of all pressures and of all flows, 1 - sum of squared differences / that about the mean."""
+    """Compute R2 of all pressures and of all flows: 1 - residual sum of squares / total sum of squares."""
     return {"pressures": _r_squared(results, PRESSURES), "flows": _r_squared(results, FLOWS)}
 
 

@@ -1,8 +1,8 @@
-"""The posterior density of a patient's parameters: prior, measurements, and the model in between.
+"""The posterior density of a patient's parameters: prior, measurements and the model that relates them.
 
-Every free parameter has a latent variable z of its own that is standard normal before any measurement; the
-parameter is a rising function of it that ends at the bounds. Samplers and filters work on z: no bounds, one
-scale, and a parameter that the measurements say nothing about keeps z at N(0, 1).
+Every free parameter has its own latent variable z, which is standard normal before any measurement. The
+parameter is an increasing function of z that tends to the bounds. Samplers and filters work on z: it has no
+bounds and one scale, and where the measurements say nothing about a parameter, z remains N(0, 1).
 
 Every measurement is normally distributed around the model's output, with the standard uncertainty of the
 measurement, independent of the others. The potential is minus the logarithm of the posterior density of z, up
@@ -12,16 +12,16 @@ to a constant:
 
 and infinite where the model has no steady beat: such parameters are excluded.
 
-The exact gradient: a short search for the steady beat and one step of Newton's method, with the Jacobian that
-the derivatives need anyway, bring the state onto the orbit. All points share a grid in phase, so that the
+The gradient is exact: a short search for the steady beat and one Newton step, with the Jacobian that the
+derivatives need anyway, bring the state onto the orbit. All points share one grid in phase, so that the
 density is smooth.
 
-A sampler needs a potential that is a function of the point: each search then starts from the beat at the
-centre, and what was evaluated before changes nothing, to the last bit. A climb to the highest point may go
-far from where it began; its searches start from where the last point and its derivatives foresee the beat.
+A sampler needs a potential that depends on the point alone. Each of its searches therefore starts from the
+beat at the centre, and earlier evaluations change nothing, to the last bit. Maximisation may move far from
+its start; its searches start from the beat extrapolated from the last point with its derivatives.
 
-The highest point is found by Levenberg and Marquardt's method on the latent variables, whose prior adds a
-residual for each. The curvature there is that of Gauss and Newton: J' W J + I, with the exact Jacobian J.
+The maximum is found by the Levenberg-Marquardt method on the latent variables, whose prior adds one residual
+for each. The curvature there is the Gauss-Newton approximation J' W J + I, with the exact Jacobian J.
 """
 
 from __future__ import annotations
@@ -48,18 +48,18 @@ from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 PriorKind = Literal["log-uniform", "log-normal"]
 DEVIATIONS_TO_BOUNDS = 2.0
-"""Bounds of the log-normal prior are this many standard deviations from the start value (the wider side)."""
+"""Distance of the bounds from the start value in standard deviations of the log-normal prior (wider side)."""
 LARGEST_LATENT = 6.0
-"""Largest |z| that a parameter is turned into: a share of 1e-9 of the prior lies beyond."""
+"""Largest |z| that a parameter is converted to: 1e-9 of the prior probability lies beyond on each side."""
 DENSITY_OPTIONS = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6, exact_iterations=0)
-"""Enough for a density: outputs differ from those of the exact orbit by 1e-4 of their uncertainty."""
+"""Accuracy sufficient for a density: outputs differ from the exact orbit's by 1e-4 of their uncertainty."""
 
 
 def check_prior(kind: str) -> None:
-    """Refuse a prior that there is not: any other name would be taken for the last one.
+    """Raise an error for an unknown kind of prior, which would otherwise be treated as log-normal.
 
     Raises:
-        ValueError: With what is allowed.
+        ValueError: Unknown kind; the message lists the allowed ones.
     """
     if kind not in get_args(PriorKind):
         raise ValueError(f"prior = {kind!r}: allowed: {', '.join(get_args(PriorKind))}")
@@ -67,27 +67,27 @@ def check_prior(kind: str) -> None:
 
 @dataclass(frozen=True)
 class Prior(Box):
-    """Independent priors of the coordinates of free parameters, between their bounds.
+    """Independent priors of the coordinates of the free parameters, between their bounds.
 
     Args:
-        kind: "log-uniform", each coordinate between the bounds as likely as any other, or "log-normal", whose
-            median is the start value before it is cut at the bounds.
+        kind: "log-uniform", uniform in each coordinate between the bounds, or "log-normal", normal in each
+            coordinate with the start value as median before truncation at the bounds.
     """
 
     kind: PriorKind = "log-uniform"
 
     @classmethod
     def within(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
-        """The prior of free parameters within their bounds."""
+        """Return the prior of free parameters within their bounds."""
         check_prior(kind)
         return cls(box.names, box.clip(box.start), box.lower, box.upper, kind)
 
     def values_of(self, z: np.ndarray) -> np.ndarray:
-        """The parameters in their units, shape (..., parameters) as z."""
+        """Convert latent variables to parameters in their units, shape (..., parameters)."""
         return self.scale.values(self.x_of(z))
 
     def x_of(self, z: np.ndarray) -> np.ndarray:
-        """Coordinates of the parameters, shape (..., parameters) as z."""
+        """Convert latent variables to coordinates of the parameters, shape (..., parameters)."""
         share = ndtr(z)
         if self.kind == "log-uniform":
             return self.lower + self.width * share
@@ -96,7 +96,7 @@ class Prior(Box):
         return np.clip(inside, self.lower, self.upper)
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """d coordinate / dz, shape (..., parameters)."""
+        """Derivatives d coordinate / dz, shape (..., parameters)."""
         density = np.exp(-0.5 * np.asarray(z) ** 2) / np.sqrt(2.0 * np.pi)
         if self.kind == "log-uniform":
             return self.width * density
@@ -105,7 +105,7 @@ class Prior(Box):
         return self._spread() * (last - first) * density / (np.exp(-0.5 * standard**2) / np.sqrt(2.0 * np.pi))
 
     def z_of(self, x: np.ndarray) -> np.ndarray:
-        """Latent variables of coordinates; at a bound they are minus or plus `LARGEST_LATENT`."""
+        """Convert coordinates to latent variables; at a bound these are -/+ `LARGEST_LATENT`."""
         if self.kind == "log-uniform":
             share = (np.asarray(x) - self.lower) / self.width
         else:
@@ -123,13 +123,13 @@ class Prior(Box):
 
 @dataclass(frozen=True)
 class PosteriorDensity:
-    """Density of the latent variables of a patient's free parameters.
+    """Posterior density of the latent variables of a patient's free parameters.
 
     Args:
-        model: circuit and values; those of the free parameters are replaced.
+        model: circuit and parameter values; the values of the free parameters are replaced.
         measured: measured value of each output [mmHg, L/min].
-        errors: standard uncertainty of each, in the unit of the output.
-        prior: of the free parameters.
+        errors: standard uncertainty of each measurement, in the unit of the output.
+        prior: prior of the free parameters.
         policy: blood volume policy.
     """
 
@@ -141,7 +141,7 @@ class PosteriorDensity:
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """Names of the measurements."""
+        """Names of the measured outputs."""
         return tuple(self.measured)
 
     @cached_property
@@ -155,37 +155,37 @@ class PosteriorDensity:
         return np.array([self.errors[n] for n in self.outputs])
 
     def values(self, x: np.ndarray) -> dict[str, float | np.ndarray]:
-        """Parameter values of members with coordinates (members, parameters), or of one (parameters,)."""
+        """Parameter values from coordinates x, shape (members, parameters) or (parameters,)."""
         free = np.moveaxis(self.prior.scale.values(x), -1, 0)
         return {**self.model.values, **dict(zip(self.prior.names, free, strict=True))}
 
     def numbers(self, z: np.ndarray) -> dict[str, float]:
-        """Parameter values at one point."""
+        """Parameter values at one point in latent space."""
         return {name: float(value) for name, value in self.values(self.prior.x_of(z)).items()}
 
     def potential(self, z: np.ndarray, outputs: np.ndarray, temper: float = 1.0) -> np.ndarray:
-        """U of members, shape (members,), from their outputs (members, outputs).
+        """Compute U, shape (members,), from the outputs of members, shape (members, outputs).
 
         Args:
             z: latent variables, shape (members, parameters).
-            outputs: of the model there.
-            temper: how much the measurements count: 1 for the posterior, 0 for the prior.
+            outputs: outputs of the model at z.
+            temper: weight of the measurements: 1 for the posterior, 0 for the prior.
         """
         misfit = np.sum(((outputs - self.target) / self.scale) ** 2, axis=-1)
         likelihood = np.where(np.isfinite(misfit), 0.5 * temper * misfit, np.inf)
         return likelihood + 0.5 * np.sum(np.square(z), axis=-1)
 
     def simulate(self, z: np.ndarray, centre: np.ndarray | None = None) -> np.ndarray:
-        """Outputs of many members side by side, shape (members, outputs); NaN without a steady beat.
+        """Simulate members side by side; outputs have shape (members, outputs), NaN without a steady beat.
 
         Args:
             z: latent variables, shape (members, parameters).
-            centre: latent variables that all members are close to.
+            centre: latent variables near those of all members, where searches for the beat start.
         """
         return self.beats(z, centre).values.T
 
     def beats(self, z: np.ndarray, centre: np.ndarray | None = None) -> SteadyBeat:
-        """The beats behind these outputs."""
+        """Compute the steady beats of members; the arguments are those of `simulate`."""
         start = None if centre is None else self.numbers(centre)
         values = self.values(self.prior.x_of(z))
         return beats_of_members(self.model, values, len(z), self.outputs, self.policy, start)
@@ -200,16 +200,16 @@ def beats_of_members(
     start: Mapping[str, float] | None = None,
     waveforms: tuple[str, ...] = (),
 ) -> SteadyBeat:
-    """Beats of members that share a circuit, those alone with numbers that are determined.
+    """Beats of members that share a circuit; only uniquely determined beats have outputs.
 
     Args:
-        model: gives the circuit.
+        model: model that gives the circuit.
         values: a number or an array (members,) for every parameter.
         count: number of members.
         outputs: names of the registry.
         policy: blood volume policy.
-        start: values that all members are close to, at whose beat searches begin.
-        waveforms: whose smallest and largest values are wanted.
+        start: parameter values near those of all members; searches start from the beat at these values.
+        waveforms: waveforms whose smallest and largest values are computed.
     """
     batch = Batch(model.circuit, values, count, policy)
     beat = steady_beat(
@@ -223,38 +223,38 @@ def beats_of_members(
     return beat.determined_only()
 
 
-# --- the posterior and its gradient at point after point, and its Gaussian approximation ------------
+# --- evaluation of posterior and gradient, Gaussian approximation -----------------------------------
 
 
 FIRST_SEARCH = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4, exact_iterations=0)
-"""Enough to begin with: a step of Newton's method follows."""
+"""Accuracy of the first search for the orbit; a Newton step follows."""
 THOROUGH_SEARCH = OrbitOptions(tolerance=1e-6, error_tolerance=1e-5, exact_iterations=0)
-"""Where the step of Newton's method from there would be too long, or no beat was found."""
+"""Used when the Newton step after `FIRST_SEARCH` would be too long, or no beat was found."""
 CONTINUED_SEARCH = replace(FIRST_SEARCH, quasi_newton_beats=10, newton_iterations=0)
-"""From the last point; if this does not settle, the beat is searched for from the centre."""
+"""Search that starts from the last point; if it fails, the search starts from the centre."""
 LARGEST_NEWTON_STEP = 2e-3
-"""Largest relative change in the step of Newton's method: its error is about the square."""
+"""Largest relative change in the Newton step; the error is about the square of the change."""
 LARGEST_START = 2.5
-"""Starts beyond are drawn in: at a bound a latent variable is infinite and nothing has a slope."""
+"""Start values are limited to this |z|: at a bound z is infinite and all derivatives vanish."""
 ITERATIONS = 40
 SMALLEST_PROMISED_FALL = 1e-4
-"""Settled when a step promises to lower the potential by less: a hundredth of a standard deviation."""
+"""The search ends when the predicted decrease of U is smaller; 1e-4 is about 0.01 standard deviations."""
 LARGEST_DAMPING = 1e8
 LONGEST_STEP = 1.0
 
 
 class NoSteadyBeatError(ValueError):
-    """The model has no steady beat, or one of many, where it is needed."""
+    """Raised where a steady beat is needed and the model has none or no unique one."""
 
 
 class GradientEvaluator:
-    """Evaluates a posterior and its gradient at one point after the other.
+    """Evaluates a posterior and its gradient at a sequence of points.
 
     Args:
-        posterior: density.
-        centre: latent variables near which the points stay; where nothing better is known, searches start
-            from the orbit there, and all points have the grid that is needed there.
-        by_point: whether what a point gives must not depend on the points before.
+        posterior: density to evaluate.
+        centre: latent variables near all points. Searches start from the orbit there unless a better start is
+            known, and the grid needed there is used for all points.
+        by_point: whether the result at a point must not depend on earlier points.
     """
 
     def __init__(self, posterior: PosteriorDensity, centre: np.ndarray, *, by_point: bool = False):
@@ -269,7 +269,7 @@ class GradientEvaluator:
         self.last: Tangent | None = None
 
     def linear(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Outputs, shape (outputs,), and d output / dz (outputs, parameters); None without a steady beat."""
+        """Outputs (outputs,) and d output / dz (outputs, parameters); None without a steady beat."""
         prior = self.posterior.prior
         x = prior.x_of(z)
         batch, unit = self._batch(x), prior.scale.slopes(x)
@@ -288,7 +288,7 @@ class GradientEvaluator:
         return None
 
     def potential(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """U and dU/dz; infinite and zero without a steady beat."""
+        """U and dU/dz; infinity and zeros without a steady beat."""
         linear = self.linear(z)
         if linear is None:
             return np.inf, np.zeros(len(z))
@@ -303,21 +303,21 @@ class GradientEvaluator:
     def _linearised(
         self, batch: Batch, problem: OrbitProblem, state: np.ndarray, volume_slopes: np.ndarray
     ) -> Linearisation | None:
-        """Outputs and derivatives; None if the state is too far from the orbit or has none."""
+        """Outputs and derivatives; None if the state is too far from the orbit or has no derivatives."""
         outputs, names = self.posterior.outputs, self.posterior.prior.names
         read = needed_parameters(batch.circuit, outputs)
         try:
             linear = linearise(
                 problem, state, outputs, names, volume_slopes, batch.numbers_for(read), batch.circuit
             )
-        except NoDerivativesError:  # two orbits meet here, and none has derivatives
+        except NoDerivativesError:  # two orbits coincide here, and no derivatives exist
             return None
         finite = np.isfinite(linear.values_on_orbit).all() and np.isfinite(linear.slopes).all()
         settled = finite and linear.orbit.distance < LARGEST_NEWTON_STEP
         return linear if settled else None
 
     def _searches(self, x: np.ndarray) -> Iterator[tuple[Anchor, OrbitOptions]]:
-        """Starts and options of searches, tried until one is good enough."""
+        """Starts and solver options of searches, in the order in which they are tried."""
         if self.last is not None and not self.by_point:
             yield Anchor(self.last.state(x), self.last.anchor.inverse), CONTINUED_SEARCH
         yield self.centre, FIRST_SEARCH
@@ -329,11 +329,11 @@ class Gaussian:
     """A normal distribution of the latent variables.
 
     Args:
-        centre: highest point of the posterior, shape (parameters,).
-        covariance: shape (parameters, parameters).
-        outputs: of the model at the centre, shape (outputs,).
-        jacobian: d output / dz there, shape (outputs, parameters).
-        potential: there.
+        centre: maximum of the posterior density, shape (parameters,).
+        covariance: covariance matrix, shape (parameters, parameters).
+        outputs: outputs of the model at the centre, shape (outputs,).
+        jacobian: d output / dz at the centre, shape (outputs, parameters).
+        potential: U at the centre.
     """
 
     centre: np.ndarray
@@ -349,15 +349,15 @@ class Gaussian:
 
 
 def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
-    """The best highest point that is reached from some starts, and the curvature there.
+    """Return the best maximum of the density reached from several starts, with the curvature there.
 
     Args:
-        posterior: density.
+        posterior: density to maximise.
         starts: coordinates of the parameters, shape (starts, parameters).
 
     Raises:
-        NoSteadyBeatError: From no start, or the beat at the highest point is one of many or without a
-            steady state of the gases that were measured.
+        NoSteadyBeatError: No start reaches a maximum, or the beat there is not unique or lacks a steady state
+            of the gases that were measured.
     """
     latent = [posterior.prior.z_of(x) for x in np.atleast_2d(starts)]
     climbs = [g for z in latent if (g := _maximise_from(posterior, z))]

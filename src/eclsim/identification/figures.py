@@ -51,7 +51,7 @@ _DOT: dict[str, Any] = {"color": OKABE_ITO["vermillion"], "markersize": 4, "clip
 def _parameter_panels(
     curves: CostCurves, units: Mapping[str, str], label: str, margin_mm: float
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with a panel for each parameter from bound to bound, its axis as it is sought."""
+    """Create a figure with one panel per parameter from bound to bound, each axis scaled as in the search."""
     fig, panels = panel_grid(len(curves.names), 3, 46, margin_mm)
     for axes, name, values in zip(panels, curves.names, curves.values, strict=True):
         _scaled(axes.xaxis, name)
@@ -80,13 +80,13 @@ def plot_slices(slices: CostCurves, units: Mapping[str, str]) -> Figure:
 
 
 def plot_profiles(refitted: CostCurves, held: CostCurves, units: Mapping[str, str], rise: float) -> Figure:
-    """Chi-square along each parameter with the others fitted again, beside that with the others held.
+    """Chi-square along each parameter, with the others refitted and with the others held.
 
     Args:
-        refitted: the others fitted again.
-        held: the others held, through the same point.
-        units: of the parameters.
-        rise: a value is within the 90 % interval where the profile is at most so much above its least.
+        refitted: curves with the other parameters fitted again.
+        held: curves through the same point with the other parameters held.
+        units: units of the parameters.
+        rise: a value lies within the 90 % interval where the profile is at most this far above its minimum.
     """
     low = float(np.nanmin(refitted.costs))
     with figure_style():
@@ -106,13 +106,13 @@ def plot_profiles(refitted: CostCurves, held: CostCurves, units: Mapping[str, st
 
 
 def plot_starts(starts: Starts, names: Sequence[str], lower: np.ndarray, upper: np.ndarray) -> Figure:
-    """Cost of every start before and after its refinement, and where in the bounds it ended.
+    """Cost of every start before and after refinement, and the position between the bounds where it ended.
 
     Args:
-        starts: all that were refined.
-        names: of the parameters.
-        lower: logarithms of their lower bounds.
-        upper: of their upper bounds.
+        starts: all starts that were refined.
+        names: names of the parameters.
+        lower: coordinates of the lower bounds.
+        upper: coordinates of the upper bounds.
     """
     good, number = starts.agreeing, np.arange(1, len(starts.agreeing) + 1)
     place = (starts.end - lower) / (upper - lower)
@@ -148,12 +148,12 @@ def plot_residuals(
     uncertainties: Mapping[str, float],
     edges: Mapping[str, float],
 ) -> Figure:
-    """Differences of one fit from what was measured, in standard uncertainties.
+    """Differences between one fit and the measurements, in standard uncertainties.
 
     Args:
         outputs: "measured" and "simulated" of each output, as in the JSON file.
         uncertainties: standard uncertainty of each measurement, in its unit.
-        edges: difference beyond which a fit is called so, the milder word first.
+        edges: by level ("doubtful", "poor"), the difference beyond which a fit has this level, milder first.
     """
     pairs = {n: measured_and_simulated([{"outputs": outputs}], [n]) for n in outputs}
     shown = {n: (each[0, 1] - each[0, 0]) / uncertainties[n] for n, each in pairs.items() if len(each)}
@@ -177,7 +177,7 @@ def plot_residuals(
 
 
 def plot_correlation(names: Sequence[str], matrix: np.ndarray) -> Figure:
-    """Correlation of the estimates of the parameters; matrix (parameters, parameters)."""
+    """Correlation matrix of the estimates of the parameters, shape (parameters, parameters)."""
     side = 10.0 * max(len(names), 4)
     with figure_style():
         fig = new_figure(width_mm=1.08 * side + 33.0, height_mm=side + 18.0)
@@ -193,7 +193,7 @@ def plot_scatter(results: Sequence[Mapping[str, Any]], r2: Mapping[str, float | 
 
     Args:
         results: data points as in the JSON file.
-        r2: of "pressures" and "flows".
+        r2: R2 of "pressures" and "flows".
     """
     kinds = ((PRESSURES, "pressures", "mmHg"), (FLOWS, "flows", "L/min"))
     with figure_style():
@@ -254,7 +254,7 @@ def _count_poor_fits(fig: Figure, results: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _shown(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Measured and simulated values of each output that has any."""
+    """Measured and simulated values of each output that has at least one pair."""
     each = {name: measured_and_simulated(results, [name]) for name in names}
     return {name: values for name, values in each.items() if len(values)}
 
@@ -263,16 +263,16 @@ def _shown(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> dict[s
 
 
 SHOWN_DRAWS = 1500
-"""At most so many draws are drawn."""
+"""Largest number of draws plotted."""
 BINS = 28
 _ACROSS = 2
 MOST_NAMES = 8
 LONGEST_NAME = 6
-"""Where names are longer, the axis counts the measurements."""
+"""With longer names (characters), the axis shows the number of the measurement."""
 LONGEST_LABEL = 24
 HOURS_PER_DAY = 24.0
 HOURS_SHOWN_AS_DAYS = 72.0
-"""A course longer than so many hours has days on its axis."""
+"""Courses longer than this [h] have an axis in days."""
 
 
 def plot_traces(result: PosteriorResult) -> Figure:
@@ -369,13 +369,13 @@ def _intervals(ax: Axes, result: PosteriorResult, name: str) -> None:
 
 
 def _edges(name: str, values: np.ndarray) -> np.ndarray:
-    """Ends of the bins of a histogram, equal in the coordinate of a parameter."""
+    """Bin edges of a histogram, equally spaced in the coordinate of a parameter."""
     between = np.linspace if Scale.of([name]).linear[0] else np.geomspace
     return between(values.min(), values.max(), BINS + 1)
 
 
 def _scaled(axis: Axis, name: str, gap: float = 0.2, *, shown: bool = True) -> None:
-    """The axis of a parameter: logarithmic, or linear for one that is sought itself."""
+    """Set the axis of a parameter: logarithmic, or linear for a parameter with a linear coordinate."""
     if not Scale.of([name]).linear[0]:
         (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
         plain_log_ticks(axis, gap, shown=shown)
@@ -386,7 +386,7 @@ def _scaled(axis: Axis, name: str, gap: float = 0.2, *, shown: bool = True) -> N
 
 
 def _histogram(ax: Axes, name: str, values: np.ndarray, gaussian: np.ndarray | None) -> None:
-    """Shares of draws, and of those of the Gaussian approximation as a line."""
+    """Plot the shares of draws as bars and those of the Gaussian approximation as a line."""
     histograms = [(values, "blue", True)] + ([] if gaussian is None else [(gaussian, "vermillion", False)])
     pooled = np.concatenate([drawn for drawn, _, _ in histograms])
     edges = _edges(name, pooled)
@@ -397,7 +397,7 @@ def _histogram(ax: Axes, name: str, values: np.ndarray, gaussian: np.ndarray | N
 
 
 def _ellipse(ax: Axes, result: PosteriorResult, j: int, i: int) -> None:
-    """The 90 % ellipse of two hidden variables, in the parameters."""
+    """Plot the 90 % ellipse of two latent variables, converted to parameters."""
     gaussian, prior = result.gaussian, result.density.prior
     root = np.linalg.cholesky(gaussian.covariance[np.ix_([j, i], [j, i])])
     angle = np.linspace(0.0, 2.0 * np.pi, 90)
@@ -409,7 +409,7 @@ def _ellipse(ax: Axes, result: PosteriorResult, j: int, i: int) -> None:
 
 
 def _outer_labels(ax: Axes, names: Sequence[str], i: int, j: int, size: int) -> None:
-    """Names on the outer axes; two numbers on each."""
+    """Label the outer axes with names and reduce the tick labels of all axes."""
     for axis, shown in ((ax.xaxis, i == size - 1), (ax.yaxis, j == 0 and i > 0)):
         if axis is ax.yaxis and i == j:
             continue
@@ -432,7 +432,7 @@ def _axis(name: str) -> str:
 
 
 def _with_line_break(label: str) -> str:
-    """A label with a line of its own for the key of a section, where it is long."""
+    """Break a long label after the name of its section."""
     section, dot, key = label.rpartition(".")
     return f"{section}.\n{key}" if dot and len(label) > LONGEST_LABEL and "\n" not in section else label
 
@@ -453,12 +453,12 @@ def _title(result: PosteriorResult, what: str) -> str:
 
 @dataclass(frozen=True)
 class TimeAxis:
-    """Where measurements stand on the axis of time.
+    """Positions of the measurements on the time axis.
 
     Args:
-        at: of each measurement.
-        label: of the axis.
-        names: of the measurements, where the axis counts them; empty where it is time.
+        at: position of each measurement.
+        label: label of the axis.
+        names: names of the measurements where the axis counts measurements; empty where it shows time.
     """
 
     at: np.ndarray
@@ -467,7 +467,7 @@ class TimeAxis:
 
     @classmethod
     def of(cls, series: Series) -> TimeAxis:
-        """Time where it is known, else one measurement after the other."""
+        """Axis in hours or days where the times are known, else one unit per measurement."""
         points = series["points"]
         if series.get("assumed_interval_hours") is not None or len(points) < 2:
             names = tuple(plain_text(p["id"]) for p in points)
@@ -482,11 +482,11 @@ class TimeAxis:
 
     @property
     def step(self) -> float:
-        """What a sign may take of the axis without touching its neighbour's."""
+        """Width that a marker may take on the axis without touching its neighbour."""
         return (float(np.ptp(self.at)) or 2.0) / 60.0
 
     def draw(self, ax: Axes, last_row: bool) -> None:
-        """Ticks and label."""
+        """Set limits, ticks and, on the last row, the label."""
         margin = 3.0 * self.step if np.ptp(self.at) else 1.0
         ax.set_xlim(self.at.min() - margin, self.at.max() + margin)
         if self.names:
@@ -501,7 +501,7 @@ class TimeAxis:
 
 
 def plot_parameters(series: Series) -> Figure:
-    """Every parameter after each measurement: median and 90 %."""
+    """Every parameter after each measurement: median and 90 % interval."""
 
     def draw(ax: Axes, time: TimeAxis, name: str) -> None:
         _band(ax, time, _values_of_points(series, "parameters", name), "blue", "after the measurement")
@@ -512,7 +512,7 @@ def plot_parameters(series: Series) -> Figure:
 
 
 def plot_outputs(series: Series) -> Figure:
-    """Every output: where it was expected, what was measured, and what the model says afterwards."""
+    """Every output: forecast, measurement, and model output after the update."""
 
     def draw(ax: Axes, time: TimeAxis, name: str) -> None:
         expected, outputs = (_values_of_points(series, key, name) for key in ("expected", "outputs"))
@@ -539,7 +539,7 @@ def _values_of_points(series: Series, key: str, name: str) -> list[Any]:
 def _panels_over_time(
     series: Series, key: str, title: str, draw: Callable[[Axes, TimeAxis, str], None]
 ) -> Figure:
-    """A panel over time for each name that the points have under a key."""
+    """Create one panel over time for each name that the points have under a key."""
     names, time = list(dict.fromkeys(n for p in series["points"] for n in p[key])), TimeAxis.of(series)
     with figure_style():
         fig, panels = panel_grid(len(names), _ACROSS, 36, 30)

@@ -29,7 +29,7 @@ _QUANTILES = ("median", "lower", "upper")
 def fits_object(
     results: Sequence[Mapping[str, Any]], settings: Mapping[str, Any], refused: Iterable[Mistake] = ()
 ) -> dict[str, Any]:
-    """All data points, R2, rows that were refused, and what the fits were asked for."""
+    """Collect all data points, R2, refused rows and the settings of the fits as one object."""
     return {
         "points": list(results),
         "r2": r_squared(results),
@@ -72,14 +72,14 @@ def _output_rows(point: Mapping[str, Any]) -> list[tuple[object, ...]]:
 
 
 def write_fitted_case(folder: Path, fit: FitResult) -> Path:
-    """Write the fitted case, with the verdict on the fit; every command takes it."""
+    """Write the fitted case file, with the verdict on the fit; every command accepts it."""
     path = folder / f"{stem(fit.name)}.toml"
     write_text(fitted_text(fit), path)
     return path
 
 
 def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None) -> list[Path]:
-    """Slices, profiles (None: those of an earlier fit go), starts, residuals and correlation of one fit."""
+    """Write slices, profiles, starts, residuals and correlation of one fit; None deletes earlier profiles."""
     from eclsim.identification.figures import (
         plot_correlation,
         plot_profiles,
@@ -133,7 +133,7 @@ def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]
 
 
 def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
-    """Write everything about a posterior into a folder and return what was written.
+    """Write everything about a posterior into a folder and return the paths of the files.
 
     `arviz.from_netcdf` reads the NetCDF file; `eclsim crrt-study --posterior` takes the samples.
     """

@@ -1,19 +1,21 @@
-"""Latent variables through time: an iterated unscented Kalman filter, several at once.
+"""Tracking of latent variables over time: a bank of iterated unscented Kalman filters.
 
-What is tracked are the latent variables z of a `Prior`, in the coordinates u of the `Transport` of the first
-measurement, in which its curved posterior is nearly normal. Between measurements z drifts, over a day as
+The tracked quantities are the latent variables z of a `Prior`, in the coordinates u of the `Transport` of the
+first measurement, in which its curved posterior is nearly normal. Between measurements z drifts. Over one
+day,
 
     z(k+1) = sqrt(1 - q^2) z(k) + q e(k),    e(k) standard normal,
 
-and over t days with 1 - (1 - q^2)^t for q^2 (an Ornstein-Uhlenbeck process): over short times the variance
-grows in proportion to time, and without measurements all return to what is known before any (N(0, 1)). A
-measurement is the model's output plus noise. The output is averaged over sigma points (the unscented
-transform, Julier and Uhlmann 1997; cubature weights, Arasaratnam and Haykin 2009), first around the forecast,
-then again around the estimate itself (García-Fernández et al. 2015, IEEE Trans. Signal Process. 63, 5561),
-because the model is far from linear over the width of a forecast.
+and over t days with q^2 replaced by 1 - (1 - q^2)^t (an Ornstein-Uhlenbeck process): over short times the
+variance grows in proportion to time, and without measurements z returns to its prior, N(0, 1). A measurement
+is the model's output plus noise. The output is averaged over sigma points (the unscented transform, Julier
+and Uhlmann 1997; cubature weights, Arasaratnam and Haykin 2009), first around the forecast, then again around
+the estimate itself (García-Fernández et al. 2015, IEEE Trans. Signal Process. 63, 5561), because the model is
+far from linear over the width of a forecast.
 
-How fast a patient drifts is not known: filters with different q run side by side, each weighted by how
-probable it has found the measurements so far (Magill 1965, IEEE Trans. Autom. Control 10, 434).
+The rate at which a patient drifts is not known. Filters with different q therefore run side by side, each
+weighted by the probability that it has assigned to the measurements so far (Magill 1965, IEEE Trans. Autom.
+Control 10, 434).
 """
 
 from __future__ import annotations
@@ -33,26 +35,26 @@ from eclsim.identification.importance import Transport
 Simulate = Callable[[np.ndarray], np.ndarray]
 """Outputs (members, outputs) of latent variables (members, parameters); NaN without a steady beat."""
 DRIFTS = (0.05, 0.12, 0.3)
-"""Standard deviation q of the change of a latent variable over a day. Near the middle of bounds a factor of
-100 apart, 0.1 is about 18 % of the parameter."""
+"""Standard deviation q of the change of a latent variable over a day.
+With bounds a factor of 100 apart, 0.1 is about 18 % of the parameter near the middle of the bounds."""
 SMALLEST_SPREAD = 1e-12
 MOST_STEPS = 100
-"""A longer time without measurement is not divided further."""
+"""Largest number of steps into which a time without measurement is divided."""
 ITERATIONS = 3
 SMALL_CHANGE = 0.3
-"""The estimate is not linearised again once it has moved by less, in its own standard deviations."""
+"""The estimate is linearised again only if it has moved by more than this, in its standard deviations."""
 LIKELY_FILTER = 0.05
 """Weight of a filter from which on it decides how far an update has moved."""
 RETRACTED_SHARES = (0.5, 0.2, 0.05)
-"""A sigma point without a steady beat is drawn in to these shares of its distance."""
+"""A sigma point without a steady beat is moved towards the mean, to these shares of its distance."""
 UNUSUAL_SERIES = 0.01
-"""A measurement whose outputs together are less probable than this does not fit the patient so far."""
+"""A measurement does not fit the patient so far if its outputs together are less probable than this."""
 UNUSUAL_OUTPUT = 0.001
-"""An output that by itself is less probable than this does not fit the others."""
+"""An output does not fit the others if by itself it is less probable than this."""
 
 
 def as_drifts(name: str, drifts: Any) -> tuple[float, ...]:
-    """Standard deviations of drifts, one or more above 0."""
+    """Check and return standard deviations of drifts: one or more numbers above 0."""
     listed = (drifts,) if isinstance(drifts, str) or not isinstance(drifts, Iterable) else tuple(drifts)
     numbers = tuple(FiniteNumber(above=0.0)(name, drift) for drift in listed)
     if not numbers:
@@ -62,12 +64,12 @@ def as_drifts(name: str, drifts: Any) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class GaussianMixture:
-    """Distribution at one time: a mixture of normal distributions, one of each filter of a bank.
+    """Distribution at one time: a mixture of normal distributions, one for each filter of the bank.
 
     Args:
-        weights: of the filters, sum to 1, shape (filters,).
-        means: shape (filters, size).
-        covariances: shape (filters, size, size).
+        weights: weights of the filters, which sum to 1, shape (filters,).
+        means: means of the filters, shape (filters, size).
+        covariances: covariances of the filters, shape (filters, size, size).
     """
 
     weights: np.ndarray
@@ -89,7 +91,7 @@ class GaussianMixture:
         )
 
     def quantiles(self, shares: Sequence[float]) -> np.ndarray:
-        """Quantiles of each component of the vector by itself, by bisection, shape (shares, size)."""
+        """Marginal quantiles of each component, found by bisection, shape (shares, size)."""
         # What no parameter moves is known exactly.
         spreads = np.maximum(np.sqrt(np.einsum("fii->fi", self.covariances)), SMALLEST_SPREAD)
         rows = []
@@ -104,12 +106,12 @@ class GaussianMixture:
         return np.stack(rows)
 
     def forecast(self, drifts: np.ndarray, transport: Transport, days: float = 1.0) -> GaussianMixture:
-        """After some days without measurement.
+        """Return the distribution after some days without measurement.
 
         Args:
-            drifts: q of each filter, over a day.
-            transport: coordinates of the means.
-            days: time that has passed; the drift is taken to u anew for each of them.
+            drifts: q of each filter for one day.
+            transport: coordinates in which the means are given.
+            days: elapsed time [days], divided into steps; the drift of z is converted to u again at each.
         """
         steps = min(max(1, int(np.ceil(days))), MOST_STEPS)
         each = np.sqrt(-np.expm1(days / steps * np.log1p(-(drifts**2))))
@@ -119,7 +121,7 @@ class GaussianMixture:
         return state
 
     def _drifted(self, drifts: np.ndarray, transport: Transport) -> GaussianMixture:
-        """After one step, the drift of z taken to u at each mean."""
+        """Return the distribution after one step; the drift of z is converted to u at each mean."""
         shares = np.sqrt(1.0 - drifts**2)
         means, covariances = self.means.copy(), self.covariances.copy()
         for k, (share, drift) in enumerate(zip(shares, drifts, strict=True)):
@@ -141,12 +143,12 @@ class GaussianMixture:
 
 @dataclass(frozen=True)
 class Regression:
-    """The best linear model of outputs over a normal distribution: y = mean + slope (z - z mean) + rest.
+    """Linear regression of outputs over a normal distribution: y = mean + slope (z - mean of z) + residual.
 
     Args:
-        mean: shape (filters, outputs).
-        slope: shape (filters, outputs, parameters).
-        rest: covariance of what is not linear, shape (filters, outputs, outputs).
+        mean: mean outputs, shape (filters, outputs).
+        slope: regression coefficients, shape (filters, outputs, parameters).
+        rest: covariance of the residual, the nonlinear part, shape (filters, outputs, outputs).
     """
 
     mean: np.ndarray
@@ -154,16 +156,16 @@ class Regression:
     rest: np.ndarray
 
     def outputs(self, state: GaussianMixture) -> GaussianMixture:
-        """The outputs expected of a state, the regression being one over that state."""
+        """Return the distribution of the outputs for the state over which this regression was computed."""
         spread = self.slope @ state.covariances @ np.swapaxes(self.slope, 1, 2) + self.rest
         return GaussianMixture(state.weights, self.mean, spread)
 
 
 def sigma_points(means: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """Points at the square root of the dimension along both directions of each axis and in the middle.
+    """Return the mean, and the mean +/- sqrt(size) times each column of the Cholesky factor.
 
     Returns:
-        Shape (filters, 2 size + 1, size); the first is the mean.
+        Points, shape (filters, 2 size + 1, size); the first is the mean.
     """
     size = means.shape[1]
     axes = np.sqrt(size) * np.swapaxes(np.linalg.cholesky(covariances), 1, 2)
@@ -172,10 +174,10 @@ def sigma_points(means: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 
 
 def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> Regression:
-    """Regress the outputs on the latent variables over each filter's normal distribution.
+    """Regress the outputs on the latent variables over the normal distribution of each filter.
 
     Raises:
-        NoSteadyBeatError: At a mean.
+        NoSteadyBeatError: The model has no steady beat at a mean.
     """
     points = sigma_points(means, covariances)
     count, each, size = points.shape
@@ -205,15 +207,15 @@ def updated(
     simulate: Simulate, forecast: GaussianMixture, first: Regression, measured: np.ndarray,
     errors: np.ndarray, used: np.ndarray,
 ) -> GaussianMixture:  # fmt: skip
-    """Distribution after a measurement.
+    """Return the distribution after a measurement.
 
     Args:
-        simulate: outputs of latent variables.
-        forecast: of the latent variables.
+        simulate: function that computes outputs from latent variables.
+        forecast: forecast distribution of the latent variables.
         first: regression over the forecast.
-        measured: shape (outputs,).
-        errors: standard uncertainties.
-        used: which outputs count.
+        measured: measured values, shape (outputs,).
+        errors: standard uncertainties of the measured values.
+        used: whether each output is used for the update.
     """
     noise = np.diag(errors[used] ** 2)
     weights = _with_new_weights(forecast, first.outputs(forecast), measured, noise, used)
@@ -264,7 +266,7 @@ def _linear_update(
     forecast: GaussianMixture, around: np.ndarray, regression: Regression, measured: np.ndarray,
     noise: np.ndarray, used: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Kalman's update of the forecast with a model that is linear around some points."""
+    """Kalman update of the forecast with the model linearised around given points."""
     slope, residual = regression.slope[:, used], regression.rest[:, used][:, :, used]
     total = slope @ forecast.covariances @ np.swapaxes(slope, 1, 2) + residual + noise
     gain = np.swapaxes(np.linalg.solve(total, slope @ forecast.covariances), 1, 2)
@@ -278,7 +280,7 @@ def _with_new_weights(
     forecast: GaussianMixture, outputs: GaussianMixture, measured: np.ndarray, noise: np.ndarray,
     used: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Weights of the filters by how probable each has found the measurement."""
+    """Weights of the filters, multiplied by the likelihood of the measurement under each and normalised."""
     total = outputs.covariances[:, used][:, :, used] + noise
     deviations = measured[used] - outputs.means[:, used]
     square = np.einsum("fo,fo->f", deviations, np.linalg.solve(total, deviations[..., None])[..., 0])
@@ -291,15 +293,16 @@ def _with_new_weights(
 
 @dataclass(frozen=True)
 class InnovationTest:
-    """Whether measurements fit their forecast.
+    """Test whether measurements fit their forecast.
 
     Args:
-        deviations: of each output in standard deviations; NaN where nothing was measured.
-        unusual: outputs that do not fit the others.
-        left_out: of these, those that the update goes without.
-        persistent: of these, those used now as they did not fit the last time either, in the same direction.
-        chi_square: of all together.
-        probability: of a larger one.
+        deviations: deviation of each output in standard deviations; NaN where nothing was measured.
+        unusual: whether each output is far from its forecast or does not fit the others.
+        left_out: whether each output is unusual and not used for the update.
+        persistent: whether each output is unusual but used, since it deviated in the same direction last
+            time.
+        chi_square: chi-square of all outputs together.
+        probability: probability of a larger chi-square.
     """
 
     deviations: np.ndarray
@@ -318,18 +321,19 @@ class InnovationTest:
         measured: np.ndarray,
         missed: np.ndarray | None = None,
     ) -> InnovationTest:
-        """Compare measurements with the outputs expected.
+        """Compare measurements with the expected outputs.
 
-        One output that does not fit, while all others do, is left out of the update: a clotted line is
-        likelier than a heart that changed so. If it still does not the next time, something has changed for
-        good, and it is used. Where several do not fit, the patient has changed.
+        A single output that does not fit, while all others do, is left out of the update: an error such as a
+        clotted line is more likely than such a change of the heart. If it does not fit the next time either,
+        the change is lasting, and the output is used. Where several outputs do not fit, the patient has
+        changed.
 
         Args:
-            values: measured.
-            scales: their standard uncertainties.
-            outputs: expected.
-            measured: which of them were.
-            missed: deviations of those that were left out the last time; NaN for others.
+            values: measured values.
+            scales: standard uncertainties of the measured values.
+            outputs: distribution of the expected outputs.
+            measured: whether each output was measured.
+            missed: deviations of the outputs that were left out the last time; NaN for others.
         """
         total = outputs.covariance + np.diag(np.where(measured, scales, 1.0) ** 2)
         differences = values - outputs.mean
@@ -352,7 +356,7 @@ class InnovationTest:
         return cls(deviations, unusual, left_out, persistent, square, probability)
 
     def message(self, names: Sequence[str]) -> str:
-        """What does not fit, and what was done; empty where all does."""
+        """State which outputs do not fit and whether they were used; empty if all fit."""
         if self.left_out.any():
             which = ", ".join(n for n, out in zip(names, self.left_out, strict=True) if out)
             return f"{which} does not fit the forecast and the other measurements: not used; check it"

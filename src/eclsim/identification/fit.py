@@ -1,4 +1,4 @@
-"""Fitting cases: a patient's own model from the measurements, and how far it can be relied on."""
+"""Fit cases: estimate a patient's parameters from measurements, with intervals and a verdict on the fit."""
 
 from __future__ import annotations
 
@@ -64,27 +64,27 @@ if TYPE_CHECKING:
 
 AT_BOUND = 1e-6
 LARGEST_DETERMINED_ERROR = 0.5
-"""Largest standard error of a parameter that counts as determined, as a share of what the bounds leave."""
+"""Largest standard error of a determined parameter, relative to the standard deviation between its bounds."""
 SAME_PARAMETER_SHARE = 0.05
-"""Fits that agree but differ in a parameter by more than this share show that it is not determined."""
+"""A parameter is not determined if fits that agree differ in it by more than this share."""
 LARGEST_GAIN_BEYOND_BOUND = 1.0
-"""A bound holds a parameter back if the sum of squared standard differences would fall by more beyond it."""
+"""A bound holds a parameter back if chi-square would fall by more than this beyond the bound."""
 GAIN_THAT_SPOILS_FIT = 6.0
-"""Likewise by so much that the bound spoils the fit."""
+"""A bound spoils the fit if chi-square would fall by more than this beyond the bound."""
 NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
 
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A parameter with its 90 % interval, in its unit.
+    """A parameter with its 90 % interval, in the parameter's unit.
 
     Args:
         value: the estimate.
-        lower: of the interval, which ends at the bounds.
-        upper: likewise.
-        at_bound: whether the estimate sits at a bound.
-        identifiable: whether the measurements tell it from the others.
-        reason: why they do not; empty where they do.
+        lower: lower end of the interval, which is limited by the bounds.
+        upper: upper end of the interval, likewise limited.
+        at_bound: whether the estimate is at a bound.
+        identifiable: whether the measurements determine the parameter.
+        reason: reason why they do not; empty if they do.
     """
 
     value: float
@@ -100,22 +100,22 @@ class FitResult:
     """The fit of one data point.
 
     Args:
-        name: of the point.
-        case: with the fitted parameters; as it was if nothing could be fitted.
-        measured: what was fitted to [mmHg, L/min].
-        simulated: all outputs of the fitted model that can be measured.
-        parameters: free parameters.
-        correlation: of their estimates, shape (parameters, parameters).
-        objective: what was minimised.
-        box: bounds.
-        optimum: where and how the search ended.
-        number: of the data point in the objective.
+        name: name of the data point.
+        case: case with the fitted parameters; unchanged if nothing could be fitted.
+        measured: measured values that were fitted [mmHg, L/min].
+        simulated: values of all outputs of the fitted model that can be measured.
+        parameters: estimates of the free parameters.
+        correlation: correlation matrix of the estimates, shape (parameters, parameters).
+        objective: objective that was minimised.
+        box: bounds of the free parameters.
+        optimum: result of the search.
+        number: number of the data point in the objective.
         uncertainties: standard uncertainty of each measurement [mmHg, L/min].
-        settings: what was asked for.
-        verdict: whether it is to be used, and why (not).
-        implied: outputs of the fitted patient that ranges of adults are known of, in their units.
-        profile: 90 % interval of each parameter by its profile likelihood; empty where it was not computed.
-        warnings: of the fitted patient's beat.
+        settings: settings of the fit.
+        verdict: whether the fit can be used, with reasons.
+        implied: outputs of the fitted patient for which adult reference ranges are known, in their units.
+        profile: 90 % interval of each parameter by profile likelihood; empty if it was not computed.
+        warnings: warnings about the steady beat of the fitted patient.
         seconds: wall time; points fitted side by side share theirs evenly.
     """
 
@@ -143,16 +143,16 @@ class FitResult:
 
     @property
     def status(self) -> FitStatus:
-        """How it ended."""
+        """How the search ended."""
         return self.optimum.status
 
     @property
     def ranges(self) -> dict[str, AdultRange]:
-        """Ranges of adults of the patient's sex, by output."""
+        """Adult reference ranges for the patient's sex, by output."""
         return adult_ranges(self.case.patient.sex)
 
     def judged(self, more: Iterable[Reason]) -> FitResult:
-        """The fit when more is known; what a doubt rules out counts as determined no longer."""
+        """Return the fit with further reasons; parameters that a doubt concerns are no longer determined."""
         verdict = self.verdict.with_reasons(more)
         disagreeing = {
             r.about: r.sentence.removeprefix(f"{r.about}: ")
@@ -168,7 +168,7 @@ class FitResult:
         return replace(self, case=case, verdict=verdict, parameters=parameters)
 
     def _undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
-        """The parameters, those with a reason no longer called determined."""
+        """Return the parameters; those with a reason are marked as not determined."""
         return {
             name: replace(p, identifiable=False, reason=reasons[name])
             if p.identifiable and name in reasons
@@ -205,7 +205,7 @@ class FitResult:
         return xr.Dataset(data, coordinates, attributes)
 
     def as_object(self) -> dict[str, Any]:
-        """Plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for unknown values."""
         names = dict.fromkeys([*self.measured, *self.simulated])
         return {
             "id": self.name,
@@ -252,13 +252,13 @@ def fit(case: CaseSource, *, settings: FitSettings | None = None, progress: Prog
     """Fit one case to its measurements: multi-start least squares with exact derivatives.
 
     Args:
-        case: with measurements.
-        settings: what is free, how it is weighted, how widely to look.
-        progress: called with what is being done.
+        case: case with measurements.
+        settings: free parameters, weights and extent of the search.
+        progress: called with a description of the current step.
 
     Raises:
-        CaseError: Nothing was measured, bounds that cannot be, or an uncertainty of what was not measured.
-        TypeError: No case, or no `FitSettings`.
+        CaseError: Nothing was measured, bounds are impossible, or an uncertainty has no measurement.
+        TypeError: The argument is no case, or the settings are no `FitSettings`.
     """
     case, settings = as_case(case), as_settings(settings, FitSettings)
     wrong = unmeasured_uncertainties([case], settings)
@@ -274,11 +274,11 @@ def fit_cases(
 
     Args:
         cases: name and case of each data point.
-        settings: what is free, how it is weighted, how widely to look.
-        progress: called with what is being done.
+        settings: free parameters, weights and extent of the search.
+        progress: called with a description of the current step.
 
     Raises:
-        CaseError: A case without measurements, bounds that cannot be, or cases of several volume policies.
+        CaseError: A case has no measurements, bounds are impossible, or blood volume policies differ.
     """
     settings = settings or FitSettings()
     started = time.perf_counter()
@@ -303,7 +303,7 @@ def fit_cases(
 
 
 def failed_fit(name: str, case: Case, settings: FitSettings, error: Exception) -> FitResult:
-    """The result of a data point whose fit an error of the program ended."""
+    """Return the result of a data point whose fit was ended by an error of the program."""
     case = case_to_fit(case, settings)
     objective, box = _problem([case], settings)
     optimum = optimum_without_fit(len(box.names), len(objective.outputs), FitStatus.BROKEN_OFF)
@@ -313,7 +313,7 @@ def failed_fit(name: str, case: Case, settings: FitSettings, error: Exception) -
 
 
 def _problem(cases: Sequence[Case], settings: FitSettings) -> tuple[Objective, Box]:
-    """Objective for cases made by `case_to_fit`, and the bounds."""
+    """Return the objective for cases prepared by `case_to_fit`, and the bounds."""
     targets, boxes = [], []
     for case in cases:
         checked = checked_fit(case, settings)
@@ -376,16 +376,16 @@ def _result(
 
 
 def _at_bounds(optimum: Optimum, box: Box) -> tuple[np.ndarray, np.ndarray]:
-    """Which parameters are at their lower and which at their upper bound."""
+    """Whether each parameter is at its lower bound, and whether at its upper bound."""
     return optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
 
 
 def _gains_beyond_bounds(
     objective: Objective, number: int, optimum: Optimum, box: Box, chi_square: float
 ) -> np.ndarray:
-    """By how much the sum of squared standard differences would fall if a parameter at its bound left it.
+    """Predicted decrease of chi-square if each parameter at a bound could move beyond it.
 
-    Predicted by the derivatives with the other parameters held, shape (parameters,); 0 inside the bounds.
+    Computed from the derivatives with the other parameters held, shape (parameters,); 0 inside the bounds.
     """
     low, high = _at_bounds(optimum, box)
     gains = np.zeros(len(box.names))
@@ -401,7 +401,7 @@ def _gains_beyond_bounds(
 
 
 def _doubts_of_bounds(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> list[Reason]:
-    """Doubts of a fit that a bound spoils."""
+    """Return doubts about a fit in which a bound prevents agreement with the measurements."""
     return [
         Reason(
             Aspect.AGREEMENT, Level.DOUBTFUL, name,
@@ -413,7 +413,7 @@ def _doubts_of_bounds(parameters: Mapping[str, FittedParameter], gains: np.ndarr
 
 
 def _doubts_of_fixed_parameters(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
-    """Doubts where a measurement is missed while the parameter that it determines is held."""
+    """Return doubts where a measurement does not fit and the parameter that it determines is held."""
     missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
     reasons = []
     for key, (meaning, informative) in INFORMATIVE_MEASUREMENTS.items():
@@ -428,7 +428,7 @@ def _doubts_of_fixed_parameters(goodness: Goodness, free: Sequence[str]) -> list
 
 
 def _doubts_of_set_points(set_points: Mapping[str, float]) -> list[Reason]:
-    """Set points of reflexes that neither the case nor a measurement gives."""
+    """Return doubts about reflex set points that neither the case nor a measurement gives."""
     return [
         Reason(
             Aspect.PLAUSIBILITY, Level.DOUBTFUL, "",
@@ -440,7 +440,7 @@ def _doubts_of_set_points(set_points: Mapping[str, float]) -> list[Reason]:
 
 
 def checked_by_simulation(result: FitResult) -> FitResult:
-    """The fit with doubts from a simulation of the fitted patient, compared with ranges of adults."""
+    """Simulate the fitted patient and return the fit with doubts, such as outputs outside adult ranges."""
     if not result.simulated:
         return result
     from eclsim.outputs.alarms import findings
@@ -470,7 +470,7 @@ def checked_by_simulation(result: FitResult) -> FitResult:
 
 
 def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason]]:
-    """The fit with the intervals for a consumption that is not known, and reasons."""
+    """Return the fit with intervals that allow for an unknown oxygen consumption, and reasons."""
     if not consumption_is_from_formula(result.case, result.measured, result.parameters):
         return result, []
     uncertain = consumption_uncertainty(*_as_fitted(result)) if result.optimum.shared is None else None
@@ -485,7 +485,7 @@ def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason
 
 
 def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reason]]:
-    """The fit with the intervals for held parameters that are not known, and reasons."""
+    """Return the fit with intervals that allow for unknown values of held parameters, and reasons."""
     if result.optimum.shared is not None:
         return result, []
     case, free, errors, policy = _as_fitted(result)
@@ -499,7 +499,7 @@ def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reaso
 
 
 def _widened(result: FitResult, reaches: Mapping[str, tuple[float, float]], why: str) -> FitResult:
-    """The fit with intervals that reach further, of parameters that are not determined after all."""
+    """Return the fit with wider intervals of some parameters, which are marked as not determined."""
     fitted = result.parameters
     wider = {
         name: replace(fitted[name], lower=min(low, fitted[name].lower), upper=max(high, fitted[name].upper))
@@ -512,7 +512,7 @@ def _widened(result: FitResult, reaches: Mapping[str, tuple[float, float]], why:
 def _as_fitted(
     result: FitResult,
 ) -> tuple[Case, Mapping[str, tuple[float, float, float]], Mapping[str, float], str]:
-    """Fitted case, value and bounds of each free parameter, uncertainties and policy."""
+    """Return the fitted case, value and bounds of each free parameter, uncertainties and volume policy."""
     ends = (result.box.scale.values(x) for x in (result.optimum.x, result.box.lower, result.box.upper))
     free = dict(zip(result.box.names, zip(*(e.tolist() for e in ends), strict=True), strict=True))
     return result.case, free, result.uncertainties, result.objective.policy
@@ -522,9 +522,9 @@ def _parameters(
     optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray,
     as_good: np.ndarray,
 ) -> dict[str, FittedParameter]:  # fmt: skip
-    """Values, intervals, and which parameters the measurements determine.
+    """Compute the values and intervals of parameters, and whether the measurements determine them.
 
-    A parameter's interval reaches to every start that met the measurements as well, in whichever valley.
+    The interval of a parameter includes every start that met the measurements as well, in whichever valley.
     """
     low, high = _at_bounds(optimum, box)
     excluded = propose(scaled).excluded if optimum.shared is None else optimum.shared.excluded
@@ -553,7 +553,7 @@ def _parameters(
 
 
 def _at_bound(side: str, held_back: bool) -> str:
-    """What a value at a bound says: no limit of the true one, which others may make up for."""
+    """Reason why a value at a bound is not determined."""
     beyond = "smaller" if side == "lower" else "larger"
     if held_back:
         return (
@@ -566,7 +566,7 @@ def _at_bound(side: str, held_back: bool) -> str:
 def _without_compensating_parameters(
     results: Sequence[FitResult], objective: Objective, box: Box
 ) -> list[FitResult]:
-    """The fits; parameters that make up for undetermined ones are called undetermined themselves."""
+    """Return the fits; parameters that compensate for undetermined ones are marked as undetermined, too."""
     undetermined = [
         [k for k, p in enumerate(f.parameters.values()) if not p.identifiable]
         if f.simulated and f.optimum.shared is None

@@ -1,13 +1,14 @@
-"""Outputs of a fit if the parameters that it holds at usual values were free as well.
+"""Range of outputs of a fit if parameters that it holds at usual values were free as well.
 
 Blood gases, or few measurements, are often fitted with some of the seven parameters held, since their effects
-cannot be told from others'. Their usual values are then taken as known, and a failing heart may come
-out as a healthy one with wide vessels, with narrow intervals. The derivatives at the fit show whether this is
-possible; further fits show how far it goes, with everything free and the output in question at other values
-(profile likelihood). To first order alone the cardiac output of 3 L/min of such a heart lay outside.
+cannot be told from those of others. Their usual values are then taken as known. A failing heart may then be
+fitted as a healthy one with wide vessels, with narrow intervals. The derivatives at the fit show whether this
+is possible. Further fits show the extent, with all parameters free and the output in question held at other
+values (profile likelihood). First-order analysis is not enough: its interval excluded the cardiac output of 3
+L/min of such a heart.
 
-Likewise an oxygen consumption by the formula, which nobody measured: arterial gases alone follow from it and
-the shunt together, and what is wrong with it goes into the shunt.
+The same applies to an oxygen consumption that was not measured but computed by the formula. Arterial gases
+alone depend on consumption and shunt together, so an error of the consumption changes the shunt.
 """
 
 from __future__ import annotations
@@ -34,28 +35,28 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 KEY_OUTPUTS = ("CO", "PCWP", "MPAP")
-"""Outputs that a fit is read for, the gravest first."""
+"""Outputs of a fit that matter most, in order of importance."""
 CONSUMPTION_SPREAD = 0.25
-"""Standard deviation of the logarithm of a critically ill patient's consumption about the formula, from
-the cooled to the septic: an assumption."""
+"""Standard deviation of the logarithm of the ratio of a critically ill patient's
+consumption to the formula's; an assumption that covers cooled to septic patients."""
 WIDENING_RATIO = 1.3
-"""Ratio of the ends of a 90 % interval to the value, from which an output counts as left open."""
+"""Ratio of 90 % upper end to value, or of interval widths, above which a quantity is undetermined."""
 PROFILE_SHARES = (1.0, *np.geomspace(1.0 / 6.0, 4.0, 10).tolist())
-"""Values that an output is held near in further fits, as shares of the fit's value."""
+"""Values at which an output is held in further fits, relative to the fitted value."""
 PROFILE_UNCERTAINTY = 0.01
-"""Standard uncertainty of such a value, as a share of it."""
+"""Standard uncertainty of a held output value, relative to the value."""
 PROFILE_RETRIES = 2
-"""How often a fit that missed its value is repeated from another start."""
+"""Number of times that a fit which missed its value is repeated from another start."""
 
 
 class AdmissibleRange(NamedTuple):
-    """Values of an output or parameter at which the measurements are met.
+    """Range of an output or parameter within which the measurements are met.
 
     Attributes:
-        low: smallest, in its unit.
-        high: largest.
-        open_below: nothing smaller was tried.
-        open_above: nothing larger was tried.
+        low: smallest value, in the unit of the quantity.
+        high: largest value.
+        open_below: whether no smaller value was tried.
+        open_above: whether no larger value was tried.
     """
 
     low: float
@@ -70,13 +71,13 @@ class AdmissibleRange(NamedTuple):
 
 @dataclass(frozen=True)
 class UndeterminedOutputs:
-    """What follows from held parameters.
+    """Consequences of held parameters.
 
     Attributes:
-        held: parameters at their usual values.
-        outputs: 90 % of each output that is left open, in its unit, were these free as well.
-        values: of the fit.
-        parameters: lower and upper end of each free parameter that reaches further too.
+        held: parameters that are held at their usual values.
+        outputs: 90 % range of each undetermined output, in its unit, with the held parameters free.
+        values: fitted values of these outputs.
+        parameters: lower and upper end of each free parameter whose range becomes wider, too.
     """
 
     held: tuple[str, ...]
@@ -86,7 +87,7 @@ class UndeterminedOutputs:
 
     @property
     def sentence(self) -> str:
-        """In words, with what to do."""
+        """The finding in words, with advice."""
         held, are = ", ".join(self.held), "are" if len(self.held) > 1 else "is"
         each = ", ".join(
             f"{name} {reach} {unit_of(name)} in place of {self.values[name]:.3g}"
@@ -101,12 +102,12 @@ class UndeterminedOutputs:
 
 @dataclass(frozen=True)
 class ConsumptionUncertainty:
-    """Free parameters that carry what is wrong with an oxygen consumption by the formula.
+    """Free parameters that compensate for an error of an oxygen consumption computed by the formula.
 
     Attributes:
-        value: the consumption [mL/min].
-        gases: measured ones that follow from it.
-        intervals: 90 % of each such parameter, in its unit, with the consumption not known.
+        value: oxygen consumption [mL/min].
+        gases: measured gases that depend on it.
+        intervals: 90 % interval of each such parameter, in its unit, with the consumption unknown.
     """
 
     value: float
@@ -115,7 +116,7 @@ class ConsumptionUncertainty:
 
     @property
     def sentence(self) -> str:
-        """In words, with what to do."""
+        """The finding in words, with advice."""
         share, names = f"{100 * CONSUMPTION_SPREAD:.0f} %", ", ".join(self.intervals)
         ends = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in self.intervals.items())
         return (
@@ -132,7 +133,9 @@ def consumption_uncertainty(
     errors: Mapping[str, float],
     policy: str,
 ) -> ConsumptionUncertainty | None:
-    """Free parameters whose intervals a consumption by the formula makes too narrow; None where none are.
+    """Find free parameters whose intervals are too narrow because a consumption is the formula's.
+
+    Returns None if there are no such parameters or the beat has no derivatives.
 
     Args:
         fitted: the case with its fitted values; its consumption is the formula's.
@@ -167,7 +170,7 @@ def undetermined_outputs(
     errors: Mapping[str, float],
     policy: str,
 ) -> UndeterminedOutputs | None:
-    """Outputs that the parameters which a fit holds leave open; None where there are none.
+    """Find outputs that are undetermined because a fit holds parameters; None if there are none.
 
     Args:
         fitted: the case with its fitted values.
@@ -201,11 +204,12 @@ def undetermined_outputs(
 
 
 def _widened_intervals(within: np.ndarray, linear: _LinearisedFit) -> dict[str, tuple[float, float]]:
-    """Ends of the free parameters that reach further than those of the fit do, by more than `WIDENING_RATIO`.
+    """Ends of free parameters whose range is wider than that of the fit by more than `WIDENING_RATIO`.
 
     Args:
-        within: coordinates of fits that meet the measurements, free parameters first, (fits, parameters).
-        linear: the fit.
+        within: coordinates of fits that meet the measurements, free parameters first, shape (fits,
+            parameters).
+        linear: first-order approximation of the fit.
     """
     own, errors = linear.own, np.sqrt(np.diag(linear.covariance))
     wider = {}
@@ -218,11 +222,11 @@ def _widened_intervals(within: np.ndarray, linear: _LinearisedFit) -> dict[str, 
 
 
 class _ProfileCurve(NamedTuple):
-    """Fits with an output at several values, these rising, shape (fits, ...).
+    """Fits with an output held at several increasing values, shape (fits, ...).
 
     Attributes:
-        values: of the output.
-        rises: of chi-square from the least.
+        values: values of the output.
+        rises: chi-square above its minimum.
         x: coordinates of the parameters.
     """
 
@@ -232,13 +236,13 @@ class _ProfileCurve(NamedTuple):
 
     @classmethod
     def of(cls, values: np.ndarray, rises: np.ndarray, x: np.ndarray) -> _ProfileCurve:
-        """The curve through the fits that have a steady beat, in order."""
+        """Return the curve through the fits that have a steady beat, sorted by value."""
         order = np.flatnonzero(np.isfinite(rises))
         order = order[np.argsort(values[order], kind="stable")]
         return cls(values[order], rises[order], x[order])
 
     def reach(self, name: str) -> AdmissibleRange:
-        """Where chi-square stays within 90 %."""
+        """Return the 90 % range by profile likelihood."""
         low, high = interval_90(self.values, self.rises, Scale.of((name,)))
         return AdmissibleRange(low, high, bool(low <= self.values[0]), bool(high >= self.values[-1]))
 
@@ -246,10 +250,10 @@ class _ProfileCurve(NamedTuple):
 def _profile_outputs(
     values: Mapping[str, float], likelihood: Target, box: Box, policy: str
 ) -> list[_ProfileCurve]:
-    """Fit again, everything free, with other values of outputs as if measured (profile likelihood).
+    """Fit with all parameters free and outputs held at other values as if measured (profile likelihood).
 
-    From the fit alone such a search may end in a local minimum: a value that was not met is tried again, from
-    the fitted patient whose output is nearest to it.
+    Such a search may end in a local minimum when it starts from the fit. If a value was not met, the fit is
+    repeated from the patient fitted so far whose output is nearest to that value.
     """
     names = [name for name in values for _ in PROFILE_SHARES]
     values_to_meet = np.outer(list(values.values()), PROFILE_SHARES).ravel()
@@ -265,7 +269,7 @@ def _profile_outputs(
     places = np.array([objective.outputs.index(name) for name in names])
 
     def search(points: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Coordinates, outputs and chi-square of the measurements alone."""
+        """Return coordinates, outputs, and chi-square of the actual measurements only."""
         fits = refine(objective, points, starts, box, REFITTING)
         fitted = fits.outputs[np.arange(len(points)), places[points]]
         chi_square = fits.costs - ((fitted / values_to_meet[points] - 1.0) / PROFILE_UNCERTAINTY) ** 2
@@ -290,14 +294,15 @@ def _profile_outputs(
 
 
 class _LinearisedFit(NamedTuple):
-    """The fit to first order, with its free parameters and with more of them.
+    """First-order approximation of the fit, with its free parameters and with additional ones.
 
     Attributes:
         own: bounds of the free parameters.
-        covariance: of their coordinates.
-        covariance_with_more: of all coordinates, the further ones behind, where these are free as well.
-        values: of the outputs that are read.
-        slopes: of these, by all coordinates.
+        covariance: covariance of their coordinates.
+        covariance_with_more: covariance of all coordinates if additional parameters, placed last, are free,
+            too.
+        values: values of the outputs considered.
+        slopes: derivatives of these outputs with respect to all coordinates.
     """
 
     own: Box
@@ -315,7 +320,7 @@ def _linearised_fit(
     read: Sequence[str],
     policy: str,
 ) -> _LinearisedFit | None:
-    """The fit with its free parameters, and with more; None where the beat has no derivatives."""
+    """Linearise the fit, with its free parameters and with more; None where the beat has no derivatives."""
     box, count, measured = Box.of({**free, **more}), len(free), len(errors)
     try:
         slopes = derivatives(model, (*errors, *read), box.names, policy)
@@ -334,7 +339,7 @@ def _linearised_fit(
 
 
 def _widened_outputs(names: Sequence[str], linear: _LinearisedFit) -> dict[str, float]:
-    """Outputs wider with all free by more than `WIDENING_RATIO` to first order, and their values."""
+    """Values of outputs whose first-order range widens beyond `WIDENING_RATIO` with all parameters free."""
     relative, free = linear.slopes / linear.values[:, None], len(linear.own.names)
     everything = _upper_end_ratio(relative, linear.covariance_with_more)
     without = _upper_end_ratio(relative[:, :free], linear.covariance)
@@ -346,6 +351,6 @@ def _widened_outputs(names: Sequence[str], linear: _LinearisedFit) -> dict[str, 
 
 
 def _upper_end_ratio(relative: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Ratio of the upper end of 90 % to the value, shape (outputs,)."""
+    """Ratio of the upper end of the 90 % interval to the value, shape (outputs,)."""
     variance = np.einsum("ij,jk,ik->i", relative, covariance, relative)
     return np.exp(NORMAL_90 * np.sqrt(np.maximum(variance, 0.0)))

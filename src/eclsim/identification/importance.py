@@ -1,23 +1,24 @@
-"""The posterior without a chain: draws from an approximation, weighted by the exact density.
+"""The posterior without Markov chains: draws from an approximation, weighted by the exact density.
 
-All draws of a round are one batch of steady beats, so this takes seconds where chains take minutes. The first
-rounds aim at flatter densities, in which the measurements count for less, so that no arm of the posterior is
-overlooked. Each round fits its proposal (Student's t distribution in the coordinates of a `Transport`) to the
-weighted draws of all rounds before, and all are weighted by the mixture of all proposals: adaptive multiple
-importance sampling, Cornuet, Marin, Mira and Robert 2012, Scandinavian Journal of Statistics 39, 798-812. The
-largest weights are smoothed with a generalised Pareto distribution, whose shape k tells whether they can be
-trusted: Vehtari, Simpson, Gelman, Yao and Gabry 2024, JMLR 25, 1-58; below 0.7 they can.
+All draws of a round are simulated as one batch of steady beats, so this takes seconds where chains take
+minutes. The first rounds sample flatter densities, in which the measurements have less weight, so that no arm
+of the posterior is missed. Each round fits its proposal (Student's t distribution in the coordinates of a
+`Transport`) to the weighted draws of all earlier rounds. All draws are weighted by the mixture of all
+proposals: adaptive multiple importance sampling, Cornuet, Marin, Mira and Robert 2012, Scandinavian Journal
+of Statistics 39, 798-812. The largest weights are smoothed with a generalised Pareto distribution. Its shape
+k tells whether the weights can be trusted, which is the case below 0.7: Vehtari, Simpson, Gelman, Yao and
+Gabry 2024, JMLR 25, 1-58.
 
-The proposals: the coordinates of a `Transport` are those in which a curved posterior is nearly a standard
-normal distribution, by a triangular map (Parno and Marzouk 2018, SIAM/ASA J. Uncertain. Quantif. 6, 645-682):
-one variable after the other, those least determined by the measurements first,
+In the coordinates of a `Transport`, a curved posterior is nearly a standard normal distribution. They are
+defined by a triangular map (Parno and Marzouk 2018, SIAM/ASA J. Uncertain. Quantif. 6, 645-682), one variable
+after the other, those least determined by the measurements first:
 
     z_k = m_k(z_1 .. z_k-1) + exp(s_k(z_1 .. z_k-1)) g_k(u_k)
 
-with m quadratic and s linear in the variables before, which are squashed so that neither grows without limit
-where no draws were, and g the sinh-arcsinh function, which makes room for a wall on one side and a long tail
-on the other (Jones and Pewsey 2009, Biometrika 96, 761). Whatever the coefficients, the map is one to one, so
-they decide how fast a sampler is, never what it samples.
+Here m is quadratic and s linear in the preceding variables, which are squashed so that neither grows without
+limit where there were no draws. g is the sinh-arcsinh function, which allows a sharp edge on one side and a
+long tail on the other (Jones and Pewsey 2009, Biometrika 96, 761). The map is one to one for all
+coefficients, so they affect the efficiency of a sampler, never the distribution it samples.
 """
 
 from __future__ import annotations
@@ -37,29 +38,29 @@ if TYPE_CHECKING:
 
 Array = TypeVar("Array", np.ndarray, "jax.Array")
 SQUASHING_SCALE = 3.0
-"""Standard deviations beyond which a variable moves the coefficients little further."""
+"""Standard deviations beyond which a variable hardly changes the coefficients further."""
 RIDGE = 0.01
-"""Ridge as a share of the weight of all draws, on every coefficient but the constant."""
+"""Ridge penalty on every coefficient except the constant, relative to the total weight of the draws."""
 ROUNDS = 4
 DIFFERENCE = 1e-5
 LARGEST_LOG_SCALE = 1.5
-"""Largest change of s by the variables before."""
+"""Largest contribution of the preceding variables to s."""
 SHAPE_RIDGE = 0.003
 SHAPE_BOUNDS = ((-2.0, 2.0), (-2.0, 2.0), (-1.5, 1.5), (-0.7, 0.7))
 FEWEST_FOR_CURVES = 150.0
-"""With fewer effective draws the map stays linear."""
+"""With fewer effective draws than this the map remains linear."""
 DEGREES = 5.0
-"""Degrees of freedom of Student's t distribution: its tails are longer than those of a posterior."""
+"""Degrees of freedom of Student's t distribution, whose tails are longer than those of a posterior."""
 
 
 @dataclass(frozen=True)
 class Transport:
-    """The map u -> z.
+    """The map from u to z.
 
     Args:
-        order: variables from the first to the last.
-        centre: of the draws it was fitted to, shape (size,).
-        spread: their standard deviations.
+        order: indices of the variables from the first to the last.
+        centre: mean of the draws that the map was fitted to, shape (size,).
+        spread: standard deviations of these draws, shape (size,).
         middles: coefficients of m, row k for the k-th variable of the order, shape (size, features).
         scales: coefficients of s, shape (size, size + 1).
         shapes: location, logarithm of the scale, skewness and logarithm of the tail weight of g, shape
@@ -75,7 +76,7 @@ class Transport:
 
     @classmethod
     def linear(cls, centre: np.ndarray, covariance: np.ndarray) -> Transport:
-        """The map of a normal distribution: m is linear, s constant."""
+        """Return the map of a normal distribution: m is linear, s constant."""
         size = len(centre)
         spread = np.sqrt(np.diag(covariance))
         order = np.argsort(-spread, kind="stable")
@@ -88,7 +89,7 @@ class Transport:
 
     @classmethod
     def fit(cls, z: np.ndarray, weights: np.ndarray) -> Transport:
-        """The map that takes weighted draws nearest to a standard normal distribution."""
+        """Return the map that brings weighted draws closest to a standard normal distribution."""
         weights = weights / weights.sum()
         centre = weights @ z
         away = z - centre
@@ -103,12 +104,12 @@ class Transport:
             for k in range(z.shape[1]):
                 residuals = _fit_one(k, standard, weights, middles[k], scales[k])
                 shapes[k] = _fit_shape(residuals, weights)
-        except np.linalg.LinAlgError:  # draws in a plane: nothing to fit a curve to
+        except np.linalg.LinAlgError:  # draws lie in a plane: nothing to fit a curve to
             return linear
         return cls(linear.order, centre, linear.spread, middles, scales, shapes)
 
     def z_of(self, u: Array, xp: ModuleType = np) -> tuple[Array, Array]:
-        """Variables and the logarithm of |dz/du|, for u of shape (..., size); `xp` is numpy or jax.numpy."""
+        """Return z and the logarithm of |dz/du| for u of shape (..., size); `xp` is numpy or jax.numpy."""
         standard = []
         log_slope = xp.asarray(np.log(self.spread).sum())
         for k in range(len(self.order)):
@@ -125,7 +126,7 @@ class Transport:
         return (self.z_of(u + shifts)[0] - self.z_of(u - shifts)[0]).T / (2.0 * DIFFERENCE)
 
     def u_of(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Back again, and the logarithm of |dz/du| there."""
+        """Return u for z, and the logarithm of |dz/du| there."""
         standard = ((z - self.centre) / self.spread)[..., self.order]
         before = [standard[..., k] for k in range(len(self.order))]
         u, log_slope = [], np.full(z.shape[:-1], np.log(self.spread).sum())
@@ -137,7 +138,7 @@ class Transport:
 
 
 def _sinh_arcsinh(u: Array, shape: np.ndarray, xp: ModuleType) -> tuple[Array, Array]:
-    """g(u) and the logarithm of its slope."""
+    """Return g(u) and the logarithm of its slope."""
     location, log_scale, skew, log_tail = shape
     inner = (xp.arcsinh(u) + skew) * np.exp(log_tail)
     slope = log_scale + log_tail + xp.log(xp.cosh(inner)) - 0.5 * xp.log1p(u**2)
@@ -145,13 +146,13 @@ def _sinh_arcsinh(u: Array, shape: np.ndarray, xp: ModuleType) -> tuple[Array, A
 
 
 def _inverse_sinh_arcsinh(value: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    """Back from g."""
+    """Inverse of g."""
     location, log_scale, skew, log_tail = shape
     return np.sinh(np.arcsinh((value - location) * np.exp(-log_scale)) * np.exp(-log_tail) - skew)
 
 
 def _fit_shape(residuals: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """g that makes what is left of a variable most nearly standard normal."""
+    """Fit the shape of g that makes the residuals of a variable most nearly standard normal."""
     from scipy.optimize import minimize
 
     def loss(shape: np.ndarray) -> float:
@@ -169,7 +170,7 @@ def _squashed(value: Array, xp: ModuleType) -> Array:
 def _coefficients(
     k: int, before: Sequence[Array], middles: np.ndarray, scales: np.ndarray, xp: ModuleType
 ) -> tuple[Array, Array]:
-    """m and s of the k-th variable; of those before, squares and products are squashed."""
+    """Return m and s of the k-th variable; squares and products of the preceding variables are squashed."""
     squashed = [_squashed(b, xp) for b in before]
     middle, scale, change, place = middles[0], scales[0], 0.0, k + 1
     for a in range(k):
@@ -186,7 +187,7 @@ def _coefficients(
 def _fit_one(
     k: int, standard: np.ndarray, weights: np.ndarray, middles: np.ndarray, scales: np.ndarray
 ) -> np.ndarray:
-    """Weighted regression of one variable on those before, mean and spread in turn; what is left over."""
+    """Regress one variable on the preceding ones, mean and spread in turn; returns the residuals."""
     before = standard[:, :k]
     squashed = _squashed(before, np)
     products = [squashed[:, a] * squashed[:, b] for a in range(k) for b in range(a + 1)]
@@ -208,7 +209,7 @@ def _fit_one(
 
 
 def _fit_scale(residuals: np.ndarray, columns: np.ndarray, weights: np.ndarray, scales: np.ndarray) -> None:
-    """Newton's method for the logarithm of the spread of what is left, which is a convex problem."""
+    """Fit the logarithm of the spread of the residuals by Newton's method; the problem is convex."""
     scales[0] = 0.5 * np.log(weights @ residuals**2)
     scales[1:] = 0.0
     ridge = RIDGE * np.diag([0.0, *[1.0] * (len(scales) - 1)])
@@ -222,12 +223,12 @@ def _fit_scale(residuals: np.ndarray, columns: np.ndarray, weights: np.ndarray, 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Equal shares of Student's t distributions in the coordinates of several transports."""
+    """Equally weighted mixture of Student's t distributions in the coordinates of several transports."""
 
     transports: tuple[Transport, ...]
 
     def draws(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Latent variables, shape (count, size); as many from each distribution as chance has it."""
+        """Draw latent variables, shape (count, size); the component of each draw is random."""
         size = len(self.transports[0].centre)
         normal = random.standard_normal((count, size))
         u = normal / np.sqrt(random.chisquare(DEGREES, count) / DEGREES)[:, None]
@@ -252,19 +253,20 @@ class Mixture:
 
 @dataclass(frozen=True)
 class Jumps:
-    """Jumps across the posterior, between the short trajectories of a sampler: one for each draw of a chain.
+    """Proposed jumps across the posterior, one after each trajectory of a sampler.
 
-    A point is proposed from the distributions that the weighted draws of the posterior came from, and taken
-    or not by the rule of Metropolis for proposals that do not depend on the present point. Whatever the
-    proposals, the chain keeps its distribution; good ones carry it between arms of the posterior that no
-    trajectory joins: Gabrié, Rotskoff and Vanden-Eijnden 2022, PNAS 119, e2109420119. The rule holds only if
-    the potential is a function of the point, the same for the one that is left and the one that is entered.
+    A point is proposed from the distributions that the weighted draws of the posterior came from, and
+    accepted or rejected by the Metropolis rule for proposals that do not depend on the present point. The
+    chain keeps its distribution with any proposals; good ones carry it between arms of the posterior that no
+    trajectory connects: Gabrié, Rotskoff and Vanden-Eijnden 2022, PNAS 119, e2109420119. The rule holds only
+    if the potential is a function of the point alone, the same for the present and the proposed point.
 
     Args:
-        z: latent variables, shape (chains, draws, parameters).
-        log_density: logarithm of the density they were drawn from, shape (chains, draws).
-        log_chance: logarithm of a number between 0 and 1, below which the ratio of the densities must be.
-        mixture: what they were drawn from.
+        z: proposed latent variables, shape (chains, draws, parameters).
+        log_density: logarithm of the proposal density at z, shape (chains, draws).
+        log_chance: logarithm of a uniform random number; a jump is refused if the ratio of densities is
+            smaller.
+        mixture: proposal distribution.
     """
 
     z: np.ndarray
@@ -274,7 +276,7 @@ class Jumps:
 
     @classmethod
     def draw(cls, mixture: Mixture, chains: int, draws: int, seed: int) -> Jumps:
-        """Proposals for some chains."""
+        """Draw proposals for several chains."""
         random = np.random.default_rng([seed, chains, draws])
         z = mixture.draws(random, chains * draws)
         shape = (chains, draws)
@@ -282,26 +284,26 @@ class Jumps:
         return cls(z.reshape(*shape, -1), mixture.log_density(z).reshape(shape), chance, mixture)
 
     def log_ratio(self, z: np.ndarray, potential: float) -> float:
-        """Logarithm of posterior over proposal density at a point, up to a constant."""
+        """Logarithm of the ratio of posterior to proposal density at a point, up to a constant."""
         return -potential - float(self.mixture.log_density(z))
 
     def refused(self, chain: int, draw: int, log_ratio: float, potential: float) -> bool:
-        """Whether a jump from a point of that ratio to the proposal, with its potential, is refused."""
+        """Whether the jump from a point with this ratio to the proposal, with its potential, is refused."""
         proposal_ratio = -potential - self.log_density[chain, draw]
         return not self.log_chance[chain, draw] + log_ratio - proposal_ratio <= 0.0
 
 
-# --- the posterior by weighted draws ----------------------------------------------------------------
+# --- weighted draws of the posterior ----------------------------------------------------------------
 
 
 TEMPERATURES = (0.02, 0.08, 0.25, 0.6, 1.0, 1.0, 1.0)
-"""How much the measurements count in each round."""
+"""Weight of the measurements in each round."""
 LARGEST_SHAPE = 0.7
 FEWEST_EFFECTIVE = 400
 GOOD_SHAPE = 0.6
 GOOD_EFFECTIVE = 600
 MOST_FURTHER_ROUNDS = 6
-"""Rounds are added until the weights are good, at most so many."""
+"""Largest number of rounds that are added until the weights are good."""
 
 
 @dataclass(frozen=True)
@@ -310,10 +312,10 @@ class WeightedDraws:
 
     Args:
         z: latent variables, shape (draws, parameters).
-        outputs: of the model there, shape (draws, outputs).
-        weights: sum to 1, shape (draws,).
+        outputs: outputs of the model at z, shape (draws, outputs).
+        weights: weights of the draws, which sum to 1, shape (draws,).
         shape: Pareto k of the largest weights.
-        proposals: what they were drawn from, and at last what was fitted to all of them.
+        proposals: distributions that the draws come from, and finally one fitted to all draws.
     """
 
     z: np.ndarray
@@ -334,7 +336,7 @@ class WeightedDraws:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the draws are not to be trusted; empty where they are."""
+        """Reasons why the draws cannot be trusted; empty if they can."""
         reasons = []
         if not self.shape < LARGEST_SHAPE:
             reasons.append(f"Pareto k of the weights is {self.shape:.2f} (below {LARGEST_SHAPE})")
@@ -344,18 +346,18 @@ class WeightedDraws:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """The reasons, with what to do."""
+        """The reasons, with advice."""
         return tuple(f"{reason}: sample by chains" for reason in self.reasons)
 
     @property
     def without_beat(self) -> int:
-        """Draws at which the model has no steady beat; they have no weight."""
+        """Number of draws at which the model has no steady beat; their weight is 0."""
         return int((~np.isfinite(self.outputs).all(axis=1)).sum())
 
     def tempered(self) -> tuple[np.ndarray, float]:
-        """Weights that can be trusted: raised to the largest power up to 1 at which no reason is left.
+        """Weights that can be trusted: raised to the largest power, at most 1, for which no reason remains.
 
-        A smaller power takes the distribution from the posterior towards the proposals, which are wider.
+        A smaller power moves the distribution from the posterior towards the wider proposals.
 
         Returns:
             Weights, which sum to 1, and the power.
@@ -376,26 +378,26 @@ class WeightedDraws:
         return raised(low), low
 
     def resample(self, count: int, seed: int) -> np.ndarray:
-        """Numbers of equally weighted draws (systematic resampling), shape (count,)."""
+        """Indices of equally weighted draws (systematic resampling), shape (count,)."""
         places = (np.arange(count) + np.random.default_rng(seed).random()) / count
         return np.searchsorted(np.cumsum(self.weights), places).clip(max=len(self.weights) - 1)
 
 
 def effective_number(weights: np.ndarray) -> float:
-    """Effective number of draws with weights that sum to 1."""
+    """Effective number of draws, given weights that sum to 1."""
     return 1.0 / float(np.sum(weights**2))
 
 
 def importance_sample(
     posterior: PosteriorDensity, gaussian: Gaussian, count: int = 1024, seed: int = 0
 ) -> WeightedDraws:
-    """Draw in rounds, each from a proposal fitted to the rounds before.
+    """Draw in rounds, each from a proposal fitted to all earlier rounds.
 
     Args:
-        posterior: density.
-        gaussian: its approximation.
-        count: draws of each round.
-        seed: the same seed, the same draws.
+        posterior: posterior density to sample.
+        gaussian: Gaussian approximation of it.
+        count: number of draws of each round.
+        seed: seed of the random numbers; the same seed gives the same draws.
     """
     random = np.random.default_rng(seed)
     scaled = gaussian.jacobian / posterior.scale[:, None]
@@ -418,7 +420,7 @@ def importance_sample(
 
 
 def smoothed(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
-    """Pareto-smoothed weights that sum to 1, and the shape of the distribution of the largest."""
+    """Return Pareto-smoothed weights that sum to 1, and the shape k of the distribution of the largest."""
     finite = np.isfinite(log_weights)
     weights = np.where(finite, np.exp(log_weights - log_weights[finite].max(initial=-np.inf)), 0.0)
     count = int(min(0.2 * finite.sum(), 3.0 * np.sqrt(finite.sum())))
@@ -434,10 +436,10 @@ def smoothed(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def pareto_fit(exceedances: np.ndarray) -> tuple[float, float]:
-    """Shape and scale of a generalised Pareto distribution: Zhang and Stephens 2009, Technometrics 51, 316.
+    """Fit shape and scale of a generalised Pareto distribution (Zhang, Stephens 2009, Technometrics 51, 316).
 
     Args:
-        exceedances: by how much values are above the limit, rising.
+        exceedances: amounts by which values exceed the threshold, increasing.
     """
     count = len(exceedances)
     exceedances = np.maximum(exceedances, 1e-300)

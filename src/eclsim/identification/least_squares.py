@@ -1,14 +1,14 @@
-"""Bounded nonlinear least squares for many starts side by side: Levenberg and Marquardt's method.
+"""Bounded nonlinear least squares for many starts side by side: the Levenberg-Marquardt method.
 
-Simulations cost a tenth when many run side by side, so each iteration tries a ladder of dampings at once, and
-then the same ladder again with what the first has shown of the residuals' curvature (the second-order
-correction of the geodesic acceleration, Transtrum and Sethna 2012, arXiv:1201.5885, probed with the whole
-step): the valleys of this problem are flat and curved. The parameter that a step would carry over its bound
-first is put there, and the step of the others is computed again.
+A simulation costs a tenth when many run side by side. Each iteration therefore tries several damping factors
+at once, and then the same ones again with a second-order correction for the curvature of the residuals that
+the first steps have shown (geodesic acceleration, Transtrum and Sethna 2012, arXiv:1201.5885, probed with the
+whole step), because the valleys of this problem are flat and curved. The parameter whose bound a step would
+cross first is set to that bound, and the step of the others is computed again.
 
-Diastolic pressure is read off a beat on a fixed grid; its slope changes by a tenth and more where the moment
-of the aortic valve's opening passes from one grid cell to the next. A method that follows slopes stops at
-such a kink; `polish` looks for a way on in a cloud of points around it, shaped by the curvature.
+Diastolic pressure is read from a beat on a fixed grid. Its slope changes by a tenth and more where the
+opening of the aortic valve moves from one grid cell to the next. A method that follows slopes stops at such a
+kink. `polish` searches for a better point in a cloud of points around it, shaped by the curvature.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from eclsim.identification.objective import Box, Evaluation, LeastSquaresProblem
 from eclsim.orbit.equation import OrbitOptions
 
 FIRST_DAMPING = 1e-3
-"""Share of the largest curvature, as all dampings."""
+"""First damping; all dampings are relative to the largest curvature."""
 SMALLEST_DAMPING = 1e-11
 LARGEST_DAMPING = 1e6
 DAMPING_FACTORS = 10.0 ** np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
-"""Dampings that are tried at once, as multiples of the one that was best before."""
+"""Dampings that are tried at once, relative to the best one of the previous iteration."""
 FURTHER_DAMPING_FACTOR = 1e4
-"""Factor of the damping if none of a ladder was good."""
+"""Factor by which the damping increases if no trial step was good."""
 LONGEST_STEP = 1.5
-"""Largest change of a logarithm in one step: a factor of 4.5."""
+"""Largest change of a coordinate in one step, for a logarithm a factor of 4.5."""
 POINTS_IN_CLOUD = 63
-"""Points of a cloud: a chunk of lanes."""
+"""Number of points of a cloud."""
 CLOUD_SIZES = (-4.0, -1.0)
-"""Decimal logarithms of the smallest and largest cloud: share of its residuals by which a point moves."""
+"""Decimal logarithms of the smallest and largest cloud size, the relative change of its residuals."""
 SMALLEST_RELATIVE_GAIN = 1e-6
-"""Share by which a cloud must lower the cost for another one."""
+"""A further cloud is tried only if the last one lowered the cost by more than this share."""
 MOST_CLOUDS_WITHOUT_GAIN = 6
-"""Clouds without a better point after which the search ends."""
+"""The search ends after this number of clouds without a better point."""
 MOST_CLOUDS = 24
 MOST_ITERATIONS = 80
-"""Iterations of all refinements between clouds taken together: some seconds."""
+"""Largest total number of iterations of all refinements between clouds; these take some seconds."""
 PERFECT_COST = 1e-12
-"""Sum of squares below which there is nothing left to gain."""
+"""Sum of squares below which the search ends."""
 
 
 class Termination(IntEnum):
-    """Why a refinement ended."""
+    """Reason why a refinement ended."""
 
     SETTLED = 0
     OUT_OF_ITERATIONS = 1
@@ -57,15 +57,15 @@ class Termination(IntEnum):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """When a refinement has settled.
+    """Stopping criteria of a refinement.
 
     Args:
-        cost: an iteration lowers the cost by less than this share, whatever the damping.
-        floor: the cost is below this sum of squares.
-        step: no logarithm of a parameter changes by more than this.
-        iterations: at most so many.
+        cost: a refinement has settled if an iteration lowers the cost by less than this share.
+        floor: a refinement has settled if the sum of squares is at most this.
+        step: a refinement has settled if no coordinate of a parameter changes by more than this.
+        iterations: largest number of iterations.
         orbits: accuracy of the steady beats.
-        resolution: of the grid of all beats; None for what each needs.
+        resolution: resolution of the grid of all beats; None selects the resolution that each beat needs.
     """
 
     cost: float = 1e-3
@@ -77,20 +77,20 @@ class Tolerances:
 
 
 EXACT = Tolerances(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3, exact_iterations=0))
-"""For the optimum itself."""
+"""Stopping criteria for the optimum itself."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """Ends of refinements, shape (starts, ...).
+    """Results of refinements, shape (starts, ...).
 
     Args:
-        x: logarithms of the parameters, shape (starts, parameters).
-        outputs: of the model there, shape (starts, outputs).
-        costs: sum of squared residuals; infinite where there is no steady beat.
-        iterations: until the end.
-        terminations: a `Termination` each.
-        jacobians: d output / d log parameter, shape (starts, outputs, parameters).
+        x: coordinates of the parameters (see `Scale`), shape (starts, parameters).
+        outputs: outputs of the model at x, shape (starts, outputs).
+        costs: sum of squared residuals; infinite without a steady beat.
+        iterations: number of iterations.
+        terminations: a `Termination` for each start.
+        jacobians: d output / d coordinate, shape (starts, outputs, parameters).
     """
 
     x: np.ndarray
@@ -101,7 +101,7 @@ class Refinement:
     jacobians: np.ndarray
 
     def take(self, chosen: np.ndarray) -> Refinement:
-        """Some of them."""
+        """Return the refinements of the chosen starts."""
         return replace(self, **{name: value[chosen] for name, value in vars(self).items()})
 
 
@@ -113,22 +113,22 @@ def refine(
     tolerances: Tolerances | None = None,
     held: np.ndarray | None = None,
 ) -> Refinement:
-    """Minimise from every start.
+    """Minimise the sum of squared residuals from every start.
 
     Args:
-        problem: data points.
+        problem: objective with one or more data points.
         points: data point of each start, shape (starts,).
-        starts: logarithms of the parameters, shape (starts, parameters).
-        box: bounds.
-        tolerances: when to stop.
-        held: parameters that a start keeps, shape (starts, parameters); left out, none.
+        starts: coordinates of the parameters, shape (starts, parameters).
+        box: bounds of the parameters.
+        tolerances: stopping criteria.
+        held: whether a start keeps each parameter, shape (starts, parameters); None keeps none.
     """
     return _Search(problem, np.asarray(points), box.clip(starts), box, tolerances or Tolerances(), held).run()
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """Steps of some starts, shape (steps, ...): start of each, damping, step, and the model there."""
+    """Trial steps, shape (steps, ...): row of the start, damping, step, and the model evaluated there."""
 
     rows: np.ndarray
     dampings: np.ndarray
@@ -180,7 +180,7 @@ class _Search:
         return self.problem.evaluate(self.points[rows], x, t.orbits, t.resolution, tangents)
 
     def differentiate(self, evaluation: Evaluation, members: np.ndarray, rows: np.ndarray) -> None:
-        """Derivatives of some starts from the members of an evaluation that they stand at."""
+        """Compute the derivatives of some starts from the members of an evaluation at the same points."""
         if len(members):
             self.jacobians[rows], tangents = self.problem.linearise(
                 evaluation, members.tolist(), self.x[rows]
@@ -188,7 +188,7 @@ class _Search:
             self.tangents[rows] = np.fromiter(tangents, dtype=object)
 
     def weighted(self, row: int) -> np.ndarray:
-        """d residual / d log parameter; 0 for what is held, so that no step moves it."""
+        """Return d residual / d coordinate; 0 for held parameters, so that no step moves them."""
         return self.jacobians[row] * self.problem.weights[self.points[row]][:, None] * self.moves[row]
 
     def above_floor(self, active: np.ndarray) -> np.ndarray:
@@ -197,11 +197,11 @@ class _Search:
         return active[~low]
 
     def advance(self, active: np.ndarray) -> np.ndarray:
-        """One iteration of each start; those left that are worth another."""
+        """Do one iteration for each start and return the starts that have not settled."""
         before, start = self.costs[active].copy(), self.x[active].copy()
         first_order = self.first_order(active)
         solved = np.isfinite(first_order.evaluation.costs)
-        # Where no step has a steady beat, as of a heart in arrest, none has shown any curvature.
+        # Without any step that has a steady beat, as in cardiac arrest, the curvature is unknown.
         trials = (first_order, self.second_order(first_order, solved)) if solved.any() else (first_order,)
         best = self.best(active, trials)
         for number, trial in enumerate(trials):
@@ -220,13 +220,13 @@ class _Search:
         return active[~done]
 
     def first_order(self, active: np.ndarray) -> _Trial:
-        """Steps by the derivatives alone, for a ladder of dampings."""
+        """Evaluate steps from the first derivatives alone, for several dampings."""
         rows = np.repeat(active, len(DAMPING_FACTORS))
         dampings = np.maximum(np.outer(self.damping[active], DAMPING_FACTORS).ravel(), SMALLEST_DAMPING)
         return self.trial(rows, dampings, self.residuals[rows])
 
     def second_order(self, first: _Trial, solved: np.ndarray) -> _Trial:
-        """The same with what those first steps that have a steady beat show of the residuals' curvature."""
+        """Evaluate the steps again, corrected for the curvature shown by first steps with a steady beat."""
         rows, steps = first.rows[solved], first.steps[solved]
         linear = [self.weighted(row) @ step for row, step in zip(rows, steps, strict=True)]
         shape = (len(rows), self.residuals.shape[1])
@@ -234,7 +234,7 @@ class _Search:
         return self.trial(rows, first.dampings[solved], constant)
 
     def trial(self, rows: np.ndarray, dampings: np.ndarray, residuals: np.ndarray) -> _Trial:
-        """Evaluate the damped steps from residuals that stand for those of the starts."""
+        """Evaluate the damped steps that follow from given residuals, which replace those of the starts."""
         steps = np.zeros((len(rows), self.x.shape[1]))
         for row in np.unique(rows):
             of_member = rows == row
@@ -245,7 +245,7 @@ class _Search:
         return _Trial(rows, dampings, steps, self.evaluate(rows, self.x[rows] + steps))
 
     def best(self, active: np.ndarray, trials: Sequence[_Trial]) -> np.ndarray:
-        """Trial and place in it of the step that lowers each start's cost most, -1 for none; (starts, 2)."""
+        """Index of the trial and of its step that lowers each start's cost most, -1 for none; (starts, 2)."""
         best, lowest = np.full((len(active), 2), -1), self.costs[active].copy()
         for number, trial in enumerate(trials):
             costs = trial.evaluation.costs
@@ -257,7 +257,7 @@ class _Search:
         return best
 
     def move(self, trial: _Trial, rows: np.ndarray, chosen: np.ndarray) -> None:
-        """Take steps of a trial, but for those to where there are no derivatives to go on with."""
+        """Accept steps of a trial, except steps to points without derivatives."""
         arrays = (self.x, self.outputs, self.residuals, self.costs, self.jacobians, self.tangents)
         before = [values[rows].copy() for values in arrays]
         evaluation = trial.evaluation
@@ -279,10 +279,10 @@ def bounded_steps(
 
     Args:
         jacobian: d residual / d parameter, shape (residuals, parameters).
-        residuals: of each damping, shape (dampings, residuals).
-        x: shape (parameters,).
-        box: bounds.
-        dampings: as shares of the largest curvature.
+        residuals: residuals for each damping, shape (dampings, residuals).
+        x: coordinates of the parameters, shape (parameters,).
+        box: bounds of the parameters.
+        dampings: dampings relative to the largest curvature.
     """
     absolute = dampings * max(float(np.max(np.sum(jacobian**2, axis=0))), 1e-300)
     steps = _damped(jacobian, residuals, absolute)
@@ -293,10 +293,10 @@ def bounded_steps(
 
 
 def _damped(jacobian: np.ndarray, residuals: np.ndarray, dampings: np.ndarray) -> np.ndarray:
-    """Damped steps without bounds, shape (dampings, parameters), no longer than allowed in any direction.
+    """Damped steps without bounds, shape (dampings, parameters), limited in every singular direction.
 
-    Each singular direction is cut by itself, so that one which the residuals hardly depend on, along which
-    a step may be as long as it likes, does not shorten the others.
+    Each singular direction is limited separately. A direction on which the residuals hardly depend, where a
+    step may be very long, therefore does not shorten the step in the others.
     """
     left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
     along = -(residuals @ left) * (singular / (singular**2 + dampings[:, None]))
@@ -306,13 +306,13 @@ def _damped(jacobian: np.ndarray, residuals: np.ndarray, dampings: np.ndarray) -
 def bounded_step(
     jacobian: np.ndarray, residuals: np.ndarray, x: np.ndarray, box: Box, damping: float
 ) -> tuple[np.ndarray, float]:
-    """A damped Gauss-Newton step inside the bounds and the decrease of the cost that it promises.
+    """Return a damped Gauss-Newton step inside the bounds and the predicted decrease of the cost.
 
     Args:
         jacobian: d residual / d parameter, shape (residuals, parameters).
         residuals: shape (residuals,).
-        x: shape (parameters,).
-        box: bounds.
+        x: coordinates of the parameters, shape (parameters,).
+        box: bounds of the parameters.
         damping: added to the diagonal of the normal equations.
     """
     gradient = jacobian.T @ residuals
@@ -336,7 +336,7 @@ def bounded_step(
     return step, float(residuals @ residuals - after @ after)
 
 
-# --- the last bit of the way ----------------------------------------------------------------------
+# --- polishing of an optimum ----------------------------------------------------------------------
 
 
 def polish(
@@ -347,15 +347,15 @@ def polish(
     tolerances: Tolerances,
     most_iterations: int = MOST_ITERATIONS,
 ) -> Refinement:
-    """Go on from a settled optimum as long as a cloud around it holds a better point.
+    """Continue from a settled optimum as long as a cloud of points around it contains a better one.
 
     Args:
-        problem: data points.
-        point: which of them.
-        refined: one refinement of it.
-        box: bounds.
-        tolerances: of the refinements between clouds.
-        most_iterations: of the refinements between clouds, in total; 0 for no cloud at all.
+        problem: objective with one or more data points.
+        point: index of the data point.
+        refined: refinement of this data point.
+        box: bounds of the parameters.
+        tolerances: stopping criteria of the refinements between clouds.
+        most_iterations: largest total number of iterations of these refinements; 0 tries no cloud at all.
     """
     generator, points = np.random.default_rng(0), np.full(POINTS_IN_CLOUD, point)
     idle, most = 0, refined.iterations[0] + most_iterations
@@ -378,9 +378,9 @@ def polish(
 def cloud(
     problem: LeastSquaresProblem, point: int, refined: Refinement, generator: np.random.Generator
 ) -> np.ndarray:
-    """Steps of many sizes, each as long in every direction as the residuals allow, (points, parameters)."""
+    """Steps of many sizes, scaled by the residuals' sensitivity in each direction, (points, parameters)."""
     weighted = refined.jacobians[0] * problem.weights[point][:, None]
-    if not np.isfinite(weighted).all():  # a beat without derivatives: all directions alike
+    if not np.isfinite(weighted).all():  # a beat without derivatives: all directions are treated alike
         weighted = np.zeros_like(weighted)
     _, singular, directions = np.linalg.svd(weighted, full_matrices=True)
     slopes = np.zeros(len(directions))

@@ -1,7 +1,7 @@
-"""TikTak multi-start: explore widely, refine the best, mix each start with the best so far.
+"""TikTak multi-start: explore widely, refine the best points, mix each start with the best so far.
 
 Arnoud, Guvenen and Kleineberg 2019, Benchmarking global optimizers, doi 10.3386/w26340. Starts are refined
-in rounds side by side, so "the best so far" is that of the rounds before.
+in rounds side by side, so "the best so far" is the best of the previous rounds.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from eclsim.orbit.equation import OrbitOptions
 from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
 
 EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations=0)
-"""Enough to rank points: outputs differ from those of the exact orbit by 1e-4 (median), 1 % (99 % of all)."""
+"""Accuracy sufficient to rank points: outputs differ by 1e-4 (median), 1 % (99th percentile) from exact."""
 COARSE = 1
 """Grid of explored points and of starts; only the optimum is refined on the grid that it needs."""
 REFINING = Tolerances(2e-4, 1e-7, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=COARSE)
 SAME_COST = 1e-3
 SAME_OUTPUTS = 1e-3
 PERFECT_COST = 1e-6
-"""Sum of squares below which a fit is perfect: outputs within 0.1 %."""
+"""Sum of squares below which a fit is perfect: outputs agree within 0.1 %."""
 LARGEST_WEIGHT = 0.995
 SHARES = (0.2, 0.5, 0.8)
-"""Further starts of common parameters: shares of the way between their bounds."""
+"""Further start values of common parameters, as shares of the distance between their bounds."""
 MOST_DISTINCT_ENDS, SAME_END = 5, 0.05
-"""Distinct ends of a search that are looked at, and coordinates apart from which two are."""
+"""Largest number of distinct ends of a search, and smallest difference in a coordinate between them."""
 FINAL_SHARED_REFINEMENT = Tolerances(1e-6, 1e-12, 1e-8, 40, EXACT.orbits)
 Progress = Callable[[object], None]
-"""Called with an object whose text describes what is being computed."""
+"""Called with an object whose text describes the current step."""
 
 
 def silent(step: object) -> None:
-    """Progress that nobody wants to see."""
+    """Ignore the progress of a computation."""
 
 
 class FitStatus(StrEnum):
@@ -61,7 +61,7 @@ class FitStatus(StrEnum):
 
     @property
     def message(self) -> str:
-        """Its meaning, and what to do."""
+        """Explanation of the status, with advice."""
         return _MESSAGES[self]
 
 
@@ -92,15 +92,15 @@ _MESSAGES = {
 
 @dataclass(frozen=True)
 class MultiStart:
-    """How widely to look.
+    """Extent of the multi-start search.
 
     Args:
-        points_per_parameter: explored points for each free parameter.
-        refined_share: share of them that is refined at most.
-        round_size: starts refined side by side.
-        rediscoveries: enough if the best optimum has been found so many times again.
-        seed: of the Sobol sequence.
-        polishing: most iterations that go into the last bit of the way (see `polish`).
+        points_per_parameter: number of explored points for each free parameter.
+        refined_share: largest share of the explored points that is refined.
+        round_size: number of starts refined side by side.
+        rediscoveries: the search ends when the best optimum has been found this many times again.
+        seed: seed of the Sobol sequence.
+        polishing: largest number of iterations of `polish`.
     """
 
     points_per_parameter: int = 1000
@@ -123,10 +123,10 @@ class MultiStart:
 
     @classmethod
     def quick(cls, explored: int) -> MultiStart:
-        """A modest search: of the explored sets a fiftieth is refined, until one optimum is found twice.
+        """Return a modest search: 2 % of the explored sets are refined until one optimum was found twice.
 
         Args:
-            explored: sets of parameters for each free one; from the usual 1000 on, the usual search.
+            explored: explored sets for each free parameter; 1000 (the default) or more give the usual search.
         """
         if explored >= cls.points_per_parameter:
             return cls(points_per_parameter=explored)
@@ -135,14 +135,14 @@ class MultiStart:
 
 @dataclass(frozen=True)
 class Starts:
-    """Every start that was refined, in order, shape (starts, ...).
+    """All starts that were refined, in order, shape (starts, ...).
 
     Args:
-        end: coordinates of the parameters where it ended.
-        first_costs: sum of squares where it began.
-        last_costs: and where it ended.
-        agreeing: whether it ended in the best optimum.
-        outputs: of the model where it ended, in the order of the objective, shape (starts, outputs).
+        end: coordinates of the parameters at the end of the refinement.
+        first_costs: sum of squares at the start.
+        last_costs: sum of squares at the end.
+        agreeing: whether the start ended in the best optimum.
+        outputs: outputs of the model at the end, in the order of the objective, shape (starts, outputs).
     """
 
     end: np.ndarray
@@ -154,13 +154,13 @@ class Starts:
     def within_90(
         self, rows: Sequence[int], measured: np.ndarray, errors: np.ndarray, least: float
     ) -> np.ndarray:
-        """Ends whose chi-square is within `RISE_90` of the least, shape (ends, parameters).
+        """Ends whose chi-square is within `RISE_90` of the smallest, shape (ends, parameters).
 
         Args:
-            rows: places of the measured outputs.
-            measured: their values.
-            errors: their standard uncertainties.
-            least: chi-square of the optimum; an end may have less where the fit has other weights.
+            rows: indices of the measured outputs.
+            measured: measured values.
+            errors: standard uncertainties of the measured values.
+            least: chi-square of the optimum; an end may have a smaller one if the fit has other weights.
         """
         squares = np.sum(((self.outputs[:, rows] - measured) / errors) ** 2, axis=1)
         return self.end[squares <= np.nanmin(squares, initial=least) + RISE_90]
@@ -168,11 +168,11 @@ class Starts:
 
 @dataclass(frozen=True)
 class SharedEstimate:
-    """Estimate for one data point from a fit of several with common parameters.
+    """Estimate for one data point from a fit of several data points with common parameters.
 
     Args:
-        covariance: of the logarithms of its parameters, shape (parameters, parameters).
-        excluded: reason for each of its parameters that all measurements together do not determine.
+        covariance: covariance of the coordinates of its parameters, shape (parameters, parameters).
+        excluded: reason for each of its parameters that the measurements of all points do not determine.
     """
 
     covariance: np.ndarray
@@ -184,17 +184,18 @@ class Optimum:
     """The best fit of one data point.
 
     Args:
-        x: coordinates of the parameters; NaN if no set of them has a steady beat of its own.
-        outputs: of the model, in the order of the objective.
+        x: coordinates of the parameters; NaN if no set of parameters has a unique steady beat.
+        outputs: outputs of the model, in the order of the objective.
         cost: sum of squared residuals.
-        jacobian: d output / d log parameter, shape (outputs, parameters).
-        starts: all that were refined.
-        explored: points explored.
-        explored_without_beat: of these without a steady beat.
-        explored_one_of_many: of these with one of many, behind valves that stay shut.
-        explored_without_gases: of these with a steady beat, without the gas state that measured gases need.
-        status: how it ended.
-        shared: of a fit with other data points; None where the point was fitted by itself.
+        jacobian: d output / d coordinate, shape (outputs, parameters).
+        starts: all starts that were refined.
+        explored: number of points explored.
+        explored_without_beat: number of these points without a steady beat.
+        explored_one_of_many: number of these points whose beat is not unique, because valves stay shut.
+        explored_without_gases: number of these points with a steady beat but without a steady gas state,
+            which measured gases need.
+        status: how the search ended.
+        shared: estimate from a fit together with other data points; None if the point was fitted by itself.
     """
 
     x: np.ndarray
@@ -211,17 +212,17 @@ class Optimum:
 
     @property
     def exists(self) -> bool:
-        """Whether there is a best fit, be it a poor one."""
+        """Whether there is a best fit, even a poor one."""
         return bool(np.isfinite(self.x).all())
 
     @property
     def agreeing(self) -> int:
-        """Number of starts that ended here."""
+        """Number of starts that ended in this optimum."""
         return int(self.starts.agreeing.sum())
 
     @property
     def distinct_ends(self) -> np.ndarray:
-        """The optimum and the ends of other starts, the best first, shape (ends, parameters)."""
+        """The optimum and distinct ends of other starts, the best first, shape (ends, parameters)."""
         chosen = [self.x]
         for end in self.starts.end[np.argsort(self.starts.last_costs, kind="stable")]:
             if len(chosen) < MOST_DISTINCT_ENDS and min(np.abs(end - c).max() for c in chosen) > SAME_END:
@@ -231,7 +232,7 @@ class Optimum:
 
 @dataclass
 class _Candidates:
-    """Starts of one data point, best first, and what became of those refined."""
+    """Starts of one data point, best first, and the results of those that were refined."""
 
     x: np.ndarray
     costs: np.ndarray
@@ -243,13 +244,13 @@ class _Candidates:
     refined: list[Refinement] = field(default_factory=list)
 
     def reason_without_fit(self) -> FitStatus:
-        """Why there is no fit: the reason that is nearest to one."""
+        """Return the reason why there is no fit; of several, the one closest to a fit."""
         if self.explored_without_gases:
             return FitStatus.NO_STEADY_GASES
         return FitStatus.ONE_OF_MANY if self.explored_one_of_many else FitStatus.NO_STEADY_BEAT
 
     def all_refined(self) -> Refinement:
-        """All refined starts."""
+        """Return all refined starts."""
         names = vars(self.refined[0])
         return Refinement(**{n: np.concatenate([getattr(r, n) for r in self.refined]) for n in names})
 
@@ -258,7 +259,7 @@ class _Candidates:
         return bool(self.refined) and bool(agreeing(self.all_refined()).sum() > settings.rediscoveries)
 
     def next_starts(self, first: int, settings: MultiStart) -> np.ndarray:
-        """The starts of the next round, each mixed with the best so far; those of the first as they are."""
+        """Starts of the next round, each mixed with the best so far; in the first round unchanged."""
         starts = self.x[first : first + settings.round_size]
         if not self.refined or not np.isfinite((refined := self.all_refined()).costs).any():
             return starts
@@ -286,7 +287,7 @@ def identify(
 
 
 def sobol(box: Box, settings: MultiStart) -> np.ndarray:
-    """The start values and points of a scrambled Sobol sequence in the box, shape (points, parameters)."""
+    """Start values followed by points of a scrambled Sobol sequence in the box, (points, parameters)."""
     from scipy.stats import qmc
 
     size = len(box.names)
@@ -299,7 +300,7 @@ def sobol(box: Box, settings: MultiStart) -> np.ndarray:
 def _explore(
     problem: LeastSquaresProblem, point: int, explored: np.ndarray, settings: MultiStart
 ) -> _Candidates:
-    """Rank sets of parameters for one data point by cost; keep the best share that has a steady beat."""
+    """Rank sets of parameters for one data point by cost and keep the best share with a steady beat."""
     evaluation = problem.evaluate(np.full(len(explored), point), explored, EXPLORING, COARSE)
     costs = evaluation.costs
     count = max(round(settings.refined_share * len(explored)), 2)
@@ -321,7 +322,7 @@ def _explore(
 
 
 def mixing_weight(number: int, total: int) -> float:
-    """Weight of the best so far in start `number` (counted from 0) of `total`."""
+    """Weight of the best point so far in start `number` (counted from 0) of `total`."""
     return min(max(0.1, np.sqrt(number / total)), LARGEST_WEIGHT)
 
 
@@ -332,7 +333,7 @@ def _refine_all(
     settings: MultiStart,
     progress: Progress,
 ) -> None:
-    """Rounds of starts, those of all data points side by side."""
+    """Refine in rounds the starts of all data points side by side."""
     first = 0
     while jobs := [
         k for k, c in enumerate(candidates) if first < len(c.x) and not c.found_often_enough(settings)
@@ -350,9 +351,9 @@ def _refine_all(
 
 
 def agreeing(refined: Refinement) -> np.ndarray:
-    """Which starts ended in the best optimum: the same cost, and the same outputs.
+    """Whether each start ended in the best optimum: the same cost and the same outputs.
 
-    Parameters are not compared: where measurements cannot tell two sets of them apart, both are the optimum.
+    Parameters are not compared: if measurements cannot distinguish two sets, both are the optimum.
     """
     if not np.isfinite(refined.costs).any():
         return np.zeros(len(refined.costs), dtype=bool)
@@ -367,7 +368,7 @@ def agreeing(refined: Refinement) -> np.ndarray:
 def _best_optimum(
     problem: LeastSquaresProblem, box: Box, point: int, candidates: _Candidates, settings: MultiStart
 ) -> Optimum:
-    """Refine the best start to the end."""
+    """Refine the best start of a data point to convergence."""
     size, count = len(box.names), len(problem.outputs)
     explored = (
         candidates.explored,
@@ -392,13 +393,14 @@ def _best_optimum(
 def optimum_without_fit(
     size: int, count: int, status: FitStatus, explored: tuple[int, int, int, int] = (0, 0, 0, 0)
 ) -> Optimum:
-    """The optimum of a search that ended without a fit.
+    """Return the optimum of a search that ended without a fit.
 
     Args:
         size: number of parameters.
-        count: of outputs.
-        status: how it ended.
-        explored: points explored, of these without a beat, with one of many, without gases (see `Optimum`).
+        count: number of outputs.
+        status: how the search ended.
+        explored: number of points explored, and of these without a beat, without a unique one, and without
+            gases (see `Optimum`).
     """
     none, flat = np.zeros((0, size)), np.zeros(0)
     starts = Starts(none, flat, flat, np.zeros(0, dtype=bool), np.zeros((0, count)))
@@ -411,7 +413,7 @@ def optimum_without_fit(
 def _refine_to_convergence(
     problem: LeastSquaresProblem, point: int, best: np.ndarray, box: Box, polishing: int
 ) -> Refinement:
-    """Refine on the grid that the optimum needs, which is the same for all steps: else outputs would jump."""
+    """Refine on the grid that the optimum needs; all steps share the grid, since outputs depend on it."""
     points = np.array([point])
     level, last = 0, None
     while (needed := int(problem.resolutions(points, best)[0])) > level:
@@ -435,7 +437,7 @@ def refine_shared(
     Args:
         objective: data points of one patient.
         box: bounds of the parameters of one point.
-        common: places of those that are shared.
+        common: indices of the shared parameters.
         fitted: best fit of each point by itself, shape (points, parameters).
     """
     problem = SharedObjective(objective, common)
@@ -459,7 +461,7 @@ def fit_shared(
     errors: Sequence[np.ndarray],
     shared: Sequence[str],
 ) -> list[Optimum]:
-    """The optima of points that were fitted one by one, fitted again with common parameters."""
+    """Fit data points again with common parameters, starting from the optima of the separate fits."""
     if not all(o.exists for o in separate):
         return list(separate)
     common = [box.names.index(n) for n in shared if n in box.names]
@@ -494,7 +496,7 @@ def fit_shared(
 def _scaled(
     objective: Objective, jacobian: np.ndarray, errors: Sequence[np.ndarray], space: Box
 ) -> ScaledSensitivities:
-    """Sensitivities of everything that was measured of the patient, in standard uncertainties."""
+    """Sensitivities of all measurements of the patient, in standard uncertainties."""
     rows, names = [], []
     height = len(objective.outputs)
     for k, (target, point_errors) in enumerate(zip(objective.targets, errors, strict=True)):

@@ -1,15 +1,15 @@
-"""The full posterior by the No-U-Turn sampler (Hoffman and Gelman 2014, JMLR 15, 1593-1623), of NumPyro.
+"""The full posterior by NumPyro's No-U-Turn sampler (Hoffman and Gelman 2014, JMLR 15, 1593-1623).
 
-The sampler moves in the coordinates of a `Transport`, in which the posterior is nearly standard normal: its
-mass matrix is nearly right from the first step, and goes on learning. Each leapfrog step asks the host for
-the potential and its exact gradient, which depend on the point alone. After each draw a chain may jump (see
-`Jumps`). Chains run side by side, one thread each.
+The sampler moves in the coordinates of a `Transport`, in which the posterior is nearly standard normal. Its
+mass matrix is therefore nearly right from the first step; it is adapted further during warm-up. Each leapfrog
+step asks the host for the potential and its exact gradient, which depend on the point alone. After each draw
+a chain may jump (see `Jumps`). Chains run side by side, one thread each.
 
-Whether the draws can be trusted: rank-normalised split R-hat, bulk and tail effective sample size after
-Vehtari, Gelman, Simpson, Carpenter and Bürkner 2021, Bayesian Analysis 16, 667-718, doi 10.1214/20-BA1221;
-the limits are theirs. Energy fraction of missing information (E-BFMI) after Betancourt 2016, arXiv
-1604.00695, and his limit. A trajectory that is cut at its largest length costs effective draws and biases
-nothing, so there is no limit on how many are: they are counted, and named where draws are too few.
+Diagnostics are the rank-normalised split R-hat and the bulk and tail effective sample sizes of Vehtari,
+Gelman, Simpson, Carpenter and Bürkner 2021, Bayesian Analysis 16, 667-718, doi 10.1214/20-BA1221, with their
+limits, and the energy fraction of missing information (E-BFMI) of Betancourt 2016, arXiv 1604.00695, with his
+limit. A trajectory that is cut at its largest length costs effective draws but causes no bias. The number of
+such draws therefore has no limit; it is counted, and named if effective draws are too few.
 """
 
 from __future__ import annotations
@@ -39,28 +39,28 @@ STATISTICS = (
 )  # fmt: skip
 """Statistics of NumPyro; `jumped`: a jump followed, `saturated`: the trajectory had all steps it may."""
 OVERDISPERSION = 1.5
-"""Chains start from a standard normal distribution made so much wider."""
+"""Chains start from a standard normal distribution widened by this factor."""
 TRIES = 20
 FIRST_STEP = 0.7
 
 
 class MissingPackageError(ImportError):
-    """A package of an extra is not installed."""
+    """Raised if a package of an optional extra is not installed."""
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How long and how carefully to sample.
+    """Settings of the No-U-Turn sampler.
 
     Args:
-        chains: independent chains.
-        warmup: draws of each chain in which step size and mass matrix are learnt; thrown away.
+        chains: number of independent chains.
+        warmup: draws of each chain in which step size and mass matrix are adapted; they are discarded.
         draws: draws of each chain that are kept.
-        seed: the same seed, the same draws.
-        target_accept: mean acceptance probability that the step size is tuned for.
-        deepest: largest depth of a trajectory's tree: at most 2^deepest - 1 steps for a draw. Seven steps are
-            about half way round a standard normal distribution, fifteen all the way.
-        deepest_warmup: the same for the draws that are thrown away.
+        seed: seed of the random numbers; the same seed gives the same draws.
+        target_accept: mean acceptance probability to which the step size is tuned.
+        deepest: largest depth of the tree of a trajectory, with at most 2^deepest - 1 steps for a draw. Seven
+            steps are about half way round a standard normal distribution, fifteen all the way.
+        deepest_warmup: largest depth during warm-up.
     """
 
     chains: int = 4
@@ -91,8 +91,8 @@ class Chains:
     Args:
         z: latent variables, shape (chains, draws, parameters).
         statistics: `STATISTICS` of the sampler, each of shape (chains, draws).
-        evaluations: of the potential with its gradient, warm-up counted in.
-        without_beat: of these, those at points without a steady beat, which are excluded.
+        evaluations: number of evaluations of the potential with its gradient, including warm-up.
+        without_beat: number of these evaluations at points without a steady beat, which are excluded.
     """
 
     z: np.ndarray
@@ -110,11 +110,11 @@ def sample(
     """Draw from a posterior.
 
     Args:
-        posterior: density.
-        proposals: distributions close to it; the sampler moves in the coordinates of the last, and jumps to
-            draws from all.
-        settings: how long and how carefully.
-        report: called with the number of draws done, of all chains, and of all there are.
+        posterior: density to sample.
+        proposals: distributions close to the posterior; the sampler moves in the coordinates of the last one,
+            and jumps to draws from their mixture.
+        settings: settings of the sampler.
+        report: called with the number of draws done by all chains, and with their total number.
 
     Raises:
         MissingPackageError: NumPyro is not installed.
@@ -163,7 +163,7 @@ class _Sampler:
         return Chains(draws, statistics, sum(self.evaluations), sum(self.without_beat))
 
     def potential(self, chain: jax.Array | int, z: jax.Array | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """On the host: U and dU/dz."""
+        """U and dU/dz of a chain, evaluated on the host."""
         number = int(chain)
         self.evaluations[number] += 1
         u, gradient = self.evaluators[number].potential(np.asarray(z))
@@ -171,7 +171,7 @@ class _Sampler:
         return np.asarray(u), gradient
 
     def _compile(self) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
-        """NumPyro's functions that begin a chain and advance it, and the potential with its gradient."""
+        """Return NumPyro's functions that begin and advance a chain, and the potential with its gradient."""
         import jax
 
         hmc = numpyro_hmc()
@@ -180,14 +180,14 @@ class _Sampler:
         return init, jax.jit(lambda state, chain: advance(state, (chain,), {})), jax.jit(energy)
 
     def _transported(self, chain: jax.Array, u: jax.Array) -> jax.Array:
-        """Potential in the sampler's coordinates, for JAX to differentiate."""
+        """Potential in the sampler's coordinates, which JAX can differentiate."""
         import jax.numpy as jnp
 
         z, log_slope = self.transport.z_of(u, jnp)
         return _host_potential(self.potential, chain, z) - log_slope
 
     def _start(self, chain: int) -> np.ndarray:
-        """A start with a steady beat."""
+        """Find a start with a steady beat."""
         random = np.random.default_rng([self.settings.seed, chain])
         size = len(self.transport.centre)
         for k in range(TRIES):
@@ -229,7 +229,7 @@ class _Sampler:
         return np.stack(draws), {name: np.array(values) for name, values in statistics.items()}
 
     def _jumped(self, state: HMCState, chain: int, draw: int) -> HMCState:
-        """The sampler's state after a proposed jump, taken or not."""
+        """Return the sampler's state after a proposed jump, accepted or not."""
         import jax
 
         z, log_slope = self.transport.z_of(np.asarray(state.z))
@@ -247,7 +247,7 @@ class _Sampler:
 
 
 def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.Array:
-    """The host's potential as a function that JAX can differentiate: value and gradient in one call."""
+    """Potential of the host as a function that JAX can differentiate: value and gradient in one call."""
     import jax
     import jax.numpy as jnp
 
@@ -264,7 +264,7 @@ def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.
     return value(z)
 
 
-# --- whether draws can be trusted -------------------------------------------------------------------
+# --- diagnostics of the draws -----------------------------------------------------------------------
 
 
 LARGEST_R_HAT = 1.01
@@ -275,17 +275,17 @@ SMALLEST_ENERGY_FRACTION = 0.3
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """How well chains agree and mix, by parameter.
+    """Agreement and mixing of the chains, by parameter.
 
     Args:
-        names: of the parameters.
-        r_hat: shape (parameters,).
-        effective_bulk: effective number of draws for the centre.
-        effective_tail: and for the 5 % and 95 % quantiles.
-        divergent: draws whose trajectory left the energy.
-        draws: all draws.
+        names: names of the parameters.
+        r_hat: split R-hat, shape (parameters,).
+        effective_bulk: bulk effective sample size, shape (parameters,).
+        effective_tail: tail effective sample size, of the 5 % and 95 % quantiles, shape (parameters,).
+        divergent: number of draws with a divergent trajectory.
+        draws: total number of draws.
         energy_fraction: E-BFMI of each chain, shape (chains,).
-        saturated: draws whose trajectory was cut at its largest length.
+        saturated: number of draws whose trajectory was cut at its largest length.
     """
 
     names: tuple[str, ...]
@@ -299,7 +299,7 @@ class Diagnostics:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Why the draws are not to be trusted; empty where they are."""
+        """Reasons why the draws cannot be trusted; empty if they can."""
         doubts = []
         k = int(np.argmax(np.nan_to_num(self.r_hat, nan=np.inf)))
         if not self.r_hat[k] < LARGEST_R_HAT:
@@ -330,13 +330,14 @@ class Diagnostics:
 
 
 def diagnose(names: Sequence[str], draws: np.ndarray, statistics: Mapping[str, np.ndarray]) -> Diagnostics:
-    """Diagnostics of draws.
+    """Compute the diagnostics of draws.
 
     Args:
-        names: of the parameters.
-        draws: shape (chains, draws, parameters).
-        statistics: of the sampler: whether each draw is "diverging", its "energy" (Hamiltonian), and whether
-            its trajectory was cut at its largest length ("saturated"), each of shape (chains, draws).
+        names: names of the parameters.
+        draws: draws of the parameters, shape (chains, draws, parameters).
+        statistics: statistics of the sampler, each of shape (chains, draws): whether each draw is
+            "diverging", its "energy" (Hamiltonian), and whether its trajectory was cut at its largest length
+            ("saturated").
     """
     each = [draws[:, :, k] for k in range(draws.shape[2])]
     return Diagnostics(
@@ -352,7 +353,7 @@ def diagnose(names: Sequence[str], draws: np.ndarray, statistics: Mapping[str, n
 
 
 def energy_fraction(energy: np.ndarray) -> float:
-    """E-BFMI of one chain: how much the energy changes from draw to draw, against how much it varies.
+    """E-BFMI of one chain: squared change of the energy from draw to draw, relative to its variance.
 
     Args:
         energy: Hamiltonian of the draws in order, shape (draws,).
@@ -363,19 +364,19 @@ def energy_fraction(energy: np.ndarray) -> float:
 
 
 def r_hat(draws: np.ndarray) -> float:
-    """Rank-normalised split R-hat of one quantity, the larger of centre and spread; draws (chains, draws)."""
+    """Rank-normalised split R-hat, the larger one of location and scale; shape of draws (chains, draws)."""
     halves = _halves(draws)
     folded = np.abs(halves - np.median(halves))
     return max(_r_hat(_normal_ranks(halves)), _r_hat(_normal_ranks(folded)))
 
 
 def effective_bulk(draws: np.ndarray) -> float:
-    """Effective number of draws for the centre of the distribution."""
+    """Bulk effective sample size."""
     return _effective(_normal_ranks(_halves(draws)))
 
 
 def effective_tail(draws: np.ndarray) -> float:
-    """The smaller effective number of draws for the 5 % and the 95 % quantile."""
+    """Tail effective sample size, the smaller one of the 5 % and 95 % quantiles."""
     limits = np.quantile(draws, (0.05, 0.95))
     return min(_effective(_halves((draws <= limit).astype(float))) for limit in limits)
 
@@ -400,7 +401,7 @@ def _r_hat(draws: np.ndarray) -> float:
 
 
 def _effective(draws: np.ndarray) -> float:
-    """Geyer's initial monotone sequence over all chains."""
+    """Effective sample size over all chains by Geyer's initial monotone sequence."""
     chains, count = draws.shape
     if np.ptp(draws) == 0.0:
         return float(draws.size)

@@ -1,7 +1,7 @@
 """Objective of a fit: differences between the steady beat and measurements, for many points at once.
 
-Parameters are sought in coordinates (see `scale`): most by their logarithms, on which the paper's bounds (a
-tenth to ten times the start value) are symmetric and a step means the same change for all of them.
+The search uses coordinates of the parameters (see `Scale`): for most the logarithm, in which the paper's
+bounds (a tenth to ten times the start value) are symmetric and a step means the same relative change for all.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 FEWEST_SIDE_BY_SIDE = 8
-"""From so many members the program for many is quicker, half empty or not, once it is compiled."""
+"""From this number of members on, the compiled program for many members is faster, even half empty."""
 NORMAL_90 = 1.6448536269514722
-"""Half width of the central 90 % of a normal distribution, in standard deviations."""
+"""Half width of the central 90 % interval of a normal distribution, in standard deviations."""
 RISE_90 = 2.705543454095404
-"""A chi-square with one degree of freedom stays below this in 90 % of all cases."""
+"""90 % quantile of the chi-square distribution with one degree of freedom."""
 
 
 def execution_of(members: int) -> Execution:
-    """How so many members are computed."""
+    """Return how a given number of members is computed."""
     return Execution(width=SIDE_BY_SIDE if members >= FEWEST_SIDE_BY_SIDE else 1)
 
 
@@ -39,9 +39,9 @@ class Target:
     """Target of the fit of one data point.
 
     Args:
-        model: circuit and values; those of the free parameters are replaced.
+        model: circuit and parameter values; the values of the free parameters are replaced.
         measured: measured value of each output [mmHg, L/min].
-        scales: what a difference is divided by, in the unit of the output.
+        scales: divisor of each difference, in the unit of the output.
     """
 
     model: Model
@@ -54,10 +54,10 @@ class Box:
     """Free parameters and their bounds.
 
     Args:
-        names: of the parameters.
+        names: names of the parameters.
         start: coordinates of the start values (logarithms of most), shape (parameters,).
-        lower: of the lower bounds.
-        upper: of the upper bounds.
+        lower: coordinates of the lower bounds.
+        upper: coordinates of the upper bounds.
     """
 
     names: tuple[str, ...]
@@ -67,34 +67,34 @@ class Box:
 
     @classmethod
     def of(cls, bounds: Mapping[str, tuple[float, float, float]]) -> Box:
-        """From start value, lower and upper bound of each, in the parameter's unit."""
+        """Return a box from start value, lower and upper bound of each parameter, in the parameter's unit."""
         table = np.array([tuple(b) for b in bounds.values()], dtype=float).reshape(-1, 3)
         return cls(tuple(bounds), *Scale.of(tuple(bounds)).coordinates(table.T))
 
     @property
     def scale(self) -> Scale:
-        """The coordinates."""
+        """The coordinates of the parameters."""
         return Scale.of(self.names)
 
     @property
     def width(self) -> np.ndarray:
-        """Distance of the bounds, shape (parameters,)."""
+        """Distance between the bounds in coordinates, shape (parameters,)."""
         return self.upper - self.lower
 
     @property
     def prior_deviations(self) -> np.ndarray:
-        """Standard deviations of coordinates that lie anywhere between their bounds, shape (parameters,)."""
+        """Standard deviations of coordinates that are uniform between their bounds, shape (parameters,)."""
         return self.width / np.sqrt(12.0)
 
     def clip(self, x: np.ndarray) -> np.ndarray:
-        """The nearest point inside."""
+        """Return the nearest point within the bounds."""
         return np.clip(x, self.lower, self.upper)
 
     def covariance(self, scaled: np.ndarray) -> np.ndarray:
         """Covariance of the coordinates at an optimum (Gaussian approximation), (parameters, parameters).
 
-        Before any measurement a parameter lies between its bounds, each coordinate as likely as any other.
-        Without this, one that the measurements say nothing about would make all intervals infinite.
+        The prior of each coordinate is uniform between its bounds. Without it, a parameter that the
+        measurements say nothing about would make all intervals infinite.
 
         Args:
             scaled: d output / d coordinate in standard uncertainties, shape (outputs, parameters).
@@ -102,21 +102,21 @@ class Box:
         return np.linalg.inv(scaled.T @ scaled + np.diag(1.0 / self.prior_deviations**2))
 
     def interval(self, k: int, x: float, error: float) -> tuple[float, float]:
-        """The central 90 % of a parameter from its coordinate and standard error, cut at the bounds."""
+        """Central 90 % interval of a parameter from its coordinate and standard error, cut at the bounds."""
         reach, scale = NORMAL_90 * error, self.scale
         ends = max(x - reach, self.lower[k]), min(x + reach, self.upper[k])
         return scale.value(k, ends[0]), scale.value(k, ends[1])
 
 
 def correlation(covariance: np.ndarray) -> np.ndarray:
-    """Correlation matrix of a covariance matrix."""
+    """Convert a covariance matrix to a correlation matrix."""
     deviation = np.sqrt(np.diag(covariance))
     return covariance / np.outer(deviation, deviation)
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """A steady beat to first order in the parameters: where the search for beats close by starts.
+    """First-order expansion of a steady beat in the parameters, from which searches for nearby beats start.
 
     Args:
         x: coordinates of the parameters, shape (parameters,).
@@ -129,23 +129,23 @@ class Tangent:
     states: np.ndarray
 
     def state(self, x: np.ndarray) -> np.ndarray:
-        """State at other parameters; no entry of it changes by more than half its size and 50 mL."""
+        """State at other parameters; no entry changes by more than half its size plus 50 mL."""
         change = self.states @ (x - self.x)
         allowed = 0.5 * np.abs(self.anchor.state) + 50.0
         return self.anchor.state + change / max(float(np.max(np.abs(change) / allowed)), 1.0)
 
 
 Tangents = tuple[Tangent, ...]
-"""Tangents of a member of a search: one for each data point that the member stands for."""
+"""Tangents of a member of a search: one for each data point that the member represents."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The model at some members, shape (members, ...).
+    """The model evaluated for several members, shape (members, ...).
 
     Args:
-        steady: their steady beats.
-        outputs: shape (members, outputs); NaN where none was found or it is one of many.
+        steady: steady beats of the members.
+        outputs: outputs, shape (members, outputs); NaN without a steady beat or if it is not unique.
         residuals: weighted differences, 0 where nothing was measured, shape (members, outputs).
     """
 
@@ -155,18 +155,18 @@ class Evaluation:
 
     @cached_property
     def costs(self) -> np.ndarray:
-        """Sum of squared residuals; infinite where there are no outputs, shape (members,)."""
+        """Sum of squared residuals, shape (members,); infinite without outputs."""
         total = np.sum(self.residuals**2, axis=1)
         return np.where(np.isfinite(total), total, np.inf)
 
     @property
     def one_of_many(self) -> np.ndarray:
-        """Members whose beat is steady and not determined: valves stay shut, shape (members,)."""
+        """Members whose steady beat is not unique because valves stay shut, shape (members,)."""
         return self.steady.status == Status.ONE_OF_MANY
 
     @property
     def without_gases(self) -> np.ndarray:
-        """Members that lack the steady gas state which measured gases need, shape (members,)."""
+        """Members without the steady gas state that measured gases need, shape (members,)."""
         return self.steady.without_gases & np.isinf(self.costs)
 
 
@@ -175,7 +175,7 @@ class Objective:
 
     Args:
         targets: the data points.
-        names: free parameters.
+        names: names of the free parameters.
         policy: blood volume policy.
     """
 
@@ -209,15 +209,15 @@ class Objective:
         resolution: int | None = None,
         tangents: Sequence[Tangents] | None = None,
     ) -> Evaluation:
-        """The model at some members.
+        """Evaluate the model for several members.
 
         Args:
             points: data point of each member, shape (members,).
             x: coordinates of the parameters, shape (members, parameters).
             options: accuracy and effort of the orbit solver.
-            resolution: of the grid of a beat; left out, each member gets what it needs, so that outputs jump
-                by a thousandth where the need changes.
-            tangents: a solved beat close to each member, from where the search for its own starts.
+            resolution: resolution of the grid of a beat; None gives each member what it needs, so that
+                outputs jump by a thousandth where this changes.
+            tangents: tangents at solved beats close to each member, from which the searches start.
         """
         start = None if tangents is None else _extrapolated([t for (t,) in tangents], x)
         steady = steady_beat(
@@ -236,15 +236,15 @@ class Objective:
     def linearise(
         self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
     ) -> tuple[np.ndarray, list[Tangents | None]]:
-        """d output / d coordinate of some members, shape (members, outputs, parameters), and their beats.
+        """d output / d coordinate of some members, shape (members, outputs, parameters), and their tangents.
 
         NaN where a member has no derivatives: no steady beat was found, or a valve never opens and blood is
-        shut in behind it.
+        trapped behind it.
 
         Args:
-            evaluation: of the points.
-            members: which of its members.
-            x: their parameters, shape (members, parameters).
+            evaluation: evaluation that contains the members.
+            members: indices of the members in the evaluation.
+            x: coordinates of their parameters, shape (members, parameters).
         """
 
         def linearised(k: int) -> tuple[np.ndarray, Tangents | None]:
@@ -266,24 +266,26 @@ class Objective:
 
 
 def _extrapolated(tangents: Sequence[Tangent], x: np.ndarray) -> Anchor:
-    """Starts of the search for the beats of members, each a solved beat close to it."""
+    """Start values of the search for the beats of members, each extrapolated from a nearby solved beat."""
     states = [tangent.state(of_member) for tangent, of_member in zip(tangents, x, strict=True)]
     return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in tangents], axis=2))
 
 
 class SharedObjective:
-    """The points of an objective as one: residuals one after the other, parameters the common ones first.
+    """The data points of an objective as one problem with common parameters.
+
+    Residuals are concatenated; the common parameters come first.
 
     Args:
-        objective: its data points are those of one patient.
-        common: places of the parameters that all points share.
+        objective: objective whose data points are those of one patient.
+        common: indices of the parameters that all points share.
     """
 
     def __init__(self, objective: Objective, common: Sequence[int]):
         self.single = objective
         size, self.count = len(objective.names), len(objective.targets)
         separate = [k for k in range(size) if k not in common]
-        # For each point: where each of its parameters stands among those of all.
+        # For each point, the indices of its parameters among all parameters.
         self.places = np.zeros((self.count, size), dtype=int)
         for point in range(self.count):
             self.places[point, list(common)] = np.arange(len(common))
@@ -300,7 +302,7 @@ class SharedObjective:
         resolution: int | None = None,
         tangents: Sequence[Tangents] | None = None,
     ) -> Evaluation:
-        """All points at some sets of common and own parameters, (members, all parameters)."""
+        """Evaluate all points at sets of common and individual parameters, (members, all parameters)."""
         beats = None if tangents is None else [(beat,) for of_member in tangents for beat in of_member]
         single = self.single.evaluate(self._points(points), self.rows(x), options, resolution, beats)
         shape = (len(points), len(self.outputs))
@@ -309,7 +311,7 @@ class SharedObjective:
     def linearise(
         self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
     ) -> tuple[np.ndarray, list[Tangents | None]]:
-        """d output / d coordinate, shape (members, all outputs, all parameters), and the beats."""
+        """d output / d coordinate, shape (members, all outputs, all parameters), and the tangents."""
         rows = [m * self.count + point for m in members for point in range(self.count)]
         blocks, beats = self.single.linearise(evaluation, rows, self.rows(x))
         jacobian = np.zeros((len(members), self.count, len(self.single.outputs), self.size))
@@ -323,7 +325,7 @@ class SharedObjective:
         return jacobian.reshape(len(members), -1, self.size), tangents
 
     def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Resolution that the most demanding point of each member needs."""
+        """Resolution that the most demanding point of each member needs, shape (members,)."""
         single = self.single.resolutions(self._points(points), self.rows(x))
         return single.reshape(len(points), -1).max(axis=1)
 
@@ -335,14 +337,14 @@ class SharedObjective:
         return x[:, self.places].reshape(-1, self.places.shape[1])
 
     def joined(self, fitted: np.ndarray) -> np.ndarray:
-        """All parameters from those of each point (points, parameters): common ones are averaged."""
+        """Combine the parameters of each point (points, parameters) into all; common ones are averaged."""
         total, times = np.zeros(self.size), np.zeros(self.size)
         np.add.at(total, self.places, fitted)
         np.add.at(times, self.places, 1.0)
         return total / times
 
     def box(self, box: Box) -> Box:
-        """Bounds of all parameters."""
+        """Return the bounds of all parameters."""
         ends = (np.tile(v, (self.count, 1)) for v in (box.start, box.lower, box.upper))
         names = np.empty(self.size, dtype=object)
         for point, places in enumerate(self.places):

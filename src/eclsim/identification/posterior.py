@@ -58,11 +58,11 @@ KINDS: dict[Method, str] = {
 PREDICTED_DRAWS = 1000
 QUANTILES = np.array([0.05, 0.5, 0.95])
 LARGEST_LOST_SHARE = 0.02
-"""Share of draws without a steady beat; beyond, the intervals describe too small a part of the posterior."""
+"""Largest share of draws without a steady beat; with more, too much of the posterior is missing."""
 LARGEST_STARVED_SHARE = 0.05
-"""Share of draws whose tissues extract nearly all oxygen; beyond, a 90 % interval ends among them."""
+"""Largest share of draws whose tissues extract nearly all oxygen; with more, 90 % intervals include them."""
 OUTERMOST_LATENT, PILED_UP_SHARE = 1.96, 0.2
-"""Latent variable beyond which 2.5 % of the prior lie, and share of the draws there that a bound limits."""
+"""|z| with 2.5 % of the prior beyond it, and share of draws there above which a bound limits a parameter."""
 EXTRACTION_OUTPUTS = ("VO2", "O2ER")
 UNCHECKED = (
     "a Gaussian approximation, which nothing has checked against the posterior: where that is curved or cut "
@@ -73,14 +73,16 @@ _LARGEST_EXTRACTION = adult_ranges("male")["O2ER"].plausible[1]
 
 @dataclass(frozen=True)
 class PosteriorSettings:
-    """How the posterior is sampled.
+    """Settings for sampling a posterior.
 
     Args:
-        method: "nuts", chains; "importance", weighted draws; "gaussian", the approximation alone, unchecked.
-        prior: what is known before any measurement.
-        uncertainties: standard uncertainties of measurements that differ from the defaults; None, the fit's.
-        sampling: how long chains are.
-        volume_policy: blood volume policy; None, the one that the patient was fitted with.
+        method: "nuts" for chains, "importance" for weighted draws, "gaussian" for the unchecked approximation
+            alone.
+        prior: distribution of the parameters before any measurement.
+        uncertainties: standard uncertainties of measurements that differ from the defaults; None takes the
+            fit's.
+        sampling: length and number of chains.
+        volume_policy: blood volume policy; None takes the one that the patient was fitted with.
     """
 
     method: Method = "nuts"
@@ -100,22 +102,22 @@ class PosteriorSettings:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Outputs of draws of a posterior at some settings.
+    """Outputs of the draws of a posterior at some settings.
 
     Args:
-        settings: what differs from the measured settings, as written; empty for those themselves.
-        outputs: names.
-        values: shape (draws, outputs); NaN where a draw has no steady beat, none that a patient can have, or
-            no steady gas state.
+        settings: settings that differ from the measured ones, as written; empty for the measured ones.
+        outputs: names of the outputs.
+        values: values of the outputs, shape (draws, outputs); NaN where a draw has no steady beat, a
+            physically impossible one, or no steady gas state.
         intervals: 5 %, 50 % and 95 % quantile of each output, shape (outputs, 3).
-        without_beat: share of the draws without a steady beat; the intervals speak of the others.
-        without_gases: share of the draws with a steady beat and no steady gas state; the intervals of gases
-            speak of the others.
-        warnings: of the beat at the medians of the draws.
-        impossible: share of the draws with a beat that no patient can have, a chamber without blood or a
-            vein sucked shut; the intervals speak of the others.
-        starved: share of the draws whose tissues extract more than is plausible even in severe illness, or
-            get less oxygen than they want.
+        without_beat: share of the draws without a steady beat; the intervals exclude them.
+        without_gases: share of the draws with a steady beat but no steady gas state; the intervals of gases
+            exclude them.
+        warnings: warnings about the beat at the medians of the draws.
+        impossible: share of the draws with a beat that no patient can have, with a chamber without blood or a
+            vein sucked shut; the intervals exclude them.
+        starved: share of the draws whose tissues extract more oxygen than is plausible even in severe
+            illness, or receive less than they demand.
     """
 
     settings: str
@@ -130,27 +132,27 @@ class Prediction:
 
     @property
     def label(self) -> str:
-        """The settings in words."""
+        """Text that names the settings."""
         return self.settings or "as measured"
 
     @property
     def draws_without_beat(self) -> int:
-        """Draws without a steady beat."""
+        """Number of draws without a steady beat."""
         return round(self.without_beat * len(self.values))
 
     @property
     def draws_impossible(self) -> int:
-        """Draws with a beat that no patient can have."""
+        """Number of draws with a beat that no patient can have."""
         return round(self.impossible * len(self.values))
 
     @property
     def draws_without_gases(self) -> int:
-        """Draws with a steady beat and no steady gas state."""
+        """Number of draws with a steady beat but no steady gas state."""
         return round(self.without_gases * len(self.values))
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Why the intervals are not to be trusted, whatever the draws; empty where they are."""
+        """Reasons not to trust the intervals however good the draws are; empty if there are none."""
         lost = (
             ("have no steady heartbeat", self.draws_without_beat, "intervals"),
             (f"are beats {IMPOSSIBLE_BEAT}", self.draws_impossible * bool(self.settings), "intervals"),
@@ -166,7 +168,7 @@ class Prediction:
 
     @property
     def warning_of_impossible_beats(self) -> tuple[str, ...]:
-        """A sentence where too many draws are beats that no patient can have."""
+        """A warning if too many draws are beats that no patient can have, else empty."""
         if self.impossible <= LARGEST_LOST_SHARE:
             return ()
         draws = f"{self.draws_impossible} of {len(self.values)} draws"
@@ -177,7 +179,7 @@ class Prediction:
 
     @property
     def warning_of_starved_draws(self) -> tuple[str, ...]:
-        """A sentence where too many draws are patients who extract nearly all their oxygen."""
+        """A warning if too many draws are patients who extract nearly all their oxygen, else empty."""
         if self.starved <= LARGEST_STARVED_SHARE:
             return ()
         share, most = 100.0 * self.starved, 100.0 * _LARGEST_EXTRACTION
@@ -192,7 +194,7 @@ class Prediction:
         return f"there are no {intervals}" if none else f"the {intervals} speak of the others alone"
 
     def column(self, output: str) -> np.ndarray:
-        """Values of one output; NaN where the circuit lacks it, shape (draws,)."""
+        """Values of one output, shape (draws,); NaN if the circuit does not have it."""
         if output not in self.outputs:
             return np.full(len(self.values), np.nan)
         return self.values[:, self.outputs.index(output)]
@@ -200,22 +202,22 @@ class Prediction:
 
 @dataclass(frozen=True)
 class PosteriorResult:
-    """A patient's posterior.
+    """The posterior of a patient's parameters.
 
     Args:
-        name: of the data point.
-        density: of the latent variables.
-        gaussian: its approximation.
-        samples: of the parameters in their units, shape (chains, draws, parameters).
-        chains: of the sampler; None where it was not asked.
-        weighted: weighted draws; None where they were not asked for.
-        diagnostics: of the chains; None without.
-        predictions: by settings; the first are the measured settings.
-        gaussian_predictions: the same from the Gaussian approximation.
-        doubts: why the result is not to be trusted; empty where it is.
-        settings: how it was sampled.
+        name: name of the data point.
+        density: posterior density of the latent variables.
+        gaussian: Gaussian approximation of the density.
+        samples: samples of the parameters in their units, shape (chains, draws, parameters).
+        chains: chains of the sampler; None if it was not used.
+        weighted: weighted draws; None if they were not requested.
+        diagnostics: diagnostics of the chains; None without chains.
+        predictions: predictions by settings; the first are for the measured settings.
+        gaussian_predictions: the same predictions from the Gaussian approximation.
+        doubts: reasons not to trust the result; empty if there are none.
+        settings: settings of the posterior.
         seconds: wall time.
-        notes: what is assumed and shows in no draw.
+        notes: assumptions that are not reflected in the draws.
     """
 
     name: str
@@ -238,12 +240,12 @@ class PosteriorResult:
 
     @property
     def trusted(self) -> bool:
-        """Whether the draws are to be trusted."""
+        """Whether the draws can be trusted."""
         return not self.doubts
 
     @property
     def checked(self) -> bool:
-        """Whether anything could have shown the draws to be wrong."""
+        """Whether the draws come from a method that can detect errors."""
         return self.settings.method != "gaussian"
 
     @property
@@ -253,14 +255,14 @@ class PosteriorResult:
 
     @property
     def verdict(self) -> str:
-        """In capitals where the draws are not to be trusted, else empty."""
+        """The verdict in capitals if the draws cannot be trusted, else empty."""
         if self.trusted:
             return ""
         return "NOT TO BE TRUSTED" if self.checked or len(self.doubts) > 1 else "NOT CHECKED"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Free parameters."""
+        """Names of the free parameters."""
         return self.density.prior.names
 
     @property
@@ -275,14 +277,14 @@ class PosteriorResult:
 
     @property
     def draws(self) -> xr.DataTree:
-        """Draws, statistics of the sampler, predictions and measurements, a group each.
+        """Draws, statistics of the sampler, predictions and measurements, one group each.
 
-        Groups and names are those of ArviZ's schema, whose functions take it as it is.
+        Groups and names follow ArviZ's schema, so its functions accept the tree.
         """
         return draws_as_tree(self)
 
     def as_object(self) -> dict[str, Any]:
-        """Plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for unknown values."""
         exact, gaussian = (np.quantile(v, QUANTILES, axis=0).T for v in (self.flat, self.gaussian_draws()))
         d, c, w = self.diagnostics, self.chains, self.weighted
         parameters = {
@@ -414,10 +416,10 @@ def posterior(
 
 
 def piled_up(prior: Prior, z: np.ndarray) -> tuple[str, ...]:
-    """Sentences about parameters whose draws pile up at a bound, which limits them in place of measurements.
+    """Return a sentence for each parameter whose draws pile up at a bound, which then limits it.
 
     Args:
-        prior: of the parameters.
+        prior: prior of the parameters.
         z: draws of the latent variables, shape (..., parameters).
     """
     ends = prior.scale.values(np.stack([prior.lower, prior.upper])).T.tolist()
@@ -434,7 +436,7 @@ def piled_up(prior: Prior, z: np.ndarray) -> tuple[str, ...]:
 
 
 def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
-    """The posterior density of a fitted data point's parameters."""
+    """Return the posterior density of a fitted data point's parameters."""
     uncertainties = fit.settings.uncertainties if settings.uncertainties is None else settings.uncertainties
     policy = settings.volume_policy or fit.case.volume_policy
     errors = measurement_errors(fit.measured, uncertainties)
@@ -530,7 +532,7 @@ def _with_warnings(
     draws: np.ndarray,
     predictions: Sequence[Prediction],
 ) -> tuple[Prediction, ...]:
-    """Predictions with what the beat at the medians of the draws says."""
+    """Add to predictions the warnings about the beat at the medians of the draws."""
     from eclsim.outputs.results import beat_warnings
 
     medians = dict(zip(density.prior.names, np.median(draws, axis=0).tolist(), strict=True))
@@ -547,13 +549,13 @@ def predict(
     settings: str = "",
     policy: str = AS_PUBLISHED,
 ) -> Prediction:
-    """Simulate draws of the parameters with a model's other values.
+    """Simulate draws of the parameters, with the other values of a model.
 
     Args:
-        model: circuit and values, with the settings asked for.
+        model: circuit and values for the settings of the prediction.
         parameters: draws of each free parameter, in its unit, shape (draws,).
-        outputs: names of the registry.
-        settings: what to call it.
+        outputs: names of outputs, as in the registry.
+        settings: label of the prediction.
         policy: blood volume policy.
     """
     count = len(next(iter(parameters.values())))
@@ -578,7 +580,7 @@ def predict(
 
 
 def _starved_share(beat: SteadyBeat, read: tuple[str, ...], drawn: Mapping[str, float | np.ndarray]) -> float:
-    """Share of the draws that extract too much of their oxygen, or get less than they want."""
+    """Share of the draws that extract too much of their oxygen or receive less than they demand."""
     if not {*EXTRACTION_OUTPUTS} <= {*read}:
         return 0.0
     consumed, extracted = (beat.values[read.index(name)] for name in EXTRACTION_OUTPUTS)

@@ -1,10 +1,11 @@
-"""How the cost rises when one parameter is held at other values: slices, profiles, and what else moves.
+"""Cost along single parameters (slices and profiles), and parameters that compensate for others.
 
-A slice (Figure S-2 of the paper) moves one parameter and leaves the others; in a profile they are fitted
-again and make up for it: a flat profile is a parameter that cannot be determined (Raue et al. 2009, doi
-10.1093/bioinformatics/btp358). The linear analysis at an optimum cannot see that an undetermined parameter,
-which may be a factor of ten from the truth, carries others with it: each of those is held at values well
-away from the optimum, and a parameter that then ends elsewhere too, at the same outputs, is not determined.
+A slice (Figure S-2 of the paper) varies one parameter and keeps the others. In a profile the others are
+fitted again and compensate: a parameter with a flat profile cannot be determined (Raue et al. 2009, doi
+10.1093/bioinformatics/btp358). The linear analysis at an optimum cannot show that an undetermined parameter,
+which may be a factor of ten from the truth, changes others with it. Each undetermined parameter is therefore
+held at values well away from the optimum. A parameter that then ends elsewhere, too, at the same outputs, is
+not determined.
 """
 
 from __future__ import annotations
@@ -29,35 +30,35 @@ REFITTING = Tolerances(
     1e-3, iterations=60, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=1
 )
 HELD_SHARES = (0.15, 0.4, 0.65, 0.9)
-"""Where a parameter is held to see whether the others follow: shares of the way between its bounds."""
+"""Values at which a parameter is held to see whether others follow, relative to the range of its bounds."""
 SMALLEST_DISTANCE = 0.15
-"""A share nearer to the optimum than this, in widths of the bounds, is left out."""
+"""Values closer to the optimum than this, relative to the distance between the bounds, are left out."""
 SAME_OUTPUTS = 3e-3
-"""Outputs that differ by less than this share are the same: no measurement tells them apart."""
+"""Outputs with a smaller relative difference count as the same: no measurement can distinguish them."""
 EXPLORED_PER_PARAMETER, EXPLORED_STARTS = 64, 2
-"""Points explored for each parameter to find other valleys, and how many of them are starts of a value."""
+"""Number of points explored per parameter to find other valleys, and of those used as starts for a value."""
 MOST_PASSES = 4
-"""Passes of further fits of values next to the interval, at most."""
+"""Largest number of passes of further fits at values next to the interval."""
 SMALLEST_IMPROVEMENT = 0.1
-"""Chi-square by which such a fit must be better for another pass."""
+"""A further pass follows if a fit lowers chi-square by more than this."""
 HALVINGS = 3
-"""How often the step is halved that an interval ends in: a steep wall behind flat ground looks nearer."""
+"""Number of times that the step at the end of an interval is halved, to resolve a steep rise."""
 STEPS = 9
 STANDARD_STEPS = (-3.0, -1.65, -0.7, 0.7, 1.65, 3.0)
-"""Further values of a parameter, in standard errors from the best one."""
+"""Further values of a parameter, in standard errors from the optimum."""
 
 
 @dataclass(frozen=True)
 class CostCurves:
-    """Costs along each parameter.
+    """Cost along each parameter.
 
     Args:
-        names: of the parameters.
-        values: of each in its unit, rising, shape (parameters, steps).
+        names: names of the parameters.
+        values: increasing values of each parameter in its unit, shape (parameters, steps).
         costs: sum of squared residuals; NaN where there is no steady beat, shape (parameters, steps).
-        optimum: value of each parameter at the point that the curves go through.
-        cost: there.
-        within: coordinates of all points found on the way whose cost is within `RISE_90` of the least, shape
+        optimum: values of the parameters at the point that the curves pass through.
+        cost: cost at this point.
+        within: coordinates of all evaluated points whose cost is within `RISE_90` of the smallest, shape
             (points, parameters).
     """
 
@@ -72,14 +73,14 @@ class CostCurves:
 def slices(
     problem: LeastSquaresProblem, box: Box, x: np.ndarray, point: int = 0, steps: int = 41
 ) -> CostCurves:
-    """Move one parameter after the other from bound to bound, the others held.
+    """Vary one parameter after the other from bound to bound, with the others held.
 
     Args:
-        problem: data points.
-        box: bounds.
+        problem: objective with one or more data points.
+        box: bounds of the parameters.
         x: coordinates of the parameters that the slices go through.
-        point: which data point.
-        steps: values of each parameter.
+        point: index of the data point.
+        steps: number of values of each parameter.
     """
     size = len(box.names)
     along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
@@ -101,20 +102,20 @@ def profiles(
     other_optima: np.ndarray | None = None,
     explored: np.ndarray | None = None,
 ) -> CostCurves:
-    """Hold one parameter after the other at values from bound to bound, the others fitted again.
+    """Hold one parameter after the other at values from bound to bound and fit the others again.
 
-    From the optimum alone a fit may end in a worse valley than there is. Values next to the 90 % interval are
-    fitted once more, from the ends of other fits within it and from explored points, as long as that helps;
-    then the steps that it ends in are halved, with such fits at the new values.
+    A fit that starts only from the optimum may end in a local minimum. Values next to the 90 % interval are
+    therefore fitted again, from the results of other fits within it and from explored points, as long as that
+    helps. Then the steps that contain the ends of the interval are halved, with such fits at the new values.
 
     Args:
-        problem: its first data point is meant.
-        box: bounds.
+        problem: objective; its first data point is used.
+        box: bounds of the parameters.
         x: coordinates of the parameters at the optimum.
-        steps: values of each parameter, besides the optimum's own.
-        further: coordinates of each parameter to hold it at as well, shape (parameters, further).
+        steps: number of values of each parameter, in addition to the optimum.
+        further: further coordinates at which each parameter is held, shape (parameters, further).
         other_optima: coordinates of other points that may meet the measurements, shape (points, parameters).
-        explored: coordinates of points all over the bounds, the best first, shape (points, parameters).
+        explored: coordinates of points throughout the bounds, the best first, shape (points, parameters).
     """
     size = len(box.names)
     along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
@@ -150,7 +151,7 @@ def _refit_near_interval_ends(
     explored: np.ndarray,
     passes: int = MOST_PASSES,
 ) -> _FittedPoints:
-    """Fit values next to the interval again while that helps; lowers `costs`, returns all points found."""
+    """Refit values next to the interval as long as that helps; updates `costs`, returns all points."""
     for _ in range(passes):
         held, step, starts = fitted.values_to_refit(along, costs, explored)
         if not len(held):
@@ -168,7 +169,7 @@ def _refit_near_interval_ends(
 def _with_more_values(
     along: np.ndarray, costs: np.ndarray, more: np.ndarray, cost: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values of each parameter, rising, and costs, with more values, all of one cost."""
+    """Insert more values of each parameter, all with the same cost; values remain sorted."""
     along = np.column_stack([along, more])
     order = np.argsort(along, axis=1, kind="stable")
     costs = np.column_stack([costs, np.full(more.shape, cost)])
@@ -176,9 +177,9 @@ def _with_more_values(
 
 
 def _midpoints_at_interval_ends(along: np.ndarray, costs: np.ndarray) -> np.ndarray:
-    """Middles of the steps that the 90 % intervals end in, below and above, shape (parameters, 2).
+    """Midpoints of the steps that contain the lower and upper 90 % interval ends, shape (parameters, 2).
 
-    An interval that reaches the last value has no such step: its last one stands in.
+    If an interval reaches the last value, there is no such step, and its last step is used.
     """
     middles = []
     for values, rise in zip(along, map(_rise, costs), strict=True):
@@ -190,11 +191,11 @@ def _midpoints_at_interval_ends(along: np.ndarray, costs: np.ndarray) -> np.ndar
 
 @dataclass(frozen=True)
 class _FittedPoints:
-    """All points where fits ended, shape (points, ...).
+    """All points at which fits ended, shape (points, ...).
 
     Attributes:
         x: coordinates of the parameters.
-        costs: there; infinite without a steady beat.
+        costs: costs of the points; infinite without a steady beat.
     """
 
     x: np.ndarray
@@ -202,27 +203,28 @@ class _FittedPoints:
 
     @property
     def within(self) -> np.ndarray:
-        """Points within `RISE_90` of the least cost."""
+        """Points whose cost is within `RISE_90` of the smallest."""
         return self.x[self.costs <= self.costs.min() + RISE_90]
 
     def with_more(self, fits: Refinement) -> _FittedPoints:
-        """These and further ones."""
+        """Return these points and those of further fits."""
         return _FittedPoints(np.vstack([self.x, fits.x]), np.append(self.costs, fits.costs))
 
     def values_to_refit(
         self, along: np.ndarray, costs: np.ndarray, explored: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Values outside of 90 % with a point within it before the next value, and points to start from.
+        """Values outside the 90 % interval but next to points within it, with starts for further fits.
 
-        They are the nearest such point, the furthest from that, and the best explored ones at such values.
+        The starts are the nearest such point, the one furthest from it, and the best explored points near the
+        value.
 
         Args:
-            along: values of each parameter, rising, shape (parameters, steps).
-            costs: there.
-            explored: points all over the bounds, the best first, shape (points, parameters).
+            along: increasing values of each parameter, shape (parameters, steps).
+            costs: costs at these values.
+            explored: points throughout the bounds, the best first, shape (points, parameters).
 
         Returns:
-            Places of the parameters, of the values, and the points to start from, the last of shape (fits,
+            Indices of the parameters, indices of the values, and the starts, the last of shape (fits,
             parameters).
         """
         within, limit = self.within, self.costs.min() + RISE_90
@@ -252,15 +254,15 @@ def refit(
     held: np.ndarray,
     values: np.ndarray,
 ) -> Refinement:
-    """Fit again with one parameter held at a value, shape (fits, ...).
+    """Fit again with one parameter held at a value; results have shape (fits, ...).
 
     Args:
-        problem: data points.
+        problem: objective with one or more data points.
         points: data point of each fit, shape (fits,).
-        box: bounds.
-        x: coordinates of the parameters that the others start from, shape (fits, parameters).
-        held: place of the parameter that each fit holds, -1 for none, shape (fits,).
-        values: coordinate that it is held at, shape (fits,).
+        box: bounds of the parameters.
+        x: coordinates from which the other parameters start, shape (fits, parameters).
+        held: index of the parameter that each fit holds, -1 for none, shape (fits,).
+        values: coordinate at which it is held, shape (fits,).
     """
     mask = held[:, None] == np.arange(x.shape[1])
     starts = np.where(mask, values[:, None], x)
@@ -272,9 +274,10 @@ class HeldFits:
     """Fits of one data point with one parameter held away from its optimum, shape (fits, ...).
 
     Args:
-        held: place of the parameter that was held.
+        held: index of the parameter that was held.
         x: coordinates of the parameters.
-        change: largest relative change of a measured output from the optimum's; NaN without a steady beat.
+        change: largest relative change of a measured output from its value at the optimum; NaN without a
+            steady beat.
     """
 
     held: np.ndarray
@@ -282,7 +285,7 @@ class HeldFits:
     change: np.ndarray
 
     def compensation(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far each parameter moves at the same outputs, and the held parameter that it makes up for.
+        """Largest change of each parameter at the same outputs, and the held parameter it compensates.
 
         Args:
             x: coordinates of the parameters at the optimum, shape (parameters,).
@@ -300,7 +303,7 @@ def held_fits(
     optima: Sequence[np.ndarray],
     undetermined: Sequence[Sequence[int]],
 ) -> list[HeldFits]:
-    """Hold undetermined parameters of several data points away from their optima, all side by side."""
+    """Hold undetermined parameters of several data points away from their optima, side by side."""
     plans = [values_to_hold(x, box, chosen) for x, chosen in zip(optima, undetermined, strict=True)]
     points = np.repeat(np.arange(len(plans)), [len(held) for held, _ in plans])
     if not len(points):
@@ -318,7 +321,7 @@ def held_fits(
 
 
 def values_to_hold(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the parameters to hold, and coordinates well away from the optimum to hold them at."""
+    """Indices of the parameters to hold, and coordinates, well away from the optimum, to hold them at."""
     plan = [
         (k, value)
         for k in chosen
@@ -330,13 +333,14 @@ def values_to_hold(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.n
 
 @dataclass(frozen=True)
 class FitProfiles:
-    """Sum of squared differences in standard uncertainties (chi-square) along each parameter.
+    """Chi-square (sum of squared differences in standard uncertainties) along each parameter.
 
     Args:
-        refitted: the others fitted again.
-        held: the others held, through the same point.
-        intervals: 90 % interval of each parameter, in its unit: chi-square within `RISE_90` of its least.
-        ends_without_beat: ends ("lower", "upper") of intervals with no steady beat beyond, by parameter.
+        refitted: curves with the other parameters fitted again.
+        held: curves through the same point with the other parameters held.
+        intervals: 90 % interval of each parameter in its unit, where chi-square is within `RISE_90` of its
+            minimum.
+        ends_without_beat: by parameter, the interval ends ("lower", "upper") with no steady beat beyond.
     """
 
     refitted: CostCurves
@@ -346,10 +350,10 @@ class FitProfiles:
 
 
 def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
-    """The fit with its profile intervals, judged by whether they agree with its Gaussian ones.
+    """Return the fit with profile intervals, judged by their agreement with the Gaussian ones.
 
-    The profiles go through the parameters that are likeliest, whatever the weights of the fit. There are none
-    where the steady beat of the fit is so hard to find that no other can be fitted beside it.
+    The profiles pass through the point of maximum likelihood, whatever the weights of the fit. There are none
+    if the steady beat of the fit is so hard to find that no neighbouring one can be fitted.
     """
     target = fit.objective.targets[fit.number]
     likelihood = Objective(
@@ -359,7 +363,7 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     best = refine(likelihood, np.zeros(len(starts), dtype=int), starts, fit.box, REFITTING)
     if not np.isfinite(best.costs).any():
         return fit.judged(_doubts_without_profile(fit)), None
-    # The fit itself, unless another start is better or the fit's beat is too hard to find.
+    # Use the fit itself, unless another start is better or the fit's beat is too hard to find.
     centre = 0 if best.costs[0] <= best.costs.min() + SMALLEST_IMPROVEMENT else int(np.argmin(best.costs))
     x = best.x[centre]
     scaled = best.jacobians[centre] * likelihood.weights[0][:, None]
@@ -386,7 +390,7 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
 
 
 def _explored(likelihood: Objective, fit: FitResult) -> np.ndarray:
-    """Points all over the bounds, the best first: the starts of the search were drawn towards its best."""
+    """Points throughout the bounds, the best first; starts of the search were mixed with the best point."""
     search = MultiStart(points_per_parameter=EXPLORED_PER_PARAMETER, seed=fit.settings.multi_start.seed)
     x = sobol(fit.box, search)
     costs = likelihood.evaluate(np.zeros(len(x), dtype=int), x, EXPLORING, REFITTING.resolution).costs
@@ -394,12 +398,12 @@ def _explored(likelihood: Objective, fit: FitResult) -> np.ndarray:
 
 
 def _interval_including(interval: tuple[float, float], within: np.ndarray) -> tuple[float, float]:
-    """An interval that holds all values of points within 90 % too."""
+    """Extend an interval to include all values of points within the 90 % range."""
     return min(interval[0], float(within.min())), max(interval[1], float(within.max()))
 
 
 def _doubts_without_profile(fit: FitResult) -> list[Reason]:
-    """Doubts of a fit beside which no profile can be computed, so that it determines no parameter."""
+    """Doubts about a fit for which no profile can be computed; it then determines no parameter."""
     why = (
         "no profile likelihood could be computed beside this fit, whose steady heartbeat is at the edge of "
         "those that there are: nothing checks the Gaussian intervals"
@@ -413,13 +417,13 @@ def _doubts_without_profile(fit: FitResult) -> list[Reason]:
 
 
 def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[float, float]:
-    """Where a profile has risen by `RISE_90` for good, in the parameter's unit; its ends where it never does.
+    """Values beyond which a profile stays above its minimum + `RISE_90`, else its ends, in their unit.
 
     Args:
-        values: of the parameter, rising.
-        costs: chi-square there; NaN without a steady beat: the first such value ends the interval, since the
-            last beat lies somewhere before it.
-        scale: coordinate of the parameter, along which the interval's ends are interpolated.
+        values: increasing values of the parameter.
+        costs: chi-square at these values; NaN without a steady beat. The first such value ends the interval,
+            since the last beat lies somewhere before it.
+        scale: coordinate of the parameter, in which the ends of the interval are interpolated.
     """
     rise, limit = _rise(costs), np.sqrt(RISE_90)
     x = scale.coordinates(values[:, None])[:, 0]
@@ -437,7 +441,7 @@ def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[fl
 
 
 def sides_without_beat(costs: np.ndarray) -> tuple[str, ...]:
-    """Ends of the 90 % interval of a profile, "lower" and "upper", that no steady beat was found beyond."""
+    """Ends ("lower", "upper") of a profile's 90 % interval beyond which no steady beat was found."""
     rise = np.pad(_rise(costs), 1)
     return tuple(
         side
@@ -447,14 +451,14 @@ def sides_without_beat(costs: np.ndarray) -> tuple[str, ...]:
 
 
 def _rise(costs: np.ndarray) -> np.ndarray:
-    """Square root of the rise of chi-square from its least; infinite without a steady beat."""
+    """Square root of chi-square above its minimum; infinite without a steady beat."""
     return np.sqrt(np.where(np.isfinite(costs), np.maximum(costs - np.nanmin(costs), 0.0), np.inf))
 
 
 def _last_within(rise: np.ndarray, step: int) -> int:
-    """Place of the last value within the 90 % interval on one side, before any without a beat."""
+    """Index of the last value within the 90 % range on one side, before any value without a steady beat."""
     least = int(np.argmin(rise))
-    # Beyond a ridge there may be another minimum, as of a shunt in place of recirculation.
+    # Beyond a ridge there may be another minimum, such as a shunt instead of recirculation.
     side = rise[least::step]
     beats = np.append(np.isinf(side), True).argmax()
     return least + step * int(np.flatnonzero(side[:beats] <= np.sqrt(RISE_90))[-1])

@@ -1,9 +1,9 @@
-"""Quantities of a fit: parameters, with the coordinates of the search, and outputs that are measured.
+"""Quantities of a fit: parameters with their search coordinates, and outputs that can be measured.
 
-Most parameters are resistances and the like, sought by their logarithms: a step means the same relative
-change for all of them. What may be zero or negative, such as a shunt fraction, a base excess or a volume
-given, is sought itself, in a unit of which its allowed range has as many as a factor of 100 has in
-logarithms, so that a step is of the same order for all.
+The search uses the logarithm of most parameters (resistances and the like): a step means the same relative
+change for all of them. Parameters that may be zero or negative, such as a shunt fraction, a base excess or an
+infused volume, have a linear coordinate. Its unit is chosen so that the allowed range has the same length as
+a factor of 100 in logarithms, so that a step is of the same order for all.
 """
 
 from __future__ import annotations
@@ -26,52 +26,53 @@ _DIGITS = 12
 
 @dataclass(frozen=True)
 class Scale:
-    """Coordinates of some parameters.
+    """Conversion between parameters and their search coordinates.
 
     Args:
-        units: what a coordinate of 1 is, of each parameter on a linear scale; 0 for logarithms.
+        units: for a linear parameter, the value that corresponds to a coordinate of 1; 0 for a logarithmic
+            one.
     """
 
     units: tuple[float, ...]
 
     @classmethod
     def of(cls, names: Sequence[str]) -> Scale:
-        """Scale of parameters by name."""
+        """Return the scale of parameters by name."""
         return _scale(tuple(names))
 
     @property
     def linear(self) -> np.ndarray:
-        """Which parameters are sought themselves, shape (parameters,)."""
+        """Whether each parameter has a linear coordinate, shape (parameters,)."""
         return np.array(self.units) > 0.0
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates of values in their units, shape (..., parameters)."""
+        """Convert values in their units to coordinates, shape (..., parameters)."""
         values, linear = np.asarray(values, dtype=float), self.linear
         return np.where(linear, values / self._divisors, np.log(np.where(linear, 1.0, values)))
 
     def values(self, x: np.ndarray) -> np.ndarray:
-        """In their units, of coordinates of shape (..., parameters)."""
+        """Convert coordinates to values in their units, shape (..., parameters)."""
         return np.where(self.linear, x * self._divisors, np.exp(np.where(self.linear, 0.0, x)))
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
-        """d value / d coordinate, shape (..., parameters) as x."""
+        """Derivatives d value / d coordinate, shape (..., parameters)."""
         return np.where(self.linear, self._divisors, np.exp(np.where(self.linear, 0.0, x)))
 
     def of_parameter(self, k: int) -> Scale:
-        """Scale of one of the parameters."""
+        """Return the scale of one of the parameters."""
         return Scale((self.units[k],))
 
     def value(self, k: int, x: float) -> float:
-        """One parameter in its unit, without the rounding of going there and back."""
+        """Convert one coordinate to a value in its unit, rounded to remove conversion errors."""
         return float(f"{self.of_parameter(k).values(np.array([x]))[0]:.{_DIGITS}g}")
 
     def difference_text(self, k: int, distance: float) -> str:
-        """Two values at a distance in the coordinate of a parameter: relative, or in its unit."""
+        """Difference between two values as text (in % or in the unit), from that of their coordinates."""
         unit = self.units[k]
         return number(distance * unit, digits=2) if unit else f"{100.0 * math.expm1(distance):.0f} %"
 
     def error(self, k: int, error: float) -> str:
-        """A standard error in words."""
+        """A standard error as text."""
         unit = self.units[k]
         return number(error * unit, digits=2) if unit else f"a factor of {math.exp(error):.2g}"
 
@@ -86,13 +87,13 @@ def _scale(names: tuple[str, ...]) -> Scale:
 
 
 def unit_of_parameter(name: str) -> str:
-    """Unit of a parameter or of a number of a case; empty for none."""
+    """Unit of a parameter or of a number of a case; empty if dimensionless."""
     known = quantity(name)
     return "" if known is None or known.unit == "1" else known.unit
 
 
 def axis_label(name: str) -> str:
-    """Name and unit of a parameter for an axis."""
+    """Axis label of a parameter: name and unit."""
     unit = unit_of_parameter(name)
     return f"{name} [{unit}]" if unit else name
 
@@ -103,9 +104,9 @@ def axis_label(name: str) -> str:
 PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 FLOWS = ("CO", "PF")
 BEAT_OUTPUTS = PRESSURES + FLOWS
-"""Outputs of the beat itself that can be fitted."""
+"""Outputs of the beat that can be fitted."""
 GASES = MEASURED_GASES
-"""Outputs of gas exchange that can be fitted, where a case has it."""
+"""Outputs of gas exchange that can be fitted if the case has a section [gas]."""
 OUTPUTS = BEAT_OUTPUTS + FURTHER_MEASUREMENTS + GASES
 """All outputs that can be fitted."""
 
@@ -116,14 +117,14 @@ def unit_of(output: str) -> str:
 
 
 def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
-    """Values of some outputs of data points, as in JSON files, wherever there are both, shape (values, 2)."""
+    """Pairs of measured and simulated values, as in JSON files, where both exist, shape (values, 2)."""
     cells = [result["outputs"].get(name) or {} for result in results for name in names]
     pairs = [(cell.get("measured"), cell.get("simulated")) for cell in cells]
     return np.array([pair for pair in pairs if None not in pair], dtype=float).reshape(-1, 2)
 
 
 def relative_scale(output: str, value: float) -> float:
-    """Scale of a relative difference: the value; at least the usual size where it may be negative."""
+    """Scale of a relative difference: the size of the value; at least a typical one if it may be negative."""
     usual = abs(Measurements.fields()[output].typical) if output in FURTHER_MEASUREMENTS else 0.0
     return max(abs(value), usual)
 

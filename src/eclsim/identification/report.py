@@ -1,4 +1,4 @@
-"""Fits, posteriors and followed patients as terminal text and as HTML pages, from what their JSON holds."""
+"""Terminal text and HTML pages of fits, posteriors and followed patients, from their JSON data."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Data = Mapping[str, Any]
 """Part of a JSON file."""
 REPORT = "report.html"
 CORRELATED = 0.9
-"""Two estimates with a larger correlation, of either sign, move together."""
+"""Estimates with a larger absolute correlation are reported as correlated."""
 _SIGNS = {"poor": "!!", "doubtful": "! ", "good": "- "}
 ONE_FIT = {
     "residuals": (
@@ -63,12 +63,12 @@ TRACKED = {
 
 
 def _figures(value: float | None, digits: int = 4) -> str:
-    """A number in the terminal."""
+    """A number as text with significant digits; "-" for none."""
     return "-" if value is None else f"{value:.{digits}g}"
 
 
 def _names(points: Sequence[Data], key: str) -> list[str]:
-    """Names of the parameters or outputs of several points, each once."""
+    """Names of the parameters or outputs of several points, without repetition."""
     return list(dict.fromkeys(name for point in points for name in point[key]))
 
 
@@ -77,11 +77,11 @@ def _differences(point: Data) -> Mapping[str, float]:
     return {} if goodness is None else goodness["differences"]
 
 
-# --- fits in the terminal -----------------------------------------------------------------------------
+# --- terminal text of fits ----------------------------------------------------------------------------
 
 
 def fits_text(content: Data) -> str:
-    """One fit at length, or a row for each of several; draws where there are any; how much fits explain."""
+    """Text of one fit in detail or a row for each of several, with draws and R2 if there are any."""
     points = content["points"]
     lines = [_one_fit(points[0]) if len(points) == 1 else _several_fits(points)]
     if "posterior" in content:
@@ -95,7 +95,7 @@ def fits_text(content: Data) -> str:
 
 
 def _about_r2(value: float) -> str:
-    """What the number means: it is no square, and below zero it does not speak for the fits."""
+    """Explain a value of R2, which may be negative."""
     if value >= 0.0:
         return " (share of the variation among the measured values that the fits explain; 1: all of it)"
     return " (below 0: the fits miss the measured values by more than these differ from their mean)"
@@ -131,7 +131,7 @@ def _one_fit(point: Data) -> str:
 
 
 def _wider(parameter: Data) -> tuple[float | None, float | None]:
-    """All that either 90 % interval holds, the Gaussian one or that by the profile likelihood."""
+    """Smallest interval that contains both 90 % intervals, the Gaussian and the profile likelihood's."""
     both = [ends for ends in ((parameter["lower"], parameter["upper"]), parameter["profile"]) if ends]
     if any(None in ends for ends in both):
         return parameter["lower"], parameter["upper"]
@@ -152,16 +152,16 @@ def _several_fits(points: Sequence[Data]) -> str:
 
 
 def _counted(points: Sequence[Data]) -> str:
-    """How many fits have each verdict."""
+    """Number of fits with each verdict, as text."""
     levels = [p["verdict"]["level"] for p in points]
     return ", ".join(f"{levels.count(level)} {level}" for level in Level)
 
 
-# --- draws in the terminal ----------------------------------------------------------------------------
+# --- terminal text of posteriors ----------------------------------------------------------------------
 
 
 def posterior_text(content: Data) -> str:
-    """Parameters and predictions with intervals, and beside each of them whether to trust it."""
+    """Text of parameters and predictions with intervals, and whether to trust each of them."""
     lines = [
         "",
         f"{content['kind']}, {_quality(content)}, prior {content['prior']}, {content['seconds']:.0f} s",
@@ -189,7 +189,7 @@ def posterior_text(content: Data) -> str:
 
 
 def _quality(content: Data) -> str:
-    """How many draws, and what they are worth where they are weighted."""
+    """Number of draws, or effective number and Pareto k of weighted draws, as text."""
     if content["method"] != "importance":
         return f"{content['draws']} draws"
     shape = "not known" if content["pareto_k"] is None else f"{content['pareto_k']:.2f}"
@@ -216,11 +216,11 @@ def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
     return [f"{verdict}:", *(f"  {doubt}" for doubt in doubts)] if doubts else []
 
 
-# --- a series of measurements in the terminal ---------------------------------------------------------
+# --- terminal text of followed patients ---------------------------------------------------------------
 
 
 def series_text(series: Data) -> str:
-    """Medians after each measurement, remarks on it, and the parameters as they are now."""
+    """Text of medians after each measurement, remarks, and the current parameters."""
     points = series["points"]
     names = _names(points, "parameters")
     rows = [
@@ -257,10 +257,10 @@ def write_fit_page(
     """Write the page of a fit, or of a cohort's fits.
 
     Args:
-        folder: for the page.
-        content: as in identification.json.
-        case: of a single fit; None for a cohort.
-        drawings: folder with the figures as SVG; None without.
+        folder: folder of the page.
+        content: data as in identification.json.
+        case: case of a single fit; None for a cohort.
+        drawings: folder with the figures as SVG; None for a page without figures.
     """
     captions = COHORT if case is None else ONE_FIT
     drawn = {} if drawings is None else {n: drawings / f"{n}.svg" for n in captions}
@@ -271,7 +271,7 @@ def write_fit_page(
 
 
 def fit_page(content: Data, case: Case, drawings: Mapping[str, str]) -> str:
-    """The page of one fit; `drawings` are SVG texts by name."""
+    """Return the page of one fit; `drawings` are SVG texts by name."""
     (point,) = content["points"]
     verdict, posterior = point["verdict"], content.get("posterior")
     sentences = {good: [r["sentence"] for r in verdict["reasons"] if (r["level"] == Level.GOOD) is good]
@@ -301,7 +301,7 @@ def fit_page(content: Data, case: Case, drawings: Mapping[str, str]) -> str:
 
 
 def _about(case: Case) -> str:
-    """The patient, and every device with the keys of its section."""
+    """Text about the patient and every device with the keys of its section."""
     patient = case.patient
     lines = [f"{patient.sex}, {patient.age_years:g} years, {patient.heart_rate_bpm:g} beats/min"]
     for instance in case.instances():
@@ -410,7 +410,7 @@ def _method(settings: Data, point: Data | None = None) -> list[str]:
 
 
 def cohort_page(content: Data, drawings: Mapping[str, str]) -> str:
-    """The page of a cohort's fits; `drawings` are SVG texts by name."""
+    """Return the page of a cohort's fits; `drawings` are SVG texts by name."""
     points = content["points"]
     rows = []
     for point in points:
@@ -457,10 +457,10 @@ def _cell(parameter: Data | None) -> str:
 
 
 def track_page(content: Data, drawings: Mapping[tuple[str, str], str]) -> str:
-    """The page: where each patient stands, what did not fit, the course, what is assumed.
+    """Return the page of followed patients: current state, unusual measurements, course, assumptions.
 
     Args:
-        content: as in track.json.
+        content: data as in track.json.
         drawings: figures as SVG text, by id of the patient and key of `TRACKED`.
     """
     ids = [series["id"] for series in content["series"]]
@@ -499,7 +499,7 @@ def _patient(series: Data) -> dict[str, object]:
 
 
 def _state(points: Sequence[Data]) -> list[str]:
-    """Whether the last measurement fits, and what was remarked before."""
+    """State whether the last measurement fits, and earlier remarks."""
     last = points[-1]
     message = last["message"]
     for doubt in last.get("doubts", ()):

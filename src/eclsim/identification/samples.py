@@ -1,4 +1,4 @@
-"""Samples of a patient's parameters as a table: what a posterior writes, and a study of doubts reads."""
+"""Samples of a patient's parameters as a table, written by a posterior and read by a CRRT study."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 FREE_IN_CASES = ("total_blood_volume_ml", "heart_rate_bpm")
-"""Quantities of a patient, beside the tables' parameters, that may be uncertain."""
+"""Quantities of a patient, besides the tabulated parameters, that may be uncertain."""
 MOST_SAMPLES = 1000
 MOST_MISTAKES = 20
 
 
 class SamplesError(ValueError):
-    """A file that holds no samples; names every mistake."""
+    """Raised for a file without valid samples; the message names every mistake."""
 
 
 def write_samples(names: tuple[str, ...], draws: np.ndarray, path: Path, doubts: Sequence[str] = ()) -> None:
-    """Write draws (draws, parameters) as a table, a column each; `eclsim crrt-study --posterior` takes it.
+    """Write draws (draws, parameters) as a table with one column each, for `crrt-study --posterior`.
 
-    A last column has the reason where they are not to be trusted.
+    A last column gives the reason if the draws cannot be trusted.
     """
     rows, remark = draws[:: max(1, len(draws) // MOST_SAMPLES)].tolist(), "; ".join(doubts)
     head = (*names, DOUBTS) if remark else names
@@ -43,14 +43,15 @@ def write_samples(names: tuple[str, ...], draws: np.ndarray, path: Path, doubts:
 
 
 def read_samples(path: str | Path) -> dict[str, list[float]]:
-    """Values by parameter, one per sample; of more than 1000 samples every n-th is taken.
+    """Read values by parameter, one per sample; of more than 1000 samples every n-th is used.
 
     Args:
-        path: table with a head of parameter names in the units of the tables; a row for each sample. Columns
-            are separated by commas, semicolons or tabs. Or the NetCDF file of a posterior, `posterior.nc`.
+        path: table with a header of parameter names and one row per sample, in the units of the parameter
+            tables and separated by commas, semicolons or tabs; or the NetCDF file of a posterior,
+            `posterior.nc`.
 
     Raises:
-        SamplesError: With every mistake.
+        SamplesError: The file has mistakes; the message names all of them.
     """
     head, rows, mistakes = _of_posterior(path) if Path(path).suffix == ".nc" else _of_table(path)
     if DOUBTS in head:
@@ -79,13 +80,13 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
 
 
 def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
-    """Doubts about a study of samples: those of their posterior, and whether it is of this patient.
+    """Doubts about a study with samples: those of the posterior, and whether they belong to this patient.
 
-    A table has them in a column of its own, `samples.csv` in the `posterior.json` beside it.
+    A table has doubts in a column of its own; for `samples.csv`, the `posterior.json` beside it is read, too.
 
     Args:
-        path: of samples that `read_samples` reads.
-        case: that they are used with.
+        path: file with samples that `read_samples` reads.
+        case: case that the samples are used with.
     """
     about = _about(Path(path))
     doubts = list(filter(None, about["doubts"]))
@@ -100,7 +101,7 @@ def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
 
 
 def _about(path: Path) -> dict[str, Any]:
-    """Attributes of a posterior besides its draws."""
+    """Read the attributes of a posterior: id, volume policy, doubts, and whether it is trusted."""
     usual: dict[str, Any] = {"id": "", "blood_volume_policy": "", "doubts": (), "trusted": True}
     if path.suffix == ".nc":
         import xarray as xr
@@ -124,7 +125,7 @@ _Rows = Sequence[tuple[int, Sequence[str]]]
 
 
 def _of_table(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
-    """Head, rows with their lines, and mistakes of a table."""
+    """Return header, rows with their line numbers, and mistakes of a table."""
     try:
         table = read_table(path)
     except CaseError as error:
@@ -134,7 +135,7 @@ def _of_table(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
 
 
 def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
-    """Names and draws of the group `posterior` of a NetCDF file."""
+    """Return names and draws of the group `posterior` of a NetCDF file, and mistakes."""
     import xarray as xr
 
     if not Path(path).exists():
@@ -151,7 +152,7 @@ def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
 
 
 def _mistake(name: str, cell: str, value: float) -> str:
-    """What is wrong with a value; empty where nothing is."""
+    """Describe what is wrong with a value; empty if nothing is."""
     known = quantity(name)
     if not (math.isfinite(value) and (value > 0.0 or (known is not None and known.is_linear))):
         comma = math.isfinite(_value(cell.replace(",", ".")))

@@ -1,8 +1,8 @@
-"""Common properties of a series of measurements, whichever of them is looked at.
+"""Common properties of all measurements in a series.
 
-A patient has one set point for each reflex: left open, it is the first measurement of the series that tells
-it, and the reflexes answer to changes from there. What is free is free at all times: at a time whose circuit
-does not read a parameter, such as a shunt where no gases were taken, nothing is learnt of it.
+A patient has one set point for each reflex. If cases leave it open, the first measurement in the series gives
+it, and the reflexes respond to changes from there. Parameters that are free are free at all times. Nothing is
+learnt about a parameter at a time whose circuit does not use it, such as a shunt when no gases were measured.
 """
 
 from __future__ import annotations
@@ -45,22 +45,22 @@ SECONDS_PER_HOUR = 3600.0
 _TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 
 Points = Sequence[tuple[str, "Case"]]
-"""Measurements in order: their names and cases."""
+"""Names and cases of the measurements in order."""
 FEWEST_EQUAL_VALUES = 3
-"""Fewer measurements may be the same to the last digit by chance."""
+"""Fewer measurements than this may be identical to the last digit by chance."""
 
 
 @dataclass
 class Series:
-    """Properties of a series by the cases read so far.
+    """Properties of a series, according to the cases read so far.
 
     Args:
-        settings: free parameters, bounds.
+        settings: settings of the fit, with free parameters and bounds.
         set_points: values of the set points that the cases leave open.
-        read: parameters that the circuit of at least one case reads.
-        limits: start value, lower and upper bound of each free parameter, by the first case that reads it.
-        measured: what was measured at any time.
-        notes: on the set points.
+        read: parameters that the circuit of at least one case uses.
+        limits: start value, lower and upper bound of each free parameter, from the first case that uses it.
+        measured: outputs that were measured at any time.
+        notes: notes on the set points.
     """
 
     settings: FitSettings
@@ -71,7 +71,7 @@ class Series:
     notes: list[str] = field(default_factory=list)
 
     def learn(self, name: str, case: Case) -> None:
-        """Take from a case what the series does not know yet; `name`: of the measurement."""
+        """Add what a case tells about the series; `name` is that of the measurement."""
         for key, value in measured_open_set_points(case).items():
             if key not in self.set_points:
                 self.set_points[key] = value
@@ -87,7 +87,7 @@ class Series:
                 self.limits.setdefault(parameter, limits)
 
     def checked(self, case: Case) -> tuple[Case, CheckedFit]:
-        """A case as the series has it, and what can be fitted to it."""
+        """Return a case with the set points of the series, and what can be fitted to it."""
         left_open = () if case.regulation is None else case.regulation.open_set_points
         case = with_values(case, {key: v for key, v in self.set_points.items() if key in left_open})
         absent = (self.read & {*self.settings.names}) - self._read_by(case)
@@ -106,7 +106,7 @@ class Series:
         return {name: self.limits[name] for name in self.settings.names if name in self.limits}
 
     def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
-        """Doubts about the estimate from a case: unknown values that are held, or left open."""
+        """Doubts about the estimate from a case: unknown values that are held, and set points still open."""
         left_open = () if case.regulation is None else case.regulation.open_set_points
         still_open = [str(w) for w in checked.warnings if w.key in left_open]
         free = self.settings.names
@@ -118,7 +118,7 @@ class Series:
         return (*held, *still_open)
 
     def remarks(self, case: Case) -> list[str]:
-        """Remarks on values assumed at all times; `case`: one of them."""
+        """Remarks on values that are assumed at all times; `case` is one of the series."""
         free = self.settings.names
         return [
             *self.notes,
@@ -131,10 +131,10 @@ class Series:
 
 
 def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str, CaseSource]]:
-    """The points as names with their cases.
+    """Check and return the points as names with their cases.
 
     Raises:
-        CaseError: None, or something else, such as the path of a table.
+        CaseError: There are no points, or the argument is something else, such as the path of a table.
     """
     allowed = 'a list of names with cases, such as [("2024-03-01T08:00", case), ...]; tables: eclsim track'
     listed = isinstance(points, Sequence) and not isinstance(points, str)
@@ -148,10 +148,10 @@ def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str,
 
 
 def passed_over(left_out: Sequence[int], points: int) -> list[int]:
-    """How many measurements before each point are not among the points.
+    """Check and return the numbers of measurements that are missing before each point.
 
     Raises:
-        ValueError: Not one number for each point.
+        ValueError: There is not one whole number for each point.
     """
     lost = [WholeNumber()("left_out", one) for one in left_out] or [0] * points
     if len(lost) != points:
@@ -160,7 +160,7 @@ def passed_over(left_out: Sequence[int], points: int) -> list[int]:
 
 
 def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Series:
-    """Common properties of a series, from name and case of each measurement in order."""
+    """Return the common properties of a series, from name and case of each measurement in order."""
     series = Series(settings)
     for name, case in points:
         series.learn(name, case)
@@ -168,9 +168,9 @@ def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Seri
 
 
 def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
-    """Parameters to follow: the usual ones, and those of gases, volume and CRRT with any measurement.
+    """Parameters to follow: the usual ones, and those on which any gas or pressure measurement informs.
 
-    A fit leaves out what it cannot determine; here such parameters are free too, with wide intervals.
+    A fit leaves out parameters that it cannot determine; here these are free, too, with wide intervals.
     """
     cases = [case for _, case in points]
     informed = [key for case in cases for key in parameters_informed_by_gases(case)]
@@ -182,7 +182,7 @@ def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
 
 
 def falling_clotting(before: TrackedPoint, now: TrackedPoint) -> str:
-    """A sentence where the clotted share of an oxygenator has fallen by more than it is uncertain by."""
+    """A warning if the clotted share of an oxygenator has fallen by more than its uncertainty, else empty."""
     old, new = before.parameters.get(CLOTTED), now.parameters.get(CLOTTED)
     if old is None or new is None or not (new.median < old.lower and new.upper < old.median):
         return ""
@@ -194,7 +194,7 @@ def falling_clotting(before: TrackedPoint, now: TrackedPoint) -> str:
 
 
 def copied_measurements(before: TrackedPoint, now: TrackedPoint) -> str:
-    """A sentence where all that was measured is the same to the last digit."""
+    """A warning if all measured values are identical to the last ones, else empty."""
     old, new = ({n: i.measured for n, i in point.innovations.items()} for point in (before, now))
     if len(new) < FEWEST_EQUAL_VALUES or old != new:
         return ""
@@ -205,17 +205,17 @@ def copied_measurements(before: TrackedPoint, now: TrackedPoint) -> str:
 
 
 def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
-    """Hours from each measurement to the next, or None where the names are no times.
+    """Hours from each measurement to the next, or None if the names are no times.
 
     Args:
-        names: of the measurements in their order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00.
+        names: names of the measurements in order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00.
 
     Returns:
-        None for the first, hours for every other; None instead of all where a name is no time, or where some
-        have a time zone and others not.
+        None for the first measurement and hours for every other; None instead of the list if a name is no
+        time, or if only some have a time zone.
 
     Raises:
-        CaseError: A time before the one before it, or the same time again: it would count twice.
+        CaseError: A time is not later than the one before it; the same time again would count twice.
     """
     times = [when(_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name)) for name in names]
     known = [t for t in times if t is not None]

@@ -1,4 +1,4 @@
-"""Settings of a fit: free parameters with bounds, weights, how widely to look."""
+"""Settings of a fit: free parameters with bounds, weights, extent of the search."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 DEFAULT_BOUND_FACTOR = 10.0
-"""Bounds of a parameter that has none of its own: its value divided and multiplied by this."""
+"""Default bounds of a parameter: its value divided and multiplied by this factor."""
 SHUNT = "gas.shunt_fraction"
 CLOTTED = "ecmo.oxygenator.clotted_fraction"
 INFORMATIVE_MEASUREMENTS = {
@@ -51,9 +51,9 @@ INFORMATIVE_MEASUREMENTS = {
     "Dcrrttuout": ("the bore of the CRRT's return line with its catheter", ("crrt_return_pressure",)),
     "Rcrrtfil": ("how far the filter of the CRRT is clotted", ("crrt_filter_pressure_drop",)),
 }
-"""By parameter its meaning, and the measurements that carry information about it."""
+"""By parameter, its meaning and the measurements that carry information about it."""
 CRRT_PARAMETERS = ("Dcrrttuin", "Dcrrttuout", "Rcrrtfil")
-"""Diameters of the lines of a CRRT, and the resistance of its filter."""
+"""Diameters of the lines of a CRRT and the resistance of its filter."""
 INFORMATIVE_GASES = {
     SHUNT: INFORMATIVE_MEASUREMENTS[SHUNT][1],
     VO2: INFORMATIVE_MEASUREMENTS[VO2][1],
@@ -64,7 +64,7 @@ INFORMATIVE_GASES = {
 MEASURED_AT_REST = {
     SET_POINT: "MAP", VENOUS_SET_POINT: "CVP", PAO2_SET_POINT: "PaO2", PACO2_SET_POINT: "PaCO2",
 }  # fmt: skip
-"""Set points of reflexes, and the measurements that they are in a patient who is measured at rest."""
+"""Set points of reflexes, and the measurements that equal them if the patient is measured at rest."""
 
 
 BOUNDS_WRITTEN = 'lower and upper bound by parameter, such as {"Rmc": (0.1, 2.0)}'
@@ -72,17 +72,17 @@ BOUNDS_WRITTEN = 'lower and upper bound by parameter, such as {"Rmc": (0.1, 2.0)
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How data points are fitted.
+    """Settings of the fit of data points.
 
     Args:
         parameters: free parameters.
-        bounds: lower and upper bounds that differ from the usual ones.
+        bounds: lower and upper bounds that differ from the default ones.
         weights: "relative", (simulated - measured) / measured as in the paper, or "uncertainty",
             (simulated - measured) / standard uncertainty.
         uncertainties: standard uncertainties of measurements that differ from the defaults.
-        multi_start: how widely to look.
-        volume_policy: blood volume policy; None, that of the cases.
-        shared: free parameters that all data points of a patient of a cohort have in common.
+        multi_start: extent of the search.
+        volume_policy: blood volume policy; None takes that of the cases.
+        shared: free parameters with a common value for all data points of a patient in a cohort.
     """
 
     parameters: tuple[str, ...] = tuple(BOUNDS)
@@ -108,11 +108,11 @@ class FitSettings:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All free parameters: what is shared is free as well."""
+        """Names of all free parameters, including the shared ones."""
         return tuple(dict.fromkeys([*self.parameters, *self.shared]))
 
     def as_object(self) -> dict[str, Any]:
-        """Plain data; two fits with the same object give the same numbers."""
+        """Plain data; fits with equal objects give the same numbers."""
         search = {name: value for name, value in vars(self.multi_start).items() if name != "polishing"}
         return {
             "parameters": list(self.parameters),
@@ -126,7 +126,7 @@ class FitSettings:
 
 
 def _check_pair(name: object, bounds: Any) -> None:
-    """Refuse bounds that are not two numbers by the name of a parameter."""
+    """Raise an error unless the bounds are two numbers and belong to the name of a parameter."""
     pair = [*bounds] if isinstance(bounds, (tuple, list)) or hasattr(bounds, "__array__") else []
     if len(pair) != 2 or not isinstance(name, str):
         raise TypeError(f"bounds of {written(name)} = {written(bounds)}; allowed: {BOUNDS_WRITTEN}")
@@ -140,9 +140,9 @@ class CheckedFit:
 
     Attributes:
         targets: measured values by name [mmHg, L/min].
-        free: start value, lower and upper bound of each parameter that is free.
+        free: start value, lower and upper bound of each free parameter.
         fixed: value of each parameter whose bounds are equal.
-        mistakes: errors; with any of them nothing can be fitted.
+        mistakes: errors that prevent a fit.
         warnings: doubts.
         notes: what was left out or fixed.
     """
@@ -160,7 +160,7 @@ class CheckedFit:
 
 
 def case_to_fit(case: Case, settings: FitSettings) -> Case:
-    """The case as it is fitted: with a free blood volume's section, measured at rest, no verdict yet."""
+    """Prepare a case for a fit: section for a free blood volume, set points from measurements, no verdict."""
     case = case.model_copy(update={"fit_mark": None})
     if EXTRA_VOLUME in settings.names and case.fluid is None:
         case = with_values(case, {EXTRA_VOLUME: 0.0})
@@ -168,42 +168,42 @@ def case_to_fit(case: Case, settings: FitSettings) -> Case:
 
 
 def with_measured_set_points(case: Case, settings: FitSettings) -> Case:
-    """The case with measurements as the set points that it leaves open, so that its fit is unchanged at rest.
+    """Return the case with measurements as open set points, so that reflexes do not act at rest.
 
-    Data points that share parameters keep theirs open: a patient has one set point, not one for each of them.
+    Data points that share parameters keep set points open: a patient has one, not one per data point.
     """
     return case if settings.shared else with_values(case, measured_open_set_points(case))
 
 
 def measured_open_set_points(case: Case) -> dict[str, float]:
-    """Measurements that are set points which a case leaves open, by key."""
+    """Measurements that equal set points which a case leaves open, by key of the set point."""
     if case.regulation is None:
         return {}
     open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
     if case.physiology is not None and case.physiology.pericardium:
-        open_ones -= {VENOUS_SET_POINT}  # transmural, and nobody measures the pressure around the heart
+        open_ones -= {VENOUS_SET_POINT}  # transmural: the pressure around the heart is not measured
     measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in sorted(open_ones)}
     return {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
 
 
 def measured_outputs(case: Case) -> list[str]:
-    """Measurements of a case by name."""
+    """Names of the measurements of a case that can be fitted."""
     return [name for name in OUTPUTS if getattr(case.measurements, name, None) is not None]
 
 
 def free_parameters(
     case: Case, usual: Sequence[str] = tuple(BOUNDS), policy: VolumePolicy | None = None
 ) -> tuple[str, ...]:
-    """Parameters to fit to a case: the usual ones, or with measured gases those that these determine.
+    """Parameters to fit to a case: the usual ones, or with measured gases those that can be determined.
 
-    Where a wrong shunt or oxygen consumption is held, cardiac output makes up for it: both, and the mixing
-    where drained blood is recirculated, come first, and of the usual parameters those whose effects differ
-    from theirs at the case's values. A consumption that the case gives is held.
+    If a wrong shunt or oxygen consumption is held, the fitted cardiac output compensates for it. Both, and
+    the mixing where drained blood is recirculated, therefore come first, followed by the usual parameters
+    whose effects differ from theirs at the values of the case. A consumption that the case gives is held.
 
     Args:
-        case: with measurements.
-        usual: parameters.
-        policy: blood volume policy; None, the case's.
+        case: case with measurements.
+        usual: names of the usual parameters.
+        policy: blood volume policy; None takes that of the case.
     """
     from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.identifiability import identifiability, propose
@@ -219,13 +219,13 @@ def free_parameters(
         about = identifiability(case, parameters=candidates, outputs=measured, volume_policy=policy)
     except NoDerivativesError:
         return candidates
-    # An oxygenator is new until the gases show otherwise, beyond what is never known of the patient.
+    # An oxygenator counts as new unless the gases show otherwise, so its clotting has no priority.
     chosen = propose(about.scaled, first=[key for key in unknown if key != CLOTTED]).chosen
     return tuple(name for name in candidates if name in chosen) or candidates
 
 
 def _unknown_gas_parameters(case: Case) -> set[str]:
-    """Keys of `INFORMATIVE_GASES` that change something in a case and that it does not know."""
+    """Keys of `INFORMATIVE_GASES` that a case uses and does not give."""
     if case.gas is None:
         return set()
     circuit = circuit_of(case)
@@ -239,7 +239,7 @@ def _unknown_gas_parameters(case: Case) -> set[str]:
 
 
 def parameters_informed_by_gases(case: Case) -> tuple[str, ...]:
-    """Parameters of gas exchange that a case leaves open and its measured gases inform on."""
+    """Parameters of gas exchange that a case leaves open and that its measured gases inform on."""
     available = output_names(circuit_of(case))
     measured = {name for name in measured_outputs(case) if name in available}
     unknown = _unknown_gas_parameters(case)
@@ -247,21 +247,21 @@ def parameters_informed_by_gases(case: Case) -> tuple[str, ...]:
 
 
 def crrt_parameters_informed_by_pressures(case: Case) -> tuple[str, ...]:
-    """Lines and filter of a CRRT, where its pressures were measured and the case does not give them."""
+    """Lines and filter of a CRRT whose pressures were measured and which the case does not give."""
     measured, read = {*measured_outputs(case)}, parameters_read(circuit_of(case))
     unknown = [name for name in CRRT_PARAMETERS if name in read and stated(case, name) is None]
     return tuple(name for name in unknown if {*INFORMATIVE_MEASUREMENTS[name][1]} & measured)
 
 
 def parameters_informed_by_pressures(case: Case) -> tuple[str, ...]:
-    """Blood volume and CRRT parameters that a case leaves open and its measured pressures inform on."""
+    """Blood volume and CRRT parameters that a case leaves open and that its measured pressures inform on."""
     informative = {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured_outputs(case)}
     volume = (EXTRA_VOLUME,) if informative and _volume_is_fixed(case, ()) else ()
     return (*volume, *crrt_parameters_informed_by_pressures(case))
 
 
 def assumed_gas_parameters(case: Case) -> set[str]:
-    """Shunt and oxygen consumption, where a case leaves them out, so that they are assumed."""
+    """Shunt and oxygen consumption, as far as a case leaves them out and they are assumed."""
     if case.gas is None:
         return set()
     given = case.gas.model_fields_set
@@ -270,7 +270,7 @@ def assumed_gas_parameters(case: Case) -> set[str]:
 
 
 def avoidable_assumptions(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """Sentences about parameters held at assumed values that the measured gases could determine."""
+    """Warnings about parameters held at assumed values that the measurements could determine."""
     result = []
     for key in sorted(assumed_gas_parameters(case) - set(free)):
         meaning, informative = INFORMATIVE_MEASUREMENTS[key]
@@ -291,7 +291,7 @@ def avoidable_assumptions(case: Case, measured: Collection[str], free: Collectio
 
 
 def consumption_is_from_formula(case: Case, measured: Collection[str], free: Collection[str]) -> bool:
-    """Whether the oxygen consumption is the formula's, and of the measured gases none determines it."""
+    """Whether the oxygen consumption is computed by the formula and no measured gas determines it."""
     gases = {*MEASURED_GASES} & {*measured}
     return (
         bool(gases)
@@ -301,7 +301,7 @@ def consumption_is_from_formula(case: Case, measured: Collection[str], free: Col
 
 
 def remarks_on_fixed_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A sentence about a consumption by the formula that no measured gas determines."""
+    """A remark if the consumption is the formula's and no measured gas determines it, else empty."""
     if not consumption_is_from_formula(case, measured, free):
         return []
     gases = ", ".join(name for name in MEASURED_GASES if name in measured)
@@ -314,13 +314,13 @@ def remarks_on_fixed_consumption(case: Case, measured: Collection[str], free: Co
 def remarks_on_undetermined_output(
     case: Case, measured: Collection[str], measured_at_any_time: Collection[str], free: Collection[str]
 ) -> list[str]:
-    """A sentence about a cardiac output that only gases determine, with the consumption free as well.
+    """A warning if only gases inform on the cardiac output and the consumption is free, too, else empty.
 
     Args:
-        case: one of a series.
-        measured: there.
-        measured_at_any_time: at any time of the series.
-        free: parameters.
+        case: case of a series.
+        measured: names of the measurements of this case.
+        measured_at_any_time: names of the measurements of the whole series.
+        free: names of the free parameters.
     """
     gases = [name for name in MEASURED_GASES if name in measured]
     if not gases or "CO" in measured_at_any_time or VO2 not in assumed_gas_parameters(case) & {*free}:
@@ -333,7 +333,7 @@ def remarks_on_undetermined_output(
 
 
 def remarks_on_fixed_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A sentence about a blood volume at its assumed value that no measurement determines."""
+    """A remark if the blood volume is assumed and no measurement determines it, else empty."""
     if not _volume_is_fixed(case, free) or {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured}:
         return []
     return [
@@ -356,7 +356,7 @@ def remarks_on_unfitted(case: Case, fitted: Collection[str]) -> list[str]:
 def remarks_on_unmeasured_oxygenator(
     case: Case, measured: Collection[str], free: Collection[str]
 ) -> list[str]:
-    """A sentence about an oxygenator, held as new or free like the shunt, with no gas measured behind it."""
+    """A remark if the oxygenator is held as new, or free with the shunt, and no gas after it was measured."""
     informative, gases = (
         INFORMATIVE_MEASUREMENTS[CLOTTED][1],
         [name for name in MEASURED_GASES if name in measured],
@@ -387,16 +387,16 @@ def _volume_is_fixed(case: Case, free: Collection[str]) -> bool:
 
 
 def _volume_dependent(measured: Collection[str]) -> str:
-    """Outputs that were not measured and depend on the blood volume, in words."""
+    """Unmeasured outputs that depend on the blood volume, as text."""
     pressures = [name for name in ("PCWP", "MPAP", "CVP") if name not in measured]
     return " and ".join(filter(None, (", ".join(pressures), "the volumes of the heart")))
 
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
-    """Targets and bounds of a case, checked, with mistakes, warnings and notes."""
+    """Return checked targets and bounds of a case, with mistakes, warnings and notes."""
     left_open = () if case.regulation is None else case.regulation.open_set_points
     without_fluid, case = case.fluid is None, case_to_fit(case, settings)
-    # What a case leaves open and follows from the patient's body surface.
+    # Quantities that a case leaves open and that follow from the patient's body surface area.
     defaults = {} if case.gas is None else {VO2: oxygen_consumption(*height_weight(case.patient))}
     limits = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
     checked = check_fit(case, limits)
@@ -428,7 +428,7 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
 
 
 def _values_out_of_bounds(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:
-    """Free parameters whose value in the case is outside of their bounds."""
+    """Return a mistake for each free parameter whose value in the case is outside its bounds."""
     result = []
     for name, (start, lower, upper) in free.items():
         value = stated(case, name)
@@ -443,7 +443,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
     """Check targets and bounds before anything is fitted; never raises.
 
     Args:
-        case: its measurements are the targets.
+        case: case whose measurements are the targets.
         bounds: start value, lower and upper bound of each free parameter, in the parameter's unit,
             such as `eclsim.parameters.thiel2025.BOUNDS`.
     """
@@ -497,10 +497,10 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
 
 
 def common_policy(cases: Sequence[Case], chosen: str | None = None) -> str:
-    """The blood volume policy that cases are fitted with together: the one wanted, else their own.
+    """Return the blood volume policy of a joint fit of cases: the chosen one, else that of the cases.
 
     Raises:
-        CaseError: The cases say different things.
+        CaseError: The cases have different policies.
     """
     if chosen is not None:
         return chosen
@@ -513,13 +513,13 @@ def common_policy(cases: Sequence[Case], chosen: str | None = None) -> str:
 
 
 def unmeasured_uncertainties(cases: Iterable[Case], settings: FitSettings) -> list[Mistake]:
-    """Uncertainties that change nothing, because no case has such a measurement."""
+    """Return mistakes for uncertainties that have no effect, because no case has such a measurement."""
     measured = {n for case in cases for n in checked_fit(case, settings).targets}
     return without_measurement(settings.uncertainties, measured) if measured else []
 
 
 def without_measurement(uncertainties: Iterable[str], measured: Collection[str]) -> list[Mistake]:
-    """Uncertainties, by name, of what was not measured."""
+    """Return a mistake for each uncertainty, by name, of an output that was not measured."""
     allowed = ", ".join(n for n in DEFAULTS if n in measured)
     message = "not measured, so its uncertainty changes nothing"
     return [Mistake("uncertainty", message, n, allowed) for n in uncertainties if n not in measured]
@@ -528,7 +528,7 @@ def without_measurement(uncertainties: Iterable[str], measured: Collection[str])
 def _bounds(
     name: str, case: Case, bounds: Mapping[str, tuple[float, float]], defaults: Mapping[str, float]
 ) -> tuple[float, float, float]:
-    """Start value, lower and upper bound; a case's own value is the start where it is inside the bounds."""
+    """Return start value, lower and upper bound; the start is the case's own value if within the bounds."""
     known = quantity(name)
     if known is None:
         return (0.0, 0.0, 0.0)
@@ -554,10 +554,10 @@ def _bounds(
 
 
 def read_bounds(text: str) -> dict[str, tuple[float, float]]:
-    """Read "Rmc=0.1:2,Csart=0.5:5".
+    """Parse bounds such as "Rmc=0.1:2,Csart=0.5:5".
 
     Raises:
-        ValueError: With one line for each part that is no pair of numbers.
+        ValueError: Parts of the text are no pairs of numbers; the message has one line for each.
     """
     result, mistakes = {}, []
     for part in (p.strip() for p in text.split(",") if p.strip()):

@@ -1,4 +1,4 @@
-"""Following a patient: parameters, forecasts and doubts, from one measurement to the next."""
+"""Follow a patient: parameters, forecasts and doubts, from one measurement to the next."""
 
 from __future__ import annotations
 
@@ -64,21 +64,21 @@ EXPLORED = 512
 MAXIMISATIONS = 4
 DRAWS = 512
 MANY_PARAMETERS, MANY_DRAWS = 7, 2048
-"""With more parameters than these so many draws are needed for the ends of the first intervals."""
+"""With more parameters, the first intervals need this number of draws for accurate ends."""
 INTERVAL_DRAWS = 4000
 
 
 @dataclass(frozen=True)
 class TrackSettings:
-    """Settings of tracking.
+    """Settings for following a patient.
 
     Args:
         fit: free parameters, bounds, uncertainties of the measurements, blood volume policy.
-        prior: what is known before the first measurement.
-        drifts: standard deviations of the change of a latent variable over a day; each has a filter of its
-            own, and the measurements choose.
-        seed: of the search for the first estimate.
-        interval_hours: time from one measurement to the next where it is not known.
+        prior: distribution of the parameters before the first measurement.
+        drifts: standard deviations of the change of a latent variable over a day; each has its own filter,
+            and the measurements weight the filters.
+        seed: seed of the search for the first estimate.
+        interval_hours: time between measurements if it is not known [h].
     """
 
     fit: FitSettings = field(default_factory=FitSettings)
@@ -103,7 +103,7 @@ class TrackSettings:
 
 @dataclass(frozen=True)
 class Interval:
-    """Median and central 90 %, in the unit of the quantity."""
+    """Median and central 90 % interval, in the unit of the quantity."""
 
     lower: float
     median: float
@@ -117,7 +117,7 @@ class Innovation:
     Args:
         measured: value [mmHg or L/min].
         deviation: (measured - forecast) / standard deviation of the difference; None without a forecast.
-        unusual: whether it does not fit.
+        unusual: whether the measurement does not fit.
         used: whether the parameters were updated with it.
     """
 
@@ -129,26 +129,28 @@ class Innovation:
 
 @dataclass(frozen=True)
 class TrackedPoint:
-    """One time of a series.
+    """The state of a patient at one time of a series.
 
     Args:
-        name: of the point.
-        innovations: of each measurement.
-        parameters: after the update.
-        outputs: of the model, after the update.
-        drift: standard deviation of the change of a latent variable, as the measurements so far have it.
-        forecast: what the model's outputs were expected to be; empty at the first point.
-        expected: where 90 % of measurements were expected: the forecast with measurement noise.
-        chi_square: of all innovations together; None at the first point.
-        probability: of a larger one.
+        name: name of the point.
+        innovations: comparison of each measurement with its forecast.
+        parameters: parameters after the update.
+        outputs: outputs of the model after the update.
+        drift: estimated standard deviation of the change of a latent variable over a day, from the
+            measurements so far.
+        forecast: forecast outputs of the model; empty at the first point.
+        expected: 90 % intervals of the expected measurements: the forecast with measurement noise.
+        chi_square: chi-square of all innovations together; None at the first point.
+        probability: probability of a larger chi-square.
         unusual: whether the measurements together do not fit the patient so far.
-        verdict: on the first estimate: whether the model can give the measurements; None at later points.
-        message: remarks; empty where all is well.
+        verdict: whether the model can reproduce the first measurements; None at later points.
+        message: remarks; empty if there are none.
         failed: whether the point could not be used.
-        warnings: of the beat at the medians of the parameters.
-        hours: since the measurement before, known or assumed; None at the first point.
-        seconds: wall time of forecast and update.
-        doubts: what is held although it is not known, so that the estimate makes up for it; what is open.
+        warnings: warnings about the beat at the medians of the parameters.
+        hours: time since the previous measurement, known or assumed [h]; None at the first point.
+        seconds: wall time of forecast and update [s].
+        doubts: unknown quantities that are held, so that the estimate compensates for them, and open
+            questions.
     """
 
     name: str
@@ -171,11 +173,11 @@ class TrackedPoint:
 
     @property
     def doubtful(self) -> tuple[str, ...]:
-        """Outputs whose intervals are not to be trusted; `doubts` says why."""
+        """Outputs whose intervals are not to be trusted; `doubts` gives the reason."""
         return tuple(n for n in self.outputs if any(doubt.startswith(f"{n}: ") for doubt in self.doubts))
 
     def as_object(self) -> dict[str, Any]:
-        """Plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for unknown values."""
         names = {"name": "id", "hours": "hours_since_last", "innovations": "measurements"}
         content = {names.get(name, name): value for name, value in asdict(self).items()}
         verdict = None if self.verdict is None else self.verdict.as_object()
@@ -188,10 +190,11 @@ class TrackResult:
     """A patient followed through a series of measurements.
 
     Args:
-        patient: id.
-        points: in order of time.
-        assumed_interval_hours: from one measurement to the next; None where their names are times.
-        notes: what is assumed at all times, and what the series gave that its cases leave open.
+        patient: id of the patient.
+        points: points in order of time.
+        assumed_interval_hours: assumed time between measurements [h]; None if their names are times.
+        notes: assumptions for all times, and set points that the series gave because the cases leave them
+            open.
     """
 
     patient: str
@@ -201,7 +204,7 @@ class TrackResult:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Parameters, forecasts and measurements over the points, with units; NaN for what is not known."""
+        """Parameters, forecasts and measurements over the points, with units; NaN for unknown values."""
         import xarray as xr
 
         points = self.points
@@ -242,7 +245,7 @@ class TrackResult:
         return xr.Dataset(data, coordinates, {"patient": self.patient, "notes": list(self.notes)})
 
     def as_object(self) -> dict[str, Any]:
-        """Plain data for JSON; null for what is not known."""
+        """Plain data for JSON; null for unknown values."""
         return {
             "id": self.patient,
             "assumed_interval_hours": self.assumed_interval_hours,
@@ -253,7 +256,7 @@ class TrackResult:
 
 @dataclass(frozen=True)
 class _Estimate:
-    """The patient's prior, coordinates, and the latent variables in them."""
+    """The patient's prior, the transport coordinates, and the distribution in these coordinates."""
 
     prior: Prior
     transport: Transport
@@ -270,8 +273,8 @@ class Tracker:
 
     Args:
         settings: what is tracked and how.
-        progress: called with what is being done.
-        series: what is known of the measurements to come; left out, each is taken as it comes.
+        progress: called with a description of the current step.
+        series: common properties of all measurements; if None, each measurement adds its own.
     """
 
     def __init__(
@@ -290,15 +293,16 @@ class Tracker:
         self._before: TrackedPoint | None = None
 
     def update(self, name: str, case: CaseSource, hours: float | None = None) -> TrackedPoint:
-        """Forecast a measurement, hold it against that, and learn from it.
+        """Forecast a measurement, compare it with the forecast, and update the estimate.
 
         Args:
-            name: of the point.
+            name: name of the point.
             case: patient, devices and measurements at this time.
-            hours: since the measurement before; left out, the interval of the settings.
+            hours: time since the previous measurement [h]; None takes the interval of the settings.
 
         Raises:
-            CaseError: Nothing measured, bounds that cannot be, another patient, or a time that runs back.
+            CaseError: Nothing was measured, bounds are impossible, the patient differs, or the time is
+                negative.
         """
         started = time.perf_counter()
         case = as_case(case)
@@ -321,15 +325,17 @@ class Tracker:
     def forecast(
         self, case: CaseSource, hours: float | None = None
     ) -> tuple[dict[str, Interval], dict[str, Interval]]:
-        """Outputs expected at the next time with the devices of a case: of the model, and as measured.
+        """Forecast the next time with the devices of a case.
+
+        Returns the intervals of the model's outputs, and those of measurements of them.
 
         Args:
-            case: patient and devices then.
-            hours: from the last measurement; left out, the interval of the settings.
+            case: patient and devices at that time.
+            hours: time since the last measurement [h]; None takes the interval of the settings.
 
         Raises:
-            CaseError: Another patient, or a time before the last measurement.
-            RuntimeError: Before the first measurement.
+            CaseError: The patient differs, or the time is before the last measurement.
+            RuntimeError: There was no measurement yet.
         """
         if self.estimate is None:
             raise RuntimeError("nothing to forecast from: no measurement yet")
@@ -355,7 +361,7 @@ class Tracker:
         return hours / HOURS_PER_DAY
 
     def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float], tuple[str, ...]]:
-        """Prior, model, measurements and doubts of a case."""
+        """Return prior, model, measurements and doubts for a case."""
         case, checked = self.series.checked(case)
         if checked.mistakes:
             raise CaseError(checked.mistakes)
@@ -365,7 +371,7 @@ class Tracker:
         return self._prior, model, dict(checked.targets), doubts
 
     def _doubted(self, point: TrackedPoint, doubts: tuple[str, ...]) -> TrackedPoint:
-        """The point with its doubts; the message has those that no earlier point had."""
+        """Return the point with its doubts; the message includes those that no earlier point had."""
         new = [doubt for doubt in doubts if doubt not in self._reported_doubts]
         if self._before is not None:
             new = [copied_measurements(self._before, point), falling_clotting(self._before, point), *new]
@@ -379,7 +385,7 @@ class Tracker:
         return replace(point, verdict=verdict, message=message, doubts=doubts)
 
     def _first(self, name: str, prior: Prior, model: Model, measured: Mapping[str, float]) -> TrackedPoint:
-        """The posterior of the first measurement by itself."""
+        """Estimate the posterior of the first measurement by itself."""
         settings = self.settings
         density = PosteriorDensity(model, measured, self._errors(measured), prior, self._policy(model))
         unit = qmc.Sobol(len(prior.names), rng=np.random.default_rng(settings.seed)).random(EXPLORED)
@@ -415,7 +421,7 @@ class Tracker:
     def _next(
         self, name: str, forecast: _Estimate, model: Model, measured: Mapping[str, float]
     ) -> TrackedPoint:
-        """Hold a measurement against its forecast, and update."""
+        """Compare a measurement with its forecast and update the estimate."""
         names, simulate, first = self._regression(forecast, model, measured)
         outputs = first.outputs(forecast.state)
         errors = self._errors(measured)
@@ -445,7 +451,7 @@ class Tracker:
         )  # fmt: skip
 
     def _failed(self, name: str, measured: Mapping[str, float], message: str, days: float) -> TrackedPoint:
-        """A point without a steady beat: only time has passed."""
+        """Return a point without a steady beat; the estimate only drifts for the elapsed time."""
         innovations = {n: Innovation(v, used=False) for n, v in measured.items()}
         parameters: dict[str, Interval] = {}
         if self.estimate is not None:
@@ -466,12 +472,12 @@ class Tracker:
     def _regression(
         self, estimate: _Estimate, model: Model, measured: Collection[str] = ()
     ) -> tuple[tuple[str, ...], Callable[[np.ndarray], np.ndarray], Regression]:
-        """Outputs that can be measured, the model as a function of u, and its regression over an estimate.
+        """Return measurable outputs, the model as a function of u, and its regression over an estimate.
 
-        Gases are left out where the estimate has no steady gas state, unless they were measured.
+        Outputs of gases are left out if the estimate has no steady gas state, unless gases were measured.
 
         Raises:
-            NoSteadyBeatError: The estimate has no steady beat, or no steady state of measured gases.
+            NoSteadyBeatError: The estimate has no steady beat, or no steady state of the measured gases.
         """
         density = PosteriorDensity(model, {}, {}, estimate.prior, self._policy(model))
         names = tuple(n for n in OUTPUTS if n in output_names(model.circuit))
@@ -499,7 +505,7 @@ class Tracker:
     def _expected(
         self, names: Sequence[str], outputs: GaussianMixture, known: Mapping[str, float]
     ) -> dict[str, Interval]:
-        """Expected measurements of outputs, with their standard uncertainties."""
+        """Median and 90 % interval of expected measurements: outputs plus measurement noise."""
         typical = dict(zip(names, outputs.mean.tolist(), strict=True))
         errors = {**self._errors(typical), **known}
         noise = np.diag([errors[n] ** 2 for n in names])
@@ -516,13 +522,13 @@ class Tracker:
 
 
 def _intervals(names: Sequence[str], outputs: GaussianMixture) -> dict[str, Interval]:
-    """Median and 90 % of each output."""
+    """Median and 90 % interval of each output."""
     rows = outputs.quantiles(SHARES).T.tolist()
     return {n: Interval(*row) for n, row in zip(names, rows, strict=True)}
 
 
 def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
-    """Whether the model can give the first measurements, at the highest point of their posterior."""
+    """Judge whether the model reproduces the first measurements at the maximum of their posterior."""
     simulated = dict(zip(density.outputs, gaussian.outputs.tolist(), strict=True))
     scaled = gaussian.jacobian / density.scale[:, None]
     goodness = goodness_of(density.measured, simulated, density.errors, scaled, gaussian.covariance)
@@ -531,7 +537,7 @@ def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
 
 
 def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
-    """Doubts about the first estimate, and what was done; empty where there is none."""
+    """Doubts about the first estimate and how they were handled; empty if there are none."""
     doubts = []
     if verdict.doubts:
         doubts.append(f"first estimate: {verdict.headline}")
@@ -553,14 +559,14 @@ def track(
     """Follow one patient through a series of measurements.
 
     Args:
-        points: name and case of each, in order of time; names that are times say how far apart they are.
+        points: name and case of each measurement in order of time; names that are times give the intervals.
         settings: what is tracked and how.
-        progress: called with what is being done.
-        left_out: how many measurements between each point and the one before it are not among the points:
-            where names are no times, each stands for an interval as well. Empty for none.
+        progress: called with a description of the current step.
+        left_out: number of missing measurements before each point. Where names are no times, each of these
+            counts as an interval, too. Empty for none.
 
     Raises:
-        CaseError: No points, or as `Tracker.update`.
+        CaseError: There are no points, or one of the errors of `Tracker.update`.
     """
     settings, points = as_settings(settings, TrackSettings), named_cases(points)
     cases = [(name, as_case(source)) for name, source in points]

@@ -1,8 +1,7 @@
-"""Whether a fit is to be used: does it agree with what was measured, is the fitted patient plausible.
+"""Verdict on a fit: agreement with the measurements, and plausibility of the fitted patient.
 
-One verdict for terminal, JSON, report, tables of cohorts and the bedside page. Thresholds are conventions:
-a difference of 2.5 standard uncertainties happens by chance in one measurement of 80, one of 4 in one of
-16,000.
+The same verdict is used in the terminal, JSON, report, tables of cohorts and the bedside page. Thresholds are
+conventions: by chance, one measurement in 80 differs by 2.5 standard uncertainties and one in 16,000 by 4.
 """
 
 from __future__ import annotations
@@ -22,20 +21,20 @@ from eclsim.parameters.adult_ranges import AdultRange
 DOUBTFUL_DIFFERENCE = 2.5
 """Largest difference from a measurement in a good fit, in standard uncertainties."""
 POOR_DIFFERENCE = 4.0
-"""Likewise in one that is not poor."""
+"""Largest difference in a fit that is not poor, in standard uncertainties."""
 DOUBTFUL_PROBABILITY = 1e-2
-"""A sum of squared differences that measurement error alone reaches so rarely is doubtful."""
+"""A fit is doubtful if measurement error alone gives as large a chi-square with a smaller probability."""
 POOR_PROBABILITY = 1e-4
-"""Likewise poor."""
+"""A fit is poor if measurement error alone gives as large a chi-square with a smaller probability."""
 LARGEST_WIDTH_RATIO = 3.0
-"""Intervals of one parameter whose widths (of the logarithms) differ by more than this factor disagree."""
+"""Intervals of a parameter disagree if their widths (in coordinates) differ by more than this factor."""
 SIDES = ("lower", "upper")
 LARGEST_END_DISTANCE = 2.0
-"""Likewise intervals one of whose ends differ by more than this factor."""
+"""Intervals of a parameter disagree if one of their ends differs by more than this factor."""
 
 
 class Level(StrEnum):
-    """How far a fit can be used."""
+    """How far a fit can be relied on."""
 
     GOOD = "good"
     DOUBTFUL = "doubtful"
@@ -57,13 +56,13 @@ class Aspect(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """One thing to know about a fit.
+    """One finding about a fit.
 
     Args:
-        aspect: what it speaks of.
-        level: the verdict that this alone would give; good for a remark.
-        about: name of the output or parameter; empty where it is about the fit as a whole.
-        sentence: in words, with the numbers and what to do.
+        aspect: subject of the finding.
+        level: verdict that this finding alone would give; `Level.GOOD` for a remark.
+        about: name of the output or parameter concerned; empty if it concerns the fit as a whole.
+        sentence: the finding in words, with numbers and advice.
     """
 
     aspect: Aspect
@@ -78,9 +77,10 @@ class Goodness:
 
     Args:
         differences: (fitted - measured) / standard uncertainty of each measurement.
-        chi_square: sum of their squares.
-        degrees: of freedom: measurements less the parameters that they determine, at least 0.
-        probability: that measurement error alone gives a sum as large; None without a degree of freedom.
+        chi_square: sum of the squares of the differences.
+        degrees: degrees of freedom: measurements less the parameters that they determine, at least 0.
+        probability: probability that measurement error alone gives as large a sum; None without a degree of
+            freedom.
     """
 
     differences: Mapping[str, float]
@@ -91,11 +91,11 @@ class Goodness:
 
 @dataclass(frozen=True)
 class FitVerdict:
-    """Whether a fit is to be used, and why (not).
+    """Whether a fit can be used, with reasons.
 
     Args:
-        goodness: None where nothing was fitted.
-        reasons: the worst first.
+        goodness: agreement with the measurements; None if nothing was fitted.
+        reasons: findings, the worst first.
     """
 
     goodness: Goodness | None
@@ -103,17 +103,17 @@ class FitVerdict:
 
     @property
     def level(self) -> Level:
-        """The worst of all reasons."""
+        """The worst level of all reasons."""
         return max((r.level for r in self.reasons), key=_ORDER.index, default=Level.GOOD)
 
     @property
     def doubts(self) -> tuple[Reason, ...]:
-        """Reasons that make it worse than good."""
+        """Reasons with a level worse than good."""
         return tuple(r for r in self.reasons if r.level is not Level.GOOD)
 
     @property
     def remarks(self) -> tuple[Reason, ...]:
-        """Further remarks."""
+        """Reasons with the level good."""
         return tuple(r for r in self.reasons if r.level is Level.GOOD)
 
     @property
@@ -122,7 +122,7 @@ class FitVerdict:
         return headline(self.as_object())
 
     def with_reasons(self, more: Iterable[Reason]) -> FitVerdict:
-        """The verdict when more is known."""
+        """Return the verdict with further reasons."""
         reasons = dict.fromkeys([*self.reasons, *more])
         return replace(self, reasons=tuple(sorted(reasons, key=lambda r: -_ORDER.index(r.level))))
 
@@ -165,7 +165,7 @@ def headline(verdict: Mapping[str, Any]) -> str:
 
 
 def signed(difference: float) -> str:
-    """A difference in standard uncertainties as text: +0.0 where it rounds to nothing."""
+    """A difference in standard uncertainties as text, with sign; +0.0 if it rounds to zero."""
     return f"{round(difference, 1) + 0.0:+.1f}"
 
 
@@ -176,14 +176,14 @@ def goodness_of(
     scaled: np.ndarray,
     spread: np.ndarray,
 ) -> Goodness:
-    """Agreement of a fit with its measurements.
+    """Compute the agreement of a fit with its measurements.
 
     Args:
-        measured: values by output [mmHg, L/min].
-        simulated: of the fitted model.
+        measured: measured values by output [mmHg, L/min].
+        simulated: values of the fitted model.
         uncertainties: standard uncertainty of each measurement.
-        scaled: d output / d log parameter in standard uncertainties, shape (measured, parameters).
-        spread: covariance of the logarithms of the parameters.
+        scaled: d output / d coordinate in standard uncertainties, shape (measured, parameters).
+        spread: covariance of the coordinates of the parameters.
     """
     from scipy.stats import chi2
 
@@ -198,13 +198,13 @@ def goodness_of(
 def agreement(
     measured: Mapping[str, float], simulated: Mapping[str, float], goodness: Goodness, weights: str
 ) -> list[Reason]:
-    """Reasons by the differences from the measurements.
+    """Reasons from the differences between fit and measurements.
 
     Args:
-        measured: values by output [mmHg, L/min].
-        simulated: of the fitted model.
-        goodness: of the fit.
-        weights: of the fit, "relative" or "uncertainty".
+        measured: measured values by output [mmHg, L/min].
+        simulated: values of the fitted model.
+        goodness: agreement of the fit.
+        weights: weights of the fit, "relative" or "uncertainty".
     """
     reasons = [
         Reason(
@@ -241,7 +241,7 @@ def agreement(
 
 
 def search(status: FitStatus, beat: str = "") -> list[Reason]:
-    """Reasons by the end of the search; `beat`: how the search for the fitted patient's beat ended."""
+    """Reasons from the end of the search; `beat` tells how the search for the fitted patient's beat ended."""
     if status is FitStatus.FITTED:
         return []
     level = Level.DOUBTFUL if status is FitStatus.NOT_SETTLED else Level.POOR
@@ -255,13 +255,13 @@ def plausibility(
     measured: Iterable[str],
     broken_limits: Sequence[str],
 ) -> list[Reason]:
-    """Reasons by the fitted patient's volumes and pressures, except those measured.
+    """Reasons from volumes and pressures of the fitted patient, except measured ones.
 
     Args:
-        outputs: of the fitted patient.
-        ranges: of adults of the patient's sex.
-        measured: names of what was measured: its agreement is judged instead.
-        broken_limits: sentences about limits that the beat breaks, as `eclsim simulate` has them.
+        outputs: outputs of the fitted patient.
+        ranges: adult reference ranges for the patient's sex.
+        measured: names of measured outputs, which are judged by their agreement instead.
+        broken_limits: sentences about limits that the beat violates, as in `eclsim simulate`.
     """
     skipped, reasons = set(measured), []
     for name, span in ranges.items():
@@ -285,14 +285,15 @@ def interval_agreement(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     ends_without_beat: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Reason]:
-    """Whether the fit's Gaussian 90 % intervals agree with others, for the parameters called determined.
+    """Reasons where Gaussian 90 % intervals of determined parameters disagree with other intervals.
 
     Args:
         fitted: "value", "lower", "upper" and "identifiable" of each parameter, as in the JSON of a fit.
         other: "lower" and "upper" of each parameter.
-        source: of the other intervals, such as "posterior".
-        bounds: of the parameters, where the other intervals may end at them.
-        ends_without_beat: ends ("lower", "upper") of the other intervals, with no steady heartbeat beyond.
+        source: source of the other intervals, such as "posterior".
+        bounds: bounds of the parameters, if the other intervals may end at them.
+        ends_without_beat: ends ("lower", "upper") of the other intervals beyond which there is no steady
+            beat.
     """
     reasons = []
     for name, estimate in fitted.items():
@@ -332,7 +333,7 @@ def interval_agreement(
 
 
 def _at_bounds(name: str, interval: Mapping[str, Any], bounds: tuple[float, float]) -> list[str]:
-    """Ends at a bound, but for those of a fraction, whose 0 and 1 are limits of what there can be."""
+    """Ends of an interval at a bound, except bounds of 0 and 1 of a fraction, which are physical limits."""
     return [
         side
         for side, bound in zip(SIDES, bounds, strict=True)
@@ -341,17 +342,17 @@ def _at_bounds(name: str, interval: Mapping[str, Any], bounds: tuple[float, floa
 
 
 def possible_limits(name: str) -> tuple[float, ...]:
-    """Limits of what there can be, which no bound holds a parameter back from: a fraction's 0 and 1."""
+    """Physical limits of a parameter, 0 and 1 for a fraction, which are no restriction as bounds."""
     known = quantity(name)
     return () if known is None or known.unit not in ("", "1") or not known.is_linear else (0.0, 1.0)
 
 
 def intervals_differ(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether one of two intervals is much wider, or an end of one far beyond that of the other.
+    """Whether one of two intervals is much wider than the other, or their ends are far apart.
 
     Args:
-        one: coordinates of its ends.
-        other: likewise.
+        one: coordinates of the ends of one interval.
+        other: coordinates of the ends of the other interval.
     """
     widths = [max(float(np.ptp(each)), 1e-12) for each in (one, other)]
     far = float(np.max(np.abs(one - other))) > np.log(LARGEST_END_DISTANCE)

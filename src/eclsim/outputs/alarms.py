@@ -1,4 +1,4 @@
-"""Alarms of a steady beat: limits that it breaks, and how its numbers are to be read."""
+"""Alarms of a steady beat: limits that it violates, and cautions about its numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["CAUTION", "Finding", "collapsed", "findings", "gravest_first", "impossible"]
 
 IMPOSSIBLE_BEAT = "that no patient can have (a chamber without blood, a vein sucked shut)"
-"""Describes beats that are `collapsed`."""
+"""Description of beats that are `collapsed`."""
 KINDS = (*GRAVEST_FIRST, CAUTION)
 THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
@@ -34,7 +34,7 @@ _SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
 _SMALLEST_FLOW_DIFFERENCE_L_MIN = 0.1
 _LEFT = "the left ventricle itself ejects {} (LVO)"
 VALVE_OPEN_ML_S = 30.0
-"""Peak flow from which a valve counts as opening although its net flow is that of a closed one."""
+"""Peak flow above which a valve counts as opening even if its net flow is that of a closed valve."""
 
 
 def findings(
@@ -43,15 +43,15 @@ def findings(
     circuit: Circuit | None = None,
     values: Mapping[str, float] = NO_VALUES,
 ) -> list[Finding]:
-    """Findings about a beat, the gravest first.
+    """Findings about a beat, sorted by severity.
 
     Args:
         outputs: scalar outputs by name.
         extremes: smallest and largest value of each waveform.
-        circuit: with fixed sites; without it there are no findings that depend on where devices are
-            connected.
-        values: of all parameters; without them there are no findings on assumed ones and on labels, and
-            limits are those of the table whatever the patient's size.
+        circuit: circuit with fixed sites; without it, findings that depend on the sites of devices are left
+            out.
+        values: values of all parameters; without them, findings on assumed values and on labels are left out,
+            and limits are those of the table whatever the patient's size.
     """
     result = [
         breach(limit, outputs[limit.quantity], entry.long_name, entry.unit)
@@ -70,7 +70,7 @@ def findings(
 
 
 def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
-    """The same, the gravest first."""
+    """Sort findings by severity."""
     return sorted(findings, key=lambda finding: KINDS.index(finding.kind))
 
 
@@ -80,16 +80,16 @@ def sentences(findings: Iterable[Finding]) -> list[str]:
 
 
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
-    """The waveforms whose extremes show whether a chamber is empty or a vessel sucked shut."""
+    """Waveforms whose extremes show whether a chamber is empty or a vessel sucked shut."""
     places = {*THIN_WALLED, *CHAMBERS}
     return tuple(name for name in signals if name[0] in "PV" and name[1:] in places)
 
 
 def collapsed(signals: Iterable[str], lowest: np.ndarray) -> np.ndarray:
-    """Which members have a chamber without blood, or a vessel under a suction that its wall does not bear.
+    """Whether each member has an empty chamber or a vessel with more suction than its wall withstands.
 
     Args:
-        signals: names of waveforms.
+        signals: names of the waveforms.
         lowest: smallest value of each, shape (signals, members).
     """
     result = np.zeros(np.shape(lowest)[-1], dtype=bool)
@@ -105,12 +105,12 @@ def _is_collapsed(name: str, smallest: Any) -> Any:
 
 
 def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str, float]) -> list[Finding]:
-    """Assumed values of devices that outputs follow from, where a case sets no others.
+    """Findings on assumed device values that outputs depend on and the case does not replace.
 
     Args:
-        outputs: names of them.
-        circuit: of patient and devices.
-        values: of the parameters.
+        outputs: names of the outputs.
+        circuit: circuit of patient and devices.
+        values: values of the parameters.
     """
     result = []
     for names in _devices_of(circuit):
@@ -125,23 +125,23 @@ def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str,
 
 
 def _devices_of(circuit: Circuit) -> tuple[Naming, ...]:
-    """Every device that adds to a circuit, be it an exchange alone."""
+    """All devices in a circuit, including those that add only an exchange."""
     return namings(e.group for e in (*circuit.compartments, *circuit.connections, *circuit.exchanges))
 
 
 def impossible(findings: Collection[Finding]) -> bool:
-    """Whether a beat cannot be that of a patient."""
+    """Whether the findings include one that no patient can have."""
     return any(finding.kind == "collapse" for finding in findings)
 
 
 def breach(limit: Limit, value: float, long_name: str, unit: str) -> Finding:
-    """The finding for a limit that a value breaks.
+    """Return the finding for a limit that a value violates.
 
     Args:
         limit: the limit.
-        value: in the unit.
-        long_name: of the quantity.
-        unit: "1" for none.
+        value: value in the unit.
+        long_name: name of the quantity in words.
+        unit: unit of the value; "1" for none.
     """
     after = "" if unit == "1" else f" {unit}"
     sentence = (
@@ -156,7 +156,7 @@ def _number(value: float, unit: str) -> str:
 
 
 def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str, str]) -> list[Finding]:
-    """Chambers without blood, and vessels under a suction that their wall does not bear."""
+    """Findings on chambers without blood, and on vessels with more suction than their wall withstands."""
     result = []
     for name, (smallest, _) in extremes.items():
         place = name[1:]
@@ -177,10 +177,10 @@ def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str
 
 
 def _drained(circuit: Circuit) -> dict[str, str]:
-    """By compartment what to do where it collapses: the device that drains its side of the heart.
+    """Advice by compartment if it collapses, naming the device that drains its side of the heart.
 
-    Where several do: a pump of the circulation that drains this very place, else one whose blood does not
-    come back to this side, as that of a CRRT does.
+    Of several devices, this is a pump of the circulation that drains this very compartment, else one that
+    does not return its blood to this side (a CRRT returns it).
     """
     groups = {c.name: device_key(c.group) for c in circuit.compartments}
     outer = [c for c in circuit.connections if device_key(c.group) in devices()]
@@ -203,12 +203,12 @@ def _drained(circuit: Circuit) -> dict[str, str]:
 
 
 def stays_closed(aortic: float, peak: float = 0.0) -> bool:
-    """Whether an aortic valve never opens in a beat: by its mean flow [L/min] and its largest [mL/s]."""
+    """Whether an aortic valve never opens in a beat, from its mean [L/min] and peak flow [mL/s]."""
     return abs(aortic) < CLOSED_L_MIN and peak < VALVE_OPEN_ML_S
 
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
-    """A valve that stays closed, by the heart's failure or an assist pump at work, or one that leaks."""
+    """Findings on an aortic valve that leaks, or stays closed in heart failure or with an assist pump."""
     aortic, pumps = outputs.get("aortic_valve_flow"), assist_flows(outputs, circuit)
     if aortic is None or aortic >= CLOSED_L_MIN:
         return []
@@ -240,7 +240,7 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
 
 
 def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
-    """What CO is where a device makes it another flow than what a ventricle ejects or what the lungs get."""
+    """Findings on CO where a device makes it differ from ventricular output or lung flow."""
     lungs, left = outputs.get("CO"), outputs.get("LVO")
     if lungs is None or left is None:
         return []
@@ -267,14 +267,14 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
 
 
 def _device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
-    """What the device is called that returns blood to the pulmonary artery."""
+    """Name of the device that returns blood to the pulmonary artery; empty if there is none."""
     paths = () if circuit is None else circuit.connections
     result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
     return next((f"{names.label} " for names in result if names), "")
 
 
 def _sealed_parts(outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-    """Numbers of a beat that repeats with other volumes just as well."""
+    """Findings on numbers of a beat that are not determined, since blood is trapped by closed valves."""
     result = sealed(outputs, circuit)
     if result is None:
         return []

@@ -1,4 +1,4 @@
-"""How far to trust reflexes, drugs and laws of blood in a beat: cautions beyond what was measured."""
+"""Cautions about reflexes, drugs and laws of blood beyond the range in which they were measured."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from eclsim.parameters import regulation as keys
 
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
 CONGESTION_MMHG = 12.0
-"""Wedge pressure below which a heart is not filled as those were to which these drugs were fitted."""
+"""Wedge pressure below which a patient is not congested, unlike those these drugs were fitted to [mmHg]."""
 SEPTIC_DYN, NOT_SEPTIC_DYN = 644.0, 700.0
-"""Systemic resistance [dyn s/cm5] of the patients vasopressin was fitted to, and clearly more."""
+"""Systemic resistance of patients that vasopressin was fitted to, and a clearly higher one [dyn s/cm5]."""
 _DYN = 80.0
-"""dyn s/cm5 in a mmHg min/L."""
+"""Conversion factor: dyn s/cm5 per mmHg min/L."""
 LARGEST_COMBINED_LOGARITHM = 0.3
-"""Logarithm by which several drugs change a factor beyond the one that changes it most."""
+"""Largest change of the logarithm of a factor by several drugs, beyond that of the strongest drug."""
 BLOOD_PH = (6.8, 7.7)
-"""pH between which the curves of blood were fitted, about."""
+"""Approximate range of pH for which the laws of blood gases were fitted."""
 WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
-"""PaCO2 above the set point from which the published answer to it has the wrong sign, and from which the one
-measured in patients, up to 19 mmHg, is extrapolated."""
+"""Elevation of PaCO2 above the set point beyond which the published response has the wrong sign, and beyond
+which the response measured in patients, up to 19 mmHg, is extrapolated [mmHg]."""
 STANDING_L_MIN = 1e-3
-"""Mean flow below which blood stands still: its gases are then those of no blood that anybody could draw."""
+"""Mean flow below which blood counts as standing; its gases could not be sampled [L/min]."""
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
 class _Effect(NamedTuple):
-    """A factor that drugs multiply: place in `Effects`, and its name."""
+    """A factor that drugs multiply: its index in `Effects`, and its name."""
 
     place: int
     name: str
@@ -43,7 +43,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
 
     Args:
         outputs: scalar outputs by name.
-        values: of all parameters.
+        values: values of all parameters.
     """
     doses = {
         drug: given * values.get(keys.sensitivity(drug), 1.0)
@@ -60,7 +60,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
 
 
 def organ_flow(outputs: Mapping[str, float]) -> float | None:
-    """Flow through all organs but the lungs [L/min], of one body or of both its regions; None if unknown."""
+    """Flow through all organs except the lungs [L/min], of one body or both its regions; None if unknown."""
     places = ("systemic_flow",) if "systemic_flow" in outputs else ("upper_body_flow", "lower_body_flow")
     return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
 
@@ -72,7 +72,7 @@ def _caution(quantity: str, value: float, text: str, *concerns: str) -> Finding:
 def _venodilators_without_congestion(
     outputs: Mapping[str, float], doses: Mapping[str, float]
 ) -> list[Finding]:
-    """Drugs whose effect on veins was measured in congested patients, given to one who is not."""
+    """Cautions about drugs whose effect on veins was measured in congested patients, unlike this one."""
     given = [drug for drug in VENODILATORS if drug in doses]
     wedge = outputs.get("PCWP")
     if not given or wedge is None or not wedge < CONGESTION_MMHG:
@@ -86,7 +86,7 @@ def _venodilators_without_congestion(
 
 
 def _vasopressin_without_sepsis(outputs: Mapping[str, float], doses: Mapping[str, float]) -> list[Finding]:
-    """Vasopressin in a patient whose vessels have not lost their tone."""
+    """Caution about vasopressin in a patient whose vessels have not lost their tone."""
     names = ("MAP", "right_atrial_pressure")
     flow = organ_flow(outputs) or outputs.get("CO", 0.0)
     if "vasopressin" not in doses or not set(names) <= outputs.keys() or not flow > 0.0:
@@ -104,7 +104,7 @@ def _vasopressin_without_sepsis(outputs: Mapping[str, float], doses: Mapping[str
 
 
 def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
-    """Doses whose effect, with the patient's sensitivity, is beyond what was studied."""
+    """Cautions about doses whose effect, with the patient's sensitivity, exceeds the studied range."""
     result = []
     for drug, dose in doses.items():
         usual, unit = keys.DRUG_DOSES[drug].usual, keys.DRUG_DOSES[drug].unit
@@ -118,7 +118,7 @@ def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
 
 
 def _combined_effects(doses: Mapping[str, float]) -> list[Finding]:
-    """Drugs whose factors multiply to more than any pair that was studied."""
+    """Caution about drugs whose combined factors exceed those of any pair that was studied."""
     if len(doses) < 2:
         return []
     effects = [_logarithms(drug, dose) for drug, dose in doses.items()]
@@ -139,7 +139,7 @@ def _combined_effects(doses: Mapping[str, float]) -> list[Finding]:
 
 
 def _logarithms(drug: str, dose: float) -> list[float]:
-    """Effects of a drug at a dose times sensitivity, in the order of `eclsim.drugs.law.Effects`."""
+    """Effects of a drug at dose times sensitivity, in the order of `eclsim.drugs.law.Effects`."""
     from eclsim.drugs.published import PUBLISHED
 
     published = PUBLISHED[drug]
@@ -148,7 +148,7 @@ def _logarithms(drug: str, dose: float) -> list[float]:
 
 
 def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """Nerves and organs that answer to a carbon dioxide far above the set point."""
+    """Caution about responses of nerves and organs to a carbon dioxide far above the set point."""
     pressure, rest = outputs.get("PaCO2"), values.get(keys.PACO2_SET_POINT)
     if pressure is None or rest is None or not pressure > rest + WRONG_SIGN_MMHG:
         return []
@@ -181,7 +181,7 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
 
 
 def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
-    """Blood for which no law of its gases was fitted."""
+    """Caution about a pH for which the laws of blood gases were not fitted."""
     ph, (low, high) = outputs.get("pHa"), BLOOD_PH
     if ph is None or not (ph < low or ph > high):
         return []
@@ -194,7 +194,7 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
 
 
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
-    """Mixed venous blood that does not flow."""
+    """Caution about the saturation of mixed venous blood that does not flow."""
     saturation, flow = outputs.get("SvO2"), outputs.get("pulmonary_flow")
     if saturation is None or flow is None or not abs(flow) < STANDING_L_MIN:
         return []

@@ -1,8 +1,8 @@
-"""Beats whose patients answer to the gases of their own blood: beat and gases solved together.
+"""Steady beats of patients who respond to the gases of their own blood: beat and gases solved together.
 
-What answers to gases enters a circuit as a few parameters p (`SOLVED_BY`), each of which equals an output
-o(p) in the steady beat: the PO2 that chemoreceptors sense is that of the arteries. Where they are NaN they
-are solved for, by Broyden's method on log o(p) - log p, every member by itself. Derivatives follow from
+A circuit represents responses to gases by a few parameters p (`SOLVED_BY`), each of which equals an output
+o(p) in the steady beat: the PO2 that chemoreceptors sense is that of the arteries. Parameters that are NaN
+are solved for, by Broyden's method on log o(p) - log p, for every member separately. Derivatives follow from
 
     dp/dx = (1 - do/dp)^-1 do/dx
 """
@@ -25,26 +25,26 @@ from eclsim.parameters.regulation import PARAMETERS
 ITERATIONS = 30
 HALVINGS = 5
 LARGEST_STEP = 0.7
-"""In the logarithm of a parameter."""
+"""Largest step in the logarithm of a parameter."""
 ACCURACY = 10.0
-"""Largest difference of logarithms, in tolerances of the beats that it is computed from."""
+"""Largest difference of the logarithms, relative to the tolerance of the beats."""
 SMALLEST = 1e-6
 Start = Mapping[str, float] | Anchor | None
 
 
 def solved_for(circuit: Circuit) -> tuple[str, ...]:
-    """Parameters of a circuit that equal outputs."""
+    """Parameters of a circuit that equal outputs of its steady beat."""
     read = circuit.parameter_names()
     return tuple(name for name in SOLVED_BY if name in read)
 
 
 def open_parameters(batch: Batch) -> tuple[str, ...]:
-    """Parameters that are to be solved for: NaN in some member."""
+    """Parameters that must be solved for, because they are NaN in some member."""
     return tuple(name for name in solved_for(batch.circuit) if np.isnan(batch.values[name]).any())
 
 
 def with_resting_values(values: Start) -> Start:
-    """Values at which a search may begin: what is to be solved for as in a patient at rest."""
+    """Start values of a search, with the parameters to solve for as in a patient at rest."""
     if values is None or isinstance(values, Anchor):
         return values
     unset = [name for name in SOLVED_BY if name in values and np.isnan(values[name]).any()]
@@ -52,7 +52,7 @@ def with_resting_values(values: Start) -> Start:
 
 
 class Measured(Protocol):
-    """Steady beats of a batch, measured (`eclsim.outputs.steady_beat.SteadyBeat`)."""
+    """Interface of measured steady beats of a batch (`eclsim.outputs.steady_beat.SteadyBeat`)."""
 
     @property
     def orbits(self) -> SolvedOrbits:
@@ -60,18 +60,19 @@ class Measured(Protocol):
         ...
 
     def output(self, name: str) -> np.ndarray:
-        """An output of every member, NaN where there is no steady beat or gas state."""
+        """An output of every member; NaN without a steady beat or gas state."""
         ...
 
 
 @dataclass(frozen=True)
 class CoupledAnchor(Anchor):
-    """Start of a search for each patient, parameters solved for with the gases included.
+    """Start of a search for each patient, including the parameters solved for with the gases.
 
     Args:
-        names: of the parameters that are solved for.
-        place: their logarithms, shape (parameters, patients).
-        response: inverse Jacobian of what they miss, shape (patients, parameters, parameters).
+        names: names of these parameters.
+        place: logarithms of these parameters, shape (parameters, patients).
+        response: inverse Jacobian of the residual of these parameters, shape (patients, parameters,
+            parameters).
     """
 
     names: tuple[str, ...]
@@ -84,13 +85,13 @@ Beat = TypeVar("Beat", bound=Measured)
 
 @dataclass(frozen=True)
 class Coupled(Generic[Beat]):
-    """Orbits of a batch with what was solved for.
+    """Solution of a batch with the parameters solved for.
 
     Args:
-        orbits: with these parameters.
-        settled: which members have them.
-        response: inverse Jacobian of what they miss, shape (members, parameters, parameters).
-        beat: these orbits as they were measured, where all members were in the last round; else None.
+        orbits: orbits with these parameters.
+        settled: whether each member has converged.
+        response: inverse Jacobian of the residual, shape (members, parameters, parameters).
+        beat: measured beats of these orbits if the last round had all members; else None.
     """
 
     orbits: SolvedOrbits
@@ -109,12 +110,12 @@ def settle(
     """Solve for the parameters of all members.
 
     Args:
-        batch: with NaN where a parameter is to be solved for.
-        names: of the parameters.
+        batch: batch with NaN where a parameter is to be solved for.
+        names: names of the parameters.
         measure: solves beats from a start and measures the outputs that the parameters equal; a member's
-            result depends on no other.
-        options: with which it solves them.
-        start: where the searches for beats begin, and of a `CoupledAnchor` that for the parameters.
+            result does not depend on others.
+        options: options with which it solves them.
+        start: start of the searches for beats and, if it is a `CoupledAnchor`, for the parameters.
     """
     size, count = len(names), batch.count
     if isinstance(start, CoupledAnchor) and start.names == names:
@@ -136,7 +137,7 @@ def settle(
 
 
 class _Search(Generic[Beat]):
-    """Members on their way to what they are solved for, each from its last beat to the next.
+    """Iteration of several members towards the parameters; each beat starts from the previous one.
 
     Args:
         batch, names, measure, options, start: see `settle`.
@@ -144,8 +145,8 @@ class _Search(Generic[Beat]):
 
     Attributes:
         residual: log o(p) - log p, shape (parameters, members).
-        orbits: the last ones.
-        beat: of the last round, if all members were in it; else None.
+        orbits: orbits of the last iteration.
+        beat: beats of the last round, if all members were in it; else None.
     """
 
     def __init__(
@@ -166,10 +167,10 @@ class _Search(Generic[Beat]):
         self._inverses: np.ndarray | None = None
 
     def move(self, members: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Move some members by a step, halved where it ends without a steady beat or gas state.
+        """Move members by a step, which is halved if it ends without a steady beat or gas state.
 
         Returns:
-            The steps made, and how they changed the residual; both (parameters, members).
+            The steps made and the changes of the residual, both of shape (parameters, members).
         """
         step, change = step.copy(), np.full_like(step, np.nan)
         place, residual, begin = self.place[:, members], self.residual[:, members], self._begin(members)
@@ -188,11 +189,11 @@ class _Search(Generic[Beat]):
         return step, change
 
     def solved(self) -> SolvedOrbits:
-        """The last orbits, of the batch with what was solved for."""
+        """Return the last orbits, with the parameters solved for in their batch."""
         return replace(self.orbits, batch=self._batch_at(self.place))
 
     def _batch_at(self, place: np.ndarray, members: np.ndarray | None = None) -> Batch:
-        """Some members, or all, with parameters of which logarithms are given."""
+        """Return a batch of some or all members with the given logarithms of the parameters."""
         part = self.batch if members is None else self.batch.take(members)
         return replace(part, values={**part.values, **dict(zip(self.names, np.exp(place), strict=True))})
 
@@ -203,7 +204,7 @@ class _Search(Generic[Beat]):
             return beat, np.log([beat.output(SOLVED_BY[name]) for name in self.names]) - place
 
     def _begin(self, members: np.ndarray) -> Anchor:
-        """Starts of the next searches of some members: their last beats."""
+        """Starts of the next searches of some members, from their last beats."""
         states = self.orbits.states[:, members]
         if isinstance(self.start, Anchor):
             given = self.start.take(members).inverse
@@ -223,12 +224,12 @@ class _Search(Generic[Beat]):
 
 
 def _settled(residual: np.ndarray, enough: float) -> np.ndarray:
-    """Which members miss next to nothing."""
+    """Whether the residual of each member is small enough."""
     return np.abs(np.where(np.isfinite(residual), residual, np.inf)).max(axis=0) <= enough
 
 
 def _broyden_update(inverse: np.ndarray, members: np.ndarray, step: np.ndarray, change: np.ndarray) -> None:
-    """Broyden's update of some members' inverse Jacobians, from changes that are finite."""
+    """Update the inverse Jacobians of members by Broyden's formula, where changes are finite."""
     for k, m in enumerate(members):
         h, s, y = inverse[m], step[:, k], change[:, k]
         divisor = s @ h @ y
@@ -237,13 +238,13 @@ def _broyden_update(inverse: np.ndarray, members: np.ndarray, step: np.ndarray, 
 
 
 def total_derivatives(linear: Linearisation, outputs: int, parameters: int) -> Linearisation:
-    """Derivatives with what is solved for following along.
+    """Total derivatives, in which the parameters solved for change with the other parameters.
 
     Args:
-        linear: of the outputs and then of those that the parameters solved for equal, with respect to the
-            parameters and then to these.
-        outputs: how many outputs come first.
-        parameters: how many parameters come first.
+        linear: derivatives of the outputs, followed by those that the solved parameters equal, with respect
+            to the parameters, followed by the solved ones.
+        outputs: number of outputs at the beginning.
+        parameters: number of parameters at the beginning.
     """
     slopes = linear.slopes
     square = slopes[outputs:, parameters:]

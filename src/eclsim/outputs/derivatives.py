@@ -1,8 +1,8 @@
 """Exact derivatives of outputs with respect to parameters.
 
-To first order every measure of a beat is a weighted sum of what the beat records (see `measures`). The
-weights follow from the beat itself; one more beat with tangents sums the tangents with them on the way, so
-nothing but one number per measure and direction is kept.
+To first order every measure of a beat is a weighted sum of its recorded signals (see `measures`), with
+weights that follow from the beat itself. One further beat with tangents sums the tangents with these weights
+as it proceeds, so only one number per measure and direction is stored.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from eclsim.outputs.signals import needed_signals, output_names
 from eclsim.units import ML_S_PER_L_MIN
 
 FURTHER_USUAL_OUTPUTS = ("CVP", "venous_pressure")
-"""Outputs that limits and searches ask for besides those that every result leads with."""
+"""Outputs that limits and searches need besides the leading ones of every result."""
 WeightedSum = tuple[str, int]
-"""A weighted sum that a measure depends on: its signal and its number."""
+"""A weighted sum that a measure depends on: its signal and its index."""
 
 
 class LawResult(NamedTuple):
-    """A result of a law that a measure depends on: the number of the law's application, and its place."""
+    """A result of a law that a measure depends on: index of the law's application, and of the result."""
 
     call: int
     place: int
@@ -97,10 +97,11 @@ def _dual(x: Dual | float) -> Dual:
 
 
 class LinearMeasures(Measures):
-    """Measures of one member as numbers that know what they depend on.
+    """Measures of one member as dual numbers, with their dependence on weighted sums, laws and parameters.
 
-    `sums` holds for each weighted sum its weights at the grid points, shape (points,); `applied` for each law
-    that was applied its numbers and the derivatives by them, shape (results, numbers).
+    `sums` holds the weights of each weighted sum at the grid points, shape (points,). `applied` holds for
+    each application of a law its arguments and the derivatives with respect to them, shape (results,
+    arguments).
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class LinearMeasures(Measures):
         self.applied: list[tuple[list[Dual], np.ndarray]] = []
 
     def parameter(self, name: str) -> Dual:
-        """A parameter, which depends on itself."""
+        """A parameter, with a derivative of 1 with respect to itself."""
         return Dual(float(self._parameters[name]), {name: 1.0})
 
     def apply(
@@ -125,7 +126,7 @@ class LinearMeasures(Measures):
         key: Key | None = None,
         without_search: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
     ) -> Sequence[Dual]:
-        """A function of some numbers; its results depend on themselves (see `slopes`)."""
+        """Apply a function to numbers; each result is a quantity of its own (see `slopes`)."""
         duals = [_dual(number) for number in numbers]
         at = np.array([number.value for number in duals])
         if without_search is None:
@@ -137,7 +138,7 @@ class LinearMeasures(Measures):
         return [Dual(value, {LawResult(call, k): 1.0}) for k, value in enumerate(table[:, 0].tolist())]
 
     def slopes(self, numbers: Sequence[Dual], quantities: Sequence[Hashable]) -> np.ndarray:
-        """Derivatives of measures by sums and parameters, shape (measures, quantities), by the chain rule."""
+        """Derivatives of measures by sums and parameters, (measures, quantities), by the chain rule."""
         column = {quantity: k for k, quantity in enumerate(quantities)}
         of_results: list[np.ndarray] = []
 
@@ -156,8 +157,8 @@ class LinearMeasures(Measures):
         return rows(numbers)
 
     def _positive(self, name: str, weights: np.ndarray, sign: float) -> Dual:
-        # A sum also where nothing flows: which sums there are must not depend on the state, or the beat with
-        # tangents would be compiled anew for each set of connections that ever flow backwards.
+        # A sum is added also where nothing flows: if the set of sums depended on the state, the beat with
+        # tangents would be compiled again for each set of connections with backward flow.
         ahead = sign * self.waveforms[name] > 0.0
         return self._whole({name: sign / ML_S_PER_L_MIN * ahead * weights})
 
@@ -183,13 +184,13 @@ class LinearMeasures(Measures):
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Outputs of a steady beat to first order in the parameters.
+    """First-order expansion of the outputs of a steady beat in the parameters.
 
     Args:
-        values: shape (outputs,).
+        values: values of the outputs, shape (outputs,).
         slopes: d output / d parameter, shape (outputs, parameters).
-        orbit: the beat itself to first order.
-        values_on_orbit: outputs after the step of Newton's method that the derivatives give.
+        orbit: first-order expansion of the beat itself.
+        values_on_orbit: outputs after the Newton step that the derivatives give.
     """
 
     values: np.ndarray
@@ -210,17 +211,17 @@ def linearise(
     """Outputs of one member's orbit and their exact derivatives.
 
     Args:
-        problem: of one member.
-        state: on its orbit or close to it, shape (states,).
-        outputs: names of the registry.
-        parameters: names that the circuit reads, or `heart_rate_bpm`; those that the beat does not read act
-            on outputs alone.
+        problem: orbit problem of one member.
+        state: state on its orbit or close to it, shape (states,).
+        outputs: names of outputs, as in the registry.
+        parameters: names of parameters of the circuit, or `heart_rate_bpm`; those that the beat does not need
+            affect outputs only.
         volume_slopes: d blood volume / d parameter [mL per unit], shape (parameters,).
-        values: of the parameters that the outputs read.
-        circuit: with exchanges, which the beat does not ask for; left out, the program's.
+        values: values of the parameters that the outputs need.
+        circuit: circuit with exchanges, which the beat does not need; None for that of the program.
 
     Raises:
-        NoDerivativesError: the equation of the beat is singular.
+        NoDerivativesError: The equation of the beat is singular.
     """
     program = problem.program
     circuit = circuit or program.assembly.circuit
@@ -252,10 +253,10 @@ def linearise(
 def _smallest_usual_list(
     sums: tuple[str, ...], usual: tuple[tuple[str, ...], ...]
 ) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """Signals of the smallest usual list of sums that holds some sums, and where these stand in it.
+    """Smallest usual list of signals that contains the given sums, and their positions in it.
 
-    A beat with tangents is compiled for each list of sums (6 s). With few lists, what one question about a
-    circuit compiles serves the next; 60 sums that nobody asked for make such a beat a sixth slower.
+    A beat with tangents is compiled for each list of sums (6 s). With few lists, the program of one question
+    about a circuit serves the next; 60 additional sums make such a beat a sixth slower.
     """
     wanted = Counter(sums)
     signals = next((one for one in usual if Counter(one) >= wanted), sums)
@@ -267,10 +268,10 @@ def _smallest_usual_list(
 
 
 def usual_sums(circuit: Circuit) -> tuple[tuple[str, ...], ...]:
-    """Signals of the weighted sums that usual questions about a circuit need, sorted, shortest list first.
+    """Signals of the sums that usual questions about a circuit need; each list sorted, shortest list first.
 
-    Outputs that every result leads with, those of devices and `FURTHER_USUAL_OUTPUTS`; with these the flows
-    that carry gases; all outputs and these flows.
+    The lists are for the leading outputs, those of devices and `FURTHER_USUAL_OUTPUTS`; for these and the
+    flows that carry gases; and for all outputs and these flows.
     """
     return _usual_sums(circuit, registered())
 
@@ -292,7 +293,7 @@ def _reads_waveforms_alone(name: str) -> bool:
 
 
 def _sums_of(outputs: Sequence[str], circuit: Circuit) -> list[str]:
-    """Signals of the weighted sums that outputs are made of, from made-up waveforms."""
+    """Signals of the weighted sums that outputs consist of, found with artificial waveforms."""
     phases = np.linspace(0.0, 1.0, 6)
     signals = needed_signals(circuit, outputs)
     waveforms = {name: 2.0 + k + np.sin(7.0 * phases + k) for k, name in enumerate(signals)}

@@ -1,4 +1,4 @@
-"""Outputs of gas exchange: gases of the arterial and mixed venous blood, supply and demand of the tissues."""
+"""Outputs of gas exchange: arterial and mixed venous blood gases, oxygen supply and demand."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 ARTERY = ("upper", "sart")
-"""Compartment of the right radial artery: the first that a circuit has."""
+"""Compartment of the right radial artery: the first of these that a circuit has."""
 
 
 def artery_of(circuit: Circuit) -> str:
-    """The compartment whose blood is analysed as arterial."""
+    """Compartment whose blood is analysed as arterial."""
     names = [c.name for c in circuit.compartments]
     return next(name for name in ARTERY if name in names)
 
@@ -53,7 +53,7 @@ def _total(name: str, label: str, unit: str, definition: str, gas: str, law: str
 
 
 def _tissue(suffix: str, at: str, label: str) -> tuple[Output, Output]:
-    """Quantities of a tissue that stores carbon dioxide."""
+    """Outputs of a tissue that stores carbon dioxide."""
     tissue = f"{suffix}_tissue".lstrip("_")
     known = (GASES, f"{SOLUTES}.{tissue}_pco2_mmHg", "gas.respiratory_quotient")
     end = f"_{suffix}" if suffix else ""
@@ -117,17 +117,16 @@ GAS_OUTPUTS = (
 # --- every compartment of a beat ----------------------------------------------------------------
 
 BLOCK = 16
-"""Compartments are computed in multiples of so many, so that few programs serve all circuits."""
+"""Compartments are computed in multiples of this number, so that few programs serve all circuits."""
 
 
 class PlaceGases(NamedTuple):
-    """Gases of one beat.
+    """Gases in all places of a circuit in one beat.
 
     Attributes:
-        places: By compartment, its blood: SO2 [-], PO2 and PCO2 [mmHg], pH, contents [mL/dL STPD].
-        exchanged: By connection that exchanges gas, gained oxygen and carbon dioxide [mL/min STPD].
-        standing: Compartments through which no blood flows: their gases are those of no blood that anybody
-            could draw.
+        places: blood by compartment: SO2 [-], PO2 and PCO2 [mmHg], pH, contents [mL/dL STPD].
+        exchanged: oxygen and carbon dioxide gained by each connection that exchanges gas [mL/min STPD].
+        standing: compartments through which no blood flows, whose gases could not be sampled.
     """
 
     places: Mapping[str, BloodGases]
@@ -136,11 +135,11 @@ class PlaceGases(NamedTuple):
 
 
 def gases_of_places(measures: Measures, member: int = 0) -> PlaceGases:
-    """Gases of a member of a batch whose gas state is steady.
+    """Return the gases of a member of a batch whose gas state is steady.
 
     Args:
-        measures: of the batch.
-        member: which of its patients.
+        measures: measures of the batch.
+        member: index of the member.
     """
     names = [c.name for c in measures.circuit.compartments]
 
@@ -172,5 +171,5 @@ def _standing(circuit: Circuit, mean_flows: Mapping[str, float]) -> frozenset[st
     for connection in circuit.connections:
         for site in connection.sites:
             moving[str(site)] = moving.get(str(site), 0.0) + abs(mean_flows[connection.name])
-    least = 2.0 * STANDING_L_MIN * ML_S_PER_L_MIN  # what comes and what goes
+    least = 2.0 * STANDING_L_MIN * ML_S_PER_L_MIN  # sum of inflow and outflow
     return frozenset(place for place, flow in moving.items() if flow < least)

@@ -1,4 +1,4 @@
-"""The steady beat by the independent path, measured as every other."""
+"""The steady beat computed by an independent method, and measured like any other."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, out
 from eclsim.outputs.steady_beat import Waveforms, statistics_of, with_status
 
 RECORDING_GRID = PhaseGrid(4)
-"""Grid of the recorded beat: fine enough that reading off extremes and means adds nothing to the error."""
+"""Grid of the recorded beat, fine enough for extremes and means to add no error."""
 
 
 def simulate_adaptive(
     model: Model, policy: str | None = None, options: AdaptiveOptions | None = None
 ) -> xr.Dataset:
-    """The steady beat of a model, waited for with adaptive steps of tight tolerance.
+    """Compute the steady beat of a model with adaptive steps of tight tolerance, without solving the orbit.
 
     Args:
         model: circuit and values.
-        policy: blood volume policy, "as_published" or "patient_held"; left out, the model's.
-        options: tolerance and patience.
+        policy: blood volume policy, "as_published" or "patient_held"; None takes that of the model.
+        options: tolerance and longest waiting time.
 
     Returns:
-        As `simulate` gives it.
+        Dataset as of `simulate`.
     """
     batch, beats = Batch.of(model, policy), AdaptiveBeats(model, options)
-    batch.volume()  # refuses an unknown policy
+    batch.volume()  # raises an error for an unknown policy
     refused = bool(allowed_values(model.circuit).refused(batch.packed(beat_program(model.circuit))).any())
     nothing = WaitingResult(np.full(len(start_state(model)), np.nan), 0, np.inf, np.inf, False)
     waiting_result = nothing if refused else beats.wait(batch.policy)
@@ -62,7 +62,7 @@ def simulate_adaptive(
 
 
 def _orbits(batch: Batch, waiting_result: WaitingResult, refused: bool, tolerance: float) -> SolvedOrbits:
-    """The end of waiting in the form of a search's."""
+    """Convert the state at the end of the waiting time to the result of a search."""
     finite = np.isfinite(waiting_result.change)
     status = (
         Status.CONVERGED if waiting_result.steady else Status.NOT_CONVERGED if finite else Status.NOT_FINITE

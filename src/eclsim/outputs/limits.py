@@ -1,7 +1,7 @@
-"""Limits of patient and circuit, each with its source: one table for command line, figures and bedside page.
+"""Limits of patient and circuit with their sources, for command line, figures and bedside page.
 
-A limit belongs to an output of `eclsim.outputs.registry`. None of them judges a patient: they say which
-simulated numbers a clinician would be called for, or could not have at all.
+A limit belongs to an output of `eclsim.outputs.registry`. Limits do not judge a patient: they mark simulated
+numbers for which a clinician would be called, or which are impossible.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from eclsim.patient.anthropometry import SIZE, body_surface, delivery_limits
 
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
 CLOSED_L_MIN = 0.02
-"""Mean flow below which a valve counts as closed all beat."""
+"""Mean flow below which a valve counts as closed during the whole beat."""
 HEART_RATE, SAME_RATE = "heart_rate_bpm", 1e-6
-"""The patient's own rate, and the share of it up to which reflexes and drugs leave it as it is."""
+"""The patient's own heart rate, and relative change up to which it counts as unchanged."""
 
 
 _SSC = "target in shock, Surviving Sepsis Campaign 2021"
@@ -174,7 +174,7 @@ COURSE_LIMITS = (
     Limit("plasma_protein", "warning", "below", 2.0, _NO_PLASMA, _CONVENTION),
     Limit("plasma_protein", "warning", "above", 10.0, _NO_PLASMA, _CONVENTION),
 )
-"""Limits of what is followed in courses alone and is no output of a beat."""
+"""Limits of quantities that exist only in courses and are no outputs of a beat."""
 
 _NO_CHAMBER = "at 0 % nothing is ejected; beyond 0 and 100 % the volume is negative"
 _IMPOSSIBLE = tuple(
@@ -200,7 +200,7 @@ _EQUIVALENT_OUTPUTS = (
     ("PaO2", "PaO2_lower"),
     ("PaCO2", "PaCO2_lower"),
 )
-"""Groups of equivalent outputs: of their broken limits only the gravest is reported."""
+"""Groups of equivalent outputs; only the most severe of their violated limits is reported."""
 _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "ao": ("MAP", "pulse_pressure"),
@@ -217,11 +217,11 @@ _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "rv": ("ejection_fraction_rv",),
     }
 )
-"""Outputs whose limits are those of a compartment of the patient, for pictures of the circuit."""
+"""By compartment, the outputs whose limits apply to it, for pictures of the circuit."""
 
 
 def all_limits() -> tuple[Limit, ...]:
-    """All limits, of the patient and of the only instance of each device."""
+    """All limits of the patient, and of each device as the only instance of its kind."""
     return (
         *_IMPOSSIBLE,
         *_PATIENT,
@@ -233,13 +233,13 @@ def all_limits() -> tuple[Limit, ...]:
 def limits_of(
     quantity: str, outputs: Collection[str] = (), values: Mapping[str, float] = NO_VALUES
 ) -> tuple[Limit, ...]:
-    """The limits of an output, the gravest first.
+    """Limits of an output, the most severe first.
 
     Args:
         quantity: name of the output.
-        outputs: names of all outputs that the circuit has; some limits hold without an assist pump only, some
-            without an output that says it better.
-        values: of the patient's parameters; limits of oxygen delivery follow their size.
+        outputs: names of all outputs of the circuit; some limits apply only without an assist pump, others
+            only without a more specific output.
+        values: parameters of the patient; limits of oxygen delivery depend on body size.
     """
     known = named_output(quantity)
     if known is None:
@@ -255,11 +255,11 @@ def limits_of(
 
 
 def of_size(limits: Iterable[Limit], values: Mapping[str, float]) -> list[Limit]:
-    """Limits as the patient's size has them: of oxygen delivery, where it is far from that of the table.
+    """Return limits adapted to the patient's size, which concerns oxygen delivery.
 
     Args:
-        limits: of any outputs.
-        values: of the patient's parameters.
+        limits: limits of any outputs.
+        values: parameters of the patient.
     """
     height, weight = (values.get(name) for name in SIZE)
     own = None if height is None or weight is None else delivery_limits(height, weight)
@@ -285,19 +285,19 @@ def _assisted(outputs: Collection[str]) -> bool:
 
 
 def impossible_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
-    """Bounds beyond which no patient can be: of veins that fill and of chambers that eject.
+    """Bounds beyond which no patient can be, of vein filling and of ejecting chambers.
 
     Args:
-        outputs: names of all outputs that the circuit has.
+        outputs: names of all outputs of the circuit.
     """
     return tuple(limit for name in outputs for limit in limits_of(name, outputs) if limit in _IMPOSSIBLE)
 
 
 def backward_flow_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
-    """Alarms of flows that run backwards through a device, in L/min.
+    """Alarms for backward flow through a device [L/min].
 
     Args:
-        outputs: names of all outputs that the circuit has.
+        outputs: names of all outputs of the circuit.
     """
     flows = [name for name in outputs if (known := named_output(name)) and known[1].unit == "L/min"]
     bounds = (limit for name in flows for limit in limits_of(name, outputs) if limit.side == "below")
@@ -305,22 +305,22 @@ def backward_flow_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
 
 
 def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
-    """How a value stands to the limits of its output: "ok", "warning", "alarm" or "collapse".
+    """Level of a value with respect to the limits of its output: "ok", "warning", "alarm" or "collapse".
 
     Args:
         quantity: name of the output.
-        value: in the output's unit.
-        outputs: names of all outputs that the circuit has.
+        value: value in the output's unit.
+        outputs: names of all outputs of the circuit.
     """
     return next((limit.kind for limit in limits_of(quantity, outputs) if limit.broken_by(value)), "ok")
 
 
 def levels(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES) -> dict[str, str]:
-    """How each output of a beat stands to its limits, see `level`.
+    """Level of each output of a beat; see `level`.
 
     Args:
         outputs: values by name.
-        values: of the patient's parameters.
+        values: parameters of the patient.
     """
     result = dict.fromkeys(outputs, "ok")
     for limit in reversed(_applied(outputs, values)):
@@ -330,18 +330,18 @@ def levels(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES
 
 
 def gravest(levels: Iterable[str]) -> str:
-    """The gravest of some levels; "ok" if there is none."""
+    """The most severe of several levels; "ok" if there are none."""
     result = set(levels)
     return next((kind for kind in GRAVEST_FIRST if kind in result), "ok")
 
 
 def places_with_limits(outputs: Collection[str]) -> Mapping[str, tuple[str, ...]]:
-    """Outputs whose limits are those of a compartment, by compartment.
+    """Outputs whose limits apply to a compartment, by compartment.
 
-    For a device they are its outputs with limits that are read off the pressure of the compartment alone.
+    For devices, these are outputs with limits that depend only on the pressure of the compartment.
 
     Args:
-        outputs: names of all outputs that the circuit has.
+        outputs: names of all outputs of the circuit.
     """
     return _places_with_limits(tuple(outputs), registered())
 
@@ -362,7 +362,7 @@ def _places_with_limits(outputs: tuple[str, ...], among: tuple[object, ...]) -> 
 
 
 def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
-    """The gravest level of the outputs that stand for each compartment.
+    """The most severe level of the outputs of each compartment.
 
     Args:
         outputs: values by name.
@@ -375,11 +375,11 @@ def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
 
 
 def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES) -> list[Limit]:
-    """The limits that a beat breaks, the gravest first: of what says the same, one limit.
+    """Limits that a beat violates, the most severe first; only one of equivalent outputs.
 
     Args:
         outputs: values by name.
-        values: of the patient's parameters.
+        values: parameters of the patient.
     """
     result: dict[tuple[str, str], Limit] = {}
     for limit in _applied(outputs, values):
@@ -389,7 +389,7 @@ def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO
 
 
 def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:
-    """Limits of a beat's outputs, the gravest first; a heart rate is judged where it is not the patient's."""
+    """Limits of a beat's outputs by severity; the heart rate is included if it is not the patient's own."""
     limits = of_size(_in_order(tuple(outputs), registered()), values)
     rate, own = outputs.get("heart_rate"), values.get(HEART_RATE)
     if rate is None or own is None or abs(rate - own) > SAME_RATE * own:
@@ -399,7 +399,7 @@ def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
 
 @lru_cache(maxsize=256)
 def _in_order(outputs: tuple[str, ...], among: tuple[object, ...]) -> tuple[Limit, ...]:
-    """Limits of some outputs, the gravest first, and of equally grave ones as `all_limits` lists them."""
+    """Limits of outputs by severity and, if equally severe, in the order of `all_limits`."""
     order = {_published(limit): position for position, limit in enumerate(all_limits())}
     limits = [limit for name in outputs for limit in limits_of(name, outputs)]
     return tuple(
@@ -408,13 +408,13 @@ def _in_order(outputs: tuple[str, ...], among: tuple[object, ...]) -> tuple[Limi
 
 
 def _published(limit: Limit) -> tuple[str, str, str]:
-    """Quantity, by the name of an only instance, kind and side."""
+    """Quantity (under the name of the only instance of a device), kind and side of a limit."""
     known = named_output(limit.quantity)
     return limit.quantity if known is None else known[1].name, limit.kind, limit.side
 
 
 def group_of(quantity: str) -> str:
-    """The first of the outputs that say the same as one; itself where no other does."""
+    """First of a group of equivalent outputs; the output itself if it is in no group."""
     known = named_output(quantity)
     if known is None:
         return next((names[0] for names in _EQUIVALENT_OUTPUTS if quantity in names), quantity)

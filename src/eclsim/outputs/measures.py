@@ -1,13 +1,13 @@
 """Means, extremes and loop areas of waveforms over one beat on a non-uniform grid.
 
-Extremes lie between grid points: diastolic pressure ends within a millisecond of the valve's opening. Where
-the rate of a waveform is known (it follows from the flows), they are read off the cubic with the right values
-and slopes, else off the parabola through three points, so that they do not jump when a parameter moves the
-peak from one grid point to the next.
+Extremes lie between grid points: diastolic pressure ends within a millisecond of the valve's opening. If the
+rate of a waveform is known (it follows from the flows), an extreme is that of the cubic with the values and
+slopes at the neighbouring points, else that of the parabola through three points. Extremes therefore do not
+jump when a parameter moves the peak from one grid point to the next.
 
-Every measure is a weighted sum of waveform values, exactly or, for an extreme, to first order: where it lies
-does not matter to first order. `Measures` therefore finds weights, and both the value and, for derivatives,
-the dependence on the waveforms follow from them.
+Every measure is a weighted sum of waveform values, exactly or, for an extreme, to first order, since its
+position does not matter to first order. `Measures` therefore finds weights, from which both the value and,
+for derivatives, the dependence on the waveforms follow.
 """
 
 from __future__ import annotations
@@ -28,29 +28,30 @@ from eclsim.gas.origin import ARTERIES, native_shares
 from eclsim.gas.solutes import effective_shares
 
 SIDE_BY_SIDE = 16
-"""Members whose laws are computed together; more at once do not fit the processor's caches."""
+"""Number of members whose laws are computed together; more do not fit into the processor's caches."""
 FEWEST_TO_COMPILE = 1024
-"""Members of a batch from which on that is done: together the laws of gases take half the time for each, but
-compile three times as long as for one."""
+"""Smallest batch in which laws are computed together: the laws of gases then take half the time per
+member, but compile three times as long as for one."""
 OPTIMISATION_LEVEL = 3
-"""Level of the optimiser that brings a loop over patients into vectors; it compiles half as fast."""
+"""Optimisation level that vectorises loops over patients; it compiles half as fast."""
 SMALLEST_VOLUME = 1e-6
-"""Divisor [mL] in place of a volume that is zero or less."""
+"""Divisor used for a volume that is zero or less [mL]."""
 Points = list[tuple[str, Numbers, Numbers]]
 """A sum over few points: waveform, index of the point, weight (each a number or one per patient)."""
 
 
 class Measures:
-    """The waveforms of a beat and what is measured on them.
+    """The waveforms of a beat and the measures computed from them.
 
     Args:
-        waveforms: by name, arrays (points[, patients]) over a whole beat, first and last point the same
-            phase; pressures [mmHg], flows [mL/s], volumes [mL]; rates per unit of phase are name + `RATE`.
+        waveforms: arrays (points[, patients]) by name over a whole beat, with the first and last point at the
+            same phase; pressures [mmHg], flows [mL/s], volumes [mL]; rates per unit of phase are name +
+            `RATE`.
         phases: grid points from 0 to 1, shape (points,).
-        circuit: whose beat it is.
-        parameters: numbers, or one for each patient, for the outputs that read parameters.
-        gases: the gas state, where it is not the steady one of these flows.
-        batch: members of the batch that the patients are of.
+        circuit: circuit of the beat.
+        parameters: numbers, or one for each patient, for outputs that depend on parameters.
+        gases: the gas state, if it is not the steady one of these flows.
+        batch: indices of the patients in their batch.
     """
 
     def __init__(
@@ -68,16 +69,16 @@ class Measures:
         self._cache: dict[tuple[str, ...], Numbers] = {} if gases is None else {("gas",): gases}
 
     def mean(self, name: str) -> Numbers:
-        """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""
+        """Mean over the beat, from the volumes moved in each step if known, else by the trapezoidal rule."""
         if name + MEAN in self.waveforms:
             return self.cached(("mean", name), lambda: self._whole({name + MEAN: self._moved}))
         return self.cached(("mean", name), lambda: self._whole({name: self._trapezoid}))
 
     def measure_means(self, names: Sequence[str], table: np.ndarray) -> None:
-        """Measure the means of many waveforms at once: the same numbers, sooner.
+        """Compute the means of many waveforms at once: the same numbers in less time.
 
         Args:
-            names: of `waveforms`.
+            names: names of the `waveforms`.
             table: these waveforms, shape (points, names, patients).
         """
         weights = np.stack([self._moved if n.endswith(MEAN) else self._trapezoid for n in names], axis=1)
@@ -88,10 +89,10 @@ class Measures:
             self._cache["mean", name] = means.get(name + MEAN, means[name])
 
     def measure_extremes(self, names: Sequence[str]) -> None:
-        """Measure largest and smallest values of many waveforms at once: the same numbers, sooner.
+        """Compute the largest and smallest values of many waveforms at once: the same numbers in less time.
 
         Args:
-            names: of `waveforms` (points, patients) whose rates are known.
+            names: names of `waveforms` (points, patients) with known rates.
         """
         if not names:
             return
@@ -110,15 +111,15 @@ class Measures:
         return self.cached(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
 
     def maximum_before(self, name: str, phase: str) -> Numbers:
-        """Largest value up to the phase that a parameter gives."""
+        """Largest value up to the phase given by a parameter."""
         return self._sum(self._extreme(name, 1.0, self._after(phase) <= 0.0))
 
     def maximum_after(self, name: str, phase: str) -> Numbers:
-        """Largest value from the phase on that a parameter gives."""
+        """Largest value from the phase given by a parameter on."""
         return self._sum(self._extreme(name, 1.0, self._after(phase) >= 0.0))
 
     def _after(self, phase: str) -> np.ndarray:
-        """By how much each grid point is after a phase, shape (points[, patients])."""
+        """Distance of each grid point after a phase, shape (points[, patients])."""
         return np.subtract.outer(self._phases, np.asarray(self._parameters[phase], dtype=float))
 
     def minimum(self, name: str) -> Numbers:
@@ -137,15 +138,15 @@ class Measures:
 
     @property
     def circuit(self) -> Circuit:
-        """The circuit whose beat it is."""
+        """The circuit of the beat."""
         return self._circuit or Circuit()
 
     def forward(self, connection: str) -> Numbers:
-        """Mean [L/min] of the flow of a connection where it is positive, else 0."""
+        """Mean of a connection's forward flow, counted as 0 while it is negative [L/min]."""
         return self.cached(("forward", connection), lambda: self._one_way("Q" + connection, 1.0))
 
     def backward(self, connection: str) -> Numbers:
-        """Mean [L/min] of the flow against its direction; forward less backward is the mean."""
+        """Mean of a connection's backward flow [L/min]; forward minus backward is the mean flow."""
         return self.cached(("backward", connection), lambda: self._one_way("Q" + connection, -1.0))
 
     def _one_way(self, flow: str, sign: float) -> Numbers:
@@ -157,7 +158,7 @@ class Measures:
         return one_way_mean(self.waveforms[name], weights, sign)
 
     def parameter(self, name: str) -> Numbers:
-        """A parameter."""
+        """Value of a parameter."""
         return self._parameters[name]
 
     def apply(
@@ -167,13 +168,13 @@ class Measures:
         key: Key | None = None,
         without_search: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
     ) -> Sequence[Numbers]:
-        """A function of some numbers, shape (n,), that gives others.
+        """Apply a function to numbers of shape (n,) and return its results.
 
         Args:
-            function: that JAX can trace.
-            numbers: one for each argument, or one for each patient.
-            key: what tells the function from all others, so that its programs are kept on disk; left out, its
-                own name, or what it is made of.
+            function: function that JAX can trace.
+            numbers: one number for each argument, or one for each patient.
+            key: identifies the function, so that its programs are stored on disk; None for its own name, or
+                what it consists of.
             without_search: see `FlowFunction`.
         """
         table = np.empty((len(numbers), *np.broadcast_shapes(*map(np.shape, numbers))))
@@ -192,7 +193,7 @@ class Measures:
         return list(result.reshape(-1, *table.shape[1:]))
 
     def gas(self, what: str, where: str, place: str) -> Numbers:
-        """A number of the gas state (`eclsim.gas.network.Quantity`)."""
+        """A quantity of the gas state (`eclsim.gas.network.Quantity`)."""
         return self.cached(("gas",), self._gas)[Quantity(what, where, place)]
 
     def _gas(self) -> dict[Quantity, Numbers]:
@@ -202,7 +203,7 @@ class Measures:
     def effective(
         self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
     ) -> Sequence[Numbers]:
-        """Shares of clearances [mL/min] that are for the patient, of a filter on a connection."""
+        """Shares of clearances [mL/min] that are effective for the patient, of a filter on a connection."""
         return self._carried(effective_shares(self.circuit, at), (*clearances, *water))
 
     def native(self, artery: str) -> Numbers:
@@ -211,28 +212,28 @@ class Measures:
         return shares[ARTERIES.index(artery)]
 
     def _carried(self, function: FlowFunction, more: Sequence[Numbers]) -> Sequence[Numbers]:
-        """A function of the mean flows of all connections, of parameters and of some more numbers."""
+        """Apply a function of the mean flows of all connections, of parameters and of further numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
         numbers = [*flows, *map(self.parameter, function.parameters), *more]
         return self.apply(function.compute, numbers, function.key, function.without_search)
 
     def loop_area(self, pressure: str, volume: str) -> Numbers:
-        """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
+        """Work of a chamber on its blood in a beat [mmHg mL], -(loop integral of P dV)."""
         p, v = self.waveforms[pressure], self.waveforms[volume]
         return self._product({pressure: _midpoint(-v), volume: _midpoint(p)})
 
     def cached(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured:
-        """Measure once: several outputs share an extreme or a solution."""
+        """Compute a value once; several outputs share an extreme or a solution."""
         if key not in self._cache:
             self._cache[key] = measure()
         return self._cache[key]
 
     def _product(self, weights: Mapping[str, np.ndarray]) -> Numbers:
-        """Value that is linear in either of two waveforms: half of each sum, but the slopes of both."""
+        """Value of a product of two waveforms: half of each weighted sum, but the slopes of both."""
         return 0.5 * self._whole(weights)
 
     def _whole(self, weights: Mapping[str, np.ndarray]) -> Numbers:
-        """Sum over all points with weights (points[, patients])."""
+        """Weighted sum over all points, with weights (points[, patients])."""
         total: Numbers = 0.0
         for name, weight in weights.items():
             series = self.waveforms[name]
@@ -245,7 +246,7 @@ class Measures:
         return total
 
     def _sum(self, points: Points) -> Numbers:
-        """Sum over few points."""
+        """Weighted sum over few points."""
         return sum(weight * _at(self.waveforms[name], index) for name, index, weight in points)
 
     @cached_property
@@ -269,7 +270,7 @@ class Measures:
         return [(name + of, index, weight) for of, index, weight in points]
 
     def _cubic(self, values: np.ndarray, rates: np.ndarray, top: np.ndarray) -> Points:
-        """Top of the Hermite cubic beside the largest point; points of a waveform and of its `RATE`."""
+        """Maximum of the Hermite cubic beside the largest point, as points of a waveform and its `RATE`."""
         points = len(values) - 1
         left = np.where(_at(rates, top) < 0.0, (top - 1) % points, top)
         width = self._widths[left]
@@ -285,7 +286,7 @@ class Measures:
         ]
 
     def _parabola(self, values: np.ndarray, top: np.ndarray) -> Points:
-        """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
+        """Maximum of the parabola through the largest point and its two neighbours; the beat is periodic."""
         points = len(values) - 1
         before, after = self._widths[(top - 1) % points], self._widths[top]
         left, peak, right = (_at(values, (top + k) % points) for k in (-1, 0, 1))
@@ -308,22 +309,22 @@ def whole_beat(recorded: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def single(function: Law, key: Key | None) -> Callable[..., jax.Array]:
-    """A function of one patient's numbers, compiled."""
+    """Return the compiled function of one patient's numbers."""
     return compiled(function, _named("alone", function, key))
 
 
 @lru_cache(maxsize=64)
 def side_by_side(function: Law, key: Key | None) -> Callable[..., jax.Array]:
-    """A function of `SIDE_BY_SIDE` patients' numbers, shape (numbers, patients), compiled."""
+    """Return the compiled function of `SIDE_BY_SIDE` patients' numbers, shape (numbers, patients)."""
     several = jax.vmap(function, in_axes=1, out_axes=1)
     return compiled(several, _named("side by side", function, key), OPTIMISATION_LEVEL, function)
 
 
 @lru_cache(maxsize=64)
 def jacobian(function: Callable[..., jax.Array], key: Key | None) -> Callable[..., jax.Array]:
-    """Its value, in the first column, and derivatives, of one patient, shape (results, 1 + numbers).
+    """Return a function for the value (first column) and derivatives, shape (results, 1 + numbers).
 
-    Of a function of the numbers and of others that are constant.
+    It takes one patient's numbers and, after them, arguments that are constant.
     """
 
     def table(numbers: jax.Array, *constant: jax.Array) -> jax.Array:
@@ -338,7 +339,7 @@ def _named(what: str, function: Law, key: Key | None) -> Key:
 
 
 def _stationary(rise: np.ndarray, second: np.ndarray, third: np.ndarray, fall: np.ndarray) -> np.ndarray:
-    """Where in 0..1 a cubic that rises at 0 and falls at 1 is largest; an end where it does not."""
+    """Position in 0..1 of the maximum of a cubic that rises at 0 and falls at 1; an end for any other."""
     root = np.sqrt(np.maximum(second**2 - 3.0 * third * rise, 0.0))
     divisor = root - second
     inside = (rise > 0.0) & (fall < 0.0) & (divisor > 0.0)
@@ -352,9 +353,9 @@ def _at(series: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 
 def _midpoint(series: np.ndarray) -> np.ndarray:
-    """Weights w such that sum(w x) is the sum of midpoints of x times steps of the series.
+    """Weights w such that sum(w x) is the sum of midpoints of x times the steps of the series.
 
-    It is the area of the closed loop, and w its derivative with respect to x.
+    The sum is the area of the closed loop, and w is its derivative with respect to x.
     """
     steps = np.diff(series, axis=0)
     nothing = np.zeros_like(series[:1])

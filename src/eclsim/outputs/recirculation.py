@@ -1,8 +1,8 @@
-"""How much of the blood that a device with movable lines draws, such as a CRRT, has just been through it.
+"""Recirculation: share of the blood drawn by a device with movable lines that has just passed it.
 
-Blood is marked where it leaves the return line, and the balances of `eclsim.gas.transport`, which oxygen and
-solutes follow too, say how much of it reaches the access line. Where that is in another device, blood of the
-patient counts as fresh; where it is in the patient, blood that has passed the capillaries of the body does.
+Blood is marked where it leaves the return line. The balances of `eclsim.gas.transport`, also used for oxygen
+and solutes, give the share of it that reaches the access line. If this line is in another device, blood from
+the patient counts as fresh; if it is in the patient, blood that has passed the systemic capillaries does.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ DEFINITION = (
 
 
 Labelled = tuple[float, dict[str, str]]
-"""A number, with unit, long name and definition."""
+"""A number and its labels: unit, long name and definition."""
 
 
 def recirculated_fractions(circuit: Circuit, mean_flows: Mapping[str, float]) -> dict[str, float]:
-    """Share of the access flow of each device with lines that came out of its return line.
+    """Share of the access flow of each device with lines that came from its own return line.
 
     Args:
-        circuit: with fixed sites; a device whose lines have none is left out.
-        mean_flows: mean flow of each connection [mL/s]; a negative one runs backwards.
+        circuit: circuit with fixed sites; devices whose lines have none are left out.
+        mean_flows: mean flow of each connection [mL/s]; negative for backward flow.
 
     Returns:
-        By the key of the device's section.
+        Shares by the key of the device's section.
     """
     shares = {names.key: _share(circuit, names, mean_flows) for names in instances_in(circuit)}
     return {key: share for key, share in shares.items() if share is not None}
 
 
 def recirculation(circuit: Circuit, mean_flows: Mapping[str, float]) -> dict[str, Labelled]:
-    """Share and flow [L/min] of each device by the name of the number, with its labels."""
+    """Share and flow [L/min] of each device with labels, by the name of the number."""
     result: dict[str, Labelled] = {}
     shares = recirculated_fractions(circuit, mean_flows)
     for names in instances_in(circuit):
@@ -92,7 +92,7 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
         return None
     ends = np.array([[place.get(str(site), len(place)) for site in (c.source, c.target)] for c in touching])
     leaves, enters = (np.eye(len(place) + 1)[side].T for side in ends.T)
-    # In mL/s: what the solver exchanges along standing blood is then below 1e-10 of these flows.
+    # In mL/s; the solver's exchange along standing blood is then below 1e-10 of these flows.
     flow = np.array([mean_flows[c.name] for c in touching])
     through = [k for k, c in enumerate(touching) if len(place) in ends[k] and c.name != line_out]
     returned = [k for k, c in enumerate(touching) if c.name == line_out]
@@ -105,7 +105,7 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
 def _share_of_patient(
     circuit: Circuit, access: str, line_out: str, mean_flows: Mapping[str, float]
 ) -> float | None:
-    """Share in a compartment of the patient that came out of a line and passed no capillaries since."""
+    """Share in a compartment of the patient that came from a line and has passed no capillaries since."""
     from eclsim.gas.solutes import sources
     from eclsim.gas.transport import Flows, balanced, mixtures
 

@@ -1,4 +1,4 @@
-"""The registry of outputs: name, long name, unit, definition and how it is computed."""
+"""The registry of outputs: name, long name, unit, definition and computation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = [
 
 
 class UnknownOutputError(KeyError):
-    """A name that is in no registry; lists the nearest ones."""
+    """Raised for an unknown name; the message lists the nearest ones."""
 
     def __str__(self) -> str:
         name, known = self.args[0], all_outputs()
@@ -64,7 +64,7 @@ _PULMONARY_PRESSURES_AND_VOLUMES = (
         )
     ),
 )
-"""With those of devices in between, the 17 outputs of the case-file contract, in its order."""
+"""With those of devices between them, these are the 17 outputs of the case-file format, in its order."""
 
 
 def _ventricle(place: str) -> tuple[Output, ...]:
@@ -125,7 +125,7 @@ _REGIONS = (
         )
     ),
 )
-"""Outputs of the patient in regions in place of `venous_pressure` and `systemic_flow`."""
+"""Outputs of a patient with regions, which replace `venous_pressure` and `systemic_flow`."""
 
 
 _REST, _SUPERIOR = "caval_rest_volume_ml", "svc_vessel_share"
@@ -134,7 +134,7 @@ _REST, _SUPERIOR = "caval_rest_volume_ml", "svc_vessel_share"
 def _filling(
     name: str, label: str, place: str, share: Callable[[BeatMeasures], Numbers], *read: str
 ) -> Output:
-    """The least that a vein that collapses holds, with its share of the rest volume."""
+    """Output of the smallest volume of a collapsible vein, relative to its share of the rest volume."""
     signal = "V" + place
     return Output(
         name, f"lowest filling of the {label}", "%",
@@ -154,7 +154,7 @@ _COLLAPSIBLE = (
         _SUPERIOR,
     ),
 )  # fmt: skip
-"""Outputs of a patient whose veins collapse."""
+"""Outputs of a patient with collapsible veins."""
 
 _MORE = (
     Output(
@@ -192,7 +192,7 @@ _MORE = (
 
 
 class _RenamedMeasures:
-    """The measures of a beat by the names of a device, which are those of one instance in the waveforms."""
+    """The measures of a beat under the names of a device, converted to those of one instance."""
 
     def __init__(self, measures: BeatMeasures, names: Naming):
         self._measures, self._names = measures, names
@@ -254,7 +254,7 @@ class _RenamedMeasures:
 
 @lru_cache(maxsize=1024)
 def _of_instance(entry: Output, names: Naming) -> Output:
-    """A device's output for one instance."""
+    """Return the output of a device for one instance."""
     if not names.name:
         return entry
     definition = entry.definition
@@ -273,16 +273,16 @@ def _of_instance(entry: Output, names: Naming) -> Output:
 
 
 def leading_outputs(instances: Iterable[Naming] | None = None) -> tuple[Output, ...]:
-    """The outputs that every result file leads with, in their order; arguments as for `all_outputs`."""
+    """The outputs at the beginning of every result file, in order; arguments as for `all_outputs`."""
     entries = [entry for entry in _of_devices(instances) if entry.in_contract]
     return (*_PRESSURES_AND_FLOWS, *entries, *_PULMONARY_PRESSURES_AND_VOLUMES)
 
 
 def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
-    """All outputs by name, those of the contract first.
+    """All outputs by name, those of the case-file format first.
 
     Args:
-        instances: of devices; left out, the only instance of each device.
+        instances: instances of devices; None for the only instance of each device.
     """
     if instances is None:
         return dict(_usual(registered()))
@@ -292,10 +292,10 @@ def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
 
 @lru_cache(maxsize=8)
 def _usual(registered: tuple[object, ...]) -> Mapping[str, Output]:
-    """All outputs of the patient and of the only instance of each device, as long as these are registered.
+    """All outputs of the patient and of the only instance of each device, cached per set of devices.
 
     Raises:
-        DeviceError: a device of one's own has an output of the name of one of the patient's.
+        DeviceError: A user's device has an output with the name of one of the patient's.
     """
     patients = all_outputs(())
     for key, device in devices().items():
@@ -311,7 +311,7 @@ def _of_devices(instances: Iterable[Naming] | None) -> list[Output]:
 
 
 def available(signals: Collection[str], parameters: Collection[str] = ()) -> tuple[Output, ...]:
-    """Outputs that a circuit with these waveforms and parameters has."""
+    """Return the outputs that a circuit with these waveforms and parameters has."""
     groups = (".".join(signal[1:].split(".")[:2]) for signal in signals if "." in signal)
     instances = [*map(Naming, devices().values()), *namings(groups)]
     result = all_outputs(instances)
@@ -323,7 +323,7 @@ def available(signals: Collection[str], parameters: Collection[str] = ()) -> tup
 
 
 def output(name: str) -> Output:
-    """The output of that name; a misspelt one lists its neighbours."""
+    """Return the output of a name; the error for an unknown name lists similar ones."""
     return _output(name, registered())
 
 
@@ -344,18 +344,18 @@ _SECTION_OF_OUTPUT = (
     ("[gas]", {GASES}),
     ("[regulation], [drugs] or [fluid]", {s for entry in REGULATED for s in entry.parameters} - {GASES}),
 )
-"""Parts of a case file, and what outputs read that only these parts bring."""
+"""Parts of a case file, and the waveforms or parameters of outputs that only these parts provide."""
 
 
 def unavailable(name: str, names: Collection[str]) -> str:
-    """What to do about an output that a case has not: a part of the case file that brings it, or a spelling.
+    """Advice for an output that a case lacks: the part of the case file that provides it, or a spelling.
 
     Args:
-        name: of the output, as written.
-        names: outputs that the case has.
+        name: name of the output, as written.
+        names: names of the outputs that the case has.
 
     Returns:
-        The end of a sentence; empty where nothing is known of it.
+        The end of a sentence; empty if there is no advice.
     """
     try:
         entry = output(name)

@@ -1,4 +1,4 @@
-"""Outputs of regulated circuits: the heart rate and what else reflexes and drugs have in effect."""
+"""Outputs of regulated circuits: the heart rate and other effects of reflexes and drugs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REFLEX_USE = "reflex_use"
 
 
 def _in_effect(parameter: str) -> Callable[[BeatMeasures], Numbers]:
-    """The value of a parameter during the beat."""
+    """Return a function for the value of a parameter during the beat."""
 
     def compute(measures: BeatMeasures) -> Numbers:
         from eclsim.regulation.effects import effect_law, parameters_of, readings_of, steady_controls
@@ -44,7 +44,7 @@ def _use(measures: BeatMeasures) -> Numbers:
     from eclsim.regulation.effects import reflex_of, reflex_use_law
 
     control = reflex_of(measures.circuit)
-    assert control is not None  # the output exists where there is one
+    assert control is not None  # the output exists only with a controller
     return measures.apply(
         reflex_use_law(control), [measures.mean("Pao"), *map(measures.parameter, (SET_POINT, GAIN))]
     )[0]
@@ -82,7 +82,7 @@ _FACTORS = (
     ("pulmonary_resistance", "Rpmc", "resistance of the pulmonary microcirculation by drugs"),
 )
 FACTORS = {f"{name}_factor": parameter for name, parameter, _ in _FACTORS}
-"""Outputs that say by how much reflexes and drugs change a parameter, and which."""
+"""Outputs that are the factors by which reflexes and drugs change a parameter, with these parameters."""
 
 
 def _factor(name: str, parameter: str, label: str) -> Output:
@@ -95,7 +95,7 @@ def _factor(name: str, parameter: str, label: str) -> Output:
 
 
 def _local(bed: str) -> Callable[[BeatMeasures], Numbers]:
-    """Factor of a bed's resistance that its gases bring about."""
+    """Return a function for the factor by which gases change the resistance of a vascular bed."""
 
     def compute(m: BeatMeasures) -> Numbers:
         from eclsim.regulation.oxygen import local_law, local_settings
@@ -116,7 +116,7 @@ def _lung(m: BeatMeasures) -> Numbers:
 
 
 LOCAL_OUTPUTS = {bed: keys.local_factor(keys.local_resistance(bed)) for bed in keys.BEDS}
-"""Output of each bed: factor of its resistance by its gases."""
+"""Output of each vascular bed: factor by which its gases change its resistance."""
 GAS_RESPONSE_OUTPUTS = (
     *(
         Output(
@@ -140,7 +140,7 @@ GAS_RESPONSE_OUTPUTS = (
         parameters=(GASES, LUNG_RESISTANCE, keys.HYPOXIA, keys.LUNG_AT_REST), all_flows=True,
     ),
 )  # fmt: skip
-"""They exist where something answers to dissolved gases."""
+"""Outputs that exist only if something responds to blood gases."""
 SOLVED_BY = {
     keys.SENSED_PAO2: "PaO2",
     keys.SENSED_PACO2: "PaCO2",
@@ -167,4 +167,4 @@ REGULATED = (
     ),
     *GAS_RESPONSE_OUTPUTS,
 )  # fmt: skip
-"""They exist in circuits with reflexes, drugs or extra volume, and where something answers to gases."""
+"""Outputs of circuits with reflexes, drugs or extra volume, or with responses to blood gases."""

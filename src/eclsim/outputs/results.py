@@ -40,7 +40,7 @@ def simulate(
     options: OrbitOptions | None = None,
     resolution: int | None = None,
 ) -> xr.Dataset:
-    """The steady beat of a model, as `eclsim.simulate` gives it; of a case with its speed."""
+    """The steady beat of a model as of `eclsim.simulate`; a case must have a pump speed."""
     model = as_model(case)
     batch = Batch.of(model, volume_policy)
     beat = steady_beat(batch, waveforms=None, keep=None, options=options, resolution=resolution)
@@ -50,13 +50,13 @@ def simulate(
 def labelled(
     beat: SteadyBeat, member: int = 0, name: str = "model", doubts: Sequence[str] = ()
 ) -> xr.Dataset:
-    """One member of a batch as `simulate` gives it; its waveforms were kept.
+    """Return one member of a batch as `simulate` does; its waveforms must have been kept.
 
     Args:
-        beat: solved and measured.
-        member: which.
+        beat: solved and measured beats.
+        member: index of the member.
         name: `id` of the result.
-        doubts: of the model, which come before the warnings of the beat.
+        doubts: doubts about the model, which are placed before the warnings of the beat.
     """
     values, circuit = beat.batch.member(member), beat.batch.circuit
     phases = beat.waveforms[member].phases
@@ -99,7 +99,7 @@ def labelled(
     }
     if beat.of_gases:
         attributes["gas_status"] = GasStatus(int(beat.gas_status[member])).word
-    # Made an index by xarray, it would import Dask to see whether it is one of its arrays: 0.1 s.
+    # As an index, xarray would import Dask to check whether it is one of its arrays: 0.1 s.
     labels = {"units": "1", "long_name": "phase of the beat"}
     phase = xr.IndexVariable("phase", pd.Index(phases), labels)
     time = variable("phase", phases * period, units="s", long_name="time")
@@ -114,7 +114,7 @@ def simulate_many(
     options: OrbitOptions | None = None,
     execution: Execution | None = None,
 ) -> xr.Dataset:
-    """Steady beats of variants of a model, as `eclsim.simulate_many` gives them; of a case with its speed."""
+    """Steady beats of variants of a model as of `eclsim.simulate_many`; a case must have a pump speed."""
     model, outputs = as_model(case), None if outputs is None else as_names(outputs, "outputs")
     changes = as_columns(changes)
     model.refuse_unknown(changes)
@@ -150,12 +150,12 @@ def simulate_many(
 def beat_warnings(
     case: ModelSource, volume_policy: str | None = None, shown: Collection[str] | None = None
 ) -> tuple[str, ...]:
-    """Warnings of the steady beat behind an analysis, as `simulate` gives them.
+    """Warnings about the steady beat behind an analysis, as of `simulate`.
 
     Args:
-        case: as in `simulate`.
-        volume_policy: blood volume policy; None for the case's.
-        shown: outputs of the analysis; how others are to be read is left out. None for all.
+        case: case or model as in `simulate`.
+        volume_policy: blood volume policy; None takes that of the case.
+        shown: outputs of the analysis; cautions about other outputs are left out. None for all.
     """
     model = as_model(case)
     watched = watched_waveforms(model.circuit)
@@ -167,13 +167,13 @@ def beat_warnings(
 
 
 def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:
-    """Changes by parameter as arrays: a number that holds for all variants, or one for each.
+    """Convert changes by parameter to arrays: a number for all variants, or one for each.
 
-    What is masked in an array is missing, and so NaN.
+    Masked entries of an array are missing and become NaN.
 
     Raises:
-        ValueError: what is no number, or an array of more than one dimension.
-        TypeError: no changes by parameter.
+        ValueError: A change is no number, or an array with more than one dimension.
+        TypeError: The argument does not map parameters to changes.
     """
     if not isinstance(changes, Mapping):
         table = "; of a DataFrame: frame.to_dict('list')" if isinstance(changes, pd.DataFrame) else ""
@@ -183,7 +183,7 @@ def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:
 
 
 def _column(name: str, given: npt.ArrayLike) -> np.ndarray:
-    """One of `as_columns`."""
+    """Convert one change for `as_columns`."""
     what = shown(given) if isinstance(given, (list, str)) else written(given)
     try:
         array = np.ma.asanyarray(given) if isinstance(given, np.ma.MaskedArray) else np.asarray(given)
@@ -201,10 +201,10 @@ def _column(name: str, given: npt.ArrayLike) -> np.ndarray:
 
 
 def member_count(columns: Mapping[str, np.ndarray]) -> int:
-    """How many variants columns of changes, or numbers that hold for all, make.
+    """Number of variants given by columns of changes, or by numbers that hold for all.
 
     Raises:
-        ValueError: columns of different lengths.
+        ValueError: Columns have different lengths.
     """
     lengths = {column.size for column in columns.values() if column.ndim > 0}
     if len(lengths) > 1:
@@ -220,10 +220,10 @@ def derivatives(
     resolution: int | None = None,
     throw: bool = True,
 ) -> xr.DataArray:
-    """d output / d parameter of a model's steady beat, as `eclsim.derivatives` gives them.
+    """d output / d parameter of a model's steady beat, as of `eclsim.derivatives`.
 
     Raises:
-        NoDerivativesError: no steady beat was found, or its equation is singular.
+        NoDerivativesError: No steady beat was found, or its equation is singular.
     """
     model = as_model(case)
     if not (outputs and parameters):
@@ -269,13 +269,13 @@ def _corners(beat: SteadyBeat, outputs: Sequence[str]) -> list[str]:
 
 
 def with_grid_check(model: Model, result: xr.Dataset) -> xr.Dataset:
-    """A result that knows how much its outputs change on a grid of half the step.
+    """Add to a result the largest change of its outputs on a grid with half the step.
 
-    Adds the attributes `grid_error_percent` and `grid_error_output`, the output that changes most; a change
-    of more than 0.5 % becomes a warning.
+    The attributes are `grid_error_percent` and `grid_error_output`, the output with the largest change. A
+    change of more than 0.5 % gives a warning.
 
     Args:
-        model: what was simulated.
+        model: model that was simulated.
         result: its steady beat by the semi-implicit solver.
     """
     resolution = int(result.attrs["steps_per_beat"]) // STEPS_AT_RESOLUTION_1
@@ -295,7 +295,7 @@ def with_grid_check(model: Model, result: xr.Dataset) -> xr.Dataset:
 
 
 def unit_of_value(name: str) -> str:
-    """Unit of a number that a circuit reads; empty for one of a user's own circuit."""
+    """Unit of a parameter of a circuit; empty for one of a user's own circuit."""
     known = quantity(name)
     return "" if known is None else known.unit
 
@@ -307,7 +307,7 @@ def output_labels(name: str) -> dict[str, str]:
 
 
 def _solver(beat: SteadyBeat, member: int) -> dict[str, str | float]:
-    """How a member was solved, as attributes."""
+    """Attributes that describe how a member was solved."""
     if beat.orbits.adaptive_tolerance is not None:
         return {"tolerance": beat.orbits.adaptive_tolerance, "solver": ADAPTIVE}
     grid = PhaseGrid(int(beat.orbits.resolution[member]))
@@ -323,7 +323,7 @@ def _recirculation(beat: SteadyBeat, member: int) -> dict[str, xr.Variable]:
 
 
 def variable(dims: str | tuple[str, ...], values: npt.ArrayLike, **labels: object) -> xr.Variable:
-    """A labelled array; xarray's short way to it does not import dask, which takes half a second."""
+    """Return a labelled array without xarray's shorthand, which imports Dask and takes half a second."""
     return xr.Variable(dims, np.asarray(values), labels, fastpath=True)
 
 
@@ -338,17 +338,18 @@ def simulate_course(
     solver: str = SEMI_IMPLICIT,
     names: Sequence[str] | None = None,
 ) -> xr.Dataset:
-    """A model's course from the published initial state.
+    """Simulate a model in time from the published initial state.
 
     Args:
         model: circuit and values.
-        seconds: how long [s].
-        policy: blood volume policy; with "patient_held" the circuits start primed. Left out, the model's.
+        seconds: duration [s].
+        policy: blood volume policy; with "patient_held" the circuits start primed. None takes that of the
+            model.
         solver: "semi-implicit" or "adaptive".
-        names: waveforms to keep; left out, all.
+        names: names of the waveforms to keep; None for all.
 
     Returns:
-        Waveforms over `time` [s]; the attributes say how they were computed.
+        Waveforms over `time` [s]; the attributes describe the computation.
     """
     from eclsim.orbit.transient import follow
 

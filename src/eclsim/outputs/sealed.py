@@ -1,7 +1,7 @@
-"""Blood shut in behind valves that stay closed all beat: how much is no consequence of the case.
+"""Blood trapped behind valves that stay closed during the whole beat; the case does not determine how much.
 
-What lies between closed valves keeps what it holds, whatever that is. The beat repeats with a little more
-blood there and as much less elsewhere, so that it is one of many, and which one depends on the start.
+Blood between closed valves stays there, whatever its volume. The beat also repeats with a little more blood
+there and as much less elsewhere. It is therefore one of many, and the start of the search selects one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from eclsim.outputs.registry import CHAMBERS, VALVES, UnknownOutputError, output
 from eclsim.patient.sites import DRAINED, ONLY_REGIONAL
 
 CLOSED_VALVE_L_MIN = 1e-6
-"""Mean flow of a valve that a search with its tolerance cannot tell from none: some 1e-5 mL a beat."""
+"""Mean flow of a valve that the search cannot distinguish from zero: about 1e-5 mL per beat [L/min]."""
 _VESSELS: dict[str, str] = {
     **dict.fromkeys(("pas", "part", "pvn"), "pulmonary vessels"),
     **dict.fromkeys(("ao", "sart", "svn", *ONLY_REGIONAL, *DRAINED.values()), "systemic vessels"),
@@ -26,9 +26,9 @@ class Sealed:
     """Parts of a circulation that no blood enters or leaves.
 
     Attributes:
-        parts: compartments of each, but for the largest part, which is the rest of the circulation.
-        reason: which valves stay closed, in words.
-        sentence: what that means for the numbers, and what to do.
+        parts: compartments of each part, except the largest part, which is the rest of the circulation.
+        reason: names of the valves that stay closed, in words.
+        sentence: consequence for the numbers, and advice.
         concerns: outputs that are not determined by the case.
     """
 
@@ -39,11 +39,11 @@ class Sealed:
 
 
 def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
-    """Parts that closed valves shut in, by one beat; None where blood passes from any part to any other.
+    """Parts isolated by closed valves in a beat; None if blood passes from any part to any other.
 
     Args:
         outputs: scalar outputs by name; a valve whose mean flow [L/min] is not among them counts as open.
-        circuit: with fixed sites.
+        circuit: circuit with fixed sites.
     """
     laws = {c.name: c.component for c in circuit.connections}
     shut = (name for name in closed_valves(outputs) if name in laws)
@@ -75,7 +75,7 @@ def valve_flows(circuit: Circuit) -> tuple[str, ...]:
 
 
 def _parts(circuit: Circuit, shut: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Compartments that open connections join, in the order of the table."""
+    """Groups of compartments joined by open connections, in the order of the table."""
     part_of = {c.name: c.name for c in circuit.compartments}
     for connection in circuit.connections:
         if connection.name in shut:
@@ -91,10 +91,11 @@ def _undetermined(
     parts: tuple[tuple[str, ...], ...],
     given: Collection[str] | None,
 ) -> tuple[str, ...]:
-    """Outputs read off what is shut in, and levels anywhere else: the rest has as much less as is shut in.
+    """Outputs of trapped blood, and all pressures and volumes, since the rest has as much less blood.
 
-    Where a heart still beats in the rest, how much it ejects follows from that blood too, and with it all
-    but `given` flows: of roller pumps, and none through shut valves. Without such a heart it is None.
+    If a heart still beats in the rest, its output depends on that blood, too, and so do all flows except the
+    `given` ones: those of roller pumps and zero flows through closed valves. Without such a heart, `given` is
+    None.
     """
     within = {kind + name for part in parts for name in part for kind in "PV"}
     anywhere = {kind + c.name for c in circuit.compartments for kind in "PV"}
@@ -111,7 +112,7 @@ def _undetermined(
 def _needs(name: str) -> tuple[str, ...]:
     try:
         return output(name).needs
-    except UnknownOutputError:  # a number that follows from other outputs
+    except UnknownOutputError:  # a number that is derived from other outputs
         return ()
 
 

@@ -1,4 +1,4 @@
-"""Which outputs and waveforms a circuit has, what they need, and how waveforms are labelled."""
+"""Outputs and waveforms of a circuit, the signals they need, and labels of waveforms."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _output_names(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
 
 
 def gas_dependent_outputs(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
-    """The outputs that follow from the gases of the blood."""
+    """The outputs that depend on the gases of the blood."""
     followed = GASES in circuit.content_names()
     entries = {name: output(name) for name in outputs}
     return tuple(n for n, o in entries.items() if GASES in o.parameters or (followed and o.by_gases))
@@ -42,7 +42,7 @@ def gas_dependent_outputs(circuit: Circuit, outputs: Sequence[str]) -> tuple[str
 def needed_signals(
     circuit: Circuit, outputs: Sequence[str], waveforms: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Signals that outputs and waveforms are computed from, with the rates that place extremes."""
+    """Signals needed to compute outputs and waveforms, with the rates that locate extremes."""
     return _needed_signals(circuit, tuple(outputs), tuple(waveforms), registered())
 
 
@@ -64,7 +64,7 @@ def _needed_signals(
 
 
 def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
-    """Parameters that outputs read besides waveforms: where all flows are read, what they carry too."""
+    """Parameters that outputs need besides waveforms; with all flows, also those of blood contents."""
     return _needed_parameters(circuit, tuple(outputs), registered())
 
 
@@ -86,12 +86,12 @@ def _needed_parameters(
 
 
 def watched_waveforms(circuit: Circuit) -> tuple[str, ...]:
-    """Waveforms of a circuit whose extremes say whether a beat is one that a patient can have."""
+    """Waveforms of a circuit whose extremes show whether a patient can have the beat."""
     return watched_signals(all_signals(assemble(circuit)))
 
 
 def parameters_read(circuit: Circuit) -> tuple[str, ...]:
-    """Parameters that a circuit's outputs depend on; those of gas exchange only where gases are computed."""
+    """Parameters that a circuit's outputs depend on; those of gas exchange only if gases are computed."""
     read = circuit
     if GASES not in circuit.content_names():
         unmixed = tuple(replace(path, mixing=1.0) for path in circuit.connections)
@@ -110,6 +110,6 @@ def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:
 
 
 def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:
-    """What the waveform of a volume adds to the stressed volume [mL]; 0 for other waveforms."""
+    """Volume that is added to the stressed volume in the waveform of a volume [mL]; 0 for other waveforms."""
     signal = Signal.parse(name)
     return volumes.unstressed_volume(circuit, signal.place, values) if signal.kind is Kind.VOLUME else 0.0

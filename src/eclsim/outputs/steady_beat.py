@@ -1,6 +1,6 @@
-"""The steady beat of one or of many patients, measured: the one way from a batch to numbers.
+"""Measured steady beats of one or many patients: the only way from a batch to numbers.
 
-What did not converge has no numbers here: all of it is NaN, and its status and message say why.
+Results that did not converge are NaN throughout; their status and message give the reason.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, nee
 
 NO_GASES: Mapping[int, PlaceGases] = MappingProxyType({})
 DEMAND_MET = 0.99
-"""Share of the oxygen demand below which consumption is said to be forced down."""
+"""Share of the oxygen demand below which consumption is reported as limited."""
 NO_EJECTION_L_MIN = 0.02
-"""Native output below which the heart is said not to eject."""
+"""Native output below which the heart counts as not ejecting."""
 
 
 class Waveforms(NamedTuple):
@@ -62,24 +62,25 @@ class Waveforms(NamedTuple):
 
 @dataclass(frozen=True)
 class SteadyBeat:
-    """Steady beats of a batch, members last; NaN where a member did not converge.
+    """Steady beats of a batch, with members as last dimension; NaN if a member did not converge.
 
     Args:
         orbits: states, and how each was solved.
-        status: how each ended, a `Status`, shape (members,).
+        status: how the search of each member ended, a `Status`, shape (members,).
         native_l_min: native output of the last beat, shape (members,).
-        undetermined: by member, why its beat is one of many.
-        names: of the outputs.
-        values: outputs, shape (outputs, members).
+        undetermined: by member, the reason why its beat is one of many.
+        names: names of the outputs.
+        values: values of the outputs, shape (outputs, members).
         signals: names of the waveforms (P, Q, V and where; mmHg, mL/s, stressed mL).
-        statistics: mean, smallest and largest value of each over the beat, shape (3, signals, members).
-        waveforms: whole beats of the members that were to be kept.
-        gas_status: how the search for the steady gas state ended, a `GasStatus`, shape (members,); zeros
-            where gases are not computed.
-        gases: of the members that were kept and have a steady gas state.
+        statistics: mean, smallest and largest value of each waveform, shape (3, signals, members).
+        waveforms: whole beats of the members that were kept.
+        gas_status: how the search for the steady gas state ended, a `GasStatus`, shape (members,); zeros if
+            gases are not computed.
+        gases: gases of the members that were kept and have a steady gas state.
         coupled: parameters that were solved for with the gases (`eclsim.outputs.coupling`).
-        unsettled: members without such parameters, shape (members,); None where none were wanted.
-        response: of these parameters, see `CoupledAnchor`; None where none were wanted.
+        unsettled: whether these were not found for a member, shape (members,); None if there are none to
+            solve for.
+        response: inverse Jacobian for these parameters, see `CoupledAnchor`; None if there are none.
     """
 
     orbits: SolvedOrbits
@@ -103,32 +104,32 @@ class SteadyBeat:
 
     @property
     def batch(self) -> Batch:
-        """The members."""
+        """The batch of the members."""
         return self.orbits.batch
 
     @property
     def converged(self) -> np.ndarray:
-        """Whether a steady beat was found, be it one of many, shape (members,)."""
+        """Whether a steady beat was found, even one of many, shape (members,)."""
         return (self.status == Status.CONVERGED) | (self.status == Status.ONE_OF_MANY)
 
     @property
     def determined(self) -> np.ndarray:
-        """Whether the values of a member determine its steady beat, shape (members,)."""
+        """Whether a unique steady beat was found for each member, shape (members,)."""
         return self.status == Status.CONVERGED
 
     @property
     def without_gases(self) -> np.ndarray:
-        """Members with a steady beat and no steady gas state, shape (members,)."""
+        """Members with a steady beat but no steady gas state, shape (members,)."""
         return self.determined & (self.gas_status != GasStatus.STEADY)
 
     @property
     def collapsed(self) -> np.ndarray:
-        """Members whose beat no patient can have, shape (members,); as far as their waveforms were wanted."""
+        """Members whose beat no patient can have, shape (members,), judged from the measured waveforms."""
         return collapsed(self.signals, self.statistics[1])
 
     @property
     def of_gases(self) -> tuple[str, ...]:
-        """Its outputs of gas exchange."""
+        """Names of the outputs that depend on gas exchange."""
         return gas_dependent_outputs(self.batch.circuit, self.names)
 
     def output(self, name: str) -> np.ndarray:
@@ -140,7 +141,7 @@ class SteadyBeat:
         return dict(zip(self.names, self.values[:, member].tolist(), strict=True))
 
     def mean(self, signal: str) -> np.ndarray:
-        """Mean of a waveform over the beat, shape (members,); of a valve's flow what moved through it."""
+        """Mean of a waveform over the beat, shape (members,); for a valve's flow, from the volume moved."""
         return self.statistics[0, self.signals.index(signal)]
 
     def lowest(self, signal: str) -> np.ndarray:
@@ -162,13 +163,13 @@ class SteadyBeat:
         return np.where(self.converged, volumes.sum(axis=0), np.nan)
 
     def values_in_effect(self, member: int = 0) -> Values:
-        """Parameters of a member during its beat: its own, but where a controller acts on them."""
+        """Parameters of a member during its beat, with the values set by controllers."""
         return assemble(self.batch.circuit).in_effect(
             self.batch.member(member), self.orbits.states[:, member]
         )
 
     def message(self, member: int = 0) -> str:
-        """How the search ended: what it means, the numbers behind it, and what to do."""
+        """Explanation of how the search ended, with the numbers behind it and advice."""
         status = Status(int(self.status[member]))
         text = status.message
         if self.unsettled is not None and self.unsettled[member]:
@@ -191,7 +192,7 @@ class SteadyBeat:
         return f"{text}; {doubt}" if doubt else text
 
     def determined_only(self) -> SteadyBeat:
-        """The same without numbers where a beat is one of many."""
+        """Return the same beats with NaN where a beat is one of many."""
         lost = ~self.determined
         states = np.where(lost, np.nan, self.orbits.states)
         return replace(self._without(lost), orbits=replace(self.orbits, states=states))
@@ -205,7 +206,7 @@ class SteadyBeat:
         return replace(self, values=values, statistics=statistics, waveforms=waves, gases=gases)
 
     def findings(self, member: int = 0) -> list[Finding]:
-        """Limits that a member's beat breaks and how its numbers are to be read, the gravest first."""
+        """Limits that a member's beat violates and cautions about its numbers, sorted by severity."""
         result: list[Finding] = []
         if self.converged[member]:
             extremes = self.statistics[1:, :, member].T.tolist()
@@ -218,7 +219,7 @@ class SteadyBeat:
         return gravest_first(result)
 
     def _gas_findings(self, member: int) -> list[Finding]:
-        """Findings about gases besides limits."""
+        """Findings about gases, other than limits."""
         read, status = self.of_gases, GasStatus(int(self.gas_status[member]))
         if status is not GasStatus.STEADY:
             return [Finding("alarm", "VO2", float("nan"), float("nan"), status.message, concerns=read)]
@@ -233,10 +234,10 @@ class SteadyBeat:
         return [Finding("alarm", "VO2", vo2, demand, text, concerns=("VO2",))]
 
     def linearise(self, outputs: Sequence[str], parameters: Sequence[str], member: int = 0) -> Linearisation:
-        """Outputs of a member to first order in parameters that the circuit reads or `heart_rate_bpm`.
+        """First-order expansion of a member's outputs in parameters of the circuit or `heart_rate_bpm`.
 
         Raises:
-            NoDerivativesError: the member has no steady beat, or its equation is singular.
+            NoDerivativesError: The member has no steady beat, or its equation is singular.
         """
         if not self.converged[member]:
             raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
@@ -265,16 +266,16 @@ def steady_beat(
     resolution: int | None = None,
     execution: Execution | None = None,
 ) -> SteadyBeat:
-    """Steady beats of a batch, measured.
+    """Solve and measure the steady beats of a batch.
 
     Args:
         batch: the members.
-        outputs: names of the registry; left out, all that the circuit has.
-        waveforms: whose mean, smallest and largest values are wanted; None for all of the circuit.
-        keep: members whose whole waveforms are wanted too; None for all members.
+        outputs: names of outputs, as in the registry; None for all that the circuit has.
+        waveforms: waveforms whose mean, smallest and largest values are computed; None for all.
+        keep: members whose whole waveforms are returned, too; None for all members.
         options: accuracy and effort of the search.
-        start: where searches begin, see `eclsim.orbit.steady.solve`.
-        resolution: of the phase grid; left out, what each member's time constants need.
+        start: start of the searches, see `eclsim.orbit.steady.solve`.
+        resolution: resolution of the phase grid; None takes what each member's time constants need.
         execution: how the batch is computed.
     """
     if not isinstance(batch, Batch):
@@ -283,7 +284,7 @@ def steady_beat(
     options = as_settings(options, OrbitOptions, "options")
     execution = as_settings(execution, Execution, "execution")
     resolution = None if resolution is None else WholeNumber(1, FINEST)("resolution", resolution)
-    # A part of the batch is computed with the same program as the whole.
+    # A part of the batch uses the same program as the whole.
     execution = replace(execution, width=execution.width_for(batch.count))
     threads = execution.thread_count()
     keep = range(batch.count) if keep is None else keep
@@ -318,7 +319,7 @@ def measured(
     keep: Sequence[int],
     threads: int = 1,
 ) -> SteadyBeat:
-    """One more beat of every member, recorded and measured."""
+    """Compute, record and measure one more beat of every member."""
     circuit, count = orbits.batch.circuit, orbits.batch.count
     requested = output_names(circuit) if outputs is None else tuple(outputs)
     names = tuple(dict.fromkeys((*requested, *status_outputs(circuit))))
@@ -353,7 +354,7 @@ def measured(
 
 
 def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
-    """Members that are recorded together: of one grid, up to `SIDE_BY_SIDE`."""
+    """Groups of members that are recorded together: with the same grid, up to `SIDE_BY_SIDE`."""
     blocks = []
     for level in np.unique(orbits.resolution):
         members = np.flatnonzero(orbits.resolution == level)
@@ -364,14 +365,14 @@ def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
 def _recorded(
     orbits: SolvedOrbits, members: np.ndarray, signals: tuple[str, ...]
 ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Signals of some members' beats (points, signals, members), their names before, their phases behind.
+    """Names of the signals, signals of members' beats (points, signals, members), and phases.
 
-    A single member stands in two columns.
+    A single member is computed in two columns.
     """
     search = orbits.search(int(members[0]))
     packed = orbits.batch.packed(search.program)[:, members]
     recorded, series = search.record(orbits.states[:, members], packed, signals)
-    if len(members) == 1:  # a sum down a single column rounds in another order
+    if len(members) == 1:  # a sum over a single column is rounded in a different order
         series = np.broadcast_to(series, (*series.shape[:-1], 2))
     return recorded, whole_beat(series), search.program.grid.phases
 
@@ -386,17 +387,17 @@ def with_status(
     gas_status: np.ndarray,
     gases: Mapping[int, PlaceGases] = NO_GASES,
 ) -> SteadyBeat:
-    """What became of each member, once its beat is measured; what did not converge loses its numbers.
+    """Determine the status of each measured member and remove the numbers of those not converged.
 
     Args:
         orbits: solved orbits.
-        names: of the outputs wanted.
-        outputs: by name, those of `status_outputs` among them, shape (members,).
+        names: names of the requested outputs.
+        outputs: outputs by name, shape (members,), including those of `status_outputs`.
         signals: names of the waveforms.
-        statistics: of the waveforms, see `SteadyBeat`.
-        waveforms: of the members that are kept.
-        gas_status: how the search for the steady gas state of each ended.
-        gases: of the members that are kept.
+        statistics: statistics of the waveforms, see `SteadyBeat`.
+        waveforms: waveforms of the members that are kept.
+        gas_status: how the search for the steady gas state of each member ended.
+        gases: gases of the members that are kept.
     """
     status, circuit = np.array(orbits.status), orbits.batch.circuit
     native = _native_output(outputs, circuit, orbits.batch.count)
@@ -428,9 +429,9 @@ def statistics_of(measures: Measures, signals: Sequence[str], waves: np.ndarray)
 
 
 def _native_output(outputs: Mapping[str, np.ndarray], circuit: Circuit, count: int) -> np.ndarray:
-    """The larger of what the left heart with its assist devices and the right heart move [L/min].
+    """Larger of the outputs of the left heart, with its assist devices, and the right heart [L/min].
 
-    Infinite in a circuit without an aortic valve, where nothing can be said.
+    Infinite for a circuit without an aortic valve, where the output is unknown.
     """
     left, right = np.full(count, np.inf), outputs.get("CO")
     if "aortic_valve_flow" in outputs:
@@ -439,7 +440,7 @@ def _native_output(outputs: Mapping[str, np.ndarray], circuit: Circuit, count: i
 
 
 def left_outputs(circuit: Circuit) -> tuple[str, ...]:
-    """Outputs of a circuit that are what the left heart and its assist devices give."""
+    """Outputs that together are the output of the left heart and its assist devices."""
     return _left_outputs(circuit, registered())
 
 
@@ -453,7 +454,7 @@ def _left_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
 
 
 def status_outputs(circuit: Circuit) -> tuple[str, ...]:
-    """Outputs of a circuit that show whether its heart ejects and which valves carry blood."""
+    """Outputs that show whether the heart ejects and which valves carry blood."""
     return _status_outputs(circuit, registered())
 
 

@@ -1,1 +1,1 @@
-"""Thiel et al. 2025 recomputed: its printed numbers and what eclsim gives, side by side on one page."""
+"""Recomputation of Thiel et al. 2025: printed numbers and those of eclsim side by side on one page."""

@@ -1,7 +1,7 @@
 """Table 1, Figures 4 and S-2: the fits of 30 data points of 8 patients on V-A ECMO.
 
-The clinical data of the paper are not published. A synthetic cohort of the same size stands in for them:
-simulated with known parameters, disturbed by noise. Any table of the same form can take its place.
+The clinical data of the paper are not published. They are replaced by a synthetic cohort of the same size,
+simulated with known parameters and with added noise. Any table of the same form can be used instead.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
     from eclsim.cases.cohort import CohortPoint, CohortReading
 
 SYNTHETIC = Path(str(files("eclsim.paper") / "data" / "synthetic_cohort.csv"))
-"""The synthetic cohort."""
+"""Path of the synthetic cohort."""
 
 UNITS = {"CO": "L/min", "PF": "L/min"}
 
 
 @dataclass(frozen=True)
 class CohortComparison:
-    """The fits beside the paper.
+    """The fits of the cohort compared with the paper.
 
     Args:
-        rows: one for each number and statement.
-        results: data points as in the JSON file of `eclsim identify`.
-        r2: of pressures and flows.
-        slices: through the objective of one point.
-        sliced: name of that point.
+        rows: one row for each number and statement.
+        results: results of the data points, as in the JSON file of `eclsim identify`.
+        r2: R2 of pressures and flows.
+        slices: slices through the objective of one point.
+        sliced: name of this point.
         synthetic: whether the cohort is the synthetic one.
-        explore: explored sets of parameters for each free one.
+        explore: number of explored parameter sets for each free parameter.
     """
 
     rows: tuple[Row, ...]
@@ -65,14 +65,14 @@ def reproduce_cohort(
     executor: Executor,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CohortComparison:
-    """Fit the cohort and compare.
+    """Fit the cohort and compare the results with the paper.
 
     Args:
-        folder: keeps the fits.
-        cohort: table of measurements; None takes the synthetic cohort.
-        explore: explored sets of parameters for each free one.
+        folder: folder that stores the fits.
+        cohort: table of measurements; None for the synthetic cohort.
+        explore: number of explored parameter sets for each free parameter.
         executor: runs the fits.
-        progress: called with what is being computed.
+        progress: called with a description of the current step.
     """
     reading = read_cohort(cohort or SYNTHETIC)
     settings = FitSettings(multi_start=MultiStart.quick(explore))

@@ -1,6 +1,7 @@
-"""Comparison of a number with an expected one, and the verdict on it.
+"""Comparison of a number with an expected one, with a verdict.
 
-`eclsim reproduce` compares with what the paper prints, `eclsim validate` with other solvers and measurements.
+`eclsim reproduce` compares with numbers of the paper, `eclsim validate` with other solvers and with
+measurements.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why a row misses, with what shows it. It counts only while all of its evidence holds.
+    """Reason why a row misses, with evidence; the reason is valid only while all of its evidence holds.
 
     Args:
-        text: the reason.
-        evidence: rows that hold if the reason is the right one: what eclsim gives where the reason is taken
-            away, or the very number that the reason was shown to account for.
-        undecided: whether the source leaves open which of both is right.
+        text: text of the reason.
+        evidence: rows that hold if the reason is right: the result of eclsim without the cause, or the number
+            that the cause was shown to account for.
+        undecided: whether the source leaves open which of the two is right.
     """
 
     text: str
@@ -46,19 +47,19 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Row:
-    """One number compared with an expected one.
+    """A number compared with an expected one.
 
     Args:
-        name: what is compared.
-        got: eclsim's number.
+        name: name of the compared quantity.
+        got: number computed by eclsim.
         low: smallest number that passes.
         high: largest number that passes.
-        unit: unit of all of them; `YES_NO` for a statement.
-        expected: the number compared with; None where only a limit or a range is given.
-        explanation: why it misses, where that is known; it stays a miss.
-        source: where the expected number comes from; a section of the paper.
-        decimals: of the expected number, as printed.
-        other_data: whether the expected number was measured on patients or circuits that are not ours.
+        unit: unit of all these numbers; `YES_NO` for a statement.
+        expected: expected number; None if only a limit or a range is given.
+        explanation: reason for a miss, if known; the row still counts as a miss.
+        source: source of the expected number, such as a section of the paper.
+        decimals: decimals of the expected number as printed.
+        other_data: whether the expected number was measured on other patients or circuits than the model's.
     """
 
     name: str
@@ -74,7 +75,7 @@ class Row:
 
     @property
     def holds(self) -> bool:
-        """Whether the number is within the bar; NaN is not."""
+        """Whether the number is within the limits; False for NaN."""
         return self.low <= self.got <= self.high
 
     @property
@@ -88,39 +89,39 @@ class Row:
 
     @property
     def reason(self) -> str:
-        """Why it misses, shown or only supposed; empty where it holds."""
+        """Reason for a miss, with evidence or supposed; empty if the row holds."""
         return "" if self.holds or self.explanation is None else self.explanation.text
 
     @property
     def explained(self) -> str:
-        """Why it misses; empty where it holds, and where the evidence for the reason no longer does."""
+        """Reason for a miss with valid evidence; else empty."""
         return self.reason if self.verdict is Verdict.EXPLAINED else ""
 
     @property
     def evidence(self) -> tuple[Row, ...]:
-        """Rows that hold if the reason is the right one."""
+        """Rows that hold if the reason is right."""
         return () if self.explanation is None else self.explanation.evidence
 
     @property
     def got_explained(self) -> float | None:
-        """Our number with the reason taken away: that of the first evidence."""
+        """The number computed without the cause of a miss, from the first row of evidence."""
         return self.evidence[0].got if self.evidence else None
 
     @property
     def difference(self) -> float:
-        """Our number less the expected one."""
+        """The computed minus the expected number."""
         return math.nan if self.expected is None else self.got - self.expected
 
     @property
     def percent(self) -> float | None:
-        """Difference in percent of the expected number; None for a statement, a range and a zero."""
+        """Difference in percent of the expected number; None for a statement, a range and zero."""
         if not self.expected or self.unit == YES_NO:
             return None
         return 100.0 * self.difference / abs(self.expected)
 
     @property
     def used(self) -> float:
-        """Share of the tolerance that the error takes; 1 at the limit."""
+        """Share of the tolerance that the error uses; 1 at the limit."""
         if not math.isfinite(self.got):
             return math.inf
         if self.expected is not None:
@@ -134,7 +135,7 @@ class Row:
         return distance / room if room > 0.0 else (0.0 if distance == 0.0 else math.inf)
 
     def because(self, reason: str) -> Row:
-        """The same with another reason for a miss, and the evidence that it has."""
+        """Return the row with another reason for a miss, and its evidence."""
         return replace(self, explanation=Explanation(reason, self.evidence))
 
 
@@ -148,18 +149,18 @@ def within(
     explanation: Explanation | None = None,
     source: str = "",
 ) -> Row:
-    """A row that holds within a tolerance of the expected number."""
+    """Return a row that holds within a tolerance of the expected number."""
     low, high = float(expected - tolerance), float(expected + tolerance)
     return Row(name, float(got), low, high, unit, float(expected), explanation, source)
 
 
 def at_most(name: str, got: float, limit: float, unit: str = "1") -> Row:
-    """A row that holds from zero up to a limit."""
+    """Return a row that holds from zero up to a limit."""
     return Row(name, float(got), 0.0, limit, unit)
 
 
 def at_least(name: str, got: float, limit: float, unit: str = "1") -> Row:
-    """A row that holds from a limit on."""
+    """Return a row that holds from a limit upwards."""
     return Row(name, float(got), limit, math.inf, unit)
 
 
@@ -176,19 +177,19 @@ def printed_number(
     reason: str = "",
     other_data: bool = False,
 ) -> Row:
-    """A row for a number that a paper prints.
+    """Return a row for a number printed in a paper.
 
     Args:
-        section: where it is printed.
-        name: what it is.
-        unit: of the values.
-        printed: as printed.
-        got: ours, with what the paper states and the rest assumed.
-        decimals: printed ones.
-        tolerance: left out, half a unit of the last printed digit.
-        explained: computed once more with what is thought to make the difference.
-        reason: why ours is not what is printed.
-        other_data: whether the number was measured on patients or circuits that are not ours.
+        section: section where the number is printed.
+        name: name of the quantity.
+        unit: unit of the values.
+        printed: number as printed.
+        got: number computed from the values that the paper states and assumptions for the rest.
+        decimals: number of printed decimals.
+        tolerance: allowed difference; None for half a unit of the last printed digit.
+        explained: number computed again without the supposed cause of the difference.
+        reason: reason why the computed number differs from the printed one.
+        other_data: whether the number was measured on other patients or circuits than the model's.
     """
     allowed = 0.5 * 10.0**-decimals if tolerance is None else tolerance
     evidence = () if explained is None else (within(name, printed, explained, allowed, unit),)
@@ -199,7 +200,7 @@ def printed_number(
 def statement(
     section: str, sentence: str, holds: bool, reason: str = "", explained: bool | None = None
 ) -> Row:
-    """A statement of a paper's text: whether it holds for ours."""
+    """Return a row for a statement of a paper's text: whether it holds for the computed results."""
     result = None if explained is None else float(explained)
     return printed_number(section, sentence, YES_NO, 1.0, float(holds), explained=result, reason=reason)
 
@@ -210,14 +211,14 @@ class Check:
 
     Args:
         key: short name.
-        title: what is compared with what.
-        bar: the tolerance in words.
-        rows: the comparison.
-        explained_pass: whether rows that miss and are explained do not count against the bar.
-        required: whether missing the bar fails the validation. Measurements of patients and devices say how
-            far the model can be trusted; they are compared and shown, and fail nothing.
-        remarks: sentences to print below the table.
-        seconds: time it took.
+        title: description of the comparison.
+        bar: tolerance in words.
+        rows: rows of the comparison.
+        explained_pass: whether misses with a valid explanation are accepted.
+        required: whether a missed tolerance fails the validation. Measurements of patients and devices are
+            compared and shown to tell how far the model can be trusted, but do not fail it.
+        remarks: sentences printed below the table.
+        seconds: computation time [s].
     """
 
     key: str
@@ -236,11 +237,11 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether the bar is reached."""
+        """Whether the tolerances are met."""
         failing = [row for row in self.missed if not (self.explained_pass and row.explained)]
         return bool(self.rows) and not failing
 
 
 def worst(rows: Iterable[Row]) -> Row:
-    """The row that takes the largest share of its tolerance."""
+    """The row that uses the largest share of its tolerance."""
     return max(rows, key=lambda row: row.used)

@@ -1,9 +1,9 @@
 """Sections 3.3 and 4, Figures 5 and 6, Tables S-1 to S-4: the CRRT study of the paper's patient.
 
-Of the patient of section 3.3 are printed sex and age (female, 69 years), the parameters of Table S-4, pump,
-speed and CRRT flow. Not printed are height, weight and heart rate. Height, weight and age enter the model
-through the blood volume alone, so two numbers are open: blood volume and heart rate. They are searched for
-with the numbers of section 3.3.
+Of the patient of section 3.3, the paper prints sex and age (female, 69 years), the parameters of Table S-4,
+pump, speed and CRRT flow, but not height, weight and heart rate. Height, weight and age enter the model only
+through the blood volume. Two numbers are therefore open, blood volume and heart rate, which are estimated
+from the numbers of section 3.3.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ HEART_RATE = "heart_rate_bpm"
 VOLUMES_ML = np.linspace(3000.0, 3600.0, 5)
 RATES_BPM = np.array([85.0, 100.0, 115.0, 130.0, 145.0])
 MODEL_TOLERANCE = 0.001
-"""Our own error, relative to a value: added to the half unit of the last printed digit."""
+"""Numerical error of eclsim relative to a value, added to half a unit of the last printed digit."""
 
 
 def paper_case(access_site: str = "post_oxy", return_site: str = "pre_oxy") -> Case:
-    """The patient as assumed here: 70 years, 165 cm, 60 kg, 120 beats/min; cannulae 21 and 17 Fr."""
+    """Return the assumed patient: 70 years, 165 cm, 60 kg, 120 beats/min; cannulae 21 and 17 Fr."""
     return Case.model_validate(
         {
             "patient": {
@@ -68,7 +68,7 @@ def paper_case(access_site: str = "post_oxy", return_site: str = "pre_oxy") -> C
 
 
 def with_blood_volume(case: Case, volume_ml: float) -> Case:
-    """The case with the weight that gives a blood volume."""
+    """Return the case with the weight that gives a blood volume."""
     one_kg = blood_volume_ml(case.patient.model_copy(update={"weight_kg": 1.0}))
     patient = case.patient.model_copy(update={"weight_kg": (volume_ml / one_kg) ** 2})
     return case.model_copy(update={"patient": patient})
@@ -76,13 +76,13 @@ def with_blood_volume(case: Case, volume_ml: float) -> Case:
 
 @dataclass(frozen=True)
 class UnprintedValues:
-    """Blood volume and heart rate of the paper's patient, which are not printed, as searched for.
+    """Estimates of blood volume and heart rate of the paper's patient, which are not printed.
 
     Args:
-        blood_volume_ml: best total blood volume.
-        heart_rate_bpm: best heart rate.
-        misfit: root mean square of the differences, each in units of its tolerance, at the best values.
-        assumed_misfit: the same for the patient as assumed.
+        blood_volume_ml: best total blood volume [mL].
+        heart_rate_bpm: best heart rate [beats/min].
+        misfit: root mean square of the differences, relative to their tolerances, at the best values.
+        assumed_misfit: misfit of the assumed patient.
     """
 
     blood_volume_ml: float
@@ -93,7 +93,7 @@ class UnprintedValues:
 
 @lru_cache(maxsize=1)
 def search_unprinted_values() -> UnprintedValues:
-    """Blood volume and heart rate with which the numbers of section 3.3 come out best."""
+    """Find the blood volume and heart rate that reproduce the numbers of section 3.3 best."""
     from scipy.interpolate import RegularGridInterpolator
     from scipy.optimize import minimize
 
@@ -122,7 +122,7 @@ def search_unprinted_values() -> UnprintedValues:
 
 
 def explained_case(values: UnprintedValues) -> Case:
-    """The patient with the age printed, the heart rate found, and a weight for the blood volume found."""
+    """Return the patient with the printed age, and with heart rate and blood volume as estimated."""
     case = paper_case()
     known = {"age_years": 69.0, "height_cm": 160.0, "heart_rate_bpm": values.heart_rate_bpm}
     patient = case.patient.model_copy(update=known)
@@ -130,12 +130,12 @@ def explained_case(values: UnprintedValues) -> Case:
 
 
 def tolerance_of(printed: Printed) -> float:
-    """Half a unit of the last printed digit, and our own error."""
+    """Tolerance of a printed number: half a unit of the last digit plus the error of eclsim."""
     return 0.5 * 10.0**-printed.decimals + MODEL_TOLERANCE * abs(printed.value)
 
 
 def _on_grid(case: Case, printed: list[Printed]) -> np.ndarray:
-    """Printed quantities on the grid of heart rates and blood volumes, shape (rates, volumes, quantities)."""
+    """Printed quantities on a grid of heart rates and volumes, shape (rates, volumes, quantities)."""
     import xarray as xr
 
     from eclsim.crrt_study.beats import SUMMARISED, study_circuits, summarise, value
@@ -165,13 +165,13 @@ SMALL_FLOW_L_MIN = 1.2
 
 @dataclass(frozen=True)
 class CrrtComparison:
-    """The CRRT study beside the paper.
+    """The CRRT study compared with the paper.
 
     Args:
-        rows: one for each number and statement.
-        unprinted: values of the patient of section 3.3 that the paper does not print, from the search.
-        study: the CRRT study of the patient as assumed.
-        explained: the same with the values found.
+        rows: one row for each number and statement.
+        unprinted: estimated values of the patient of section 3.3 that the paper does not print.
+        study: CRRT study of the assumed patient.
+        explained: CRRT study with the estimated values.
     """
 
     rows: tuple[Row, ...]
@@ -181,7 +181,7 @@ class CrrtComparison:
 
 
 def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtComparison:
-    """Compute the study twice, as assumed and with the unprinted values of the search, and compare."""
+    """Compute the study with the assumed and with the estimated values, and compare it with the paper."""
     progress("blood volume and heart rate of the paper's patient")
     unprinted = search_unprinted_values()
     studies = []
@@ -210,7 +210,7 @@ def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unprinted: Un
 
 
 def compute(printed: Printed, study: CrrtStudy) -> float:
-    """What the study says for a printed number."""
+    """Return the study's value for a printed number."""
     match printed.what:
         case OverSchemes(quantity, statistic, speed):
             return float(study.summary[f"{quantity}_{statistic}"].sel(policy=AS_PUBLISHED, speed=speed))
@@ -224,7 +224,7 @@ def compute(printed: Printed, study: CrrtStudy) -> float:
 
 
 def _lowest_alarm(study: CrrtStudy, name: str) -> float:
-    """Smallest ECMO flow at which a scheme reaches a low alarm [L/min]."""
+    """Smallest ECMO flow at which any scheme reaches a low alarm [L/min]."""
     (limit,) = (candidate for candidate in LIMITS if candidate.name == name)
     result = []
     for letter in study.means["scheme"].values:
@@ -236,7 +236,7 @@ def _lowest_alarm(study: CrrtStudy, name: str) -> float:
 
 
 def _needed_median(printed: Printed, explained: CrrtStudy) -> str:
-    """How much the median would have to be off for the printed percentage."""
+    """Error of the median that would explain the printed percentage, as text."""
     assert isinstance(printed.what, OverSchemes)
     summary = explained.summary.sel(policy=AS_PUBLISHED, speed=printed.what.speed)
     median, variation = (float(summary[f"{printed.what.quantity}_{w}"]) for w in ("median", "variation"))
@@ -245,7 +245,7 @@ def _needed_median(printed: Printed, explained: CrrtStudy) -> str:
 
 
 def table_rows() -> list[Row]:
-    """A row for each value of Tables S-1 to S-4, printed and used."""
+    """Return a row for each printed and used value of Tables S-1 to S-4."""
     known = parameters()
     used = {key: parameter.value for key, parameter in known.items()}
     patient = resolve_parameters(paper_case())
@@ -257,7 +257,7 @@ def table_rows() -> list[Row]:
     ]  # fmt: skip
 
 
-# --- what the text says in words ------------------------------------------------------------------
+# --- statements of the text -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,10 +265,10 @@ class Statement:
     """A statement of the text about the nine schemes.
 
     Args:
-        section: where it is printed.
-        sentence: the statement.
-        holds: whether it holds for a study.
-        reason: said where it does not.
+        section: section where the statement is printed.
+        sentence: text of the statement.
+        holds: whether the statement holds for a study.
+        reason: explanation if it does not hold.
     """
 
     section: str
@@ -286,7 +286,7 @@ def _at_case(study: CrrtStudy) -> xr.Dataset:
 
 
 def _upper(study: CrrtStudy) -> xr.Dataset:
-    """Means from the smallest flow that the text speaks of."""
+    """Means from the smallest flow that the text discusses upwards."""
     means = _means(study)
     return means.isel(speed=means["PF"].median("scheme").values >= 0.95 * SMALL_FLOW_L_MIN)
 
@@ -306,7 +306,7 @@ def _most_on_veins(study: CrrtStudy) -> bool:
 
 
 def _loops_show_schemes_a_and_h(study: CrrtStudy) -> bool:
-    """Scheme a has the smallest right-ventricular volumes and stroke volume, h the largest volumes."""
+    """Whether a has the smallest right ventricular volumes and stroke volume, and h the largest volumes."""
     means = _at_case(study)
     stroke = means["EDVRV"] - means["ESVRV"]
     smallest = str(stroke["scheme"].values[np.argmin(stroke.values)])
@@ -341,7 +341,7 @@ def _order_changes(study: CrrtStudy) -> bool:
 
 
 def _falls_upstream_of_the_pump(study: CrrtStudy) -> bool:
-    """The return pressure falls with flow for the return lines upstream of the pump, and for no other."""
+    """Whether return pressure falls with flow for return lines upstream of the pump and rises for others."""
     change = _upper(study)["Pcrrttuout"].diff("speed")
     falls, rises = (change < 0.0).all("speed"), (change > 0.0).all("speed")
     upstream = np.isin(change["scheme"].values.astype(str), list("bchi"))
@@ -349,7 +349,7 @@ def _falls_upstream_of_the_pump(study: CrrtStudy) -> bool:
 
 
 def _g_d_c_keep_access_limit(study: CrrtStudy) -> bool:
-    """g, d and c keep the access pressure below 190 mmHg up to larger flows than the others but h."""
+    """Whether g, d and c keep the access pressure below 190 mmHg up to larger flows than all others but h."""
     flows = study.limits["largest_flow"].sel(policy=AS_PUBLISHED, limit="access_190")
     return float(flows.sel(scheme=list("gdc")).min()) > float(flows.sel(scheme=list("abefi")).max())
 

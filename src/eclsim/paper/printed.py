@@ -1,4 +1,4 @@
-"""What Thiel et al. 2025 print: tables, and the numbers of sections 3.3 and 4, as facts to compare with."""
+"""Numbers printed by Thiel et al. 2025 for comparison: tables, and numbers of sections 3.3 and 4."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 AT_CASE, LOW, HIGH = 3425.0, 1750.0, 5000.0
-"""Speeds [rpm] of the text: the patient's own; the grid points nearest to 1.2 and 6 L/min."""
+"""Speeds in the text [rpm]: the patient's own, and the grid points nearest to 1.2 and 6 L/min."""
 NEAR_ZERO = "relative to a median near zero"
 MEDIAN, VARIATION, PERCENT = "median", "variation", "variation_percent"
-"""Over the nine schemes; the variation is the largest less the smallest."""
+"""Statistics over the nine schemes; the variation is the largest minus the smallest value."""
 
 QUANTITIES = {
     "PF": "ECMO flow",
@@ -41,7 +41,7 @@ class OfScheme(NamedTuple):
 
 
 class FlowAtLimit(NamedTuple):
-    """ECMO flow at which a limit is reached: mean of some schemes, or of the first of all."""
+    """ECMO flow at which a limit is reached: the mean of some schemes, or the first of all schemes."""
 
     limit: str
     schemes: str = ""
@@ -53,14 +53,14 @@ class Printed:
     """A printed number.
 
     Args:
-        section: where it is printed.
-        description: what it is.
-        value: as printed.
-        unit: of the value.
-        decimals: printed ones.
-        what: how to compute it.
-        remark: said where ours differs.
-        other_data: whether it was measured on patients or circuits that are not the paper's model.
+        section: section where the number is printed.
+        description: description of the number.
+        value: value as printed.
+        unit: unit of the value.
+        decimals: number of printed decimals.
+        what: definition for computing it.
+        remark: explanation if the computed number differs.
+        other_data: whether it was measured on other patients or circuits than the paper's model.
     """
 
     section: str
@@ -79,7 +79,7 @@ _Statistics: TypeAlias = "dict[str, tuple[float | None, float | None, float | No
 def _section(
     where: str, speed: float, numbers: _Statistics, decimals: dict[tuple[str, str], int] | None = None
 ) -> list[Printed]:
-    """Median, variation and relative variation of some quantities; those near zero have their remark."""
+    """Median, variation and relative variation of quantities; those near zero have a remark."""
     units = {"PF": "L/min", "EDVRV": "mL", "ESVRV": "mL"}
     result = []
     for name, values in numbers.items():
@@ -160,16 +160,16 @@ TABLE_1 = {
     "SP": (111.0, 70.0, 183.0), "DP": (69.5, 42.0, 88.0), "MAP": (79.0, 55.0, 113.0),
     "MPAP": (19.5, 6.0, 30.0), "PCWP": (11.0, 7.0, 15.0), "CO": (3.4, 1.5, 7.5), "PF": (2.5, 1.2, 3.8),
 }  # fmt: skip
-"""Median, smallest and largest measured value [mmHg, L/min], one decimal each."""
+"""Median, smallest and largest measured value [mmHg, L/min], with one decimal each."""
 POINTS, PATIENTS, FEMALE_POINTS = 30, 8, 17
 R2 = {"pressures": 0.99, "flows": 0.98}
 
 TABLE_2 = {
     "Rmc": 3.80, "Emaxlv": 1.60, "Rpmc": 0.60, "Emaxrv": 0.32, "Csart": 0.25, "Edla": 0.19, "Rsvn": 0.14,
 }  # fmt: skip
-"""Sum of the total orders over the seven outputs; the parameters selected for the fits."""
+"""Sum of the total orders over the seven outputs, for the parameters selected for the fits."""
 SAMPLES, RUNS = 2048, 102400
-"""Rows N of the sensitivity analysis, and its runs."""
+"""Number of rows N of the sensitivity analysis, and of its runs."""
 
 PARAMETER_TABLES: dict[str, dict[str, float]] = {
     "S-1": {

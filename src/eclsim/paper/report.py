@@ -1,4 +1,4 @@
-"""The comparison with the paper as files: an HTML page, CSV and JSON, and every figure and table."""
+"""Files of the comparison with the paper: an HTML page, CSV, JSON, and every figure and table."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ CSV_HEAD = (
 def write_reproduction(
     result: Reproduction, folder: Path, progress: Callable[[str], None] = lambda _: None
 ) -> list[Path]:
-    """Write everything to a folder, which is made if it does not exist; returns the files."""
+    """Write all files to a folder, which is created if necessary, and return their paths."""
     folder.mkdir(exist_ok=True)
     drawn = draw_figures(result, progress)
     texts = {
@@ -62,7 +62,7 @@ def write_reproduction(
 
 
 def as_object(result: Reproduction) -> dict[str, object]:
-    """The comparison as plain values."""
+    """The comparison as plain data."""
     unprinted = result.crrt.unprinted
     return {
         "parts": list(result.parts),
@@ -94,7 +94,7 @@ def _rows_csv(rows: Sequence[Row]) -> str:
 
 
 def reproduction_page(result: Reproduction, drawn: Mapping[str, Sequence[str]]) -> str:
-    """The page, from the figures as SVG text by key."""
+    """Return the page, given the figures as SVG text by key."""
     items = items_of(result.parts)
     return render(
         "paper/report.html",
@@ -114,7 +114,7 @@ def reproduction_page(result: Reproduction, drawn: Mapping[str, Sequence[str]]) 
 
 
 def counts(rows: Sequence[Row]) -> str:
-    """In one sentence: how many numbers agree."""
+    """One sentence on how many numbers agree."""
     result = Counter(row.verdict for row in rows)
     return (
         f"{result[Verdict.AGREES]} of {len(rows)} printed numbers and statements come out as printed, "
@@ -127,7 +127,7 @@ def counts(rows: Sequence[Row]) -> str:
 def _chapter(
     result: Reproduction, title: str, numbers: Sequence[str], drawn: Mapping[str, Sequence[str]]
 ) -> dict[str, object] | None:
-    """A chapter with its figures and rows; None where no part of it was computed."""
+    """Return a chapter with its figures and rows; None if no part of it was computed."""
     rows = [row for row in result.rows if chapter_of(row) == title]
     items = [item for item in items_of(result.parts) if item.title in numbers and item.drawings]
     if not rows and not items:
@@ -151,7 +151,7 @@ def _captioned(item: Item, svgs: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def chapter_of(row: Row) -> str:
-    """The chapter of the page that a row stands in: that of the longest beginning of its section."""
+    """Chapter of a row: the one with the longest prefix of the row's section."""
     starts = ((start, title) for title, starts, _ in CHAPTERS for start in starts)
     return max((len(start), title) for start, title in starts if row.source.startswith(start))[1]
 
@@ -216,7 +216,7 @@ _FACTORS = {
 
 
 def _readable(finished: SensitivityResult) -> SensitivityResult:
-    """The analysis with its factors in words that fit under a column."""
+    """Return the analysis with factor names that fit under a column."""
     labels = tuple(_FACTORS.get(name, name) for name in finished.indices.factors)
     return replace(finished, indices=replace(finished.indices, factors=labels))
 
@@ -248,7 +248,7 @@ def _cohort_figure(name: str, cohort: CohortComparison) -> Figure:
 
 
 def _circuit(study: CrrtStudy) -> Figure:
-    """Patient, ECMO and CRRT with the means of the case, which is connected as in scheme g."""
+    """Draw patient, ECMO and CRRT with the means of the case, which is connected as in scheme g."""
     from eclsim.orbit.model import model_of
     from eclsim.reporting.schematic import draw_circuit
     from eclsim.simulation.single import simulate

@@ -1,4 +1,4 @@
-"""The paper recomputed: which figures and tables, how much of them, and the files; loads nothing heavy."""
+"""Recomputation of the paper: figures and tables, extent, and files; imports no heavy packages."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ DEFAULT_EXPLORE = 30
 INDEX = "index.html"
 FILES = (INDEX, "reproduction.csv", "reproduction.json")
 PRELOAD = ("scipy.stats", "eclsim.sensitivity.runs", "eclsim.identification.cohort")
-"""Modules that a worker loads before its first task."""
+"""Modules that a worker imports before its first task."""
 RUNS = "runs"
-"""Folder of what takes long, so that it can be gone on with."""
+"""Folder of the results of long computations, so that they can be resumed."""
 
 
 @dataclass(frozen=True)
 class ReproductionSettings:
-    """How much is computed.
+    """Extent of the computation.
 
     Args:
-        samples: rows N of the sensitivity analyses; the paper has 2048.
-        explore: explored sets of parameters for each free one in the fits of the cohort.
-        cohort: table of measurements; None takes the synthetic cohort.
+        samples: number of rows N of the sensitivity analyses; 2048 in the paper.
+        explore: number of explored parameter sets for each free parameter in the fits of the cohort.
+        cohort: table of measurements; None for the synthetic cohort.
     """
 
     samples: int = DEFAULT_SAMPLES
@@ -48,14 +48,14 @@ class ReproductionSettings:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """The comparison; a part that was not asked for is None.
+    """The comparison; parts that were not requested are None.
 
     Args:
-        crrt: Figures 5 and 6, the numbers of sections 3.3 and 4.
+        crrt: Figures 5 and 6, and the numbers of sections 3.3 and 4.
         sensitivity: Figures 3, S-1, S-3, S-4, Table 2.
         positions: Figures 7, S-5, S-6, S-7.
         cohort: Table 1, Figures 4 and S-2.
-        tables: a row for each value of Tables S-1 to S-4.
+        tables: one row for each value of Tables S-1 to S-4.
     """
 
     crrt: CrrtComparison
@@ -71,7 +71,7 @@ class Reproduction:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Numbers and statements of the text, Tables 1 and 2; without Tables S-1 to S-4."""
+        """Numbers and statements of the text and of Tables 1 and 2, without Tables S-1 to S-4."""
         parts = (self.cohort, self.sensitivity, self.crrt, self.positions)
         return tuple(row for part in parts if part is not None for row in part.rows)
 
@@ -83,18 +83,19 @@ def reproduce(
     progress: Callable[[str], None] = lambda _: None,
     distribution: Distribution | None = None,
 ) -> Reproduction:
-    """Compute everything and set it beside the paper.
+    """Compute everything and compare it with the paper.
 
     Args:
-        folder: keeps what takes long, so that it can be gone on with.
-        settings: how much is computed.
-        parts: of `PARTS`; the CRRT study is always done, but not by a shard.
-        progress: called with what is being computed.
-        distribution: where the runs of the long parts are computed, and which of them; left out, here, anew.
+        folder: folder that stores long computations, so that they can be resumed.
+        settings: extent of the computation.
+        parts: names from `PARTS`; the CRRT study is always included, except in a shard.
+        progress: called with a description of the current step.
+        distribution: where and which runs of the long parts are computed; None for all of them in this
+            process, from the start.
 
     Raises:
-        ExecutionError: a folder holds something else, or workers cannot be reached.
-        ShardDone: this was a shard, whose runs are in the folder now.
+        ExecutionError: A folder holds something else, or workers cannot be reached.
+        ShardDone: This run computed one shard only; its runs are in the folder.
     """
     from eclsim.paper.cohort import reproduce_cohort
     from eclsim.paper.crrt import reproduce_crrt, search_unprinted_values, table_rows
@@ -116,7 +117,7 @@ def reproduce(
     return Reproduction(reproduce_crrt(progress), tables=tuple(table_rows()), **compared)
 
 
-# --- everything that is numbered in the paper -----------------------------------------------------
+# --- numbered figures and tables of the paper -----------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +125,9 @@ class Item:
     """A figure or table of the paper.
 
     Args:
-        number: as the paper counts, such as "S-1".
-        part: of the recomputation that it belongs to.
-        caption: what ours shows.
+        number: number in the paper, such as "S-1".
+        part: part of the recomputation that it belongs to.
+        caption: caption of the recomputed figure or table.
         drawings: names of its drawings; none for a table.
     """
 
@@ -137,12 +138,12 @@ class Item:
 
     @property
     def kind(self) -> str:
-        """Figure or table."""
+        """Kind of the item, "Figure" or "Table"."""
         return "Figure" if self.drawings else "Table"
 
     @property
     def title(self) -> str:
-        """Kind and number."""
+        """Kind and number, such as "Figure 3"."""
         return f"{self.kind} {self.number}"
 
     @property
@@ -186,11 +187,11 @@ ITEMS = (
     Item("S-3", "crrt", "parameters of the CRRT circuit"),
     Item("S-4", "crrt", "fitted parameters of the patient of section 3.3"),
 )  # fmt: skip
-"""Everything that is numbered in the paper."""
+"""All numbered figures and tables of the paper."""
 
 
 def items_of(parts: Sequence[str]) -> tuple[Item, ...]:
-    """The figures and tables of some parts; those of the CRRT study are always there."""
+    """Figures and tables of some parts; those of the CRRT study are always included."""
     return tuple(item for item in ITEMS if item.part in ("crrt", *parts))
 
 

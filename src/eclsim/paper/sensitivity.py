@@ -1,12 +1,12 @@
 """Sensitivity analyses of the paper: of the circulation on V-A ECMO, and of the positions of the CRRT lines.
 
-Figures 3, S-1, S-3, S-4 and Table 2: the paper names three states (normal, hypertensive, hypotensive) and
-prints start values of none. Ours is the patient of section 3.3 with the parameters of Table S-1; once more it
-is done for a man of average size.
+Figures 3, S-1, S-3, S-4 and Table 2: the paper names three states (normal, hypertensive, hypotensive) but
+prints no start values. The analysis here is for the patient of section 3.3 with the parameters of Table S-1,
+and is repeated for a man of average size.
 
 Figures 7, S-5, S-6 and S-7: the published code drew the positions at random over Saltelli's finished design,
-so that two runs that should differ in one factor differ in the positions too. Ours has them as inputs of the
-design; once more they are drawn, which shows what of the paper's statements comes from it.
+so two runs that should differ in one factor also differ in the positions. Here the positions are inputs of
+the design. The analysis is repeated with drawn positions, which shows their effect on the paper's statements.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class CirculationComparison:
-    """The analyses beside the paper.
+    """The analyses compared with the paper.
 
     Args:
-        rows: one for each number and statement.
-        assumed: analysis of the patient as assumed.
-        average: analysis of a man of average size; the figures show it.
+        rows: one row for each number and statement.
+        assumed: analysis of the assumed patient.
+        average: analysis of a man of average size, which the figures show.
         states: analyses of his three states, by name.
-        samples: rows N of each design.
+        samples: number of rows N of each design.
     """
 
     rows: tuple[Row, ...]
@@ -67,7 +67,7 @@ class CirculationComparison:
 
 
 def healthy_parameters_case(average: bool) -> Case:
-    """V-A ECMO with the parameters of Table S-1: the assumed woman, or a man of 170 cm and 70 kg."""
+    """Return V-A ECMO with the parameters of Table S-1: the assumed woman, or a man of 170 cm and 70 kg."""
     case = paper_case()
     patient = case.patient.model_copy(update={"id": "Thiel 2025, Table S-1"})
     if average:
@@ -80,13 +80,13 @@ def healthy_parameters_case(average: bool) -> Case:
 def reproduce_circulation(
     folder: Path, samples: int, executor: Executor, progress: Progress = lambda _: None
 ) -> CirculationComparison:
-    """Run the analyses and compare.
+    """Run the analyses and compare them with the paper.
 
     Args:
-        folder: keeps the runs.
-        samples: rows N of each design, a power of two.
-        executor: runs them.
-        progress: called with what is being computed.
+        folder: folder that stores the runs.
+        samples: number of rows N of each design, a power of two.
+        executor: executor of the runs.
+        progress: called with a description of the current step.
     """
 
     def run(name: str, case: Case, state: str = "") -> SensitivityResult:
@@ -121,9 +121,9 @@ def _table_2(assumed: Indices, average: Indices) -> list[Row]:
 
 
 def _sum(indices: Indices, name: str) -> tuple[float, float]:
-    """Sum of the total orders of a parameter, and the half width of its 95 % interval.
+    """Sum of the total orders of a parameter, and half width of its 95 % interval.
 
-    The outputs come from the same runs, so their errors are taken to add.
+    The outputs come from the same runs, so their errors are added.
     """
     k = indices.factors.index(name)
     return indices.sums[name], float(indices.estimates.ST_conf[:, k].sum())
@@ -167,14 +167,14 @@ def _statements(
 
 
 def _outputs_without_rmc_or_emaxlv(indices: Indices) -> str:
-    """Outputs for which Rmc and Emaxlv are not among the factors that make up 90 %."""
+    """Which of Rmc and Emaxlv is not among the factors that make up 90 % of an output, as text."""
     selected, two = indices.selected(), ("Rmc", "Emaxlv")
     result = [f"{name} of {o}" for o, names in selected.items() for name in two if name not in names]
     return ", ".join(result)
 
 
 def _top_outputs(indices: Indices, name: str, count: int = 2) -> set[str]:
-    """Outputs on which a parameter has its largest total orders."""
+    """Outputs with the largest total orders of a parameter."""
     total = indices.estimates.ST[:, indices.factors.index(name)]
     return {indices.outputs[k] for k in np.argsort(-total)[:count]}
 
@@ -191,7 +191,7 @@ def _is_additive(indices: Indices) -> bool:
 
 
 def _leading_precise(indices: Indices) -> bool:
-    """Standard deviation of the leading total order of each output, relative to it."""
+    """Whether the leading total order of every output has a relative standard deviation below 5 %."""
     e = indices.estimates
     leading = np.argmax(e.ST, axis=1)[:, None]
     deviation = np.take_along_axis(e.ST_conf, leading, 1) / 1.96 / np.take_along_axis(e.ST, leading, 1)
@@ -203,13 +203,13 @@ def _leading_precise(indices: Indices) -> bool:
 
 @dataclass(frozen=True)
 class PositionsComparison:
-    """The analyses beside the paper.
+    """The analyses of positions compared with the paper.
 
     Args:
-        rows: one for each number and statement.
-        designed: with the positions as inputs of the design; the figures show it.
-        drawn: with the positions drawn over the design, as the published code did.
-        samples: rows N of each design.
+        rows: one row for each number and statement.
+        designed: analysis with the positions as inputs of the design, which the figures show.
+        drawn: analysis with positions drawn at random over the design, as in the published code.
+        samples: number of rows N of each design.
     """
 
     rows: tuple[Row, ...]
@@ -220,7 +220,7 @@ class PositionsComparison:
 
 @dataclass(frozen=True)
 class RedrawnChoices:
-    """An evaluator that throws the choices of the design away and draws its own, per block."""
+    """An evaluator that replaces the choices of the design by random ones, separately for each block."""
 
     evaluator: Evaluator
     choices: tuple[Categorical, ...]
@@ -232,7 +232,7 @@ class RedrawnChoices:
         return self.evaluator.outputs
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
-        """Run some points with other choices than those of the design."""
+        """Run several points with other choices than those of the design."""
         first = int(np.frombuffer(next(iter(settings.values()))[:1].tobytes(), dtype=np.uint32)[0])
         random = np.random.default_rng([self.seed, first])
         drawn = dict(settings)
@@ -253,14 +253,14 @@ def reproduce_positions(
     executor: Executor,
     progress: Progress = lambda _: None,
 ) -> PositionsComparison:
-    """Run both analyses and compare.
+    """Run both analyses and compare them with the paper.
 
     Args:
-        folder: keeps the runs.
-        unprinted: of the patient, as found with the numbers of section 3.3.
-        samples: rows N of each design, a power of two.
-        executor: runs them.
-        progress: called with what is being computed.
+        folder: folder that stores the runs.
+        unprinted: values of the patient that were estimated from the numbers of section 3.3.
+        samples: number of rows N of each design, a power of two.
+        executor: executor of the runs.
+        progress: called with a description of the current step.
     """
     case = explained_case(unprinted)
     settings = SobolSettings(samples=samples, groups=("R", "C", "L", "E"), include=(ACCESS, RETURN, SPEED))
@@ -282,7 +282,7 @@ def reproduce_positions(
 
 
 def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
-    """Statements of the text on Figures 7 and S-5 to S-7."""
+    """Rows for the statements of the text on Figures 7 and S-5 to S-7."""
     ours, theirs = designed.indices, drawn.indices
     seven, five = "3.3, Figure 7", "3.3, Figure S-5"
     messages = (
@@ -320,7 +320,7 @@ def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list
 
 
 def _ranges(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
-    """Smallest and largest of what the samples give, printed in round numbers."""
+    """Rows for the smallest and largest sampled values, which the paper prints as round numbers."""
     rows = []
     for name, unit, low, high, decimals in (("MAP", "mmHg", 50.0, 100.0, -1), ("PF", "L/min", 2.0, 5.0, 0)):
         k = designed.indices.outputs.index(name)

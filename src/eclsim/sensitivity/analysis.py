@@ -1,8 +1,9 @@
 """A whole Sobol analysis of a case: inputs, design, runs, indices.
 
-The three states: the paper names the three states and not their values. Here the systemic microcirculation is
-widened or narrowed until the mean arterial pressure is in the middle of the paper's own class: hypotension
-below 65 mmHg, hypertension above 92 mmHg (section 3.2); everything else stays as the case has it.
+The paper names three states but not their parameter values. Here the resistance of the systemic
+microcirculation is changed until the mean arterial pressure is in the middle of the paper's own class:
+hypotension below 65 mmHg, hypertension above 92 mmHg (section 3.2). Everything else keeps the values of the
+case.
 """
 
 from __future__ import annotations
@@ -34,28 +35,29 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 PRELOAD = ("scipy.stats", "eclsim.outputs.steady_beat", "eclsim.sensitivity.runs")
-"""Modules that a worker loads before its first block."""
+"""Modules that a worker imports before its first block."""
 COPIES_IN_MEMORY = 6
-"""How often the points of a design and its results are held at a time, at most."""
+"""Largest number of copies of the points of a design and its results that are in memory at a time."""
 SHARE_OF_MEMORY = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
 class SobolSettings:
-    """Settings of an analysis.
+    """Settings of a Sobol analysis.
 
     Args:
         samples: N, rows of Saltelli's design, a power of two.
         perturbation_percent: half width of the range of each number.
-        parameters: names of the parameters varied; None for the paper's 24 cardiovascular ones.
+        parameters: names of the varied parameters; None for the paper's 24 cardiovascular ones.
         include: further inputs, such as `ecmo.speed_rpm`, `ecmo.drainage_fr`, `crrt.flow_ml_min`,
             `crrt.scheme`.
-        groups: letters (R, C, L, E) whose parameters are one factor together.
+        groups: letters (R, C, L, E) of the groups whose parameters are combined into one factor each.
         outputs: names of outputs; None for the paper's seven, as far as the case has them.
-        seed: of the design and of the intervals.
-        second_order: N (2 F + 2) runs for F factors, else N (F + 2).
+        seed: seed of the design and of the bootstrap intervals.
+        second_order: whether second-order indices are computed: N (2 F + 2) runs for F factors, else N (F +
+            2).
         volume_policy: blood volume policy; None for the case's.
-        values: start values in place of the case's own.
+        values: start values that replace the case's own.
         until: stop at 64, 128, 256 ... rows once every total order is certain to this half width (95 %).
     """
 
@@ -94,23 +96,23 @@ def sensitivity(
     distribution: Distribution | Executor | None = None,
     progress: Progress | None = None,
 ) -> SensitivityResult:
-    """Sobol indices of a case: which of its parameters the outputs [mmHg, L/min] depend on.
+    """Compute Sobol indices of a case: the dependence of outputs [mmHg, L/min] on its parameters.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case.
-        settings: what is varied, how far and how often.
-        folder: keeps the runs, block by block; left out, they are kept for this call alone.
-        distribution: where the blocks run, and whether to go on with those in the folder.
+        settings: inputs, their ranges, and number of samples.
+        folder: folder that stores the runs, block by block; None keeps them in memory only.
+        distribution: where the blocks run, and whether blocks in the folder are reused.
         progress: called after every block.
 
     Raises:
-        InputError: names or ranges that the case cannot have.
-        UnknownValueError: a start value of `values` that nothing reads.
-        DesignError: a design that cannot be made, or that does not fit into memory.
-        ExecutionError: the folder holds something else, or workers cannot be reached.
-        ShardDone: this was a shard, whose runs are in the folder now.
-        ValueError: hardly a row is without failed runs.
-        TypeError: no case, or no `SobolSettings`.
+        InputError: The case cannot have these names or ranges.
+        UnknownValueError: The case does not use a start value of `values`.
+        DesignError: The design is impossible or does not fit into memory.
+        ExecutionError: The folder holds something else, or workers cannot be reached.
+        ShardDone: This run computed one shard only; its runs are in the folder.
+        ValueError: Hardly any row is free of failed runs.
+        TypeError: The argument is no case, or the settings are no `SobolSettings`.
     """
     from eclsim.outputs.results import beat_warnings
 
@@ -130,7 +132,7 @@ def sensitivity(
 
 
 def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
-    """Inputs and design of an analysis, checked; nothing is run."""
+    """Return the checked inputs and design of an analysis; nothing is run."""
     from eclsim.outputs.signals import output_names
 
     s = settings
@@ -159,10 +161,10 @@ def _check(settings: SobolSettings) -> None:
 
 
 def check_memory(design: Design, outputs: int) -> None:
-    """Refuse a design whose points and results do not fit into this machine's memory.
+    """Raise an error for a design whose points and results do not fit into this machine's memory.
 
     Raises:
-        DesignError: With the largest number of rows that fits.
+        DesignError: The design is too large; the message gives the largest number of rows that fits.
     """
     available = _memory_bytes()
     row = 8 * COPIES_IN_MEMORY * (len(design.inputs) + outputs) * design.runs_per_row
@@ -177,7 +179,7 @@ def check_memory(design: Design, outputs: int) -> None:
 
 
 def _memory_bytes() -> float | None:
-    """Memory of this machine; None where the system does not tell."""
+    """Memory of this machine [bytes]; None if the system does not report it."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     except (AttributeError, OSError, ValueError):
@@ -192,11 +194,11 @@ def run_analysis(
     until: float | None = None,
     progress: Progress | None = None,
 ) -> SensitivityResult:
-    """Run what is missing, write the samples, estimate; a shard ends after its runs with `ShardDone`.
+    """Run missing blocks, write the samples, estimate; a shard ends after its runs with `ShardDone`.
 
     Args:
         plan: design and evaluator.
-        folder: keeps the runs.
+        folder: folder that stores the runs.
         executor: runs the blocks.
         until: stop at 64, 128, 256 ... rows once no total order is less certain than this (half width).
         progress: called after every block.
@@ -218,10 +220,10 @@ def run_analysis(
 
 
 def merge_shards(folder: Path) -> SensitivityResult:
-    """The analysis whose shards a folder holds, finished without the case that it is of.
+    """Finish the analysis whose shards a folder holds, without its case.
 
     Raises:
-        ExecutionError: a shard is missing, or the folder holds no analysis.
+        ExecutionError: A shard is missing, or the folder holds no analysis.
     """
     store = SampleFolder.of_folder(folder)
     with Distribution(merge=True).running() as executor:
@@ -234,7 +236,7 @@ def merge_shards(folder: Path) -> SensitivityResult:
 
 
 def _stages(design: Design, until: float | None) -> list[int]:
-    """Numbers of rows after which the intervals are looked at."""
+    """Numbers of rows after which the intervals are checked."""
     if until is None:
         return [design.samples]
     smallest = min(max(design.rows_per_block, 64), design.samples)
@@ -247,24 +249,24 @@ def _stages(design: Design, until: float | None) -> list[int]:
 TARGETS: MappingProxyType[str, float] = MappingProxyType(
     {"normal": 79.0, "hypertensive": 102.0, "hypotensive": 60.0}
 )
-"""Mean arterial pressure of each state [mmHg]: the cohort's median (Table 1); the middle between 92 and the
-cohort's 113; the middle between the cohort's 55 and 65."""
+"""Mean arterial pressure of each state [mmHg]: the cohort's median (Table 1); the middle between 92
+and the cohort's 113; the middle between the cohort's 55 and 65."""
 
 ADJUSTED = "Rmc"
 _LARGEST_FACTOR = 32.0
 
 
 class StateError(ValueError):
-    """A state that the case cannot reach, or whose search met a patient without a steady beat."""
+    """Raised if the case cannot reach a state, or the search met a patient without a steady beat."""
 
 
 def state_values(model: Model, state: str, policy: str = AS_PUBLISHED) -> dict[str, float]:
-    """The values that bring a model into a state: the systemic microcirculation's resistance [mmHg s/mL].
+    """Return the values that bring a model into a state: the resistance of the systemic microcirculation.
 
-    With it the mean arterial pressure is that of `TARGETS`, to 0.001 mmHg.
+    The resistance [mmHg s/mL] gives the mean arterial pressure of `TARGETS`, to 0.001 mmHg.
 
     Raises:
-        StateError: the pressure is not reached, or a beat on the way to it did not settle.
+        StateError: The pressure is not reached, or a beat during the search did not settle.
     """
     if state not in TARGETS:
         raise StateError(f"state {state}: allowed: {', '.join(TARGETS)}")
@@ -285,7 +287,7 @@ def state_values(model: Model, state: str, policy: str = AS_PUBLISHED) -> dict[s
 
 
 def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | None]:
-    """Two neighbouring powers of two between which the pressure passes its target."""
+    """Find neighbouring powers of two of the scaling factor between which the pressure crosses its target."""
     excess_here, step = excess(0.0), math.log(2.0)
     direction = -1.0 if excess_here > 0.0 else 1.0
     log_factor = 0.0
@@ -299,7 +301,7 @@ def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | No
 
 
 def _mean_arterial_pressure(model: Model, policy: str) -> float:
-    """Mean arterial pressure of the steady beat; `StateError` where there is none."""
+    """Mean arterial pressure of the steady beat [mmHg]; raises `StateError` if there is none."""
     from eclsim.orbit.steady import Batch
     from eclsim.outputs.steady_beat import steady_beat
 

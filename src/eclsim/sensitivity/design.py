@@ -1,9 +1,9 @@
-"""Saltelli's design, which combinations of the inputs are run, and Sobol indices from its runs.
+"""Saltelli's design (the combinations of inputs that are run) and Sobol indices from its runs.
 
 Each of the N rows of the design is a pair of points A and B of a scrambled Sobol sequence, and the points
-that exchange one factor between them: A, AB_1 .. AB_F, BA_1 .. BA_F, B, in this order. The numbers are those
-of `SALib.sample.sobol.sample` for the same seed, bit for bit, and any row can be made without the others: a
-shard, a resumed run and a worker on another machine all see the same design.
+that exchange one factor between them: A, AB_1 .. AB_F, BA_1 .. BA_F, B, in this order. The numbers equal
+those of `SALib.sample.sobol.sample` for the same seed, bit for bit. Any row can be computed without the
+others, so a shard, a resumed run and a worker on another machine all use the same design.
 
 First and total order: Saltelli et al. 2010, doi 10.1016/j.cpc.2009.09.018 (the total order is Jansen's).
 Second order: Saltelli 2002, doi 10.1016/S0010-4655(02)00280-1. Definitions, centring and resampling are those
@@ -22,11 +22,11 @@ import numpy as np
 from eclsim.sensitivity.inputs import Description, Input, described_input
 
 RUNS_PER_BLOCK = 2048
-"""A block, the unit of work, has the largest power of two of rows with at most so many runs."""
+"""Largest number of runs per block, the unit of work; a block has the largest such power of two of rows."""
 
 
 class DesignError(ValueError):
-    """A design that cannot be made; the text says what is allowed."""
+    """Raised for an impossible design; the message says what is allowed."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class Design:
     """A Saltelli design.
 
     Args:
-        inputs: what is varied.
+        inputs: varied inputs.
         samples: N, number of rows; a power of two.
-        seed: of the scrambling, 0 or more.
-        groups: name of the factor that each input belongs to; left out, each input is its own factor. The
+        seed: seed of the scrambling, 0 or more.
+        groups: name of the factor that each input belongs to; empty makes each input its own factor. The
             inputs of a factor are exchanged together and have one index.
-        second_order: with the BA points, N (2 F + 2) runs; without, N (F + 2).
+        second_order: whether the BA points are included: N (2 F + 2) runs, else N (F + 2).
     """
 
     inputs: tuple[Input, ...]
@@ -66,7 +66,7 @@ class Design:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """Names of what gets an index: inputs or groups, in order of appearance."""
+        """Names of the factors, which are inputs or groups, in order of appearance."""
         return tuple(dict.fromkeys(self.groups or (i.name for i in self.inputs)))
 
     @property
@@ -81,7 +81,7 @@ class Design:
 
     @property
     def rows_per_block(self) -> int:
-        """Rows of a block; it depends on the design alone."""
+        """Number of rows per block; it depends on the design alone."""
         rows = max(1, RUNS_PER_BLOCK // self.runs_per_row)
         return min(self.samples, 1 << (rows.bit_length() - 1))
 
@@ -92,7 +92,7 @@ class Design:
 
     @cached_property
     def _exchanged(self) -> np.ndarray:
-        """True where a point of a row takes the coordinate of B, shape (runs per row, inputs)."""
+        """Whether a point of a row has the coordinate of B, shape (runs per row, inputs)."""
         labels = np.array(self.groups or [i.name for i in self.inputs])
         members = np.array([labels == factor for factor in self.factors])
         first, last = np.zeros((1, len(labels)), dtype=bool), np.ones((1, len(labels)), dtype=bool)
@@ -118,9 +118,9 @@ class Design:
         return block * self.rows_per_block, (block + 1) * self.rows_per_block
 
     def description(self) -> Description:
-        """Plain data: all that the numbers of a row follow from.
+        """Plain data that determine the numbers of a row.
 
-        The number of rows is not among it: a design is the beginning of the same design with more rows.
+        The number of rows is not included: a design is the beginning of the same design with more rows.
         """
         beginning = _sobol_sequence(2 * len(self.inputs), self.samples, self.seed)[:2]
         return {
@@ -134,7 +134,7 @@ class Design:
 
     @classmethod
     def described(cls, description: Description, samples: int) -> Design:
-        """The design that a description came from."""
+        """Return the design with a given description."""
         inputs = tuple(described_input(d) for d in description["inputs"])
         groups = tuple(description["groups"])
         return cls(inputs, samples, description["seed"], groups, description["second_order"])
@@ -145,7 +145,7 @@ def _sobol_sequence(dimensions: int, samples: int, seed: int) -> np.ndarray:
     """Points of the scrambled Sobol sequence (Owen), shape (samples, dimensions)."""
     from scipy.stats import qmc
 
-    # `seed` and not `rng`: SALib passes it so, and the two scramble differently.
+    # `seed`, not `rng`, as in SALib: the two scramble differently.
     sequence = qmc.Sobol(d=dimensions, scramble=True, seed=seed).random(samples)  # pyright: ignore[reportCallIssue]  # old name
     sequence.flags.writeable = False
     return sequence
@@ -157,7 +157,7 @@ def _sobol_sequence(dimensions: int, samples: int, seed: int) -> np.ndarray:
 RESAMPLES = 100
 CONFIDENCE = 0.95
 ROUNDING = 1e-8
-"""An output whose standard deviation is a smaller share of its size does not vary: that is rounding."""
+"""An output with a smaller relative standard deviation counts as constant, as rounding varies it."""
 _NO_VARIANCE = np.finfo(float).eps
 
 
@@ -196,14 +196,14 @@ class _Samples:
 def sobol_indices(
     values: np.ndarray, factors: int, *, seed: int = 1, resamples: int = RESAMPLES, size: float = 0.0
 ) -> Estimates:
-    """Indices of every output; zero where it does not vary.
+    """Compute the indices of every output; zero for an output that does not vary.
 
     Args:
         values: outputs of all runs, shape (rows, runs per row, outputs), without any failed row.
         factors: number of factors.
-        seed: of the resampling.
+        seed: seed of the resampling.
         resamples: bootstrap resamples of the rows.
-        size: smallest size of an output, in its unit, that rounding is compared with.
+        size: smallest size of an output, in its unit, with which the standard deviation is compared.
     """
     from scipy.stats import norm
 
@@ -225,13 +225,13 @@ def sobol_indices(
 
 
 def varies(values: np.ndarray, size: float = 0.0) -> np.ndarray:
-    """Which outputs vary by more than rounding, shape (outputs,); arguments as of `sobol_indices`."""
+    """Whether each output varies by more than rounding, shape (outputs,); arguments as in `sobol_indices`."""
     flat = values.reshape(-1, values.shape[-1])
     return flat.std(axis=0) > ROUNDING * np.maximum(np.abs(flat.mean(axis=0)), size)
 
 
 def _separated(values: np.ndarray, factors: int, size: float) -> _Samples:
-    """Centre and scale each output over all runs, then tell the points of a row apart."""
+    """Centre and scale each output over all runs and separate the points of a row."""
     flat = values.reshape(-1, values.shape[-1])
     spread = flat.std(axis=0)
     usable = varies(values, size)
@@ -280,6 +280,6 @@ def _second_order(
 
 
 def _with_width(resampled: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """The estimate and the half width of its interval, outputs first."""
+    """Return the estimate and the half width of its interval, with outputs as the first dimension."""
     spread = width * resampled[1:].std(axis=0, ddof=1)
     return np.moveaxis(resampled[0], -1, 0), np.moveaxis(spread, -1, 0)

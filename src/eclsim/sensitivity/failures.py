@@ -1,10 +1,10 @@
-"""Region of the inputs in which runs failed: the one or two that set the failed runs apart from the others.
+"""Region of the inputs in which most failed runs lie, described by one or two inputs.
 
-A threshold on one input that most of the failed runs lie beyond and few of the others: the one at which the
-two distribution functions are furthest apart, which is the statistic of Kolmogorov and Smirnov. A second
-input is looked for among the runs beyond the first. Runs of a row share their values, so that rows count and
-not runs: a distance counts that chance gives among all inputs in less than one of a hundred designs
-(Dvoretzky, Kiefer and Wolfowitz, with Massart's constant: 1990, doi 10.1214/aop/1176990746).
+A condition is a threshold on one input beyond which most failed runs lie, but few others. It is placed where
+the two distribution functions differ most (the Kolmogorov-Smirnov statistic). A second condition is searched
+for among the runs that meet the first. Runs of a row share their values, so rows are counted, not runs. A
+difference is significant if chance exceeds it for any input in less than one of a hundred designs (Dvoretzky,
+Kiefer and Wolfowitz, with Massart's constant: 1990, doi 10.1214/aop/1176990746).
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Condition:
     """A range of one input.
 
     Args:
-        name: of the input.
+        name: name of the input.
         relation: ">", "<" or "=".
-        limit: the value that it is beyond, or the choice.
+        limit: threshold, or the choice.
     """
 
     name: str
@@ -45,11 +45,11 @@ class FailedRegion:
     """Region that holds most of the failed runs.
 
     Args:
-        conditions: that hold there together; the first tells more than the second.
-        failed: failed runs there.
-        of_failed: all failed runs.
-        share: of the runs there, those that failed.
-        share_elsewhere: of all others.
+        conditions: conditions that define the region; the first is the most informative.
+        failed: number of failed runs in the region.
+        of_failed: number of all failed runs.
+        share: share of failed runs among the runs in the region.
+        share_elsewhere: share of failed runs among all others.
     """
 
     conditions: tuple[Condition, ...]
@@ -71,11 +71,11 @@ class FailedRegion:
 
 
 def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
-    """Region that holds most of the failed runs; None where no input sets them apart.
+    """Find the region that holds most of the failed runs; None if no input separates them.
 
     Args:
-        design: of the runs.
-        failed: which of them failed, shape (runs,).
+        design: design of the runs.
+        failed: whether each run failed, shape (runs,).
     """
     unit = design.unit(0, len(failed) // design.runs_per_row)
     columns = {chosen.name: chosen.table_column(unit[:, k]) for k, chosen in enumerate(design.inputs)}
@@ -104,7 +104,7 @@ def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
 
 
 def _least_by_chance(failed_rows: np.ndarray, columns: dict[str, np.ndarray]) -> float:
-    """Distance that chance stays below, whichever of the inputs and sides is looked at."""
+    """Difference that chance does not exceed for any input and side, at `CHANCE_LEVEL`."""
     rows, sides = len(np.unique(failed_rows)), 2 * len(columns)
     return float(np.sqrt(np.log(max(sides, 1) / CHANCE_LEVEL) / (2.0 * rows))) if rows else np.inf
 
@@ -112,7 +112,7 @@ def _least_by_chance(failed_rows: np.ndarray, columns: dict[str, np.ndarray]) ->
 def _conditions(
     name: str, values: np.ndarray, in_region: np.ndarray, failed: np.ndarray
 ) -> Iterator[tuple[Condition, np.ndarray]]:
-    """Conditions on an input, and which runs meet each: every choice, or the best threshold on each side."""
+    """Conditions on an input (each choice, or the best threshold on each side) and the runs meeting them."""
     bad, good = values[in_region & failed], values[in_region & ~failed]
     if not len(bad) or not len(good):
         return

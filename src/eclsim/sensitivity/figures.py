@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 LEADING = 7
 COLUMNS = 4
-"""Columns of panels; the last place of the last row holds the legend."""
+"""Number of columns of panels; the last place of the last row holds the legend."""
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
 LETTER_MM = 1.7
 MOST_PAIRED = 10
@@ -86,7 +86,7 @@ def write_identifiability_figures(result: Identifiability, folder: Path) -> list
 
 
 def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Sequence[str]) -> list[Path]:
-    """Write figures with doubts above each."""
+    """Save figures with the doubts above each of them."""
     paths = []
     for name, draw in figures.items():
         figure = draw()
@@ -99,7 +99,7 @@ def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Seq
 
 
 def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -> Figure:
-    """Indices of every output (rows) and factor (columns); numbers from 0.01 up.
+    """Indices of every output (rows) and factor (columns) as colours, with numbers from 0.01 up.
 
     Args:
         result: the indices.
@@ -128,7 +128,7 @@ def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -
 
 
 def _room_for_names(names: Sequence[str]) -> float:
-    """Room [mm] for names along an axis, which are turned where they are many."""
+    """Space for names along an axis [mm]; many names are rotated."""
     longest = max(len(short_name(name)) for name in names)
     return max(12.0, LETTER_MM * longest if turned_names(names) else 0.0)
 
@@ -139,7 +139,7 @@ def by_sum(result: Indices) -> list[int]:
 
 
 def is_grouped_by_kind(names: Sequence[str]) -> bool:
-    """Whether neighbouring parameters share their kind, so that the paper's layout groups them."""
+    """Whether neighbouring parameters have the same kind, so that the paper's layout groups them."""
     kinds = [key for key, _ in groupby(names, key=_kind)]
     return len(names) > MOST_HORIZONTAL_NAMES and len(kinds) == len(set(kinds)) > 1
 
@@ -150,7 +150,7 @@ def _kind(name: str) -> str:
 
 
 def _mark_kinds(axes: Axes, names: Sequence[str]) -> None:
-    """Kinds above the columns, with lines between them."""
+    """Label the kinds above the columns and separate them by lines."""
     if not is_grouped_by_kind(names):
         return
     first = 0
@@ -204,7 +204,7 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
         fig = new_figure(height_mm=68 + _room_for_names(names))
         axes = fig.add_subplot()
         bottom = np.zeros(len(order))
-        # Hatched as well: told apart when printed in grey.
+        # Hatched as well, to be distinguishable when printed in grey.
         colours = [colour for colour, _ in CURVES][1:]
         for k, output in enumerate(result.outputs):
             heights = np.clip(result.estimates.ST[k, order], 0.0, None)
@@ -224,7 +224,7 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
 
 
 def _label_sums(axes: Axes, names: Sequence[str], sums: np.ndarray, published: Mapping[str, float]) -> None:
-    """The sums in figures above the bars, and the published ones as diamonds."""
+    """Write the sums above the bars and mark the published ones as diamonds."""
     known = [x for x, name in enumerate(names) if name in published]
     marks = [published[names[x]] for x in known]
     if known:
@@ -286,7 +286,7 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
 
 
 def output_unit(name: str) -> str:
-    """Unit of an output, empty for a number or for what is no output."""
+    """Unit of an output; empty if it is dimensionless or unknown."""
     try:
         unit = registered_output(name).unit
     except UnknownOutputError:
@@ -295,14 +295,14 @@ def output_unit(name: str) -> str:
 
 
 def _legend(place: Axes, panel: Axes, note: str) -> None:
-    """Legend of a panel in a place of its own."""
+    """Draw the legend of a panel in a place of its own."""
     place.set_axis_off()
     place.legend(*panel.get_legend_handles_labels(), loc="upper left", labelspacing=0.15)
     place.text(0.05, -0.3, note, transform=place.transAxes, va="bottom", fontsize=7, color=GREY)
 
 
 def plot_pairs(result: Indices) -> Figure:
-    """A circle for each factor (area: first order), a line for each pair (width: second order) per output.
+    """For each output, factors as circles (area: first order) and pairs as lines (width: second order).
 
     Pairs are drawn where the index exceeds its own 95 % half width and 0.005; the ten leading factors are
     shown.
@@ -327,7 +327,7 @@ def plot_pairs(result: Indices) -> Figure:
 
 
 def _draw_pairs(axes: Axes, result: Indices, k: int, leading: list[int], place: np.ndarray) -> int:
-    """One output; returns the number of pairs drawn."""
+    """Draw one output and return the number of pairs drawn."""
     e = result.estimates
     assert e.S2 is not None
     assert e.S2_conf is not None
@@ -347,12 +347,12 @@ def _draw_pairs(axes: Axes, result: Indices, k: int, leading: list[int], place: 
 
 
 def _label_factor(axes: Axes, name: str, place: np.ndarray, away: float) -> None:
-    """The factor's name outside its circle, `away` points from its centre."""
+    """Write the factor's name outside its circle, `away` points from its centre."""
     across, up = (int(np.sign(np.round(x, 2))) * (abs(x) > 0.3) for x in place)
     align = {"ha": ("center", "left", "right")[across], "va": ("center", "bottom", "top")[up]}
     if across:
         align["va"] = "center"
-    # Text makes no room for itself: the panels of all outputs have the same size.
+    # Text is not considered in the layout: the panels of all outputs have the same size.
     shown, at = name.replace(".", ".\n", 1), (away * place[0], away * place[1])
     text = axes.annotate(
         shown, (place[0], place[1]), xytext=at, textcoords="offset points", fontsize=6, **align
@@ -383,7 +383,7 @@ def _explain_pairs(axes: Axes, drawn: int) -> None:
 
 
 def plot_scaled(result: Identifiability) -> Figure:
-    """Change of each measurement, in standard uncertainties, for a change of a parameter by 10 %."""
+    """Change of each measurement, in standard uncertainties, if a parameter changes by 10 %."""
     scaled = result.scaled
     order = np.argsort(-scaled.effect, kind="stable")
     shown = 0.1 * scaled.matrix[:, order]
@@ -399,7 +399,7 @@ def plot_scaled(result: Identifiability) -> Figure:
 
 
 def plot_orthogonality(result: Identifiability) -> Figure:
-    """Sine of the angle between the effects of two parameters: 0, they cannot be told apart."""
+    """Sine of the angle between the effects of two parameters; 0 if they cannot be distinguished."""
     order = np.argsort(-result.scaled.effect, kind="stable")[:14]
     names = [result.scaled.parameters[k] for k in order]
     shown = result.scaled.orthogonality[np.ix_(order, order)]
@@ -414,7 +414,7 @@ def plot_orthogonality(result: Identifiability) -> Figure:
 
 
 def plot_collinearity(result: Identifiability) -> Figure:
-    """Collinearity index against the size of the set: smallest, and 5, 50, 95 % of all sets."""
+    """Collinearity index against the size of the set: smallest, and 5, 50 and 95 % quantiles of all sets."""
     sizes = np.array([s.size for s in result.subsets])
     smallest = [s.smallest for s in result.subsets]
     low, middle, high = (np.array([s.quantiles[k] for s in result.subsets]) for k in range(3))

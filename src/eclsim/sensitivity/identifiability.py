@@ -43,28 +43,28 @@ _SINGULAR = 1e-12
 
 
 def change(name: str) -> tuple[float, str]:
-    """Change of a parameter that is taken for one of 100 %, with its unit; 0 for one of 100 % itself."""
+    """Reference change of a parameter with its unit; 0 means a change of 100 %."""
     parameter = quantity(name)
     return (0.0, "") if parameter is None else (parameter.linear_unit, parameter.unit.removeprefix("1"))
 
 
 def _in_words(name: str, share: float) -> str:
-    """A share of a parameter's change in words: in percent, or in the unit of the parameter."""
+    """A share of the reference change as text: in percent, or in the unit of the parameter."""
     whole, unit = change(name)
     return f"{share * whole:.3g} {unit}".strip() if whole else f"{100 * share:.3g} %"
 
 
 @dataclass(frozen=True)
 class ScaledSensitivities:
-    """How many standard uncertainties a measurement moves if a parameter changes by 100 %, to first order.
+    """Change of measurements, in standard uncertainties, if a parameter changes by 100 %, to first order.
 
-    Of what may be zero or negative, where a share of the value says nothing, the change is a fixed one: the
-    unit of its linear scale (see `Parameter.linear_unit`), as in a fit.
+    For parameters that may be zero or negative, a relative change is not meaningful. Their change is fixed:
+    the unit of their linear scale (see `Parameter.linear_unit`), as in a fit.
 
     Args:
-        outputs: measurements.
-        parameters: parameters.
-        matrix: shape (outputs, parameters).
+        outputs: names of the measurements.
+        parameters: names of the parameters.
+        matrix: scaled sensitivities, shape (outputs, parameters).
     """
 
     outputs: tuple[str, ...]
@@ -80,19 +80,19 @@ class ScaledSensitivities:
         parameter_values: np.ndarray,
         uncertainties: np.ndarray,
     ) -> ScaledSensitivities:
-        """From derivatives (outputs, parameters) in the units of both."""
+        """Compute from derivatives (outputs, parameters) in the units of both."""
         changes = [change(name)[0] or value for name, value in zip(parameters, parameter_values, strict=True)]
         matrix = np.asarray(derivatives) * changes / np.asarray(uncertainties)[:, None]
         return cls(tuple(outputs), tuple(parameters), matrix)
 
     @property
     def effect(self) -> np.ndarray:
-        """Length of each column: effect of a parameter on all measurements together, shape (parameters,)."""
+        """Norm of each column: effect of a parameter on all measurements together, shape (parameters,)."""
         return np.linalg.norm(self.matrix, axis=0)
 
     @property
     def directions(self) -> np.ndarray:
-        """Columns of length one; zero where a parameter has no effect."""
+        """Columns normalised to length one; zero where a parameter has no effect."""
         effect = self.effect
         return np.where(effect > 0, self.matrix / np.where(effect > 0, effect, 1.0), 0.0)
 
@@ -103,18 +103,18 @@ class ScaledSensitivities:
 
     @property
     def orthogonality(self) -> np.ndarray:
-        """Sine of that angle: 1 for effects that have nothing in common, 0 for effects that are the same."""
+        """Sine of the angle between the effects of two parameters: 1 if orthogonal, 0 if equal."""
         return np.sqrt(np.maximum(1.0 - self.cosines**2, 0.0))
 
     def collinearity(self, chosen: Sequence[str]) -> float:
-        """Collinearity index of a set: by how much a change of one can be made up for by the others."""
+        """Collinearity index of a set: how well a change of one parameter is compensated by the others."""
         if len(chosen) > len(self.outputs):
             return float("inf")
         columns = self.directions[:, [self.parameters.index(p) for p in chosen]]
         return float(_collinearity(columns.T @ columns))
 
     def closest(self, chosen: Sequence[str], name: str) -> tuple[float, list[str]]:
-        """How nearly others of a set make up for one: share of its effect left over, and the weightiest."""
+        """Share of a parameter's effect that others of a set cannot reproduce, and the main ones of these."""
         others = [p for p in chosen if p != name]
         columns = self.matrix[:, [self.parameters.index(p) for p in others]]
         target = self.matrix[:, self.parameters.index(name)]
@@ -133,8 +133,8 @@ class SubsetIndices:
         size: number of parameters in a set.
         count: number of sets.
         best: parameters of the set with the smallest index.
-        smallest: that index.
-        quantiles: 5, 50 and 95 % of the indices; infinite where a set cannot be told apart at all.
+        smallest: smallest index.
+        quantiles: 5, 50 and 95 % quantiles of the indices; infinite where a set cannot be distinguished.
         below_limit: number of sets at or below the limit.
     """
 
@@ -147,9 +147,9 @@ class SubsetIndices:
 
 
 def all_subsets(scaled: ScaledSensitivities, limit: float) -> list[SubsetIndices]:
-    """Collinearity indices of every set of every size, from pairs to as many as there are measurements.
+    """Compute the indices of all sets of every size, from pairs to the number of measurements.
 
-    Larger sets have an infinite index: fewer numbers are measured than are looked for.
+    Larger sets have an infinite index, as there are fewer measurements than parameters.
     """
     products = scaled.directions.T @ scaled.directions
     names, sizes = scaled.parameters, []
@@ -177,9 +177,9 @@ class FisherInformation:
     """Information of the measurements about relative changes of the parameters.
 
     Args:
-        matrix: shape (parameters, parameters).
-        eigenvalues: largest first.
-        eigenvectors: a column each: combinations of parameters, best determined first.
+        matrix: Fisher information, shape (parameters, parameters).
+        eigenvalues: eigenvalues, the largest first.
+        eigenvectors: combinations of parameters as columns, the best determined first.
     """
 
     matrix: np.ndarray
@@ -197,9 +197,9 @@ def fisher_information(scaled: ScaledSensitivities) -> FisherInformation:
 
 
 def relative_errors(scaled: ScaledSensitivities, chosen: Sequence[str]) -> dict[str, float]:
-    """Smallest standard error of each parameter if these are fitted together, as a share.
+    """Smallest relative standard error of each parameter if these are fitted together.
 
-    Of its value, or of its `change` where that is a fixed one.
+    The errors are relative to the value, or to the fixed change of a parameter (see `change`).
     """
     columns = scaled.matrix[:, [scaled.parameters.index(p) for p in chosen]]
     if len(chosen) > len(scaled.outputs) or np.linalg.matrix_rank(columns) < len(chosen):
@@ -210,15 +210,14 @@ def relative_errors(scaled: ScaledSensitivities, chosen: Sequence[str]) -> dict[
 
 @dataclass(frozen=True)
 class Proposal:
-    """A set to fit.
+    """A proposed set of parameters to fit.
 
     Args:
-        chosen: parameters, in the order in which they were taken: each time the one that says most beyond
-            the others.
+        chosen: parameters in the order of selection; each has the largest effect that the earlier ones lack.
         excluded: reason for each parameter left out.
-        collinearity: index of the set.
-        relative_errors: smallest standard error of each if all are fitted together, as a share of its value
-            or of its `change`.
+        collinearity: collinearity index of the set.
+        relative_errors: smallest standard error of each parameter if all are fitted together, relative to its
+            value or to its `change`.
     """
 
     chosen: tuple[str, ...]
@@ -230,11 +229,11 @@ class Proposal:
 def propose(
     scaled: ScaledSensitivities, limit: float = 10.0, threshold: float = 1.0, first: Sequence[str] = ()
 ) -> Proposal:
-    """Take, one by one, the parameter with the most effect that the ones taken do not have.
+    """Select one by one the parameter with the largest effect that the selected ones cannot reproduce.
 
     Args:
         scaled: scaled sensitivities.
-        first: those that are taken before all others, as far as they can be told apart.
+        first: parameters that are selected before all others, as far as they can be distinguished.
         limit: largest collinearity index of the set (Brun et al. 2001 found sets above 10 to 15 not
             identifiable).
         threshold: smallest effect, in standard uncertainties for a change of 100 %.
@@ -258,7 +257,7 @@ def propose(
 
 
 def _own_effect(scaled: ScaledSensitivities, chosen: list[str], name: str) -> float:
-    """Effect of a parameter that no combination of the chosen ones has."""
+    """Size of the effect of a parameter that no combination of the chosen ones can reproduce."""
     target = scaled.matrix[:, scaled.parameters.index(name)]
     if not chosen:
         return float(np.linalg.norm(target))
@@ -301,7 +300,7 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
 
 
 LARGEST_DEVIATION = 2.0
-"""Standard uncertainties."""
+"""Largest deviation of the model from a measurement, in standard uncertainties, without a warning."""
 
 
 @dataclass(frozen=True)
@@ -309,15 +308,15 @@ class Identifiability:
     """Information of a set of measurements about a set of parameters.
 
     Args:
-        name: of the case.
+        name: name of the case.
         simulated: outputs of the model at the case's parameters.
         measured: measured values; empty where the case has none.
         uncertainties: standard uncertainty of each measurement, in its unit.
         scaled: scaled sensitivities.
         subsets: collinearity indices of all sets, by size.
         fisher: Fisher information.
-        proposal: a set to fit.
-        warnings: of the case's beat, at which all of this holds.
+        proposal: proposed set of parameters to fit.
+        warnings: warnings about the case's beat, around which the analysis is local.
     """
 
     name: str
@@ -338,16 +337,16 @@ class Identifiability:
 
     @property
     def far_off(self) -> dict[str, float]:
-        """Measurements that the model misses by more than two uncertainties, and by how many of them.
+        """Deviations of the model from measurements, in standard uncertainties, where above two.
 
-        The analysis is local: it then speaks of another patient than the one that was measured.
+        The analysis is local: in this case it describes another patient than the one measured.
         """
         off = {n: (self.simulated[n] - value) / self.uncertainties[n] for n, value in self.measured.items()}
         return {n: d for n, d in off.items() if abs(d) > LARGEST_DEVIATION}
 
     @property
     def doubts(self) -> list[str]:
-        """A sentence where the model is far off the measurements."""
+        """A warning if the model is far from the measurements, else empty."""
         if not self.far_off:
             return []
         off = ", ".join(f"{o} by {abs(d):.0f}" for o, d in self.far_off.items())
@@ -421,22 +420,22 @@ def identifiability(
     threshold: float = 1.0,
     volume_policy: VolumePolicy | None = None,
 ) -> Identifiability:
-    """Which parameters the measurements of a case can tell apart.
+    """Analyse which parameters the measurements of a case can distinguish.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case; best with fitted parameters.
             Uncertainties in percent are those of its measurements, else of the model's own outputs.
-        parameters: in question; left out, the paper's 24.
-        outputs: what is measured; left out, the case's measurements, or all seven that it has.
+        parameters: parameters in question; None for the paper's 24.
+        outputs: measured outputs; None for the case's measurements, or all seven that it has.
         uncertainties: standard uncertainties that differ from the defaults.
-        limit: largest collinearity index of a set that can be told apart.
+        limit: largest collinearity index of a set that can be distinguished.
         threshold: smallest effect that counts, in uncertainties for a change of 100 % (see
             `ScaledSensitivities`).
-        volume_policy: blood volume policy; left out, the case's.
+        volume_policy: blood volume policy; None takes that of the case.
 
     Raises:
-        InputError: names that the case does not have, a limit below 1 or a threshold below 0.
-        NoDerivativesError: the case has no steady beat, or none with derivatives: nothing can be ranked.
+        InputError: The case does not have these names, or the limit is below 1 or the threshold below 0.
+        NoDerivativesError: The case has no steady beat, or one without derivatives.
     """
     from eclsim.outputs.results import beat_warnings, derivatives
 
@@ -473,7 +472,7 @@ def identifiability(
 
 
 def _measured(case: Case, model: Model) -> tuple[str, ...]:
-    """Outputs that the case has measurements of, else all that it has."""
+    """Outputs that the case has measurements of, else all outputs that it has."""
     from eclsim.outputs.signals import output_names
 
     available = output_names(model.circuit)
@@ -493,11 +492,11 @@ def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model
         raise InputError(wrong)
 
 
-# --- in the terminal --------------------------------------------------------------------------------
+# --- terminal text ----------------------------------------------------------------------------------
 
 
 def identifiability_text(result: Identifiability, limit: float) -> str:
-    """Measurements, collinearity of all sets, the set proposed, and why others are left out."""
+    """Text of measurements, collinearity of all sets, the proposed set, and the reasons for exclusions."""
     p = result.proposal
     effect = dict(zip(result.scaled.parameters, result.scaled.effect, strict=True))
     chosen = [(n, f"{effect[n]:.3g}", _in_words(n, p.relative_errors[n])) for n in p.chosen]

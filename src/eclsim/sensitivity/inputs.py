@@ -1,8 +1,8 @@
 """Inputs of a sensitivity analysis: numbers within bounds and choices, around the values of a case.
 
-By default the paper's 24 cardiovascular parameters; further inputs are settings of the devices, the maker's
-sizes of cannulae, and the sites or the scheme of a CRRT. The uncertainties of the clinical measurements stand
-below.
+By default these are the paper's 24 cardiovascular parameters. Further inputs are settings of the devices,
+manufacturers' sizes of cannulae, and the sites or the scheme of a CRRT. This module also has the
+uncertainties of the clinical measurements.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ CARDIOVASCULAR = (
 """The parameters of the paper's global sensitivity analysis (Figure 3)."""
 
 GROUPS = {"R": "resistance", "C": "compliance", "L": "inertance", "E": "elastance"}
-"""Quantities that the units of the groups' parameters measure."""
+"""Groups of parameters by letter, and the quantity that their units measure."""
 MOST_LISTED = 60
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 
 
 Description = dict[str, Any]
-"""Plain data for JSON: what a design or a model is, for its file and for comparing it with another."""
+"""Plain data that describe a design or a model, stored in its file and compared with others."""
 
 
 class InputError(ValueError):
-    """Inputs that a case cannot have; one line for each mistake."""
+    """Raised for inputs that a case cannot have; the message has one line for each mistake."""
 
     def __init__(self, mistakes: Sequence[str]):
         self.mistakes = tuple(mistakes)
@@ -69,7 +69,7 @@ class Continuous:
         return {self.name: unit * (self.high - self.low) + self.low}
 
     def table_column(self, unit: np.ndarray) -> np.ndarray:
-        """Values as a table of samples shows them."""
+        """Values for a table of samples."""
         return self.settings(unit)[self.name]
 
     def description(self) -> Description:
@@ -79,15 +79,15 @@ class Continuous:
 
 @dataclass(frozen=True)
 class Categorical:
-    """One of several choices, all equally likely; each choice sets one parameter or several.
+    """One of several equally likely choices, each of which sets one or several parameters.
 
-    The choice is a function of the input's own coordinate in the design, so a row of the design that shares
-    the coordinate shares the choice: what the estimators rely on.
+    The choice is a function of the input's own coordinate in the design. Points of a row with the same
+    coordinate therefore have the same choice, as the estimators require.
 
     Args:
-        name: of the input.
+        name: name of the input.
         levels: names of the choices.
-        sets: parameter and its value for each level.
+        sets: each parameter with its values for the levels.
     """
 
     name: str
@@ -95,7 +95,7 @@ class Categorical:
     sets: tuple[tuple[str, tuple[float, ...]], ...]
 
     def choose(self, unit: np.ndarray) -> np.ndarray:
-        """Position of the chosen level for numbers in [0, 1)."""
+        """Index of the chosen level for numbers in [0, 1)."""
         return np.minimum((unit * len(self.levels)).astype(int), len(self.levels) - 1)
 
     def settings(self, unit: np.ndarray) -> dict[str, np.ndarray]:
@@ -116,7 +116,7 @@ Input = Continuous | Categorical
 
 
 def described_input(description: Description) -> Input:
-    """The input that a description came from."""
+    """Return the input with a given description."""
     if "levels" not in description:
         return Continuous(description["name"], description["low"], description["high"])
     sets = tuple((name, tuple(values)) for name, values in description["sets"].items())
@@ -128,10 +128,10 @@ class VariedInputs:
     """Inputs of an analysis, and the model that they are varied around.
 
     Args:
-        circuit: of the case; sites that are inputs are choices in it.
-        base: a number for every parameter.
-        inputs: what is varied.
-        groups: factor of each input; empty where each is its own.
+        circuit: circuit of the case, with choices where sites are inputs.
+        base: value of every parameter.
+        inputs: varied inputs.
+        groups: factor of each input; empty if each is its own factor.
     """
 
     circuit: Circuit
@@ -148,7 +148,7 @@ def varied_inputs(
     groups: Sequence[str] = (),
     perturbation_percent: float = 25.0,
 ) -> VariedInputs:
-    """Inputs of an analysis around a case.
+    """Build the inputs of an analysis around a case.
 
     Args:
         case: patient and devices.
@@ -184,7 +184,7 @@ def varied_inputs(
 
 
 def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
-    """Inputs that say where lines are, such as `crrt.scheme`; of a scheme the lines that it sets."""
+    """Inputs that set positions of lines, such as `crrt.scheme`; for a scheme, the lines that it sets."""
     connected = [(instance.key, instance.device) for instance in case.instances()]
     absent = [(k, device) for k, device in devices().items() if device not in [d for _, d in connected]]
     result: dict[str, tuple[str, ...]] = {}
@@ -196,7 +196,7 @@ def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
 
 
 def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float]]:
-    """The circuit, with lines on switches where any of them is an input, and where each stands."""
+    """Return the circuit, with switchable lines if any of these is an input, and their present positions."""
     from eclsim.cases.resolve import circuit_of, switched_circuit
 
     if not moved:
@@ -214,7 +214,7 @@ def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float
 
 
 def _cannot_be_moved(case: Case, name: str) -> str:
-    """Why the lines of a device are no input of this case."""
+    """Explain why the lines of a device cannot be an input of this case."""
     section = name.rpartition(".")[0]
     instance = case.instance(section)
     sites = [site for other in case.instances() for site in other.sites()]
@@ -226,7 +226,7 @@ def _cannot_be_moved(case: Case, name: str) -> str:
 
 
 def unknown_names(names: Sequence[str], known: Sequence[str], kind: str) -> list[str]:
-    """A sentence for each name that is not known, with the nearest spelling, else those allowed if few."""
+    """One sentence for each unknown name, with the nearest spelling or, if few, the allowed names."""
     wrong = []
     for name in dict.fromkeys(names):
         if name not in known:
@@ -236,13 +236,13 @@ def unknown_names(names: Sequence[str], known: Sequence[str], kind: str) -> list
 
 
 def missing_outputs(names: Sequence[str], available: Sequence[str]) -> list[str]:
-    """A sentence for each output that a case has not, with what brings it or the nearest spelling."""
+    """One sentence for each output that a case lacks, with what it needs or the nearest spelling."""
     absent = [name for name in dict.fromkeys(names) if name not in available]
     return [f"{name}: no output of this case{unavailable(name, available)}" for name in absent]
 
 
 def letter_of(name: str) -> str:
-    """Group of a parameter by what its unit measures; empty where it belongs to none."""
+    """Letter of the group of a parameter, from the quantity of its unit; empty if it belongs to none."""
     parameter = parameter_of(name)
     measured = None if parameter is None else parameter.quantity
     return next((letter for letter, quantity in GROUPS.items() if quantity == measured), "")
@@ -291,7 +291,7 @@ def _device_of_line(case: Case, choice: Choice) -> Instance | None:
 
 
 def _schemes(name: str, device: Instance, case: Case) -> Categorical:
-    """The usual ways of connecting the lines of a device."""
+    """Return the usual connection schemes of a device as an input."""
     at = {getattr(device.section, line) for line in device.device.lines}
     (other,) = (o for o in case.instances() if at <= set(o.sites()))
     places = list(other.device.positions)
@@ -306,7 +306,7 @@ def _schemes(name: str, device: Instance, case: Case) -> Categorical:
 
 
 def _sizes_within(name: str, sizes: Sequence[float], size: float, share: float) -> Categorical:
-    """The maker's sizes within the perturbation."""
+    """Return the manufacturer's sizes within the perturbation as an input."""
     inside = [s for s in sizes if abs(s - size) <= share * size]
     if len(inside) < 2:
         raise InputError([f"{name}: fewer than two sizes within {100 * share:g} % of {size:g} Fr"])
@@ -350,11 +350,11 @@ def _allowed_range(name: str, case: Case) -> tuple[float, float] | None:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard uncertainty of a measurement: in its unit, or relative.
+    """Standard uncertainty of a measurement, absolute or relative.
 
     Args:
-        absolute: in the unit of the output.
-        relative: share of the value.
+        absolute: standard uncertainty in the unit of the output.
+        relative: standard uncertainty as a share of the value.
     """
 
     absolute: float = 0.0
@@ -367,13 +367,13 @@ class Uncertainty:
             raise InputError([f"{text}: allowed: finite, none below 0, one of them above 0"])
 
     def at(self, value: float) -> float:
-        """In the unit of the output."""
+        """Standard uncertainty of a value, in the unit of the output."""
         return max(self.absolute, self.relative * abs(value))
 
 
 UNCERTAINTY = "eclsim.Uncertainty(3.0) in its unit, or eclsim.Uncertainty(relative=0.05)"
 _ROUNDING_L_MIN = 0.03
-"""Of a flow that is given to 0.1 L/min: the standard deviation of what rounding leaves open [L/min]."""
+"""Standard deviation due to rounding, for a flow given to 0.1 L/min [L/min]."""
 DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
     {
         "SP": Uncertainty(4.0),
@@ -401,19 +401,20 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
         "PexhaustCO2": Uncertainty(2.0, 0.05),
     }
 )
-"""Assumed, for want of the paper's: fluid-filled catheters (transducer, damping, levelling), thermodilution,
-an ultrasonic flow meter; sensors of the circuit, of which 14 cm of height between them and the heart, which
-the model does not have, are 10 mmHg; of blood gases the analyser, and the minutes from the sample to the
-other readings. A percentage is one of the measured value. Give your own devices' where you know them."""
+"""Assumed uncertainties, since the paper gives none. They include, for pressures, fluid-filled catheters
+(transducer, damping, levelling) and, for sensors of the circuit, 10 mmHg for 14 cm of height between them
+and the heart, which the model does not have; thermodilution; an ultrasonic flow meter; for blood gases the
+analyser and the minutes between the sample and the other readings. A percentage is one of the measured
+value. Replace them by those of your own devices where known."""
 SMALLEST_FLOW = 0.1
-"""A flow measured as 0 has the uncertainty of this one [L/min]."""
+"""A flow measured as 0 has the uncertainty of this flow [L/min]."""
 
 
 def as_uncertainties(stated: Mapping[str, Uncertainty]) -> Mapping[str, Uncertainty]:
-    """Uncertainties by measurement, checked.
+    """Check and return uncertainties by measurement.
 
     Raises:
-        InputError: They are something else, or plain numbers, which do not say whether they are absolute.
+        InputError: They are of another type, such as plain numbers, which may be absolute or relative.
     """
     if not isinstance(stated, Mapping):
         raise InputError([f"uncertainties = {written(stated)}; allowed: by measurement, {UNCERTAINTY}"])
@@ -427,15 +428,15 @@ def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Unce
     """Standard uncertainty of each measured value, in its unit.
 
     Args:
-        values: measured [mmHg, L/min].
-        known: uncertainty of each, at least.
+        values: measured values [mmHg, L/min].
+        known: uncertainty of at least each measured value.
     """
     as_uncertainties({name: known[name] for name in values})
     return {n: known[n].at(v) or known[n].at(SMALLEST_FLOW) for n, v in values.items()}
 
 
 def read_uncertainties(text: str) -> dict[str, Uncertainty]:
-    """Read "SP=4,CO=10%": numbers in the unit of the output, or percent of its value."""
+    """Parse "SP=4,CO=10%": numbers in the unit of the output, or percent of its value."""
     result, wrong = {}, []
     for part in (p.strip() for p in text.split(",") if p.strip()):
         name, _, number = (p.strip() for p in part.partition("="))
@@ -462,7 +463,7 @@ def read_uncertainties(text: str) -> dict[str, Uncertainty]:
 
 
 def uncertainties_of(outputs: Sequence[str], stated: Mapping[str, Uncertainty]) -> dict[str, Uncertainty]:
-    """The uncertainty of each output: the one given, else the default."""
+    """Return the uncertainty of each output: the stated one, else the default."""
     as_uncertainties(stated)
     wrong = [f"uncertainty of {name}: not among the measurements" for name in stated if name not in outputs]
     known = {**DEFAULTS, **stated}

@@ -1,7 +1,8 @@
-"""The result of an analysis: labelled indices of every output, what is read off them, and their files.
+"""Results of an analysis: labelled indices of every output, quantities derived from them, and files.
 
-Convergence: an aligned part of 2^k rows of a scrambled Sobol sequence is itself a design of 2^k rows. So a
-design of N rows holds N/n designs of n rows: repeats that cost no run. (The paper's Figure S-1.)
+Convergence: an aligned part of 2^k rows of a scrambled Sobol sequence is itself a design of 2^k rows. A
+    design of N rows therefore contains N/n designs of n rows, which are repeats without additional runs (the
+    paper's Figure S-1).
 """
 
 from __future__ import annotations
@@ -28,26 +29,26 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SHARE = 0.9
-"""Share of the sum of an output's total-order indices that the selected factors make up."""
+"""Share of the sum of an output's total-order indices that the selected factors account for."""
 FEWEST_ROWS = 64
-"""Nothing is ranked or selected from fewer rows, nor from fewer than half of the design's."""
+"""Factors are ranked and selected only from at least this number of rows, and half of the design's rows."""
 SMALLEST_SIZE = 1.0
-"""Smallest size of an output, in its unit, that rounding is compared with."""
+"""Smallest size of an output, in its unit, with which its standard deviation is compared."""
 FIRST_CONVERGENCE_ROWS = 16
 MOST_PAIRS = 20
 SMALLEST_PAIR_INDEX = 0.005
-"""Pairs below it are rounding of the first orders and not shown."""
+"""Smaller second-order indices are rounding of the first orders and not shown."""
 
 
 @dataclass(frozen=True)
 class FailedRun:
-    """One run that has no result.
+    """One run without a result.
 
     Args:
         run: position in the design.
-        row: row of the design that is left out with it.
-        point: what it was: A, B, AB or BA and the factor exchanged.
-        status: how it ended.
+        row: row of the design, which is left out.
+        point: kind of the point: A, B, AB or BA with the factor exchanged.
+        status: how the run ended.
         inputs: value or choice of each input.
     """
 
@@ -65,17 +66,17 @@ class Indices:
     Args:
         factors: names of the inputs or groups.
         outputs: names of the outputs.
-        estimates: the numbers.
-        samples: rows of the design.
-        evaluations: model runs.
-        failed: runs without a result; all runs of their rows are left out of the estimates.
-        rows_used: rows that the estimates rest on.
+        estimates: values of the indices.
+        samples: number of rows of the design.
+        evaluations: number of model runs.
+        failed: runs without a result; their rows are left out of the estimates.
+        rows_used: number of rows that the estimates are based on.
         seconds: wall clock time.
-        warnings: of the beat at the values that the inputs are varied around.
+        warnings: warnings about the beat at the base values of the inputs.
         constant: outputs that vary by no more than rounding, whose indices are zero.
-        impossible: runs in these rows with a beat that no patient can have, a chamber without blood or a vein
-            sucked shut.
-        where_failed: inputs at which most of the failed runs are; None where none sets them apart.
+        impossible: number of runs in these rows with a beat that no patient can have, with a chamber without
+            blood or a vein sucked shut.
+        where_failed: region that holds most of the failed runs; None if no input separates them.
     """
 
     factors: tuple[str, ...]
@@ -93,7 +94,7 @@ class Indices:
 
     @property
     def ranked(self) -> bool:
-        """Whether there are rows enough to rank factors and to select some."""
+        """Whether there are enough rows to rank and select factors."""
         return self.rows_used >= max(FEWEST_ROWS, self.samples / 2)
 
     @property
@@ -103,22 +104,22 @@ class Indices:
 
     @property
     def sums(self) -> dict[str, float]:
-        """Total order summed over the outputs, the largest first where factors are ranked (Table 2)."""
+        """Total order summed over the outputs; largest first if factors are ranked (Table 2)."""
         total = self.estimates.ST.sum(axis=0)
         order = np.argsort(-total, kind="stable") if self.ranked else range(len(total))
         return {self.factors[k]: float(total[k]) for k in order}
 
     def ranking(self, output: str) -> list[str]:
-        """Factors by their total order, largest first; none from too few rows or of what does not vary."""
+        """Factors by total order, largest first; none with too few rows or if the output does not vary."""
         if not self.ranked or output in self.constant:
             return []
         total = self.estimates.ST[self.outputs.index(output)]
         return [self.factors[k] for k in np.argsort(-total, kind="stable")]
 
     def selected(self, share: float = SHARE) -> dict[str, list[str]]:
-        """For each output the fewest factors whose total orders add to a share of all total orders.
+        """For each output, the fewest factors whose total orders reach a share of the sum of all.
 
-        Of them those whose half width is below their total order; none where nothing is ranked.
+        Only those whose half width is below their total order are returned; none if nothing is ranked.
         """
         chosen = {}
         for output, total, width in zip(self.outputs, self.estimates.ST, self.estimates.ST_conf, strict=True):
@@ -156,13 +157,13 @@ class Indices:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A line for each output and factor."""
+        """Table with one row for each output and factor."""
         names = ["S1", "S1_conf", "ST", "ST_conf", "selected"]
         return self.dataset[names].to_dataframe().reset_index().astype({"selected": int})
 
     @property
     def pairs(self) -> pd.DataFrame | None:
-        """A line for each output and pair of factors; None for a design without second order."""
+        """Table with one row for each output and pair of factors; None without second order."""
         import pandas as pd
 
         e = self.estimates
@@ -233,7 +234,7 @@ class SensitivityResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the beat that the inputs are varied around, and doubts about the runs."""
+        """Warnings about the beat at the base values of the inputs, and doubts about the runs."""
         return (*self.indices.warnings, *self.indices.doubts)
 
     @property
@@ -243,14 +244,14 @@ class SensitivityResult:
 
     @cached_property
     def convergence(self) -> xr.Dataset:
-        """Indices at 16, 32, 64 ... rows: see `convergence`."""
+        """Indices at 16, 32, 64 ... rows; see the function `convergence`."""
         return convergence(self)
 
 
 def indices_of_runs(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
     """Indices of the runs of a whole design.
 
-    A row with a failed run is left out whole: the estimators compare the runs of a row with each other.
+    A row with a failed run is left out as a whole, since the estimators compare runs of a row.
     """
     values, good = runs.complete_rows(design)
     if good.sum() < 2:
@@ -305,7 +306,7 @@ def convergence(result: SensitivityResult, smallest: int = FIRST_CONVERGENCE_ROW
     design, outputs = result.design, result.indices.outputs
     factors = len(design.factors)
     values, good = result.runs.complete_rows(design)
-    # The BA points serve second order alone.
+    # The BA points are used for second order only.
     values = np.concatenate([values[:, : factors + 1], values[:, -1:]], axis=1)
     least = min(smallest, design.samples)
     sizes = [design.samples >> k for k in range(20, -1, -1) if design.samples >> k >= least]
@@ -356,11 +357,11 @@ def _convergence_table(numbers: xr.Dataset) -> pd.DataFrame:
     return frame.loc[:, order]
 
 
-# --- in the terminal --------------------------------------------------------------------------------
+# --- terminal text ----------------------------------------------------------------------------------
 
 
 def indices_text(indices: Indices, state: str = "") -> str:
-    """Total orders with their half widths, factors by their sums, what is selected marked."""
+    """Text of total orders with half widths, factors by their sums, and the selected ones marked."""
     title = "Total order indices" + (f", {state} state" if state else "")
     title += "" if indices.ranked else ", FROM TOO FEW ROWS TO RANK"
     used = "" if indices.rows_used == indices.samples else f"{indices.rows_used} of "
@@ -375,7 +376,7 @@ def indices_text(indices: Indices, state: str = "") -> str:
         ]  # fmt: skip
         rows.append((name, *cells, f"{total:.2f}"))
     head = ("factor", *indices.outputs, "sum")
-    took = f" in {indices.seconds:.0f} s" if indices.seconds else ""  # merged: run elsewhere, at other times
+    took = f" in {indices.seconds:.0f} s" if indices.seconds else ""  # not known after a merge of shards
     lines = [
         f"{title} ({used}{indices.samples} rows, {indices.evaluations} runs{took})",
         text_table(head, rows, numeric=range(1, len(head))),
@@ -388,7 +389,7 @@ def indices_text(indices: Indices, state: str = "") -> str:
 
 
 def pairs_text(indices: Indices) -> str:
-    """Second order of the pairs beyond their own half width, the largest first; empty if not computed."""
+    """Text of second orders above their half width, largest first; empty if not computed."""
     s2, width = indices.estimates.S2, indices.estimates.S2_conf
     if s2 is None or width is None or not indices.ranked:
         return ""
@@ -412,7 +413,7 @@ def pairs_text(indices: Indices) -> str:
 
 
 def doubts(indices: Indices, state: str = "", reported: Collection[str] = ()) -> list[str]:
-    """Warnings of the beat varied around that are not `reported`, how many runs failed, and how."""
+    """Warnings about the base beat that are not in `reported`, and number and kind of failed runs."""
     before = f"{state}: " if state else ""
     around = (f"at the values varied around: {line}" for line in indices.warnings if line not in reported)
     return [f"{before}{sentence}" for sentence in (*around, *indices.doubts)]

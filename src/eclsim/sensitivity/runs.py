@@ -1,11 +1,11 @@
-"""The runs of a design: the model at each point, block by block, and the folder that keeps them.
+"""Runs of a design: the model at each point, block by block, and the folder that stores them.
 
     DIR/design.json       inputs, seed, sequence, model, version: all that the numbers follow from; warnings
     DIR/blocks/*.parquet  one file for each finished block, until all are there
     DIR/samples.parquet   all runs: inputs, outputs, status
 
-A file appears under its name when it is whole, or not at all. The samples hold no times and no machine
-names: the same design gives the same file, however it was interrupted, sharded or distributed.
+A file is only visible under its name when it is complete. The samples hold no times and no machine names: the
+same design gives the same file, however it was interrupted, sharded or distributed.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from eclsim.sensitivity.inputs import Description
 DESIGN = "design.json"
 SAMPLES = "samples.parquet"
 WITHOUT_GASES = 100
-"""Status of a run with a steady beat and no steady gas state: this more than its `GasStatus`."""
+"""Added to the `GasStatus` of a run with a steady beat and no steady gas state."""
 
 
 @dataclass(frozen=True)
 class Runs:
-    """Outcome of some runs of a model.
+    """Results of several runs of a model.
 
     Args:
         values: outputs, shape (runs, outputs).
         status: 0 where a run succeeded, shape (runs,).
-        beats: beats computed for each run.
+        beats: number of beats computed for each run.
         residual: largest relative change of a state over the beat.
-        impossible: whether no patient can have the beat, shape (runs,).
+        impossible: whether the beat is one that no patient can have, shape (runs,).
     """
 
     values: np.ndarray
@@ -54,25 +54,25 @@ class Runs:
 
     @classmethod
     def of(cls, values: np.ndarray) -> Runs:
-        """Outputs of a function that needs no solver; what is not finite has failed."""
+        """Return runs of a function that needs no solver; non-finite values count as failed."""
         failed = ~np.isfinite(values).all(axis=1)
         zeros = np.zeros(len(values))
         return cls(values, np.where(failed, 3, 0), zeros.astype(int), zeros, zeros.astype(bool))
 
     @classmethod
     def joined(cls, pieces: list[Runs]) -> Runs:
-        """Runs one after the other."""
+        """Concatenate runs."""
         names = ("values", "status", "beats", "residual", "impossible")
         return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
 
     def complete_rows(self, design: Design) -> tuple[np.ndarray, np.ndarray]:
-        """Outputs by row, shape (rows, runs per row, outputs), and which rows have no failed run."""
+        """Outputs by row, shape (rows, runs per row, outputs), and whether each row has no failed run."""
         values = self.values.reshape(-1, design.runs_per_row, self.values.shape[1])
         return values, (self.status == 0).reshape(len(values), -1).all(axis=1)
 
 
 class Evaluator(Protocol):
-    """Anything that a design can be run on."""
+    """Interface of a model that a design can be run on."""
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -80,26 +80,26 @@ class Evaluator(Protocol):
         ...
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
-        """Run `count` points; `settings` holds an array (count,) for each parameter that is varied."""
+        """Run `count` points; `settings` has an array (count,) for each varied parameter."""
         ...
 
     def description(self) -> Description:
-        """Plain data: all that the outputs follow from, besides the settings."""
+        """Plain data that determine the outputs, besides the settings."""
         ...
 
 
 @dataclass(frozen=True)
 class SteadyBeatEvaluator:
-    """The steady beat of a circuit around base values.
+    """Computes the steady beat of a circuit around base values.
 
     Args:
-        circuit: the circuit; sites that are inputs are choices in it.
-        base: a number for every parameter.
-        outputs: names of the registry of outputs.
+        circuit: circuit of the case, with choices where sites are inputs.
+        base: value of every parameter.
+        outputs: names of outputs, as in the registry.
         policy: blood volume policy.
-        name: of the case.
-        resolution: of the phase grid, the same for all runs: two runs that differ in one input must not
-            differ in their grids as well.
+        name: name of the case.
+        resolution: resolution of the phase grid, the same for all runs, since runs that differ in one input
+            must not also differ in their grids.
     """
 
     circuit: Circuit
@@ -110,7 +110,7 @@ class SteadyBeatEvaluator:
     resolution: int = field(kw_only=True)
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
-        """Run some points."""
+        """Run several points."""
         from eclsim.orbit.execution import Execution
         from eclsim.orbit.steady import Batch
         from eclsim.outputs.signals import watched_waveforms
@@ -147,7 +147,7 @@ def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Desig
 
 
 def status_word(status: int) -> str:
-    """How a run ended, in a word."""
+    """Name of the way in which a run ended."""
     from eclsim.gas.network import GasStatus
     from eclsim.orbit.status import Status
 
@@ -161,9 +161,9 @@ class Analysis:
     """An analysis to be run.
 
     Args:
-        design: points.
-        evaluator: what they are run on.
-        warnings: of the beat that the points lie around.
+        design: design with the points.
+        evaluator: model that is run.
+        warnings: warnings about the beat at the base values.
     """
 
     design: Design
@@ -177,17 +177,17 @@ class Analysis:
 
     @property
     def tasks(self) -> Tasks[int, Runs]:
-        """The blocks."""
+        """Return the blocks as tasks."""
         return Tasks("sensitivity", "blocks", self.block, range(self.design.blocks), side_by_side=True)
 
     def folder(self, path: Path) -> SampleFolder:
-        """The folder that keeps its runs."""
+        """Return the folder that stores the runs."""
         evaluator = self.evaluator
         return SampleFolder(path, self.design, evaluator.outputs, evaluator.description(), self.warnings)
 
 
 class SampleFolder:
-    """Finished blocks of one design, and in the end the samples, in one folder."""
+    """Folder that stores finished blocks of one design and finally all samples."""
 
     def __init__(
         self,
@@ -209,7 +209,7 @@ class SampleFolder:
 
     @classmethod
     def of_folder(cls, folder: Path) -> SampleFolder:
-        """For the analysis that a folder holds."""
+        """Open the folder of an existing analysis."""
         recorded: Description | None = read_inputs(folder / DESIGN)
         if recorded is None:
             raise ExecutionError(f"{folder}: holds no analysis ({DESIGN} is missing)")
@@ -223,11 +223,11 @@ class SampleFolder:
 
     @property
     def samples(self) -> Path:
-        """The file of all runs."""
+        """Path of the file of all runs."""
         return self.path / SAMPLES
 
     def open(self, executor: Executor) -> None:
-        """Make the folder, or check that it holds the same analysis, perhaps with another number of rows."""
+        """Create the folder or check that it holds the same analysis, whatever the number of rows."""
         if executor.distribution.force:
             self.samples.unlink(missing_ok=True)
         executor.open(self.blocks, executor.distribution.numbers(self.design.blocks))
@@ -237,7 +237,7 @@ class SampleFolder:
         return {*range(min(self._blocks_in_samples(), self.design.blocks)), *self.blocks.finished()}
 
     def save(self, number: int, result: Runs) -> None:
-        """Keep a finished block."""
+        """Store a finished block."""
         self.blocks.save(number, result)
 
     def load(self, blocks: range) -> Runs:
@@ -251,7 +251,7 @@ class SampleFolder:
         return Runs.joined([*pieces, *(self.blocks.load(b) for b in blocks if b >= joined)])
 
     def finish(self, runs: Runs) -> None:
-        """Write the samples of all blocks as one file; the files of the blocks go."""
+        """Write the samples of all blocks as one file and delete the files of the blocks."""
         rows = len(runs.status) // self.design.runs_per_row
         if self._blocks_in_samples() * self.design.rows_per_block < rows:
             unit = self.design.unit(0, rows)

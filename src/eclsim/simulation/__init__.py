@@ -1,1 +1,1 @@
-"""One case or one varied key: steady beat, course in time, sweep, with their tables, figures and files."""
+"""Simulate one case or vary one key: steady beat, course in time, sweep, with tables, figures and files."""

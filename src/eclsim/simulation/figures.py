@@ -60,14 +60,14 @@ def write_case_figures(
     formats: Sequence[str] = ("svg", "png"),
     stem: str = "",
 ) -> list[Path]:
-    """Writes every figure of a case; cases of different ids can share a folder.
+    """Write every figure of a case; cases with different ids can share a folder.
 
     Args:
         circuit: the circuit that was simulated.
         result: the simulated case.
-        folder: is made if it does not exist.
-        formats: one file of each per figure; PNG takes more than half of the time.
-        stem: beginning of the names; left out, made from the case's id.
+        folder: folder of the figures, created if it does not exist.
+        formats: file formats of each figure; PNG takes more than half of the time.
+        stem: stem of the file names; empty takes the case's id.
 
     Returns:
         The files written: `<stem>_circuit`, `_overview`, `_pressure_volume`, `_mean_flows` and one
@@ -114,19 +114,19 @@ PARTS: dict[str, tuple[Panel, ...]] = {
         Panel("Volumes", "mL", ("Vpas", "Vpart", "Vpvn"), change=True),
     ),
 }
-"""Figures of the patient; those of devices are in their files."""
+"""Figures of the patient; those of devices are defined in the devices' files."""
 
 _QUANTITY = {"mmHg": "Pressure", "mL/s": "Flow", "mL/min": "Flow", "L/min": "Flow", "mL": "Volume"}
 
 
 def available_parts(result: xr.Dataset) -> list[str]:
-    """The parts of the circuit that this result has waveforms of: the patient's, and keys of devices."""
+    """Parts of the circuit whose waveforms are in the result: parts of the patient and keys of devices."""
     parts = PARTS | {key: names.panels() for key, names in _instances(result).items()}
     return [part for part, panels in parts.items() if any(n in result for p in panels for n in p.names)]
 
 
 def _instances(result: xr.Dataset) -> dict[str, Naming]:
-    """The devices that the result has waveforms of."""
+    """Devices whose waveforms are in the result."""
     curves = [name for name, values in result.data_vars.items() if values.dims == ("phase",)]
     places = [str(name)[1:] for name in curves if str(name).startswith("Q")]
     return {instance.key: instance for instance in instances_at(places)}
@@ -137,14 +137,14 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
 
     Args:
         result: one simulated case.
-        part: "heart", "systemic", "pulmonary" or the key of a device, such as that of its section of the case
-            file. Heart and vessel flows are in mL/s, those of devices in L/min or mL/min.
+        part: "heart", "systemic", "pulmonary" or the key of a device (its section of the case file). Flows of
+            heart and vessels are in mL/s, those of devices in L/min or mL/min.
 
     Returns:
-        The figure; only waveforms that the result holds are drawn.
+        The figure; only waveforms in the result are drawn.
 
     Raises:
-        ValueError: the part is unknown, or the result holds no waveform of it.
+        ValueError: The part is unknown, or the result has no waveform of it.
     """
     check_beat(result)
     present = available_parts(result)
@@ -158,7 +158,7 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
 
 
 def plot_overview(result: xr.Dataset) -> Figure:
-    """Pressures, flows and ventricular volumes to look at first, over two beats, with the main outputs."""
+    """Main pressures, flows and ventricular volumes over two beats, with the main outputs."""
     lines = summary_lines(result)
     note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:]) if part)
     pumps = [pump for instance in _instances(result).values() for pump in instance.pumps()]
@@ -221,9 +221,9 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
 
 
 def _legend_start(labels: list[str]) -> float:
-    """Where a legend starts, in widths of the axes: one with long names above the axis label.
+    """Left end of a legend, in widths of the axes; a long legend starts above the axis label.
 
-    It would else run beyond the axes to the edge of the page.
+    Otherwise it would extend beyond the axes to the edge of the page.
     """
     columns = (labels[: math.ceil(len(labels) / 2)], labels[math.ceil(len(labels) / 2) :])
     long = sum(max(map(len, column), default=0) for column in columns) > _CHARACTERS_ABOVE_AXES
@@ -231,11 +231,11 @@ def _legend_start(labels: list[str]) -> float:
 
 
 _CHARACTERS_ABOVE_AXES = 34
-"""Letters of two columns of a legend that fit above the axes."""
+"""Number of characters of two legend columns that fit above the axes."""
 
 
 def _widen_flat_axis(ax: Axes) -> None:
-    """Keeps a nearly constant curve from filling the axis with its rounding errors."""
+    """Widen the axis of a nearly constant curve, so that it does not show rounding errors."""
     low, high = ax.get_ylim()
     least = 0.02 * max(abs(low), abs(high), 1e-3)
     if high - low < least:
@@ -255,7 +255,7 @@ def _legend_rows(result: xr.Dataset, panel: Panel) -> int:
 
 _PATIENT = ("o", OKABE_ITO["black"])
 _SPACE_FOR_NUMBERS = 0.24
-"""Share of the axis that is kept free beside the largest value for its number."""
+"""Share of the axis that is reserved for the number beside the largest value."""
 
 
 @dataclass(frozen=True)
@@ -268,7 +268,7 @@ class _Row:
 
 @figure_style()
 def plot_mean_flows(result: xr.Dataset) -> Figure:
-    """Mean flow [L/min] out of each point and mean pressure [mmHg] at it, side by side, in flow order."""
+    """Mean flow [L/min] out of each point and mean pressure [mmHg] at it, in the order of flow."""
     flows = _rows(result, "Q", CONNECTIONS, unit="L/min")
     pressures = _rows(result, "P", COMPARTMENTS, unit="mmHg")
     headings, height = _headings(flows, pressures)
@@ -283,9 +283,9 @@ def plot_mean_flows(result: xr.Dataset) -> Figure:
 
 
 def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) -> list[_Row]:
-    """The rows of one chart, the patient's before those of devices.
+    """Rows of one chart, those of the patient before those of devices.
 
-    Waveforms that are in no table come last in the patient's group, under their own names.
+    Waveforms that are in no table are last in the patient's group, with their own names.
     """
     waveforms = [
         str(name)[1:] for name in result.data_vars if str(name).startswith(kind) and _is_curve(result, name)
@@ -315,7 +315,7 @@ def _is_curve(result: xr.Dataset, name: object) -> bool:
 
 
 def _headings(*charts: list[_Row]) -> tuple[dict[str, int], int]:
-    """The line of each group's heading, the same in all charts, and the number of lines."""
+    """Line of each group's heading, the same in all charts, and the number of lines."""
     headings, line = {}, 0
     for group in dict.fromkeys(row.group for chart in charts for row in chart):
         rows = max(sum(row.group == group for row in chart) for chart in charts)
@@ -372,12 +372,12 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
 def plot_pressure_volume(
     results: xr.Dataset | Sequence[xr.Dataset], labels: Sequence[str] | None = None, *, atria: bool = False
 ) -> Figure:
-    """Pressure [mmHg] over volume [mL] of both ventricles, end-diastolic and end-systolic volume marked.
+    """Pressure [mmHg] over volume [mL] of both ventricles, end-diastolic and end-systolic volumes marked.
 
     Args:
         results: one simulated case, or several to compare.
-        labels: one name for each result; their ids if left out.
-        atria: also draws the atria, in a second row.
+        labels: a name for each result; None for their ids.
+        atria: whether the atria are drawn, too, in a second row.
     """
     import xarray as xr
 
@@ -469,12 +469,12 @@ PANELS = (
         ("left, end-diastolic", "left, end-systolic", "right, end-diastolic", "right, end-systolic"),
     ),
 )  # fmt: skip
-"""Panels of the patient; flows and circuits of devices are added to them."""
+"""Panels of the patient, to which flows and circuits of devices are added."""
 _AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
 
 
 def panels_of(table: xr.Dataset) -> list[Panel]:
-    """The panels that there are outputs for, those of devices behind the patient's."""
+    """The panels that have outputs, those of devices after those of the patient."""
     outputs = (named_output(str(name)) for name in table.data_vars)
     instances = {result[0].key: result[0] for result in outputs if result is not None}
     flows = [
@@ -494,13 +494,13 @@ def panels_of(table: xr.Dataset) -> list[Panel]:
 
 @figure_style()
 def plot_sweep(table: xr.Dataset) -> Figure:
-    """Pressures, flows and volumes over the values of a sweep.
+    """Plot pressures, flows and volumes over the values of a sweep.
 
-    A value without a steady beat is a gap in every curve and a cross on the axis; a beat that cannot be a
-    patient's has hollow markers. The value of the case as it is has a grey line.
+    A value without a steady beat is a gap in every curve and a cross on the axis. A beat that no patient can
+    have has hollow markers. A grey line marks the value of the case itself.
 
     Args:
-        table: as `eclsim.simulation.sweep.as_table` gives it: outputs over `value`, `converged`,
+        table: dataset as of `eclsim.simulation.sweep.as_table`: outputs over `value`, `converged`,
             `impossible`.
     """
     panels = panels_of(table)
@@ -551,7 +551,7 @@ def _draw_sweep_panel(ax: Axes, table: xr.Dataset, panel: Panel) -> None:
 
 
 def _axis(table: xr.Dataset) -> tuple[np.ndarray, list[str]]:
-    """Places of the values on the axis, and their names where they are no numbers."""
+    """Positions of the values on the axis, and their names if they are not numbers."""
     values = table["value"].to_numpy()
     if np.issubdtype(values.dtype, np.number):
         return values.astype(float), []

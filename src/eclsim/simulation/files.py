@@ -1,4 +1,4 @@
-"""Writing results: JSON as other programs read it, NetCDF, CSV and figures."""
+"""Write results as JSON for other programs, NetCDF, CSV and figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OUTPUTS = (
     "SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF", "SPAP", "DPAP",
     "EDVLV", "ESVLV", "EDVRV", "ESVRV", "EDVLA", "ESVLA", "EDVRA", "ESVRA",
 )  # fmt: skip
-"""The outputs of the contract, in its order; PF is there with an ECMO circuit only."""
+"""The outputs of the agreed file format, in its order; PF only with an ECMO circuit."""
 
 
 def write_json(results: Sequence[xr.Dataset], destination: Path | str) -> None:
@@ -58,10 +58,10 @@ def write_csv(
     stems: Sequence[str],
     names: Sequence[str] | None,
 ) -> None:
-    """Write outputs.csv, a row per case, and the waveforms and courses of each case; units in the head."""
+    """Write outputs.csv with one row per case, and waveforms and courses of each case, with units."""
     folder.mkdir(exist_ok=True)
     for index, (result, stem) in enumerate(zip(results, stems, strict=True)):
-        if "phase" not in result.dims:  # no beat, and so no waveforms: the table of outputs has its row
+        if "phase" not in result.dims:  # no beat, so no waveforms; outputs.csv has its row
             continue
         table = _waveform_table(_selected(result, names), "phase")
         write_text(frame_text(table), folder / f"{stem}_waveforms.csv")
@@ -75,7 +75,7 @@ def write_csv(
 def write_figures(
     cases: Sequence[Case], results: Sequence[xr.Dataset], folder: Path, stems: Sequence[str]
 ) -> None:
-    """Write all figures of each case; their names begin with the case's stem."""
+    """Write all figures of each case; their names begin with the stem of the case."""
     from eclsim.orbit.model import circuit_of
     from eclsim.simulation.figures import write_case_figures
 
@@ -87,7 +87,7 @@ def write_figures(
 
 
 def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
-    """All scalars, and of the waveforms those asked for."""
+    """Return all scalars and the requested waveforms."""
     if names is None:
         return result
     selected = [name for name, variable in result.data_vars.items() if variable.ndim == 0 or name in names]
@@ -122,7 +122,7 @@ def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
 
 
 def results_object(results: Iterable[xr.Dataset]) -> dict[str, object]:
-    """All cases as one object, in order; holds finite numbers only, what is not finite is left out."""
+    """All cases as one object, in order; values that are not finite are left out."""
     return {"cases": [case_object(result) for result in results]}
 
 
@@ -158,7 +158,7 @@ def case_object(result: xr.Dataset) -> dict[str, object]:
 
 
 def _solved(result: xr.Dataset) -> dict[str, object]:
-    """What was solved for, under the keys of a case file."""
+    """Values that were solved for, under the keys of a case file."""
     solved = solved_speed_of(result)
     if solved is None:
         return {}
@@ -166,7 +166,7 @@ def _solved(result: xr.Dataset) -> dict[str, object]:
 
 
 def _statistics(result: xr.Dataset, name: str) -> dict[str, float] | None:
-    """Mean, smallest and largest value of a waveform; None for what is none or is not finite."""
+    """Mean, smallest and largest value of a waveform; None if it does not exist or is not finite."""
     variable = result[name]
     if variable.dims != ("phase",):
         return None

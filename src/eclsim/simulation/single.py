@@ -1,4 +1,4 @@
-"""Cases: steady beats, variants, derivatives and courses in time; a flow that a case names is solved for."""
+"""Steady beats, variants, derivatives and courses of cases, with speeds solved for given pump flows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from eclsim.orbit.execution import Execution
 
 NOT_REACHED = "flow_not_reached"
-"""Status of a case whose target pump flow no speed gives."""
+"""Status of a case whose target pump flow no speed can reach."""
 
 
 def simulate(
@@ -37,24 +37,24 @@ def simulate(
     solver: str = SEMI_IMPLICIT,
     check_grid: bool = False,
 ) -> xr.Dataset:
-    """The steady beat of a case or a model.
+    """Compute the steady beat of a case or a model.
 
     Args:
-        case: path of a case file, what `read_case` returned, a case or a model. Of a case that names a pump
-            flow (`ecmo.flow_l_min`) the speed is solved for; a model has its speed.
-        volume_policy: blood volume policy, "as_published" or "patient_held"; left out, the case's.
+        case: path of a case file, what `read_case` returned, a case or a model. If a case gives a pump flow
+            (`ecmo.flow_l_min`), the speed is solved for; a model already has its speed.
+        volume_policy: blood volume policy, "as_published" or "patient_held"; None takes that of the case.
         options: accuracy and effort of the search.
-        resolution: of the phase grid; left out, what the circuit's time constants need.
-        solver: "semi-implicit" (the orbit is solved) or "adaptive" (Dopri8 with tight tolerance, the orbit is
-            waited for: slow, for verification; without options and resolution).
-        check_grid: solve once more with half the step and give the change of the outputs.
+        resolution: resolution of the phase grid; None takes what the circuit's time constants need.
+        solver: "semi-implicit" solves for the orbit; "adaptive" integrates with Dopri8 and tight tolerance
+            until the orbit is reached (slow, for verification, without `options` and `resolution`).
+        check_grid: whether to solve again with half the step and report the change of the outputs.
 
     Returns:
-        Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged; NaN where
+        Waveforms over `phase`, scalar outputs, and as attributes whether and how the search converged; NaN if
         it did not. The attribute `case` is the case as JSON text, for `Case.model_validate_json`, with the
-        speed that was computed. With `ecmo.flow_l_min` also the flow wanted and the pump speed solved for it
-        (`target_flow.solved_speed_of`); if no speed gives the flow, a Dataset without numbers whose status is
-        "flow_not_reached" and whose message says why.
+        computed speed. With `ecmo.flow_l_min` also the target flow and the pump speed solved for it
+        (`target_flow.solved_speed_of`). If no speed gives the flow, a Dataset without numbers whose status is
+        "flow_not_reached" and whose message gives the reason.
     """
     OneOf((SEMI_IMPLICIT, ADAPTIVE))("solver", solver)
     check_grid = flag("check_grid", check_grid)
@@ -82,28 +82,28 @@ def simulate_many(
     options: OrbitOptions | None = None,
     execution: Execution | None = None,
 ) -> xr.Dataset:
-    """Steady beats of variants of a case or a model.
+    """Compute the steady beats of variants of a case or a model.
 
     Args:
-        case: path of a case file, what `read_case` returned, a case or a model; what all variants share. Of
-            a case that names a pump flow (`ecmo.flow_l_min`) the speed of each variant is solved for.
-        changes: an array (members,) for each parameter that varies, or a number that holds for all; of a
-            case also the flow, "ecmo.flow_l_min".
-        outputs: names of the registry; left out, all that the circuit has.
-        volume_policy: blood volume policy; left out, the case's.
+        case: path of a case file, what `read_case` returned, a case or a model, shared by all variants. If a
+            case gives a pump flow (`ecmo.flow_l_min`), the speed of each variant is solved for.
+        changes: an array (members,) for each varied parameter, or a number for all members; for a case also
+            the flow, "ecmo.flow_l_min".
+        outputs: names of outputs, as in the registry; None for all that the circuit has.
+        volume_policy: blood volume policy; None takes that of the case.
         options: accuracy and effort of the search.
         execution: how the batch is computed.
 
     Returns:
         Dataset over `member`: the changed parameters (and with a flow its key and the speed) as coordinates,
-        outputs with units, `status` (see `Status`; "flow_not_reached" where no speed gives the flow),
-        `message`, `beats` and `residual`, `warnings` about these outputs (a line each) and whether the beat
-        is `impossible` in a patient. Outputs of a member that did not settle are NaN, and its message says
-        why.
+        outputs with units, `status` (see `Status`; "flow_not_reached" if no speed gives the flow), `message`,
+        `beats` and `residual`, `warnings` about these outputs (one line each) and whether the beat is
+        `impossible` in a patient. Outputs of a member that did not converge are NaN, and its message gives
+        the reason.
 
     Raises:
-        ValueError: arrays of different lengths.
-        UnknownValueError: a parameter that the circuit does not have, or a speed that follows from a flow.
+        ValueError: Arrays have different lengths.
+        UnknownValueError: The circuit lacks a parameter, or a speed that follows from a flow is changed.
     """
     source = case if isinstance(case, Model) else as_case(case, or_model=True)
     how, solved, changes = (volume_policy, options, execution), None, results.as_columns(changes)
@@ -127,30 +127,30 @@ def derivatives(
     resolution: int | None = None,
     throw: bool = True,
 ) -> xr.DataArray:
-    """d output / d parameter of a steady beat, exact for the grid.
+    """Compute d output / d parameter of a steady beat, exact for the grid.
 
     Args:
-        case: path of a case file, what `read_case` returned, a case or a model. Of a case that names a pump
-            flow (`ecmo.flow_l_min`) the derivatives hold the flow: the speed follows each parameter.
-        outputs: names of the registry.
-        parameters: names that the circuit reads, or `heart_rate_bpm`; where a flow is held also its key, and
-            not the speed.
-        volume_policy: blood volume policy; left out, the case's.
-        resolution: of the phase grid; left out, what the circuit's time constants need. Twice the resolution
-            brings the derivatives from 0.6 % to 0.4 % of the continuous ones.
-        throw: False gives NaN and says why in the attributes where there are no derivatives.
+        case: path of a case file, what `read_case` returned, a case or a model. If a case gives a pump flow
+            (`ecmo.flow_l_min`), derivatives are at constant flow: the speed changes with each parameter.
+        outputs: names of outputs, as in the registry.
+        parameters: names of parameters of the circuit, or `heart_rate_bpm`; at constant flow also its key,
+            but not the speed.
+        volume_policy: blood volume policy; None takes that of the case.
+        resolution: resolution of the phase grid; None takes what the circuit's time constants need. Twice the
+            resolution reduces the difference from the continuous derivatives from 0.6 % to 0.4 %.
+        throw: if False, missing derivatives are NaN and the attributes give the reason.
 
     Returns:
         Array with dimensions (output, parameter), in `output_units` per `parameter_units`, which are
-        coordinates like `value` and `parameter_value`, the point;
-        attributes `status` ("converged", else as `Status`, "singular" or "flow_not_reached"), `message` and
-        `warnings` say what they are of.
+        coordinates like `value` and `parameter_value`, the point of the derivatives. The attributes `status`
+        ("converged", else as `Status`, "singular" or "flow_not_reached"), `message` and `warnings` describe
+        the beat.
 
     Raises:
-        NoDerivativesError: no steady beat was found, or its equation is singular.
-        FlowNotReachedError: no speed gives the flow.
-        UnknownValueError: no parameter of the circuit, or the speed where the flow is held.
-        UnknownOutputError: no output.
+        NoDerivativesError: No steady beat was found, or its equation is singular.
+        FlowNotReachedError: No speed gives the flow.
+        UnknownValueError: The circuit has no such parameter, or it is the speed at constant flow.
+        UnknownOutputError: There is no such output.
     """
     throw = flag("throw", throw)
     source = case if isinstance(case, Model) else as_case(case, or_model=True)
@@ -175,7 +175,7 @@ def derivatives(
 def _at_held_flow(
     result: xr.DataArray, solved: SolvedSpeeds, outputs: Sequence[str], parameters: Sequence[str]
 ) -> xr.DataArray:
-    """Derivatives with the flow held: d speed = (d flow - sum(flow by parameter)) / (flow by speed)."""
+    """Derivatives at constant flow: d speed = (d flow - sum(flow by parameter)) / (flow by speed)."""
     by_speed, flow = result.sel(parameter=solved.speed), result.sel(output=solved.output)
     by_flow = by_speed / float(flow.sel(parameter=solved.speed))
     table = (result - by_flow * flow).drop_sel(parameter=solved.speed)
@@ -220,7 +220,7 @@ def _beat(
 
 
 def result_without_flow(case: Case, policy: str, sentence: str) -> xr.Dataset:
-    """What stands for the beat of a case whose target flow cannot be had: the reason and no numbers."""
+    """Return a result without numbers, with the reason, for a case whose target flow cannot be reached."""
     attributes = {
         "id": case.patient.id,
         "converged": 0,
@@ -243,17 +243,18 @@ def simulate_transient(
     solver: str = "semi-implicit",
     names: Sequence[str] | None = None,
 ) -> xr.Dataset:
-    """The course of a case from the published initial state, over `time` [s].
+    """Simulate a case from the published initial state over `time` [s].
 
     Args:
         case: patient, devices and parameters.
-        seconds: how long [s].
-        volume_policy: "as_published" or "patient_held" (the circuits start primed); left out, the case's.
+        seconds: duration [s].
+        volume_policy: "as_published" or "patient_held" (the circuits start primed); None takes that of the
+            case.
         solver: "semi-implicit" or "adaptive".
-        names: waveforms to keep; left out, all.
+        names: names of the waveforms to keep; None for all.
 
     Raises:
-        FlowNotReachedError: The case names a pump flow that no speed gives.
+        FlowNotReachedError: The case gives a pump flow that no speed can reach.
     """
     from eclsim.outputs.results import simulate_course
 

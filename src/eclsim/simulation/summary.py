@@ -60,7 +60,7 @@ _GROUPS = (
     ),
     ("Regulation", tuple(one.name for one in REGULATED)),
 )  # fmt: skip
-"""What clinicians ask for, in their order; an output that no case has is left out. Devices add theirs."""
+"""Main outputs in clinical order, without those that no case has; devices add their own."""
 _SYMBOLS = {
     "pulse_pressure": "PP",
     "right_atrial_pressure": "CVP",
@@ -69,7 +69,7 @@ _SYMBOLS = {
     "ejection_fraction_rv": "EFRV",
     "systemic_flow": "Qs",
 }
-"""Short names in tables of outputs whose keys are words."""
+"""Short names of outputs in tables, where the keys are words."""
 _LONG_NAMES = {
     "right_atrial_pressure": "central venous (right atrial) pressure",
     "CO": "native cardiac output (in the pulmonary artery)",
@@ -81,11 +81,11 @@ _MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", "*": "* 
 
 
 def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = None) -> None:
-    """Show the outputs on standard output: a column per case for a few, a row per case for many.
+    """Print the outputs: a column per case for a few cases, a row per case for many.
 
     Args:
-        results: of the cases.
-        changes: by output, for two cases that are a state before and after; a column shows them.
+        results: results of the cases.
+        changes: changes by output between two cases that are before and after; shown in a column.
     """
     from rich.console import Console
 
@@ -99,7 +99,7 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
 
 
 def legend(results: Sequence[xr.Dataset]) -> str:
-    """What the marks behind numbers mean; empty if there is none."""
+    """Explanation of the marks after numbers; empty if there are none."""
     messages = dict.fromkeys(_mark(result, str(name)) for result in results for name in result.data_vars)
     meanings = [meaning for mark, meaning in _MEANINGS.items() if mark in messages]
     return f"{', '.join(meanings)}: the warnings say why" if meanings else ""
@@ -137,7 +137,7 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
 
 
 def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
-    """Titles and outputs, the flows of devices with those of the patient."""
+    """Titles and outputs of the groups, with the flows of devices among those of the patient."""
     outputs = (named_output(str(name)) for result in results for name in result.data_vars)
     instances = {naming[0].key: naming[0] for naming in outputs if naming is not None}.values()
     order = list(devices())
@@ -148,7 +148,7 @@ def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def _is_shown(name: str, results: Sequence[xr.Dataset]) -> bool:
-    """Whether any case has it; the flow through the lungs only where it is another than CO."""
+    """Whether any case has an output; the flow through the lungs only if it differs from CO."""
     holding = [result for result in results if name in result]
     if name != "pulmonary_flow":
         return bool(holding)
@@ -222,7 +222,7 @@ def _digits(about: Mapping[str, object]) -> int:
 
 
 def cell(result: xr.Dataset, name: str) -> str:
-    """The number with its mark; a space in place of none, so that the digits stay below each other."""
+    """A number with its mark, or a space without one, so that digits are aligned."""
     value = float(result[name]) if name in result else math.nan
     if not math.isfinite(value):
         return "- "
@@ -239,7 +239,7 @@ _SWEPT = (
 
 
 def sweep_text(sweep: Sweep) -> str:
-    """A row for each value; one without a steady beat has its reason in place of numbers."""
+    """Table with one row for each value; without a steady beat it has the reason instead of numbers."""
     columns = [(name, head) for name, head in _SWEPT if any(name in result for result in sweep.results)]
     solved = any(map(solved_speed_of, sweep.results))
     head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
@@ -260,11 +260,11 @@ def sweep_text(sweep: Sweep) -> str:
 
 
 def sweep_doubts(sweep: Sweep) -> list[str]:
-    """Each warning once, with the values it holds for; its numbers are those of the last of them."""
+    """Each warning once, with the values it holds for; its numbers are those of the last value."""
     places: dict[str, list[tuple[str, str]]] = {}
     for value, result in zip(sweep.values, sweep.results, strict=True):
         warnings = [str(sentence) for sentence in result.attrs.get("warnings", ())]
-        of_case = untrusted(warnings)  # said where it was read
+        of_case = untrusted(warnings)  # reported when the case was read
         sentences = [text for text in warnings if text not in of_case]
         if not result.attrs["converged"]:
             sentences = [f"no beat: {result.attrs.get('message', '')}"]

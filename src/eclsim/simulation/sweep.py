@@ -1,4 +1,4 @@
-"""One key of a case varied over a list of values: a steady beat for each, all one batch, and its files."""
+"""Sweep: one key of a case varied over a list of values, steady beats as one batch, and files."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from eclsim.circuit import Circuit
 
 LARGEST_COUNT = 201
-"""Values of one sweep: all their waveforms are held, about 0.5 MB each."""
+"""Largest number of values of a sweep: all waveforms are held in memory, about 0.5 MB each."""
 
 Value = float | str
 
 
 class SweepError(ValueError):
-    """A sweep that cannot be run; says what is allowed."""
+    """Raised for a sweep that cannot be run; the message says what is allowed."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Sweep:
     """A case at each value of one key.
 
     Args:
-        case_id: the patient.
-        key: of the case file, or a parameter.
-        unit: of the values, empty for names.
+        case_id: id of the patient.
+        key: key of the case file, or name of a parameter.
+        unit: unit of the values; empty for names.
         values: numbers, or names.
-        case_value: the case's own value, None where it has none.
-        results: the beat at each value, as `eclsim.simulate` gives it.
+        case_value: the case's own value; None if it has none.
+        results: beat at each value, as of `eclsim.simulate`.
     """
 
     case_id: str
@@ -67,10 +67,10 @@ class Sweep:
 
 
 def parse_sweep(text: str) -> tuple[str, tuple[str, ...]]:
-    """Key and values of `KEY=first:last:step` or `KEY=value,value,...`, each value as text.
+    """Parse `KEY=first:last:step` or `KEY=value,value,...` into key and values, each value as text.
 
     Raises:
-        SweepError: If it is neither.
+        SweepError: The text has neither form.
     """
     key, equals, written = (part.strip() for part in text.partition("="))
     if not (key and equals and written):
@@ -92,14 +92,14 @@ def parse_sweep(text: str) -> tuple[str, tuple[str, ...]]:
 def sweep_cases(
     key: str, unit: str, case_value: Value | None, cases: Mapping[Value, Case], policy: str | None = None
 ) -> Sweep:
-    """The steady beat of each of some cases that differ in one key.
+    """Compute the steady beat of each of several cases that differ in one key.
 
     Args:
-        key: what differs, as it is called in messages.
-        unit: of the values.
-        case_value: the value of the case as it is.
-        cases: by value, in order.
-        policy: blood volume policy; left out, that of the cases, which share it.
+        key: name of the varied key in messages.
+        unit: unit of the values.
+        case_value: value of the unchanged case.
+        cases: cases by value, in order.
+        policy: blood volume policy; None takes that of the cases, which share it.
 
     Raises:
         SweepError: The values connect the circuit in different ways, or change nothing.
@@ -183,7 +183,7 @@ def _steps(ends: Sequence[str], text: str) -> list[str]:
 
 
 def remarks_on_last_values(text: str) -> list[str]:
-    """A sentence for each range of a sweep, as `parse_sweep` takes it, whose steps miss its last value."""
+    """A sentence for each range of a sweep (see `parse_sweep`) whose steps do not reach its last value."""
     messages = []
     for part in text.partition("=")[2].split(","):
         ends = part.strip().split(":")
@@ -204,11 +204,11 @@ def _no_sweep(text: str) -> str:
 
 
 def as_table(sweep: Sweep) -> xr.Dataset:
-    """Outputs over the values, NaN where no steady beat was found, with `status` and `message` saying why.
+    """Outputs over the values, NaN without a steady beat, with `status` and `message`.
 
     Returns:
         Dataset over `value`: every output that any of the beats has, `converged`, `impossible`, `warnings`
-        (a line each), and the pump speed where it was solved for a flow.
+        (one line each), and the pump speed if it was solved for a flow.
     """
     results = sweep.results
     names = dict.fromkeys(str(n) for r in results for n, v in r.data_vars.items() if v.ndim == 0)
@@ -239,7 +239,7 @@ def as_table(sweep: Sweep) -> xr.Dataset:
 
 
 def _value_if_converged(result: xr.Dataset, name: str) -> float:
-    """An output, NaN unless the beat converged."""
+    """An output; NaN unless the beat converged."""
     return float(result[name]) if result.attrs["converged"] and name in result else math.nan
 
 
@@ -247,7 +247,7 @@ def _value_if_converged(result: xr.Dataset, name: str) -> float:
 
 
 def sweep_object(sweep: Sweep) -> dict[str, Any]:
-    """What was varied, and an object for each value, as `eclsim simulate` writes one for each case."""
+    """The varied key, and for each value an object as `eclsim simulate` writes for each case."""
     about = {"id": sweep.case_id, "key": sweep.key, "unit": sweep.unit, "values": list(sweep.values)}
     cases = [
         {**case_object(result), "swept": {sweep.key: value}}
@@ -258,18 +258,18 @@ def sweep_object(sweep: Sweep) -> dict[str, Any]:
 
 
 def write_netcdf(sweep: Sweep, path: Path) -> None:
-    """Write the outputs over the values; waveforms are not in it."""
+    """Write the outputs over the values, without waveforms."""
     files.write_netcdf({"": as_table(sweep)}, path)
 
 
 def write_csv(sweep: Sweep, path: Path) -> None:
-    """Write a row for each value, outputs with units in the head; cells without a steady beat are empty."""
+    """Write one row for each value, with units in the header; cells without a steady beat are empty."""
     path.parent.mkdir(exist_ok=True)
     write_text(frame_text(_frame(sweep)), path)
 
 
 def write_figure(sweep: Sweep, path_without_suffix: Path) -> list[Path]:
-    """Draw the outputs over the values, as SVG and PNG."""
+    """Plot the outputs over the values, as SVG and PNG."""
     from eclsim.reporting.style import save_figure, write_above
     from eclsim.simulation.figures import plot_sweep
 

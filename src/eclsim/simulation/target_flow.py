@@ -1,6 +1,6 @@
-"""The pump speed at which the steady beat has the flow that a case names: PF(speed) = flow.
+"""Solve for the pump speed at which the steady beat has the flow that a case gives: PF(speed) = flow.
 
-Devices say what can be named in place of what (`eclsim.devices.description.Target`).
+Devices declare which target can replace which setting (`eclsim.devices.description.Target`).
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ if TYPE_CHECKING:
 
 TOLERANCE_L_MIN = 1e-6
 SPEEDS_SCANNED = 9
-"""Speeds over the pump's range that are tried first; the flow is sought between two of them."""
+"""Number of speeds over the pump's range tried first; the flow is then searched between two of them."""
 MOST_TRIALS = 60
 
 Flows = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, list[str]]]
-"""From members and their speeds [rpm] to flows [L/min], NaN without a steady beat, and messages."""
+"""Maps members and speeds [rpm] to flows [L/min], NaN without a steady beat, and messages."""
 
 
 class FlowNotReachedError(ValueError):
-    """No speed of the pump's range gives the flow; says which flows can be had."""
+    """Raised if no speed of the pump's range gives the flow; the message gives the possible flows."""
 
 
 @dataclass(frozen=True)
 class SolvedSpeed:
-    """A target and the speed that reaches it.
+    """A target flow and the pump speed that reaches it.
 
     Args:
         flow_key: key of the target in a case file, such as "ecmo.flow_l_min".
-        flow: pump flow wanted [L/min]; met to `TOLERANCE_L_MIN`.
+        flow: target pump flow [L/min], reached within `TOLERANCE_L_MIN`.
         speed_key: key of the speed, such as "ecmo.speed_rpm".
-        speed_rpm: what the pump has to run at [rpm].
+        speed_rpm: pump speed [rpm].
     """
 
     flow_key: str
@@ -58,7 +58,7 @@ class SolvedSpeed:
         return f"{self.flow_key} = {self.flow:g} needs {self.speed_rpm:.0f} rpm"
 
     def attributes(self) -> dict[str, str | float]:
-        """What a result holds of it, such as "target_ecmo_flow_l_min" and "solved_ecmo_speed_rpm"."""
+        """Attributes of a result, such as "target_ecmo_flow_l_min" and "solved_ecmo_speed_rpm"."""
         return {
             "target": self.flow_key, "target_" + self.flow_key.replace(".", "_"): self.flow,
             "solved": self.speed_key, "solved_" + self.speed_key.replace(".", "_"): self.speed_rpm,
@@ -66,7 +66,7 @@ class SolvedSpeed:
 
 
 def solved_speed_of(result: xr.Dataset) -> SolvedSpeed | None:
-    """What was solved for a result; None where nothing was."""
+    """The speed solved for a result; None if none was."""
     about = result.attrs
     if "solved" not in about:
         return None
@@ -76,11 +76,11 @@ def solved_speed_of(result: xr.Dataset) -> SolvedSpeed | None:
 
 
 def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SolvedSpeed | None]:
-    """The case with the pump speed that gives its target flow, and that speed.
+    """Return the case with the pump speed that gives its target flow, and this speed.
 
     Args:
-        case: with a target such as `ecmo.flow_l_min`; any other is handed back as it is, with None.
-        policy: blood volume policy; left out, the case's.
+        case: case with a target such as `ecmo.flow_l_min`; any other is returned unchanged, with None.
+        policy: blood volume policy; None takes that of the case.
 
     Raises:
         FlowNotReachedError: No speed in the pump's usual range gives the flow.
@@ -95,16 +95,16 @@ def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SolvedSpeed
 
 @dataclass(frozen=True)
 class SolvedSpeeds:
-    """The speed of each variant of a case that names a flow.
+    """Speeds of the variants of a case with a target flow.
 
     Args:
-        case: that all variants share, whose set points are known.
-        instance: device whose flow is named.
-        target: what of it.
-        changes: of the variants besides flow and speed, an array (members,) or a number each.
-        flows: wanted [L/min], shape (members,).
-        speeds: that give them [rpm], NaN where none does, shape (members,).
-        reasons: why no speed does, empty where one does.
+        case: case that all variants share, with known set points.
+        instance: device with the target flow.
+        target: target of this device.
+        changes: further changes of the variants, an array (members,) or a number for each parameter.
+        flows: target flows [L/min], shape (members,).
+        speeds: speeds that give them [rpm], NaN if there is none, shape (members,).
+        reasons: reasons why there is no speed; empty if there is one.
     """
 
     case: Case
@@ -117,7 +117,7 @@ class SolvedSpeeds:
 
     @property
     def speed(self) -> str:
-        """Name of the speed among the circuit's parameters."""
+        """Name of the speed parameter of the circuit."""
         return self.instance.parameter(f"{self.instance.device.key}.{self.target.setting}")
 
     @property
@@ -127,16 +127,16 @@ class SolvedSpeeds:
 
     @property
     def output(self) -> str:
-        """Name of the output that is to have the value."""
+        """Name of the output that must reach the target."""
         return self.instance.output(self.target.output)
 
     def case_at(self, speed: float) -> Case:
-        """The case at a speed in place of the flow."""
+        """Return the case with a speed instead of the target flow."""
         keys = {self.target.key: None, self.target.setting: speed}
         return self.case.with_section(self.instance.key, **keys)
 
     def solved_speed(self, member: int) -> SolvedSpeed:
-        """What was solved for a member."""
+        """Target and speed of a member."""
         speed_key = f"{self.instance.key}.{self.target.setting}"
         return SolvedSpeed(self.flow_key, float(self.flows[member]), speed_key, float(self.speeds[member]))
 
@@ -148,19 +148,19 @@ def solve_speeds(
     options: OrbitOptions | None = None,
     execution: Execution | None = None,
 ) -> SolvedSpeeds | None:
-    """The speed of each variant of a case that gives its flow; None if no flow is wanted.
+    """Solve for the speed of each variant of a case that gives its target flow; None without a target.
 
     Args:
-        case: that all variants share.
-        changes: as of `eclsim.simulate_many`; a target such as "ecmo.flow_l_min" may be among them.
-        policy: blood volume policy; left out, the case's.
+        case: case that all variants share.
+        changes: changes as for `eclsim.simulate_many`, which may include a target such as "ecmo.flow_l_min".
+        policy: blood volume policy; None takes that of the case.
         options: accuracy and effort of the search.
         execution: how the batch is computed.
 
     Raises:
-        FlowNotReachedError: Two flows are wanted at once.
-        UnknownValueError: A speed is changed that follows from the flow.
-        ValueError: Arrays of different lengths.
+        FlowNotReachedError: Two target flows are given at once.
+        UnknownValueError: A speed is changed that follows from a target flow.
+        ValueError: Arrays have different lengths.
     """
     changes = as_columns(changes)
     count = member_count(changes)
@@ -207,30 +207,30 @@ def solve_speeds(
 
 
 def _with_resting_speed(case: Case, policy: str | None) -> Case:
-    """The case, whose open set points refer to a rest with its speed solved for."""
+    """Return the case with its speed at rest solved for, to which its open set points refer."""
     if case.regulation is None or not case.regulation.open_set_points or not case.at_rest().targets():
         return case
     return case.model_copy(update={"as_written": with_speed(case.at_rest(), policy)[0]})
 
 
-# --- the search, on any function of speeds --------------------------------------------------------
+# --- the search, for any function of speeds -------------------------------------------------------
 
 
 def speeds_for_flows(
     flows: Flows, targets: np.ndarray, span: tuple[float, float]
 ) -> tuple[np.ndarray, list[str]]:
-    """Speeds [rpm] within a range that give flows [L/min]; the lowest, should there be several.
+    """Speeds [rpm] within a range that give flows [L/min]; the lowest if there are several.
 
-    The range is scanned, then each flow is closed in between two speeds by false position (Illinois) with
-    bisection where that stalls; all members go on side by side.
+    The range is scanned. Each flow is then bracketed and found by false position (Illinois), with bisection
+    where that stalls; all members are solved side by side.
 
     Args:
-        flows: flow of members at speeds.
-        targets: flow to reach [L/min], shape (members,).
-        span: lowest and highest speed [rpm].
+        flows: function that computes the flow of members at speeds.
+        targets: target flows [L/min], shape (members,).
+        span: smallest and largest speed [rpm].
 
     Returns:
-        Speeds, NaN where there is none, and for each member why, empty where there is one.
+        Speeds, NaN if there is none, and for each member the reason, empty if there is a speed.
     """
     count, tried = len(targets), np.linspace(*span, SPEEDS_SCANNED)
     result, messages = flows(np.repeat(np.arange(count), SPEEDS_SCANNED), np.tile(tried, count))
@@ -248,13 +248,13 @@ def speeds_for_flows(
 
 
 class _Search:
-    """False position for one member, after the scan of the range.
+    """False position for one member, after a scan of the range.
 
     Args:
-        target: flow to reach [L/min].
-        speeds: of the scan, rising.
-        flows: at these speeds, NaN without a steady beat.
-        message: of the last speed.
+        target: target flow [L/min].
+        speeds: increasing speeds of the scan.
+        flows: flows at these speeds, NaN without a steady beat.
+        message: message of the last speed.
     """
 
     def __init__(self, target: float, speeds: np.ndarray, flows: np.ndarray, message: str):
@@ -279,23 +279,23 @@ class _Search:
 
     @property
     def running(self) -> bool:
-        """Whether there is neither a speed nor a reason yet."""
+        """Whether neither a speed nor a reason has been found yet."""
         return not self.reason and bool(np.isnan(self.speed))
 
     def trial(self) -> float:
-        """The speed to try next."""
+        """Next speed to try."""
         secant = (self.low * self.above - self.high * self.below) / (self.above - self.below)
         return secant if self.trials % 8 != 7 else 0.5 * (self.low + self.high)
 
     def record(self, speed: float, flow: float, message: str) -> None:
-        """Take the flow at the speed that was tried."""
+        """Add the flow at the speed that was tried."""
         excess, self.trials = flow - self.target, self.trials + 1
         if not np.isfinite(flow):
             where = f"between {self.ends[0]:.0f} and {self.ends[1]:.0f} rpm"
             self.reason = f"it lies {where}, but no steady beat was found at {speed:.0f} rpm: {message}"
         elif abs(excess) <= TOLERANCE_L_MIN:
             self.speed = speed
-        # An end that stays twice counts half, so that the next trial falls on its side.
+        # The value at an end that is kept twice is halved, so that the next trial falls on its side.
         elif (excess > 0.0) == (self.above > 0.0):
             self.high, self.above = speed, excess
             self.below, self.last = self.below * (0.5 if self.last == 1 else 1.0), 1

@@ -1,6 +1,7 @@
-"""Does eclsim solve the published equations, and do the equations describe patients and devices?
+"""Validation: does eclsim solve the published equations, and do these describe patients and devices?
 
-Each module holds one comparison and gives `Check`s: rows of expected, got, error and verdict. `suite` runs
-them for `eclsim validate`; `timing` measures speed for `eclsim benchmark`; `demonstration` is `eclsim demo`.
-The data compared with are in `data/`, with their sources.
+Each module makes one comparison and returns `Check`s: rows with expected and computed number, error and
+verdict. `suite` runs them for `eclsim validate`; `timing` measures speed for `eclsim benchmark`;
+`demonstration` is `eclsim demo`.
+The reference data and their sources are in `data/`.
 """

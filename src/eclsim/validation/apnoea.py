@@ -1,7 +1,7 @@
-"""Apnoea against measurements: how long the oxygen of lungs and blood lasts, and how carbon dioxide rises.
+"""Apnoea compared with measurements: duration of the oxygen stores, and rise of carbon dioxide.
 
-Nothing was fitted. The patient is an adult under anaesthesia as textbooks have him: 250 mL/min of oxygen
-consumed, 2.2 L of gas in the lungs, 5 L/min of cardiac output at a mean pressure of 85 mmHg.
+Nothing was fitted. The patient is a textbook adult under anaesthesia: oxygen consumption 250 mL/min, 2.2 L of
+gas in the lungs, cardiac output 5 L/min at a mean pressure of 85 mmHg.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ PATIENT = {
     "parameters": {"Rmc": 0.9, "Emaxlv": 1.5},
 }  # fmt: skip
 AIR, OXYGEN = 0.21, 1.0
-"""Fraction of oxygen breathed before."""
+"""Fraction of oxygen inspired before the apnoea."""
 MINUTES, BEGIN = {AIR: 5.0, OXYGEN: 15.0}, 1.0
 OUTPUTS = ("SaO2", "PaCO2")
 
 
 def apnoea_check() -> Check:
-    """An adult who breathed air or oxygen, and then not at all with the airway open to air."""
+    """Rows for an adult who breathed air or oxygen before apnoea with the airway open to air."""
     air, oxygen = (apnoea(fio2) for fio2 in (AIR, OXYGEN))
     rows = (
         within("air: SaO2 of 90 % is reached after (test)", 1.0, time_to(air, 90.0), 0.5, "min",
@@ -47,11 +47,11 @@ def apnoea_check() -> Check:
 
 
 def apnoea(fio2: float, **gas: float) -> xr.Dataset:
-    """Beats of the patient, whom nothing ventilates from minute 0 on.
+    """Simulate beats of the patient, without ventilation from minute 0 on.
 
     Args:
-        fio2: fraction of oxygen breathed before.
-        gas: other keys of [gas].
+        fio2: fraction of oxygen inspired before the apnoea.
+        gas: other keys of the section [gas].
     """
     stop = {"at_min": BEGIN, "set": {"gas.alveolar_ventilation_l_min": 0.0}}
     case = PATIENT | {"gas": PATIENT["gas"] | {"fio2": fio2} | gas, "events": [stop]}
@@ -60,7 +60,7 @@ def apnoea(fio2: float, **gas: float) -> xr.Dataset:
 
 
 def time_to(beats: xr.Dataset, saturation: float) -> float:
-    """Minutes until the arterial saturation [%] has fallen to a value; NaN where it has not."""
+    """Time until the arterial saturation [%] has fallen to a value [min]; NaN if it has not."""
     time, oxygen_saturation = beats["time_min"].to_numpy(), beats["SaO2"].to_numpy()
     below = np.flatnonzero(oxygen_saturation <= saturation)
     if not len(below):
@@ -75,13 +75,13 @@ def fall(beats: xr.Dataset) -> float:
 
 
 def rises(beats: xr.Dataset) -> tuple[float, float]:
-    """Rises of PaCO2 in the first minute [mmHg], and in the three that follow [mmHg/min]."""
+    """Rise of PaCO2 in the first minute [mmHg], and its rate in the following three [mmHg/min]."""
     start, first, fourth = np.interp((0.0, 1.0, 4.0), beats["time_min"], beats["PaCO2"])
     return float(first - start), float((fourth - first) / 3.0)
 
 
 def _carbon_dioxide(beats: xr.Dataset) -> list[Row]:
-    """How fast arterial carbon dioxide rises."""
+    """Rows for the rise of arterial carbon dioxide."""
     first, later = rises(beats)
     return [
         within("oxygen: PaCO2 rises in the first minute by (test)", 9.8, first, 1.9, "mmHg",

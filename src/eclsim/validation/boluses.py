@@ -1,7 +1,7 @@
-"""Volume given and volume that stays, in people: courses with the published wall, nothing fitted.
+"""Plasma gain after infusions in people: courses with the published capillary wall, nothing fitted.
 
-Kept apart: fluid that is given to people who lost nothing, and fluid that takes the place of blood. How long
-studies took is not in their abstracts; `OVER_MIN` and what follows it are taken.
+Fluid given to people who lost nothing is separated from fluid that replaces blood. The abstracts do not give
+durations; `OVER_MIN` and the constants after it are assumed.
 """
 
 from __future__ import annotations
@@ -42,26 +42,26 @@ REHM = (
 CYSTECTOMY = "10.1186/s13054-024-04821-6, 42 patients bled 848 mL in surgery, regression, abstract"
 GIVEN_ML, OVER_MIN, AFTER_MIN = 1000.0, 30.0, 240.0
 SPREAD = 10.0
-"""Spread of shares of what was given [%] where none is printed; that of Jacob's patients."""
+"""Assumed spread of the retained share of a volume if none is printed [%]; that of Jacob's patients."""
 SALINE, ALBUMIN = (9.0, 23.0), (52.0, 84.0)
-"""Ernest's patients: mean and standard deviation of the gain of plasma [% of the volume given]."""
+"""Plasma gain in Ernest's patients: mean and standard deviation [% of the volume given]."""
 PER_GROUP = 20
 MOST_ERROR_ML_KG = 2.9 / 2.365
-"""Standard error of Haskell's rise of 2.9 mL/kg at P = 0.05, by Student's t of 8 men."""
+"""Standard error of Haskell's rise of 2.9 mL/kg at P = 0.05, by Student's t for 8 men."""
 HASKELL_ML_KG, HASKELL_ML, HASKELL_KG = 2.9, 234.0, 77.6
-"""Weight: 234 mL are 6.8 % of the 44.3 mL/kg of plasma."""
+"""Rise [mL/kg, mL] and weight [kg], as 234 mL are 6.8 % of a plasma volume of 44.3 mL/kg."""
 
 
 class Given(NamedTuple):
-    """Fluids that one study gave and took.
+    """Fluids given and removed in one study.
 
     Attributes:
-        body: of the people, `[patient]` without an id.
-        blood: their haematocrit and the protein of their plasma [g/dL].
+        body: section `[patient]` of the participants, without an id.
+        blood: their haematocrit and plasma protein concentration [g/dL].
         give: volumes by kind [mL].
-        over_min: in which they are given.
-        after_min: after which what stays is measured.
-        later: what else is given: kind, volume [mL], minutes after the first, minutes that it takes.
+        over_min: duration of the infusion [min].
+        after_min: time from the end of the infusion to the measurement [min].
+        later: further fluids: kind, volume [mL], minutes after the first, duration [min].
     """
 
     body: tuple[tuple[str, object], ...]
@@ -73,16 +73,16 @@ class Given(NamedTuple):
 
 
 def body(sex: str, age: float, height: float, weight: float, rate: float) -> tuple[tuple[str, object], ...]:
-    """`[patient]` without an id."""
+    """Section `[patient]` without an id."""
     names = ("sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
     return tuple(zip(names, (sex, age, height, weight, rate), strict=True))
 
 
 WIDE = (("fluid", (("filtration_ml_min_mmHg", 4.0),)), ("parameters", (("Csvn", 95.0),)),
         ("regulation", (("baroreflex", 1.0), ("model", "heldt2010"))))  # fmt: skip
-"""Sections of the experiment: soft veins (CVSim), a reflex, and a wall between that of dialysis patients and
-the forearm's 0.0036 mL/min/mmHg for each 100 mL of tissue (Clin Physiol 3:433, 1983; 2.5 in 70 kg). Where
-between was chosen with these rows in sight: it shows the reason and is no test."""
+"""Sections of the experiment: soft veins (CVSim), a reflex, and a wall between those of dialysis patients and
+of the forearm, 0.0036 mL/min/mmHg per 100 mL of tissue (Clin Physiol 3:433, 1983; 2.5 in 70 kg). The value
+in between was chosen with knowledge of these rows: it shows the reason and is no test."""
 COMPLIANT = WIDE[1:]
 WIDE_TEXT = "4 mL/min/mmHg, Csvn 95 and heldt2010"
 STIFF_VEINS = "the published patient has stiff veins"
@@ -90,7 +90,7 @@ COMPLIANT_TEXT = "with Csvn 95 and heldt2010 at the same wall the row holds"
 Sections = tuple[tuple[str, tuple[tuple[str, object], ...]], ...]
 
 USUAL, HEALTHY = (0.30, 6.0), (0.42, 7.0)
-"""Blood: as in intensive care, which is the default, and of healthy men and women."""
+"""Haematocrit and plasma protein [g/dL]: in intensive care (the default), and in healthy people."""
 VOLUNTEER = Given(body("male", 28, 180, 78, 65), HEALTHY, (("crystalloid_ml", GIVEN_ML),))
 HEART = body("male", 65, 175, 80, 85)
 WOMEN = body("female", 50, 167, 68, 65)
@@ -102,12 +102,12 @@ SURGERY = Given(
 
 
 def boluses_check() -> Check:
-    """A litre of crystalloid and of albumin, four hours later; fluid in people, with and without bleeding."""
+    """Compare a litre of crystalloid and of albumin after four hours, and fluid with and without bleeding."""
     return compared("boluses", bolus_rows())
 
 
 def bolus_rows() -> Iterator[Row]:
-    """Shares that stay in the plasma or the blood, and the ratio of both fluids."""
+    """Rows for the shares retained in the plasma or the blood, and the ratio of both fluids."""
     man = body("male", 60, 178, 80, 90)
     kept = {
         kind: gained(Given(man, USUAL, ((kind, GIVEN_ML),), after_min=AFTER_MIN))[0]
@@ -138,7 +138,7 @@ def bolus_rows() -> Iterator[Row]:
 
 
 def _nothing_lost(saline: Given) -> Iterator[Row]:
-    """People who lost nothing."""
+    """Rows for people who lost no blood."""
     wall = f"the wall is that of dialysis patients, and {STIFF_VEINS}"
     text = f"{wall}; with {WIDE_TEXT} both rows are as measured"
     for after, expected, spread, words in ((0.0, 55.0, 5.0, "as it ends"), (30.0, 17.5, 2.5, "30 min later")):
@@ -163,7 +163,7 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
 
 
 def _blood_lost() -> Iterator[Row]:
-    """Fluid in place of blood."""
+    """Rows for fluid that replaces blood."""
     label, (loss, given) = "blood lost and Ringer's lactate: blood volume (test)", (1097.0, 3430.0)
     text = f"{STIFF_VEINS}; {COMPLIANT_TEXT}"
     soft = Explanation(text, (within("experiment", -459.0, gained(LACTATE, COMPLIANT)[1], 185.0, "mL"),))
@@ -180,29 +180,29 @@ def _blood_lost() -> Iterator[Row]:
 
 
 def _measured_ratio(ratio: float) -> Row:
-    """The ratio against that of Ernest's means, with the standard error that theirs give it."""
+    """Row for the ratio, compared with that of Ernest's means with its standard error."""
     expected = ALBUMIN[0] / SALINE[0]
     error = expected * math.hypot(*(0.5 * two_errors(one) / one[0] for one in (SALINE, ALBUMIN)))
     return within("5 % albumin over saline in patients' plasma", expected, ratio, error, "mL/mL")
 
 
 def two_errors(measured: tuple[float, float]) -> float:
-    """Two standard errors of a mean."""
+    """Two standard errors of the mean, from mean and standard deviation."""
     return 2.0 * measured[1] / math.sqrt(PER_GROUP)
 
 
 def share(given: Given, sections: Sections = ()) -> float:
-    """Plasma gained, of what was given [%]."""
+    """Plasma gain as a share of the volume given [%]."""
     return 100.0 * gained(given, sections)[0] / sum(ml for _, ml in given.give)
 
 
 @lru_cache(maxsize=64)
 def gained(given: Given, sections: Sections = ()) -> tuple[float, float]:
-    """Plasma and blood gained [mL] some time after fluid was given.
+    """Gain of plasma and of blood volume some time after an infusion [mL].
 
     Args:
-        given: what, and to whom.
-        sections: of the case beside `[patient]`; left out, the published patient with the wall as it is.
+        given: fluids and participants.
+        sections: sections of the case besides `[patient]`; empty for the published patient and wall.
     """
     before, after = followed(given, sections)
     plasma, cells = (after[name] - before[name] for name in (PLASMA, RED_CELLS))
@@ -210,14 +210,14 @@ def gained(given: Given, sections: Sections = ()) -> tuple[float, float]:
 
 
 def protein_changed(given: Given, sections: Sections = ()) -> float:
-    """By how much the concentration of the plasma's protein has changed [%]."""
+    """Relative change of the plasma protein concentration [%]."""
     before, after = followed(given, sections)
     return 100.0 * (after["plasma_protein"] / before["plasma_protein"] - 1.0)
 
 
 @lru_cache(maxsize=64)
 def followed(given: Given, sections: Sections = ()) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Blood before fluid was given and some time after; the arguments are those of `gained`."""
+    """Blood before and some time after an infusion; the arguments are those of `gained`."""
     first = {"at_min": 10.0, "give": dict(given.give), "over_min": given.over_min}
     later = [
         {"at_min": 10.0 + after, "give": {kind: ml}, "over_min": minutes}

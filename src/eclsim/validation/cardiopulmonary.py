@@ -1,4 +1,4 @@
-"""Reflexes that have the cardiopulmonary pathways of another: an experiment on what a reflex lacks."""
+"""Reflexes with the cardiopulmonary pathways of another model: an experiment on missing pathways."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ CARDIOPULMONARY = "cardiopulmonary"
 
 
 def joined(own: ReflexModel, other: ReflexModel = HELDT_2010) -> ReflexModel:
-    """A reflex with the cardiopulmonary pathways of another in place of its own, if it has any.
+    """Replace the cardiopulmonary pathways of a reflex, if any, by those of another one.
 
-    Resistance answers by the same share for each mmHg as all beds of the other together.
+    The relative response of resistance per mmHg is that of all vascular beds of the other model together.
     """
     kept = [not pathway.name.endswith(CARDIOPULMONARY) for pathway in own.pathways]
     added = [k for k, pathway in enumerate(other.pathways) if pathway.name.endswith(CARDIOPULMONARY)]
@@ -51,5 +51,5 @@ def joined(own: ReflexModel, other: ReflexModel = HELDT_2010) -> ReflexModel:
 
 
 def with_cardiopulmonary(patient: Model, own: ReflexModel) -> Model:
-    """A patient regulated by `heldt2010` who has another reflex, joined with its cardiopulmonary pathways."""
+    """Replace the reflex `heldt2010` of a patient by another one joined with its cardiopulmonary pathways."""
     return replace(patient, circuit=with_reflex(replace(patient.circuit, controllers=()), joined(own)))

@@ -1,4 +1,4 @@
-"""The hemofilter against measurements: clearances, and carbon dioxide that dialysis removes."""
+"""The hemofilter compared with measurements: clearances, and removal of carbon dioxide by dialysis."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from eclsim.paper.comparison import Check, Explanation, Row, within
 TROYANOV = "Troyanov et al. 2003 (Nephrol Dial Transplant), AN69 filter M-100, abstract"
 MAY = "May et al. 2017 (10.1186/s40635-017-0132-7), scaled from the bench, abstract"
 HAEMATOCRIT, BLOOD_ML_MIN = 0.30, 150.0
-"""Where a source does not state them: of patients in intensive care, and the usual flow of that time."""
+"""Haematocrit in intensive care and usual blood flow of that time, if a source does not state them."""
 SOLUTES = {"urea": Solute(UREA_RED_CELL_WATER, 1.0, 300.0), "creatinine": Solute(0.0, 1.0, 230.0)}
 MAY_DIALYSATE, MAY_POINTS = 540.0, ((248.0, 50.0), (421.0, 50.0), (421.0, 100.0))
 """Flow of dialysate [mL/min]; flow of blood and its PCO2 [mL/min, mmHg]."""
 RED_CELL_WATER = 0.72
 BATHS_MMOL_L = (-5.0, -1.0)
-"""Base excess of blood at 50 and 100 mmHg with which both tests come out where gas crosses too."""
+"""Base excess of blood at 50 and 100 mmHg at which both tests hold if dissolved gas crosses [mmol/L]."""
 
 
 def dialysis_check() -> Check:
-    """Clearances by filtration, dilution, and carbon dioxide removed by dialysis, on benches and in patients.
+    """Compare clearances by filtration, dilution, and carbon dioxide removal on benches and in patients.
 
-    One constant is fitted, the area product of the bench's dialyzer for carbon dioxide, to its first number;
-    the others are tests.
+    One constant is fitted to one number, the area product of the bench's dialyzer for carbon dioxide; all
+    other numbers are tests.
     """
     rows = (*_filtration(), *respiratory_dialysis())
     bar = "spreads of the measurements; compared, not required"
@@ -41,7 +41,7 @@ def dialysis_check() -> Check:
 
 
 def _filtration() -> list[Row]:
-    """Effluent over plasma, and what dilution before the filter costs."""
+    """Rows for the ratio of effluent to plasma concentration, and the loss by dilution before the filter."""
     rows = []
     for name, solute in SOLUTES.items():
         water = solute.water_flow(jnp.asarray(BLOOD_ML_MIN), jnp.asarray(HAEMATOCRIT))
@@ -61,7 +61,7 @@ def _fluids(dialysate: float = 0.0, before: float = 0.0, after: float = 0.0) -> 
 
 
 def respiratory_dialysis() -> list[Row]:
-    """Carbon dioxide that dialysate without bicarbonate removes [mL/min]."""
+    """Rows for carbon dioxide removal by dialysate without bicarbonate [mL/min]."""
     plain = _dialysed(crosses=False)
     gas, baths = _dialysed(crosses=True), _dialysed(crosses=True, base_excess=BATHS_MMOL_L)
     names = [f"CO2 removed, blood {b:.0f} mL/min, PCO2 {p:.0f} mmHg" for b, p in MAY_POINTS]
@@ -94,11 +94,11 @@ def respiratory_dialysis() -> list[Row]:
 
 
 def _dialysed(crosses: bool, base_excess: tuple[float, float] = (0.0, 0.0)) -> list[float]:
-    """Removal [mL/min] at the three points, the constant for bicarbonate fitted to the first.
+    """Removal at the three points [mL/min], with the bicarbonate constant fitted to the first.
 
     Args:
-        crosses: whether dissolved carbon dioxide crosses as fast as all water of the blood brings it.
-        base_excess: of blood at 50 and at 100 mmHg [mmol/L].
+        crosses: whether dissolved carbon dioxide crosses as fast as the water of the whole blood carries it.
+        base_excess: base excess of blood at 50 and at 100 mmHg [mmol/L].
     """
 
     def removal(point: tuple[float, float], area_product: float) -> float:

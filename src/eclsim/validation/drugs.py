@@ -1,8 +1,8 @@
-"""Drugs against patients before and after: studies that constants were fitted to, and others.
+"""Drugs compared with patients before and after: studies that constants were fitted to, and others.
 
-The patient of a study is a man of 170 cm and 70 kg without reflexes, in whom resistance, blood volume,
-contractility and, where the study says it, pulmonary resistance are such that eclsim gives the
-study's values before the drug. The values after it follow from the dose alone.
+The patient of a study is a man of 170 cm and 70 kg without reflexes. Resistance, blood volume, contractility
+and, if the study gives it, pulmonary resistance are adjusted to the study's values before the drug. The
+values after the drug follow from the dose alone.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from eclsim.validation.matching import with_quantities
 from eclsim.validation.reference_cases import read_table
 
 SURFACE_M2 = (170.0 * 70.0 / 3600.0) ** 0.5
-"""Mosteller's formula for 170 cm and 70 kg."""
+"""Body surface area by Mosteller's formula for 170 cm and 70 kg [m2]."""
 DYN = 80.0
-"""dyn s/cm^5 in a mmHg min/L."""
+"""Conversion factor: dyn s/cm^5 per mmHg min/L."""
 CHAMBERS = ("EDVLV", "EDVRV", "EDVLA", "EDVRA")
 OUTPUTS = (
     "MAP", "CO", "MPAP", "PCWP", "right_atrial_pressure", "venous_pressure", "end_diastolic_pressure_lv",
@@ -51,7 +51,7 @@ def _rate(beat: SteadyBeat) -> np.ndarray:
 
 
 def _mean_systemic(beat: SteadyBeat) -> np.ndarray:
-    """Pressure that the systemic vessels would have at rest [mmHg]: compliances weigh pressures."""
+    """Mean systemic filling pressure [mmHg]: mean of the pressures weighted with the compliances."""
     arteries, veins = (sum(beat.batch.member(0)[n] for n in names) for names in (("Cao", "Csart"), ("Csvn",)))
     pressures = arteries * beat.output("MAP") + veins * beat.output("venous_pressure")
     return pressures / (arteries + veins)
@@ -83,14 +83,14 @@ QUANTITIES: dict[str, tuple[str, str, Callable[[SteadyBeat], np.ndarray]]] = {
     "Pms": ("mean systemic pressure", "mmHg", lambda b: _mean_systemic(b)),
     "dPdt": ("largest dP/dt of the LV", "mmHg/s", _rate),
 }  # fmt: skip
-"""Words, unit and how it is computed, by the name in the table."""
+"""Name in words, unit and computation of quantities, by the name in the table."""
 TARGETS = {
     "Rmc": ("MAP", "SVR"), EXTRA_VOLUME: ("CO", "CI", "SVI", "SVR"), "Emaxlv": ("PCWP", "LVEDP", "EF"),
     "Rpmc": ("PVR", "MPAP"),
 }  # fmt: skip
-"""What of the patient is changed, and for which quantity before the drug: the first of them that is given."""
+"""Adjusted parameters, and quantities before the drug that determine them: the first that is given."""
 RISES = "rises"
-"""In place of a value after the drug, where a study prints only the direction."""
+"""Replaces the value after the drug if a study prints only the direction of the change."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ class Arm:
 
     Args:
         study: author and year.
-        arm: what was given.
-        doses: by drug, in its unit.
-        rows: of the table, one for each quantity.
+        arm: treatment given.
+        doses: doses by drug, in the drug's unit.
+        rows: rows of the table, one for each quantity.
     """
 
     study: str
@@ -111,7 +111,7 @@ class Arm:
 
     @property
     def before(self) -> dict[str, float]:
-        """Values before the drug."""
+        """Values before the drug by quantity."""
         values = {row["quantity"]: float(row["before"]) for row in self.rows}
         if "HR" not in values and {"CI", "SVI"} <= values.keys():
             values["HR"] = 1e3 * values["CI"] / values["SVI"]
@@ -119,7 +119,7 @@ class Arm:
 
     @property
     def label(self) -> str:
-        """Drug, with its dose where the study has several."""
+        """Name of the drug, with its dose if the study has several."""
         several = len({arm.doses for arm in arms() if (arm.study, arm.arm) == (self.study, self.arm)}) > 1
         return f"{self.arm} {self.doses[0][1]:g}" if several else self.arm
 
@@ -131,7 +131,7 @@ class Arm:
 
 @lru_cache(maxsize=1)
 def arms() -> tuple[Arm, ...]:
-    """All arms of the table."""
+    """Return all arms of the table."""
 
     def key(row: Mapping[str, str]) -> tuple[str, str, str]:
         return row["study"], row["arm"], row["doses"]
@@ -144,7 +144,7 @@ def arms() -> tuple[Arm, ...]:
 
 
 def measured(patient: Model, changes: Mapping[str, npt.ArrayLike], quantities: Sequence[str]) -> Measured:
-    """Quantities of variants of a patient, each of shape (variants,)."""
+    """Compute quantities of variants of a patient, each of shape (variants,)."""
     count = max((np.size(v) for v in changes.values()), default=1)
     values = {**patient.values, **{name: np.asarray(v, dtype=float) for name, v in changes.items()}}
     waves = {"waveforms": ("Plv",), "keep": None} if "dPdt" in quantities else {}
@@ -153,7 +153,7 @@ def measured(patient: Model, changes: Mapping[str, npt.ArrayLike], quantities: S
 
 
 def plain_patient(heart_rate: float) -> Model:
-    """The published patient with the size of the studies' patients, to whom drugs can be given."""
+    """Return the published patient with the size of the studies' patients, who can receive drugs."""
     body = {"sex": "male", "age_years": 60, "height_cm": 170, "weight_kg": 70}
     patient = {"id": "P", **body, "heart_rate_bpm": heart_rate}
     case = {"format": 1, "blood_volume_policy": "patient_held", "patient": patient, "drugs": {}}
@@ -162,7 +162,7 @@ def plain_patient(heart_rate: float) -> Model:
 
 @lru_cache(maxsize=32)
 def patient_of(arm: Arm) -> Model:
-    """The patient who has an arm's values before the drug."""
+    """Return the patient with an arm's values before the drug."""
     before = arm.before
     patient = plain_patient(before["HR"])
     targets = {
@@ -180,12 +180,12 @@ def patient_of(arm: Arm) -> Model:
 
 
 def expected(row: Mapping[str, str], before: float) -> float:
-    """A measured value after the drug, in proportion where the model's patient has another before it."""
+    """Measured value after the drug, scaled if the model's value before the drug differs."""
     return before * float(row["after"]) / float(row["before"])
 
 
 def uncertainty(row: Mapping[str, str], before: float) -> float:
-    """Standard error of a row's change, at least 4 % of its value; see `expected` for `before`."""
+    """Standard error of a row's change, at least 4 % of its value; for `before` see `expected`."""
     after, count = float(row["after"]), float(row["n"])
     spread = [float(row[name]) for name in ("before_sd", "after_sd") if row[name]]
     error = max(0.04 * abs(after), math.hypot(*spread) / math.sqrt(count) if len(spread) == 2 else 0.0)
@@ -197,18 +197,18 @@ def uncertainty(row: Mapping[str, str], before: float) -> float:
 ADDA = "Adda 2021 (10.1186/s13054-021-03711-5), 30 patients: 0.32 to 0.26 ug/kg/min; interquartile range"
 PERSICHINI = "Persichini 2012 (10.1097/CCM.0b013e318260c6c3), 16 patients: 0.30 to 0.19 ug/kg/min"
 LEGS_ML = 300.0
-"""Blood that raised legs give [mL]; the row does not depend on it."""
+"""Blood mobilised by raising the legs [mL]; the row does not depend on it."""
 ALL, WITHOUT_VESSELS = Effects(1.0, 1.0, 1.0, 1.0, 1.0), Effects(1.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Experiment(NamedTuple):
-    """What may keep patients from what was measured in them, and the change that takes it away.
+    """A possible reason for a difference from measurements, and the change that removes it.
 
     Attributes:
-        words: the reason.
-        undecided: whether the studies leave out what it takes to tell.
-        sensitivity: factor of all doses.
-        acting: factor of each of a drug's effects.
+        words: text of the reason.
+        undecided: whether the studies lack the information to decide.
+        sensitivity: factor for all doses.
+        acting: factor for each effect of a drug.
     """
 
     words: str
@@ -217,7 +217,7 @@ class Experiment(NamedTuple):
     acting: Effects = ALL
 
     def done(self, patient: Model) -> Model:
-        """The patient in whom it is so."""
+        """Return the patient with this change."""
         (control,) = patient.circuit.controllers
         weights = np.array(self.acting)
         drugs = tuple(
@@ -302,14 +302,14 @@ REASONS: dict[str, tuple[Experiment, ...]] = {
 
 
 def drugs_check() -> Check:
-    """Every quantity after the drug, and of tests also the direction of its change."""
+    """Compare every quantity after the drug and, in tests, also the direction of its change."""
     rows = [row for arm in arms() for row in _explained(arm)] + _noradrenaline_reduced()
     bar = "2 standard errors of the change, or 8 % where they are not known; compared, not required"
     return Check("drugs", "Drugs against patients before and after", bar, tuple(rows), required=False)
 
 
 def _explained(arm: Arm) -> list[Row]:
-    """Rows of an arm, each with the first of its experiments in which it holds, else the last."""
+    """Rows of an arm, each explained by the first experiment in which it holds, else by the last."""
     tried = REASONS.get(f"{arm.study} {arm.arm}", ())
     rows_of_experiments = [_arm_rows(arm, one.done(patient_of(arm))) for one in tried]
     rows = _arm_rows(arm, patient_of(arm))
@@ -325,7 +325,7 @@ def _explained(arm: Arm) -> list[Row]:
 
 
 def _arm_rows(arm: Arm, patient: Model) -> list[Row]:
-    """Rows of an arm in a patient."""
+    """Rows of an arm for a patient."""
     rows = [row for row in arm.rows if row["after"]]
     names = [row["quantity"] for row in rows]
     doses = {key: [0.0, amount] for key, amount in arm.infusions.items()}
@@ -342,14 +342,14 @@ def _arm_rows(arm: Arm, patient: Model) -> list[Row]:
             continue
         target, error = expected(row, before), uncertainty(row, before)
         result.append(within(label, target, got, 2.0 * error, unit, source=source))
-        if use == "test" and abs(target - before) > 0.999 * error:  # one error whatever the last digits
+        if use == "test" and abs(target - before) > 0.999 * error:  # one standard error, despite rounding
             sign = np.sign(target - before)
             result.append(within(f"{label}: sign", sign, way, 0.5, source=source))
     return result
 
 
 MORE_LEGS = 1.25
-"""How much more raised legs give at the higher dose in an experiment."""
+"""Factor for the blood from raised legs at the higher dose in an experiment."""
 VEINS = Experiment(
     "the effect on veins is too small; with three times it the row holds, but the fit study's output rises "
     "too far",
@@ -363,7 +363,7 @@ LEGS = (
 
 
 def _noradrenaline_reduced() -> list[Row]:
-    """Less noradrenaline in the septic patient, in percent; and raised legs at both doses."""
+    """Rows for less noradrenaline in the septic patient [%], and for raised legs at both doses."""
     septic, key = patient_of(arms()[0]), dose("noradrenaline")
     doses, volume = {key: [0.32, 0.26, 0.30, 0.19]}, septic.values[EXTRA_VOLUME]
     table, moved = (measured(one, doses, ("MAP", "Pms")) for one in (septic, VEINS.done(septic)))

@@ -1,8 +1,8 @@
-"""Fluid, suction and stores of carbon dioxide against measurements in people and animals.
+"""Fluid, suction and carbon dioxide stores compared with measurements in people and animals.
 
-The filtration coefficient was fitted by others to dialysis patients; nothing was fitted here. Pressures come
-from steady beats at several blood volumes, with the reflex on, and are interpolated along the course. Healthy
-men have the veins of another model and, before anything is done, the pressures of the men who were measured.
+The filtration coefficient was fitted to dialysis patients by its authors; nothing was fitted here. Pressures
+come from steady beats at several blood volumes, with the reflex on, and are interpolated during the course.
+Healthy men have the veins of another model and start with the pressures of the men who were measured.
 """
 
 from __future__ import annotations
@@ -49,29 +49,29 @@ LEE = "Lee and Lee 2022 (10.3390/toxins15010031), analysis of six studies of dia
 MENDES = "Mendes et al. 2016 (PMC4703593), apnoeic pigs, abstract"
 VOLUMES_ML = np.linspace(-1500.0, 300.0, 10)
 PUBLISHED, SPREAD = 10.0, 8.4
-"""Filtration coefficient of dialysis patients and its standard deviation between them [mL/min/mmHg]."""
+"""Mean filtration coefficient of dialysis patients and its standard deviation [mL/min/mmHg]."""
 LOW_COEFFICIENT = PUBLISHED - SPREAD
 LOWEST_COEFFICIENT = 0.43
-"""The lowest of the source of the forces, whose three groups have 0.43, 1.29 and 5.93 mL/min/mmHg."""
+"""Lowest coefficient in the source of the forces; its groups have 0.43, 1.29 and 5.93 mL/min/mmHg."""
 SESSION_H = 4.0
-"""Length of a dialysis; the abstracts do not state it."""
+"""Duration of a dialysis, which the abstracts do not state [h]."""
 COLUMN_MMHG, LEGS = 58.5, 0.32
-"""Legs stand 0.75 m below the heart and are that share of the body."""
+"""Hydrostatic pressure of legs 0.75 m below the heart [mmHg], and their share of the body."""
 MMHG_PER_CM = 0.738
-"""Pressure of a cm of blood [mmHg]; this and what follows on standing is that of CVSim 1.0."""
+"""Hydrostatic pressure of blood [mmHg/cm]; this and the constants on standing below are from CVSim 1.0."""
 CAROTID_MMHG = MMHG_PER_CM * 25.0
-"""The carotid sinus is 25 cm above the heart; the reflex reads so much less."""
+"""Hydrostatic pressure by which the carotid sinus, 25 cm above the heart, senses less [mmHg]."""
 CHEST_MMHG = -3.5
-"""Change of the pressure in the chest: veins, arteries and capillaries outside of it have so much less."""
+"""Change of intrathoracic pressure [mmHg]; veins, arteries and capillaries outside have that much less."""
 
 
 class Veins(NamedTuple):
     """Veins of a part of the body.
 
     Attributes:
-        compliance: without pressure [mL/mmHg].
-        most: they distend by [mL].
-        column: of blood from there to the heart on standing [mmHg].
+        compliance: compliance at zero pressure [mL/mmHg].
+        most: largest distension [mL].
+        column: hydrostatic pressure relative to the heart on standing [mmHg].
     """
 
     compliance: float
@@ -79,7 +79,7 @@ class Veins(NamedTuple):
     column: float
 
     def volume(self, pressure: float) -> float:
-        """Blood that a pressure holds there [mL]."""
+        """Blood volume at a pressure [mL]."""
         return 2.0 * self.most / np.pi * np.arctan(0.5 * np.pi * self.compliance * pressure / self.most)
 
 
@@ -90,23 +90,23 @@ VEINS = (
     Veins(5.0 + 1.3, 650.0, TO_HEART),  # kidneys, abdominal veins
     Veins(7.0, 1e6, -MMHG_PER_CM * (20.0 / 2.0 + 14.5 / 2.0)),  # head and arms, above the heart
 )
-"""In CVSim legs have a column of 31.9 mmHg; here that of their capillaries."""
+"""In CVSim the legs have a column of 31.9 mmHg; here it is that of their capillaries."""
 SOFT = {"Csvn": 7.0 + 1.3 + 5.0 + 60.0 + 20.0 + 1.3 + 0.5, "Cpvn": 9.0, "Cpart": 3.4}
-"""Compliances of CVSim 1.0 [mL/mmHg], those of its systemic veins together."""
+"""Compliances of CVSim 1.0 [mL/mmHg]; those of its systemic veins are added."""
 BEFORE = {"MAP": 89.5, "right_atrial_pressure": 5.8, "CO": 5.5, "PCWP": 8.0}
-"""Men before a loss: pressures and a heart rate of 59 of the first six; flow and wedge pressure of health."""
+"""Men before a blood loss: pressures of the first six (heart rate 59); healthy output and wedge pressure."""
 ULTRAFILTRATION_KEY = "uf"
 
 
 class Patient:
-    """A patient whose pressures at several blood volumes are known.
+    """A patient with known pressures at several blood volumes.
 
     Args:
-        model: of the patient.
+        model: model of the patient.
 
     Attributes:
-        values: outputs at the volumes `VOLUMES_ML`, lying.
-        pooled_ml: blood in the veins of the legs on standing.
+        values: outputs at the volumes `VOLUMES_ML`, supine.
+        pooled_ml: blood in the veins of the legs on standing [mL].
     """
 
     def __init__(self, model: Model):
@@ -116,7 +116,7 @@ class Patient:
 
     @cached_property
     def upright(self) -> dict[str, np.ndarray]:
-        """The same of those who stand, relative to the air; pressures of beats are relative to the chest."""
+        """Outputs on standing, relative to the atmosphere; pressures of beats are relative to the chest."""
         raised = {SET_POINT: self.model.values[SET_POINT] + CAROTID_MMHG - CHEST_MMHG}
         table = self._at_volumes(self.model.with_values(raised))
         return table | {name: table[name] + CHEST_MMHG for name in ("MAP", "venous_pressure")}
@@ -129,7 +129,7 @@ class Patient:
         return {name: beats.output(name) for name in names}
 
     def at(self, change: np.ndarray, upright: bool = False) -> dict[str, np.ndarray]:
-        """Outputs where blood volume has changed [mL], by the reflex of a man who lies or stands."""
+        """Outputs after a change of blood volume [mL], with the reflex of a man who is supine or stands."""
         table = self.upright if upright else self.values
         return {name: np.interp(change, VOLUMES_ML, values) for name, values in table.items()}
 
@@ -140,13 +140,15 @@ class Patient:
         stands: Callable[[float], bool] = lambda _: False,
         then: tuple[float, Mapping[str, float]] = (math.inf, {}),
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Minutes and slow states.
+        """Compute minutes and slow states of a course.
 
         Args:
-            hours: length.
-            rates_ml_s: what is given, bled ("bleed_ml") or filtered (`ULTRAFILTRATION_KEY`).
-            stands: whether at a time [s]; then veins of the legs hold blood and capillaries a column of it.
-            then: a time [s] and the rates from there on.
+            hours: duration [h].
+            rates_ml_s: rates of fluids given, of bleeding ("bleed_ml") and of filtration
+                (`ULTRAFILTRATION_KEY`).
+            stands: whether the patient stands at a time [s]; leg veins then hold blood, and capillaries a
+                column.
+            then: a time [s] and the rates from that time on.
         """
         law = replace(
             fluid_law(self.model.circuit, self.model.values), ultrafiltration=(ULTRAFILTRATION_KEY,)
@@ -171,7 +173,7 @@ class Patient:
             up = float(stands(time))
             settings, inflows = first if time < then[0] else second
             beat = self.at(change - up * self.pooled_ml, stands(time))
-            for name in ("MAP", "venous_pressure"):  # arteries and veins together: capillaries as much
+            for name in ("MAP", "venous_pressure"):  # raises arteries and veins, hence capillaries
                 beat[name] = beat[name] + up * LEGS * COLUMN_MMHG
             rates = law.rates(states, settings, beat, inflows)
             return np.concatenate([rates[name] for name in names])
@@ -192,12 +194,12 @@ class Patient:
 
 
 def pooled_ml(venous: float) -> float:
-    """Blood that veins outside the chest take up on standing at a venous pressure at the heart [mmHg]."""
+    """Blood [mL] pooled in veins outside the chest on standing, at a venous pressure at the heart [mmHg]."""
     return sum(one.volume(venous + CHEST_MMHG + one.column) - one.volume(venous) for one in VEINS)
 
 
 def fluid_check() -> Check:
-    """All rows."""
+    """Compare fluid and carbon dioxide stores with measurements."""
     rows = (*_filtration(), *_forces(), *_standing(), *_haemorrhage(), *_stores())
     bar = "spreads of the measurements; compared, not required"
     remarks = (
@@ -209,13 +211,13 @@ def fluid_check() -> Check:
 
 
 def _filtration() -> list[Row]:
-    """Blood volume along a dialysis."""
+    """Rows for the blood volume during dialysis."""
     as_published, low = map(dialysed, (PUBLISHED, LOW_COEFFICIENT))
 
     def row(
         label: str, unit: str, expected: float, spread: float, litres: float, per: float, source: str
     ) -> Row:
-        """Fall of the blood volume, with the published mean and, as evidence, with the low coefficient."""
+        """Row for the fall of blood volume with the published mean; as evidence, with the low coefficient."""
         usual, tight = (fall_of_blood(patient, 1000.0 * litres) / per for patient in (as_published, low))
         reason = (
             "refill is too fast at the published mean of the filtration coefficient; at "
@@ -240,7 +242,7 @@ def _filtration() -> list[Row]:
 
 
 def _person(age: float, rate: float, reflex: str | None = None, **sections: object) -> Model:
-    """A man of the case format."""
+    """Return a man with the body of a case file."""
     body = {"id": "P", "sex": "male", "age_years": age, "heart_rate_bpm": rate}
     regulation = {"regulation": {"baroreflex": 1.0, "model": reflex}} if reflex else {}
     return model_of(read_mapping({"format": 1, "patient": body, "fluid": {}} | regulation | sections).case)
@@ -248,7 +250,7 @@ def _person(age: float, rate: float, reflex: str | None = None, **sections: obje
 
 @lru_cache(maxsize=4)
 def dialysed(coefficient: float, pericapillary_share: float = 1.0) -> Patient:
-    """A patient of the dialysis unit, 1.6 L overloaded."""
+    """Return a patient on dialysis with 1.6 L of excess fluid."""
     blood = {"haematocrit": 0.33, "plasma_protein_g_dl": 6.8, "filtration_ml_min_mmHg": coefficient,
              "pericapillary_share": pericapillary_share}  # fmt: skip
     plain = _person(60.0, 75.0, fluid=blood).values["fluid.interstitial_volume_ml"]
@@ -266,7 +268,7 @@ def fall_of_blood(patient: Patient, removed_ml: float) -> float:
 def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
     """Forces of refill at the end of a session: their sum [mmHg], and the share of each [%].
 
-    The interstitium's oncotic pressure is that of its mean, as in the source.
+    The interstitial oncotic pressure is that of the mean concentration, as in the source.
     """
     settings = _arrays(patient.model.values)
     law = replace(fluid_law(patient.model.circuit, patient.model.values), has_pericapillary_layer=False)
@@ -289,11 +291,11 @@ DRIVES = (
     ("oncotic pressure of the plasma", 78.0, 6.0), ("pressure of capillaries", 32.0, 4.0),
     ("oncotic pressure of the interstitium", -6.0, 3.0), ("pressure of the interstitium", -5.0, 2.0),
 )  # fmt: skip
-"""Share of the force that drives refill, and its spread [%]."""
+"""Share of each force in the driving force of refill, and its spread [%]."""
 
 
 def _forces() -> list[Row]:
-    """Forces of refill in a dialysis of 1.7 L."""
+    """Rows for the forces of refill in a dialysis of 1.7 L."""
     usual, tight = (driven(dialysed(k), 1700.0) for k in (PUBLISHED, LOWEST_COEFFICIENT))
     reason = (
         "at the published mean of the filtration coefficient small forces are enough for the refill; the "
@@ -307,7 +309,7 @@ def _forces() -> list[Row]:
 
 
 def force_rows(computed: Mapping[str, float]) -> list[Row]:
-    """What `driven` gives against the analysis of six studies."""
+    """Rows comparing the result of `driven` with the analysis of six studies."""
     total = Row(
         "force that drives refill, 1.7 L filtered (test)", computed[""], 5.4, 20.3, "mmHg", source=LEE
     )
@@ -322,11 +324,11 @@ STANDING_REFLEX = "heldt2010"
 
 @lru_cache(maxsize=16)
 def healthy(reflex: str, stiff_veins: bool = False, cardiopulmonary: bool = False, **changes: float) -> Model:
-    """A young man with the pressures of those who were bled, set points at these.
+    """Return a young man with the pressures of those who were bled, which are also the set points.
 
     Args:
-        reflex: name of the published set.
-        stiff_veins: whether vessels are those of the published patient in place of `SOFT`.
+        reflex: name of the published set of reflex parameters.
+        stiff_veins: whether vessels are those of the published patient instead of `SOFT`.
         cardiopulmonary: whether the reflex has the cardiopulmonary pathways of CVSim.
         changes: other parameters.
     """
@@ -347,7 +349,7 @@ def healthy(reflex: str, stiff_veins: bool = False, cardiopulmonary: bool = Fals
 
 
 def stood(man: Patient) -> tuple[np.ndarray, np.ndarray, float]:
-    """Plasma lost after 3, 5, 10 and 35 min [%]; time constant; half of it back after 15 min [min]."""
+    """Plasma lost at 3, 5, 10, 35 min [%]; time constant [min]; half-time of return after 15 min [min]."""
     time, states = man.course(35.0 / 60.0, {}, lambda _: True)
     lost = 100.0 * (1.0 - states[PLASMA] / states[PLASMA][0])
     tau = float(np.interp((1.0 - np.exp(-1.0)) * lost[-1], lost, time))
@@ -363,7 +365,7 @@ PLASMA_LOST = ((3, 8.5, 0.8), (5, 11.7, 0.8), (10, 16.8, 1.6), (35, 17.4, 1.8))
 
 
 def _standing() -> list[Row]:
-    """Plasma lost by men who stand up, and back in those who lie down again."""
+    """Rows for plasma lost on standing up, and regained on lying down."""
     lost, tau, back = stood(Patient(healthy(STANDING_REFLEX)))
     return [
         *(
@@ -380,7 +382,7 @@ def _standing() -> list[Row]:
 
 
 def _haemorrhage() -> list[Row]:
-    """A litre of blood lost: what veins give, and what healthy men's circulation does."""
+    """Rows for a blood loss of a litre: volume from veins, and response of healthy men's circulation."""
     return [row for reflex in REFLEXES for row in _bled(reflex)]
 
 
@@ -388,7 +390,7 @@ LOSSES_ML = (0.0, -333.0, -667.0, -1000.0, -900.0, -375.0)
 
 
 def bled(man: Model) -> dict[str, float]:
-    """What a loss of blood does to a man, by the words of the rows."""
+    """Effects of blood loss on a man, by the names of the rows."""
     names = ("MAP", "CO", "heart_rate", "right_atrial_pressure", "SP", "DP", "systemic_resistance_factor",
              "unstressed_volume")  # fmt: skip
     volumes = {EXTRA_VOLUME: man.values[EXTRA_VOLUME] + np.array(LOSSES_ML)}
@@ -428,7 +430,7 @@ MEASURED = (
     ("375 mL: stroke volume", -14.1, 7.1, "%", f"{LEONETTI}; half of it taken as spread"),
     ("375 mL: heart rate", 4.1, 8.0, "%", f"{LEONETTI}; not significant, 8 % taken as spread"),
 )
-"""Measurements in healthy people: words, value, spread, unit, source."""
+"""Measurements in healthy people: name, value, spread, unit, source."""
 
 
 _FLOOR = "an empty right ventricle of the published patient has 2.5 mmHg (RV_Pd_beta)"
@@ -442,11 +444,11 @@ EXPERIMENTS: tuple[tuple[str, Mapping[str, float]], ...] = (
         {"RV_Pd_beta": 0.0, "cardiopulmonary": True},
     ),
 )
-"""What may keep a man who bleeds from what was measured, and the changes that take it away."""
+"""Possible reasons for differences from measurements of bleeding, and the changes that remove them."""
 
 
 def _bled(reflex: str) -> list[Row]:
-    """Men bled 0.9 and 1 L, patients who gave 375 mL; a miss has the first experiment that meets the row."""
+    """Rows for men bled 0.9 and 1 L and patients 375 mL; a miss has the first experiment that explains it."""
     own = () if reflex == HELDT_2010.name else EXPERIMENTS[1:]
     tried = [(words, bled(healthy(reflex, **changes))) for words, changes in (EXPERIMENTS[0], *own)]
     got, rows = bled(healthy(reflex)), []
@@ -465,7 +467,7 @@ def _bled(reflex: str) -> list[Row]:
 
 
 def _stores() -> list[Row]:
-    """PaCO2 of an apnoeic patient after the sweep is turned up from 3 to 10 L/min."""
+    """Rows for PaCO2 of an apnoeic patient after the sweep is increased from 3 to 10 L/min."""
     slow, fast = (_after_sweep(rpm) for rpm in (1400.0, 2500.0))
     settled = (fast[50] - fast[0]) / (fast[-1] - fast[0])
     return [
@@ -483,7 +485,7 @@ def _stores() -> list[Row]:
 
 
 def _after_sweep(rpm: float) -> np.ndarray:
-    """PaCO2 [mmHg] each minute from just before the change on, and in the end."""
+    """PaCO2 for every minute, starting just before the change, and its final value [mmHg]."""
     pig = PROTOCOLS["apnoeic"]
     before, after = (
         pig | {ECMO.key: pig[ECMO.key] | {"speed_rpm": rpm, "sweep_l_min": sweep}} for sweep in (3.0, 10.0)
@@ -514,10 +516,10 @@ SIMONS = (
 COLLAPSED = "Molegraaf and others, venous collapse in a mock circulation and in animals (abstract)"
 NORMAL_L_MIN, SHORT_L_MIN = 3.1, 2.3
 SHORT_MMHG, SPREAD_MMHG = -114.0, 52.0
-"""Flow with and without enough blood at one speed, and the pressure of the venous line then [mmHg]."""
+"""Flow with and without enough blood at one speed, and venous line pressure then with its spread [mmHg]."""
 SPEED = f"{ECMO.key}.speed_rpm"
 LOST_ML = -740.0
-"""Start of the search for the blood that is missing."""
+"""Start value of the search for the missing blood volume [mL]."""
 UNLIKE_THE_MODEL = (
     "suction: the abstract names neither cannulae nor pump; eclsim has 25 and 19 Fr, a Rotaflow, and a "
     "patient in place of a mock circulation"
@@ -525,9 +527,9 @@ UNLIKE_THE_MODEL = (
 
 
 def patient(collapsible: bool = True, volume_ml: float = 0.0) -> Model:
-    """On central V-A ECMO, the left ventricle failing; circuits are primed.
+    """Return a patient on central V-A ECMO with a failing left ventricle and primed circuits.
 
-    Bronchial return and a leaking tricuspid valve keep valves that stay shut from parting the circulation.
+    Bronchial return and a leaking tricuspid valve prevent closed valves from dividing the circulation.
     """
     case = {
         "format": 1,
@@ -551,7 +553,7 @@ def patient(collapsible: bool = True, volume_ml: float = 0.0) -> Model:
 
 
 def suction_check() -> Check:
-    """Suction at a lowered flow, and what more speed gives then."""
+    """Compare suction at reduced flow, and the effect of higher speed on it."""
     filled = with_outputs(patient(), (SPEED,), {"PF": NORMAL_L_MIN})
     short = with_outputs(filled.with_values({EXTRA_VOLUME: LOST_ML}), (EXTRA_VOLUME,), {"PF": SHORT_L_MIN})
     pressure = float(simulate(short)["drainage_pressure"])
@@ -574,7 +576,7 @@ def suction_check() -> Check:
 
 
 def _gain(model: Model) -> float:
-    """Flow that 1000 rpm more give [L/min]."""
+    """Increase of flow per 1000 rpm [L/min]."""
     speed = model.values[SPEED]
     flows = simulate_many(model, {SPEED: [speed - 100.0, speed + 100.0]}, ["PF"])["PF"].values
     return 5.0 * float(flows[1] - flows[0])

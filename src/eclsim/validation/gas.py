@@ -1,8 +1,8 @@
-"""Gas exchange against the bench, animals, patients and other models.
+"""Gas exchange compared with the bench, animals, patients and other models.
 
-Every row of `gas.csv` says what the number was used for: constants are fitted to rows marked "fit", which are
-no test; "test" and "size" rows were used for nothing; "sign" rows are statements; "cross-model" rows are
-other simulators. What a source does not state is taken from an adult and named here.
+Every row of `gas.csv` states the use of the number. Constants are fitted to rows marked "fit", which are no
+tests; "test" and "size" rows were not used for fitting; "sign" rows are statements; "cross-model" rows are
+from other simulators. Values that a source does not state are those of an adult and named here.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from eclsim.validation.gas_bench import ADULT, VenoVenous, single_pass, veno_ven
 from eclsim.validation.reference_cases import DATA, PROTOCOLS
 
 BENCH_INLET = 0.60
-"""Saturation of the inlet at which both the PO2 and the transfer of Khadka's abstract come out."""
+"""Inlet saturation that reproduces both the PO2 and the oxygen transfer of Khadka's abstract."""
 BENCH_PCO2 = 61.5
-"""Its PCO2 [mmHg]: found with the membrane's constant from both removals, as gas 1:1 cannot carry 64 mL/min
-from blood at 45 mmHg."""
+"""PCO2 of the same inlet [mmHg], found together with the membrane's constant from both removal rates, as a
+gas flow equal to blood flow cannot carry 64 mL/min from blood at 45 mmHg."""
 CARBON_DIOXIDE = OXYGENATORS[ADULT].membrane.carbon_dioxide_transfer
 PIGS = {
     "alveolar_ventilation_l_min": 0.3, "fio2": 1.0, "shunt_fraction": 0.7, "vo2_ml_min": 200.0,
     "sweep_l_min": 5.0,
 }  # fmt: skip
-"""Apnoea with oxygen, and what the abstracts do not state."""
+"""Apnoea with oxygen, and assumptions for values that the abstracts do not state."""
 PIG_FLOWS = (6.0, 3.5, 0.3)
-"""Cardiac output, ECMO flow [L/min], mixing."""
+"""Cardiac output and ECMO flow [L/min], and mixing fraction."""
 STUDENT_FOUR, QUARTILES = 2.776, 1.349
-"""Student's t for 5 % and four degrees of freedom; quartiles apart in standard deviations."""
+"""Student's t for 5 % and four degrees of freedom; distance of the quartiles in standard deviations."""
 LOWERED = 0.6
-"""Output of Joyce's patients after the beta-blocker over that before, as all three of their pairs have it."""
+"""Ratio of cardiac output after and before the beta-blocker in all three pairs of Joyce's patients."""
 
 
 def gas_check() -> Check:
-    """All rows, by the table `gas.csv`."""
+    """Compare all rows of the table `gas.csv`."""
     numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions()}
     reasons = _reasons(numbers)
     with (DATA / "gas.csv").open(encoding="utf-8", newline="") as file:
@@ -97,7 +97,7 @@ def _oxygenators() -> dict[str, float]:
 def _removed(
     area: float, flow: float, sweep: float, scale: float, pco2: float = 45.0, hb: float = 10.0
 ) -> float:
-    """Carbon dioxide [mL/min] by a membrane whose constant is that of the adult one times a scale."""
+    """Carbon dioxide removed by a membrane with a scaled constant of the adult one [mL/min]."""
     return single_pass(
         flow, sweep, 0.65, pco2, hb, carbon_dioxide_transfer=CARBON_DIOXIDE * scale
     ).carbon_dioxide
@@ -130,13 +130,13 @@ def _slopes() -> dict[str, float]:
 
 
 def _swept(sweep: float, membrane: float = 1.0) -> float:
-    """PaCO2 of the other simulator's patient, with a membrane of so many times the constant."""
+    """PaCO2 of the other simulator's patient, with a scaled constant of the membrane [mmHg]."""
     values = {"vo2_ml_min": 200.0, "alveolar_ventilation_l_min": 0.0, "sweep_l_min": sweep}
     return veno_venous(5.0, 5.0, 0.1, **values, carbon_dioxide_transfer=CARBON_DIOXIDE * membrane).paco2
 
 
 def _park_2013(**changes: float) -> dict[str, float]:
-    """Slopes of the transfers of one oxygenator around usual conditions."""
+    """Slopes of the gas transfers of one oxygenator around usual conditions."""
     usual = {"flow": 3.0, "sweep": 5.0, "saturation": 0.65, "pco2": 45.0, "hb": 10.0} | changes
     steps = {
         "oxygen flow": ("oxygen", "flow", 0.1), "oxygen saturation": ("oxygen", "saturation", 0.01),
@@ -152,13 +152,13 @@ def _park_2013(**changes: float) -> dict[str, float]:
 
 
 Arranged = Callable[[np.ndarray], tuple[float, float, float, float]]
-"""From what is fitted to consumption, ECMO flow, shunt and mixing."""
+"""Maps fitted values to oxygen consumption, ECMO flow, shunt and mixing."""
 
 
 def _joyce() -> dict[str, float]:
-    """Three patients: consumption and ECMO flow, shunt, or mixing fitted to the first pair of each.
+    """Three patients, with consumption and ECMO flow, shunt, or mixing fitted to the first pair of each.
 
-    That of the third is fitted again where the output is lowered.
+    Mixing of the third patient is fitted again at the reduced output.
     """
 
     def pair(output: float, consumed: float, ecmo: float, shunt: float, mixing: float) -> np.ndarray:
@@ -189,7 +189,7 @@ def _joyce() -> dict[str, float]:
         keys = ("a before", "v before", "a after", "v after")
         numbers |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, pairs(fitted[name]), strict=True)}
     consumed, mixing = fitted["3"]
-    # Recirculation is a number that their model is given, and the third patient is the one in whom it rises.
+    # Their model has recirculation as an input, and it rises in the third patient.
     raised = _root(lambda m: pair(3.6, consumed, 5.0, 1.0, m)[1] - 25.5, mixing, 1.0)
     after = pair(3.6, consumed, 5.0, 1.0, raised)
     return numbers | {"joyce 3 a after": float(after[0]), "joyce 3 v after": float(after[1])}
@@ -207,7 +207,7 @@ _SHEEP = {
     "gas.vo2_ml_min": 132.0, "gas.shunt_fraction": 0.46, "Emaxlv": 0.43, SPEED: 2390.0,
     "physiology.upper_share": 0.2,
 }  # fmt: skip
-"""A sheep whose lungs give some oxygen, fitted to all four numbers of Hou: an explanation, no test."""
+"""A sheep whose lungs supply some oxygen, fitted to all four numbers of Hou: an explanation, no test."""
 _CONSUMED, _SHUNTS = np.linspace(60.0, 220.0, 6), np.linspace(0.7, 0.95, 6)
 
 
@@ -225,7 +225,7 @@ def _variants(site: str, *variants: Mapping[str, float]) -> dict[str, np.ndarray
 
 
 def _superior_cava(beats: Mapping[str, np.ndarray], variant: int) -> float:
-    """Saturation [%] of the upper body's venous blood where the drainage tip is elsewhere (Fick)."""
+    """Venous saturation of the upper body [%] if the drainage tip is elsewhere (Fick)."""
     model = _femoral("ivc")
     parts = (e.component for e in model.circuit.exchanges if e.at == "upper")
     tissue = next(part for part in parts if isinstance(part, Tissue))
@@ -266,7 +266,7 @@ def _regions() -> dict[str, float]:
     numbers["hou sign"] = float(numbers["hou svc drained"] > numbers["hou svc"])
     for place in ("artery", "drained"):
         numbers[f"falk sign {place}"] = float(numbers[f"falk {place} svc"] > numbers[f"falk {place} ivc"])
-    # Oxygen that blood of 74 for 62 % before the oxygenator takes from it, at the flow of before.
+    # Less oxygen taken up with 74 % than with 62 % before the oxygenator, at the previous flow.
     capacity = 10.0 * 1.34 * _CASE["gas"]["haemoglobin_g_dl"]
     numbers["falk lost"] = 100.0 * float(capacity * ivc["PF"][1] * 0.12 / ivc["VO2"][1])
     for variant, share in ((2, "90"), (3, "75"), (4, "50"), (5, "75 small")):
@@ -279,7 +279,7 @@ def _regions() -> dict[str, float]:
 
 @cache
 def _ventilated_at(ratio: float) -> dict[str, np.ndarray]:
-    """A low and a high native output, lungs with as much gas as blood and the oxygenator with a ratio."""
+    """A low and a high native output, lungs with a gas to blood ratio of 1, oxygenator with a given ratio."""
     hearts = [{"Emaxlv": 0.4, SPEED: 3600.0}, {"Emaxlv": 1.5, SPEED: 3000.0}]
     flows = _variants("ivc", *hearts)
     ventilated = [
@@ -291,15 +291,15 @@ def _ventilated_at(ratio: float) -> dict[str, np.ndarray]:
 
 
 def _by_carbon_dioxide(beats: Mapping[str, np.ndarray], ratio: float, c: float = 1.157) -> np.ndarray:
-    """Output of the right heart that Bachmann's formula gives, less the model's [mL/min].
+    """Right heart output by Bachmann's formula minus that of the model [mL/min].
 
-    Removal is brought to a ratio of gas to blood of 1 by f = Q (V/Q + c) / (V (1 + c)).
+    Removal is converted to a ratio of gas to blood flow of 1 by f = Q (V/Q + c) / (V (1 + c)).
     """
     usual = beats["VCO2_oxygenator"] * (ratio + c) / (ratio * (1.0 + c))
     return 1e3 * (beats["PF"] * beats["VCO2_lung"] / usual - beats["CO"])
 
 
-# --- why rows miss, each shown by an experiment ---------------------------------------------------
+# --- explanations of misses, each shown by an experiment ------------------------------------------
 
 
 def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
@@ -371,7 +371,7 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _with_cells(share: float) -> tuple[float, float]:
-    """Slopes with haemoglobin of transfer and of PaCO2 where the constant falls by a share for each g/dL."""
+    """Slopes of transfer and of PaCO2 with haemoglobin if the constant falls by a share per g/dL."""
     ends = [
         (
             single_pass(3.0, 5.0, 0.65, 45.0, 10.0 + h, carbon_dioxide_transfer=k).carbon_dioxide,
@@ -384,19 +384,19 @@ def _with_cells(share: float) -> tuple[float, float]:
 
 
 def _released_carbon_dioxide(law: str) -> float:
-    """How much more carbon dioxide 3 L/min of blood give off for each g/dL, at given pressures."""
+    """Additional carbon dioxide from 3 L/min of blood per g/dL of haemoglobin at given pressures [mL/min]."""
     return float(np.diff(30.0 * _between(np.array([9.5, 10.5]), 33.0, law))[0])
 
 
 def _between(haemoglobin: np.ndarray, pco2: float, law: str = "severinghaus1979") -> np.ndarray:
-    """Carbon dioxide that venous blood of 45 mmHg gives off until it has another pressure [mL/dL]."""
+    """Carbon dioxide released by venous blood of 45 mmHg down to another pressure [mL/dL]."""
     inlet = gases_with_saturation(saturation=0.65, pco2=45.0, haemoglobin=haemoglobin, law=law)
     outlet = gases(po2=300.0, pco2=pco2, haemoglobin=haemoglobin, law=law)
     return np.asarray(inlet.carbon_dioxide - outlet.carbon_dioxide)
 
 
 def _diluted() -> Explanation:
-    """What dilution does where the membrane does not count."""
+    """Effect of dilution if the membrane is no limit."""
     whole, thin = _between(np.array([11.0, 8.0 / 3.0]), 20.0)
     change = 100.0 * float(thin / whole - 1.0)
     return Explanation(
@@ -407,7 +407,7 @@ def _diluted() -> Explanation:
 
 
 def _ventilated() -> Explanation:
-    """Where gas limits removal, a mmHg before the oxygenator counts less."""
+    """Smaller effect of PCO2 before the oxygenator if gas flow limits removal."""
     ends = [single_pass(3.0, 1.5, 0.65, pco2, 10.0).carbon_dioxide for pco2 in (44.0, 46.0)]
     return Explanation(
         "the slope depends on the sweep at which it is taken, and the regression covers several",
@@ -417,7 +417,7 @@ def _ventilated() -> Explanation:
 
 
 def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
-    """Slopes with an output that no one set: it differed between animals and over time."""
+    """Slopes with an output that was not controlled: it differed between animals and over time."""
 
     def slope(output: float) -> float:
         return (_pig(output=output + 0.1).pao2 - _pig(output=output - 0.1).pao2) / 0.2
@@ -442,7 +442,7 @@ def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
 
 
 def _sheep(numbers: Mapping[str, float]) -> dict[str, Explanation]:
-    """What the abstract does not say of the sheep: flow, consumption, and what the lungs gave."""
+    """Explanations by missing information on the sheep: flow, consumption, and oxygen from the lungs."""
     apart = numbers["hou ivc"] - numbers["hou svc drained"]
     balance = Explanation(
         "where the lungs give nothing the oxygenator gives all, so at given flow and consumption the drained "
@@ -468,7 +468,7 @@ def _sheep(numbers: Mapping[str, float]) -> dict[str, Explanation]:
 
 
 def not_significant_in_five(fall: float) -> Explanation:
-    """Whether five animals could have had a fall of PaCO2 [mmHg] without a significant one."""
+    """Whether a fall of PaCO2 [mmHg] could have been not significant in five animals."""
     spread = fall * math.sqrt(5.0) / STUDENT_FOUR
     return Explanation(
         "the abstract prints neither PaCO2 nor its spread, only that five pigs showed no significant effect; "
@@ -481,7 +481,7 @@ def not_significant_in_five(fall: float) -> Explanation:
 
 
 def _other_membrane() -> Explanation:
-    """The membrane of the other simulator, which its page does not state."""
+    """Explanation by the membrane of the other simulator, which its page does not state."""
     scale = _root(lambda x: _swept(10.0, x) / 27.0 + _swept(2.0, x) / 60.0 - 2.0, 0.2, 1.0)
     return Explanation(
         f"the other simulator does not state its membrane; {scale:.2f} times the constant gives both numbers",
@@ -494,7 +494,7 @@ def _other_membrane() -> Explanation:
 
 
 def _formula(numbers: Mapping[str, float]) -> Explanation:
-    """The constant by which the formula brings removal to another ratio of gas to blood."""
+    """Explanation by the formula's constant, which converts removal to another ratio of gas to blood flow."""
     beats = _ventilated_at(1.5)
     fitted = _root(lambda c: _by_carbon_dioxide(beats, 1.5, c)[1], 1.0, 8.0)
     low = float(_by_carbon_dioxide(beats, 1.5, fitted)[0])

@@ -1,4 +1,4 @@
-"""Gas exchange with flows that are given: an oxygenator on the bench, and a patient on V-V ECMO."""
+"""Gas exchange with given flows: an oxygenator on the bench, and a patient on V-V ECMO."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SECTIONS = {"sweep_l_min": _CIRCUIT, "fdo2": _CIRCUIT, "carbon_dioxide_transfer
 
 @dataclass(frozen=True)
 class GivenBlood(GasExchanger):
-    """A reservoir: whatever enters, blood leaves with given partial pressures."""
+    """A reservoir from which blood leaves with given partial pressures, whatever enters."""
 
     po2: str = "bench.po2"
     pco2: str = "bench.pco2"
@@ -45,10 +45,10 @@ class Pass(NamedTuple):
     """Measurements of an oxygenator.
 
     Attributes:
-        oxygen: given to the blood [mL/min STPD].
-        carbon_dioxide: taken from it [mL/min STPD].
-        po2: behind it [mmHg].
-        saturation: behind it [%].
+        oxygen: oxygen transferred to the blood [mL/min STPD].
+        carbon_dioxide: carbon dioxide removed from the blood [mL/min STPD].
+        po2: PO2 at the outlet [mmHg].
+        saturation: saturation at the outlet [%].
     """
 
     oxygen: float
@@ -66,8 +66,8 @@ class VenoVenous(NamedTuple):
         paco2: arterial PCO2 [mmHg].
         svo2: saturation of the blood that leaves the tissues [%].
         spre: saturation of the drained blood [%].
-        oxygen: given by the oxygenator [mL/min STPD].
-        carbon_dioxide: taken by it [mL/min STPD].
+        oxygen: oxygen transferred by the oxygenator [mL/min STPD].
+        carbon_dioxide: carbon dioxide removed by the oxygenator [mL/min STPD].
     """
 
     sao2: float
@@ -80,7 +80,7 @@ class VenoVenous(NamedTuple):
 
 
 def values_with(values: Mapping[str, float]) -> dict[str, float]:
-    """Defaults of all parameters of gas exchange, and what is given."""
+    """Default values of all parameters of gas exchange, with the given values replaced."""
     known = {name: parameter.value for name, parameter in parameters().items()}
     return known | OXYGENATORS[ADULT].gas_values() | dict(values)
 
@@ -88,7 +88,7 @@ def values_with(values: Mapping[str, float]) -> dict[str, float]:
 def single_pass(
     flow: float, sweep: float, saturation: float, pco2: float = 45.0, hb: float = 12.0, **oxygenator: float
 ) -> Pass:
-    """An oxygenator that blood of an inlet saturation [-] passes once; flows in L/min.
+    """Compute a single pass of blood with a given inlet saturation [-] through an oxygenator; flows in L/min.
 
     Other arguments are parameters of the oxygenator: `oxygen_transfer`, `carbon_dioxide_transfer`; `fdo2`.
     """
@@ -109,7 +109,7 @@ def single_pass(
 
 
 def veno_venous(output: float, ecmo: float, mixing: float = 0.0, **settings: float) -> VenoVenous:
-    """A patient on V-V ECMO with an output and a pump flow [L/min].
+    """Compute a patient on V-V ECMO with a cardiac output and a pump flow [L/min].
 
     Other arguments are keys of the section [gas], `sweep_l_min`, `fdo2`, or `carbon_dioxide_transfer`.
     """

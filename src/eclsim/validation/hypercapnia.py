@@ -1,8 +1,9 @@
-"""Carbon dioxide in healthy people and in ventilated patients, by what responds to it.
+"""Hypercapnia in healthy people and in ventilated patients, for different responses to carbon dioxide.
 
-Patients have the pressures, the output and the PaCO2 of a study before; then the ventilation is turned down
-to the PaCO2 after. Body surface, and what an abstract does not print, is assumed (`hypercapnia` of
-data/protocols.toml). The measured response was fitted to the first study's resistance; all else is a test.
+Patients start with the pressures, output and PaCO2 of a study. Ventilation is then reduced to the final
+PaCO2. Body surface area, and values that an abstract does not print, are assumed (`hypercapnia` of
+data/protocols.toml). The measured response was fitted to the resistance of the first study; everything else
+is a test.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ HEALTHY = (("CO", 1.0, RAISED), ("heart_rate", 1.0, RAISED), (SYSTEMIC, -1.0, RA
 """Output, direction of its change, source."""
 VENTILATION = "gas.alveolar_ventilation_l_min"
 SHALLOWER = {VENTILATION: 3.3, "gas.fio2": 0.26}
-"""From 4.4 L/min and 25 %: PaCO2 39 to 52 mmHg, PaO2 as before."""
+"""Changed from 4.4 L/min and 25 %: PaCO2 rises from 39 to 52 mmHg, PaO2 is unchanged."""
 NERVES = {"baroreflex": 1.0, "chemoreflex": 1.0}
 ORGANS = {"hypoxic_vasodilation": 1.0}
 MEASURED = {"carbon_dioxide_response": 1.0}
@@ -38,16 +39,16 @@ REASON = (
 )
 SEDATED = {"baroreflex": 0.5, "set_point_pao2_mmHg": 90.0, "set_point_venous_o2_ml_dl": 10.0} | MEASURED
 SMALLEST_CHANGE = 0.01
-"""Share from which a change is told from none."""
+"""Relative change below which a quantity counts as unchanged."""
 
 
 def hypercapnia_checks() -> list[Check]:
-    """Directions in healthy people; sizes and directions in ventilated patients."""
+    """Compare directions in healthy people, and directions and sizes in ventilated patients."""
     return [compared("hypercapnia", healthy_rows()), compared("hypercapnia-patients", patient_rows())]
 
 
 def healthy_rows() -> Iterator[Row]:
-    """Directions of change with carbon dioxide in a healthy man, by what responds to it."""
+    """Rows for directions of change with carbon dioxide in a healthy man, for each kind of response."""
     measured = _in_health(NERVES | MEASURED)
     for words, keys in {"chemoreflex": NERVES, "and organs": NERVES | ORGANS}.items():
         computed = _in_health(keys)
@@ -66,7 +67,7 @@ def _in_health(keys: Mapping[str, float]) -> dict[str, float]:
 
 
 def patient_rows() -> Iterator[Row]:
-    """Patients whose ventilation is turned down, sedated."""
+    """Rows for sedated patients whose ventilation is reduced."""
     for study in PROTOCOLS["hypercapnia"].values():
         computed = _in_patient(study)
         for name, expected in study["changes"].items():
@@ -91,7 +92,7 @@ def _in_patient(study: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _changes(before: xr.Dataset, after: xr.Dataset, rate: float) -> dict[str, float]:
-    """Relative change of each quantity, 0 where it is not felt."""
+    """Relative change of each quantity; 0 if it is below `SMALLEST_CHANGE`."""
 
     def read(beat: xr.Dataset, name: str) -> float:
         if name == SYSTEMIC:

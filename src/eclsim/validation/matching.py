@@ -1,4 +1,4 @@
-"""Patients and animals made to have measured values: what a study's answer is computed in."""
+"""Match model patients and animals to measured values, as starting points of comparisons."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from eclsim.orbit.model import Model
 from eclsim.outputs.results import simulate_many
 
 Measure = Callable[[Mapping[str, np.ndarray]], np.ndarray]
-"""From values of some parameters, each of shape (variants,), to quantities, shape (variants, quantities)."""
+"""Maps values of parameters, each of shape (variants,), to quantities, shape (variants, quantities)."""
 _ACCURACY, _STEPS = 1e-6, 40
 
 
 class UnreachableError(ArithmeticError):
-    """No values of the parameters give what was measured."""
+    """Raised if no values of the parameters give the measured values."""
 
 
 def with_quantities(patient: Model, unknown: Sequence[str], measure: Measure, goal: Sequence[float]) -> Model:
-    """The patient whose quantities are those of a goal, by Newton's method with differences.
+    """Return the patient whose quantities equal given values, by Newton's method with finite differences.
 
-    Parameters above 0 are sought by their logarithm, those at or below 0 as they are (volumes in mL).
+    The search uses logarithms of parameters above 0, and others unchanged (volumes in mL).
 
     Raises:
-        UnreachableError: it is not met within the steps allowed.
+        UnreachableError: The values are not reached within the allowed steps.
     """
     start = np.array([patient.values[name] for name in unknown])
     logarithmic = (start > 0.0) & [not name.endswith("_ml") for name in unknown]
@@ -49,7 +49,7 @@ def with_quantities(patient: Model, unknown: Sequence[str], measure: Measure, go
 
 
 def with_outputs(patient: Model, unknown: Sequence[str], goal: Mapping[str, float]) -> Model:
-    """The same for outputs of the registry."""
+    """Return the patient whose outputs equal given values."""
 
     def measure(values: Mapping[str, np.ndarray]) -> np.ndarray:
         results = simulate_many(patient, values, list(goal))

@@ -1,6 +1,6 @@
-"""eclsim against measurements: the paper's text, healthy adults, devices on the bench, animals and patients.
+"""Comparison with measurements: the paper's text, healthy adults, devices on the bench, animals and patients.
 
-None of these numbers was used for fitting. They are compared and shown; missing one fails nothing.
+None of these numbers was used for fitting. They are compared and shown, but do not fail the validation.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 TEXT_RELATIVE = 0.02
 SMALLER_PATIENT_ML = 3247.0
-"""Blood volume that the search of `eclsim reproduce` finds for the paper's patient."""
+"""Blood volume of the paper's patient as estimated by `eclsim reproduce` [mL]."""
 PATIENT_UNKNOWN = (
     "the paper does not print the sex, age and size of its patient, which determine the blood volume; with "
     f"{SMALLER_PATIENT_ML:.0f} mL in place of that of the reference cases, eclsim gives the printed number"
@@ -45,7 +45,7 @@ PATIENT_UNKNOWN = (
 
 
 def paper_check() -> Check:
-    """Every number of the text that follows from the nine schemes, but percentages of other rows."""
+    """Compare every number of the text about the nine schemes, except percentages of other rows."""
     rows = tuple(
         _text_row(printed, printed.what)
         for printed in TEXT
@@ -57,7 +57,7 @@ def paper_check() -> Check:
 
 @lru_cache(maxsize=2)
 def text_study(blood_volume_ml: float | None = None) -> CrrtStudy:
-    """The nine schemes at the three speeds of the text, as the published code ran them."""
+    """Return the study of nine schemes at the three speeds of the text, as run by the published code."""
     from eclsim.crrt_study.study import crrt_study
 
     case = paper_case() if blood_volume_ml is None else with_blood_volume(paper_case(), blood_volume_ml)
@@ -65,7 +65,7 @@ def text_study(blood_volume_ml: float | None = None) -> CrrtStudy:
 
 
 def _text_row(printed: Printed, definition: OverSchemes | OfScheme) -> Row:
-    """One number of the text beside eclsim's, and why it misses where a smaller patient has it."""
+    """Row for a number of the text; a miss is explained if a patient with less blood reproduces it."""
     statistic = (
         definition.statistic if isinstance(definition, OverSchemes) else f"of scheme {definition.scheme}"
     )
@@ -86,12 +86,12 @@ def _text_row(printed: Printed, definition: OverSchemes | OfScheme) -> Row:
 
 BENCH_RELATIVE, BENCH_MMHG = 0.1, 10.0
 OTHER_MAKER = 0.3
-"""A point passes within twice its own spread, or within 10 % or 10 mmHg where none is given; the flow of a
-cannula of another maker within 30 %, which is how far makers differ at one size."""
+"""A point passes within twice its own spread, or within 10 % or 10 mmHg if none is given; the flow of a
+cannula of another manufacturer within 30 %, the difference between manufacturers at one size."""
 
 
 def devices_check() -> Check:
-    """Pump heads and cannula flows."""
+    """Compare pump heads and cannula flows with bench data."""
     rows = tuple(_bench_row(row) for row in read_table("devices.csv"))
     heads = [row for row in rows if row.name.startswith("HM3")]
     error = math.sqrt(sum(row.difference**2 for row in heads) / len(heads))
@@ -116,9 +116,9 @@ def _bench_row(row: dict[str, str]) -> Row:
 # --- a healthy adult: the reference case of a healthy man against norms ---------------------------
 
 HEALTHY = "cvs_healthy_75bpm"
-"""The paper's set with a stronger left ventricle (Emaxlv 2.8 mmHg/mL), 75 bpm, 40 years, 180 cm, 80 kg."""
+"""Paper's parameters, stronger left ventricle (Emaxlv 2.8 mmHg/mL), 75 bpm, 40 years, 180 cm, 80 kg."""
 BODY_SURFACE_M2 = (180.0 * 80.0 / 3600.0) ** 0.5
-"""Mosteller's formula for 180 cm and 80 kg."""
+"""Body surface area by Mosteller's formula for 180 cm and 80 kg [m2]."""
 SMALL_ATRIA = (
     "atrial volumes are stressed volumes: the paper's atria have no volume at zero pressure, so they are "
     "smaller than those of imaging"
@@ -137,7 +137,7 @@ DERIVED: dict[str, Callable[[xr.Dataset], float]] = {
 
 
 def healthy_check() -> Check:
-    """Every norm; one given as mean and standard deviation counts as its mean +- 2 deviations."""
+    """Compare all reference values; a mean with standard deviation allows +- 2 standard deviations."""
     rows = tuple(_norm_row(row, reference_result(HEALTHY)) for row in read_table("healthy_adult.csv"))
     title = "A healthy adult (the paper's parameters, Emaxlv 2.8, man of 40 years) against norms"
     bar = "the norm's range, or mean +- 2 standard deviations; compared, not required"
@@ -154,10 +154,10 @@ def _norm_row(row: dict[str, str], result: xr.Dataset) -> Row:
     return Row(label, got, float(row["low"]), float(row["high"]), row["unit"], source=source)
 
 
-# --- effects of the devices: the right way, and by how much? --------------------------------------
+# --- effects of the devices: direction and size ---------------------------------------------------
 
 FAILING = "cvs_failure_90bpm"
-"""A failing heart of the reference cases stands in for the animals and patients."""
+"""Reference case with a failing heart that represents the animals and patients."""
 FLOWS_L_MIN = (1.0, 5.0)
 CANNULAE_FR = (25.0, 21.0)
 EFFECTS = PROTOCOLS["effects"]
@@ -169,7 +169,7 @@ RAMP_EFFECTS = (("CO", 0.16, 0.19), ("PCWP", -1.23, 0.85))
 
 
 def effects_checks() -> list[Check]:
-    """V-A ECMO on the failing heart, CRRT pressures, LVAD ramps; signs and sizes are two rows each."""
+    """Compare V-A ECMO on the failing heart, CRRT pressures, LVAD ramps; sign and size are separate rows."""
     parts = {"circuit-effects": ecmo_rows, "line-effects": crrt_rows, "assist-effects": lvad_rows}
     return [compared(name, rows()) for name, rows in parts.items()]
 
@@ -189,7 +189,7 @@ def _on_ecmo(flow_l_min: float) -> xr.Dataset:
 
 
 def ecmo_rows() -> list[Row]:
-    """Relative change from low to high flow, as animal and model start from different values."""
+    """Relative changes from low to high flow, since animals and model start from different values."""
     low, high = (_on_ecmo(flow) for flow in FLOWS_L_MIN)
     rows = []
     for row in read_table("effects.csv"):
@@ -204,7 +204,7 @@ def ecmo_rows() -> list[Row]:
 
 
 def crrt_rows() -> list[Row]:
-    """Pressures of the CRRT lines, and what moving the return line and raising the speed does to them."""
+    """Rows for CRRT line pressures, and effects of moving the return line and of increasing the speed."""
     means = text_study().means.sel(policy=AS_PUBLISHED)
 
     def pressure(quantity: str, scheme: str, speed: float = AT_CASE) -> float:
@@ -232,7 +232,7 @@ def crrt_rows() -> list[Row]:
 
 
 def lvad_rows() -> list[Row]:
-    """Mean change of a step over the whole ramp."""
+    """Rows for the mean change per step over the whole ramp."""
     rows = []
     for pump, (first, last, step) in EFFECTS["ramps"].items():
         low, high = (_on_lvad(pump, speed) for speed in (first, last))

@@ -1,7 +1,7 @@
-"""Fluid where what crosses the capillary wall passes what is next to capillaries first.
+"""Fluid exchange through a pericapillary layer next to the capillary wall.
 
-The share was fitted to two dialyses, at the published wall; all else is a test. Spreads are those of the rows
-without it, in `fluid`, `boluses` and `refill`.
+The share of the layer was fitted to two dialyses with the published wall; everything else is a test. Spreads
+are those of the rows without the layer, in `fluid`, `boluses` and `refill`.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ THINNED = (
 
 
 def pericapillary_check() -> Check:
-    """Dialyses, men who stand, blood lost and fluid given."""
+    """Compare dialyses, standing men, lost blood and infused fluid."""
     return compared("pericapillary", (*_dialyses(), *_standing(), *_lost(), *_given()))
 
 
 def _dialyses() -> Iterator[Row]:
-    """Fall of the blood volume, and what drives refill."""
+    """Rows for the fall of blood volume, and the forces of refill."""
     patient = fluid.dialysed(fluid.PUBLISHED, NEAR_SHARE)
     hour = fluid.fall_of_blood(patient, 1700.0) / fluid.SESSION_H
     yield within("fall of blood volume, 1.7 L filtered (fit)", 3.2, hour, 1.6, "%/h", source=fluid.KEANE)
@@ -42,7 +42,7 @@ def _dialyses() -> Iterator[Row]:
 
 
 def _standing() -> Iterator[Row]:
-    """Plasma lost by men who stand up, and back in those who lie down again."""
+    """Rows for plasma lost on standing up, and regained on lying down."""
     man = fluid.healthy(fluid.STANDING_REFLEX)
     whole, _, _ = fluid.stood(Patient(man))
     lost, tau, back = fluid.stood(Patient(replace(man, values={**man.values, PERICAPILLARY: NEAR_SHARE})))
@@ -57,7 +57,7 @@ def _standing() -> Iterator[Row]:
 
 
 def _lost() -> Iterator[Row]:
-    """Blood lost, and fluid in its place."""
+    """Rows for lost blood and its replacement by fluid."""
     yield within("400 mL bled in 10 min: refilled as it ends (test)", 188.0,
                  refill.refilled(400.0, 0.0, SECTIONS), 80.0, "mL", source=refill.SAITO)  # fmt: skip
     stays = refill.saline_stays(SECTIONS)
@@ -74,7 +74,7 @@ def _lost() -> Iterator[Row]:
 
 
 def _given() -> Iterator[Row]:
-    """Crystalloid that is given to people who lost nothing."""
+    """Rows for crystalloid given to people who lost nothing."""
     for after, expected, spread, words in ((0.0, 55.0, 5.0, "as it ends"), (30.0, 17.5, 2.5, "30 min later")):
         stays = boluses.share(boluses.VOLUNTEER._replace(after_min=after), SECTIONS)
         yield within(f"a litre of Ringer's in 30 min, {words} (test)", expected, stays, spread, "%",

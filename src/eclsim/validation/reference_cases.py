@@ -1,4 +1,4 @@
-"""The 26 reference cases: eclsim's steady beat against the last beats of long runs of the published code."""
+"""The 26 reference cases: eclsim's steady beat and the last beats of long runs of the published code."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 DATA = Path(str(files("eclsim.validation") / "data"))
 """Folder of the embedded data."""
 PROTOCOLS: dict[str, Any] = tomllib.loads((DATA / "protocols.toml").read_text(encoding="utf-8"))
-"""On which cases the parts of `eclsim validate` compute, and what their comparisons are called."""
+"""Cases used by the parts of `eclsim validate`, and titles of the comparisons."""
 PAPER_PATIENT: str = PROTOCOLS["reference"]["paper_patient"]
-"""The patient of Table S-4 at 3425 rpm, CRRT connected as in scheme g."""
+"""The patient of Table S-4 at 3425 rpm, with CRRT connected as in scheme g."""
 QUICK = tuple(PROTOCOLS["reference"]["quick"])
-"""Cases of `validate --quick`: one of each kind of circuit."""
+"""Cases of `validate --quick`: one for each kind of circuit."""
 
 RELATIVE = 0.005
 ABSOLUTE = {"mmHg": 0.1, "L/min": 0.02, "mL": 0.5}
-"""An output may be off by half a percent, or by this much."""
+"""Tolerance of an output: half a percent, or this value if larger."""
 SHARE_OF_RANGE = 0.01
 WAVEFORM_ABSOLUTE = {"P": 0.3, "Q": 2.0, "V": 0.5}
-"""Mean, minimum and maximum of a waveform may be off by one percent of its range, or by this much."""
+"""Tolerance of mean, minimum and maximum of a waveform: one percent of its range, or this if larger."""
 WAVEFORM_UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
 
 EVIDENCE = 0.2
-"""Share of a statistic's tolerance within which the evidence of an explanation must lie."""
+"""Largest error of the evidence of an explanation, as a share of the statistic's tolerance."""
 PUBLISHED_LAWS = (
     "the published code smooths the valve law over 0.01 mmHg and lets chamber pressures lag by 0.08 ms; the "
     "same circuit integrated with these two laws gives the published number (data/published_laws.csv)"
@@ -52,14 +52,14 @@ def case_names() -> tuple[str, ...]:
 
 
 def reference_case(name: str) -> Case:
-    """A reference case, without the warnings of reading it (some are unusual on purpose)."""
+    """Return a reference case without the warnings of reading it (some are deliberately unusual)."""
     from eclsim.cases.reading import read_case
 
     return read_case(DATA / "cases" / f"{name}.toml").case
 
 
 def with_devices_of(patient: Case, other: Case) -> Case:
-    """The patient with the devices of another case besides."""
+    """Return the patient with the devices of another case added."""
     return patient.model_copy(update={instance.key: instance.section for instance in other.instances()})
 
 
@@ -91,7 +91,7 @@ def read_table(name: str) -> list[dict[str, str]]:
 
 
 def compared(name: str, rows: Iterable[Row]) -> Check:
-    """A comparison that fails nothing, with the title, bar and remarks of its table in `PROTOCOLS`."""
+    """Return a comparison that cannot fail the validation, with title, bar and remarks from `PROTOCOLS`."""
     about = PROTOCOLS["checks"][name]
     remarks = tuple(about.get("remarks", ()))
     key, title, bar = about.get("key", name), about["title"], about["bar"]
@@ -99,7 +99,7 @@ def compared(name: str, rows: Iterable[Row]) -> Check:
 
 
 def checks(quick: bool = False) -> list[Check]:
-    """Outputs and waveforms of all cases, or of a few."""
+    """Compare outputs and waveforms of all cases, or of the quick ones."""
     names = QUICK if quick else case_names()
     outputs = tuple(row for name in names for row in output_rows(name))
     waveforms = tuple(row for name in names for row in waveform_rows(name))
@@ -117,7 +117,7 @@ def checks(quick: bool = False) -> list[Check]:
 
 
 def output_rows(name: str) -> list[Row]:
-    """Clinical outputs and chamber volumes of a case."""
+    """Rows for the clinical outputs and chamber volumes of a case."""
     result, rows = reference_result(name), []
     for output, expected in expected_results()[name]["outputs"].items():
         unit = str(result[output].attrs["units"])
@@ -127,7 +127,7 @@ def output_rows(name: str) -> list[Row]:
 
 
 def waveform_rows(name: str) -> list[Row]:
-    """Mean, minimum and maximum of every waveform of a case."""
+    """Rows for mean, minimum and maximum of every waveform of a case."""
     result, rows = reference_result(name), []
     for signal, expected in expected_results()[name]["waveforms"].items():
         tolerance = max(SHARE_OF_RANGE * (expected["max"] - expected["min"]), WAVEFORM_ABSOLUTE[signal[0]])
@@ -146,16 +146,16 @@ def waveform_statistics(result: xr.Dataset, signal: str) -> dict[str, float]:
 
 @lru_cache(maxsize=1)
 def _with_published_laws() -> dict[str, tuple[float, float]]:
-    """Statistics with the published code's laws, and those of eclsim's own that they were compared with."""
+    """Statistics with the published code's laws, and those with eclsim's laws at that time."""
     rows = read_table("published_laws.csv")
     return {row["statistic"]: (float(row["value"]), float(row["eclsim"])) for row in rows}
 
 
 def explanation(label: str, expected: float, got: float, tolerance: float) -> Explanation | None:
-    """Why a statistic of a waveform misses, where the published valve and pressure lag were shown to be why.
+    """Reason for a missed waveform statistic, if shown to be the published valve and pressure lag.
 
-    It counts as long as the published laws give the published number, and eclsim's own laws the number that
-    this was shown for.
+    It is valid as long as the published laws give the published number, and eclsim's laws the number for
+    which this was shown.
     """
     if label not in _with_published_laws():
         return None
@@ -178,10 +178,10 @@ DEMO_MEDIANS = ("PF", "Psart", "Psvn")
 
 
 def demo_rows(result: xr.Dataset) -> list[Row]:
-    """The steady beat of `PAPER_PATIENT` beside the paper's text and beside a run of the published code.
+    """Rows comparing the steady beat of `PAPER_PATIENT` with the paper's text and the published code.
 
-    The text gives the ECMO flow and the CRRT pressures of scheme g; its arterial and venous pressures are
-    medians over all nine schemes, so those of scheme g alone lie near them and not on them.
+    The text gives the ECMO flow and the CRRT pressures of scheme g. Its arterial and venous pressures are
+    medians over all nine schemes, so those of scheme g alone are only close to them.
     """
     rows = [_demo_row(printed, result) for printed in TEXT if _of_the_demo(printed)]
     for name in DEMO_OUTPUTS:

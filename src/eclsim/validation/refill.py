@@ -1,7 +1,7 @@
-"""Blood lost and what comes back from the tissues; what albumin draws and how long it stays.
+"""Refill from the tissues after blood loss, and fluid drawn by albumin and the time it remains.
 
-Nothing was fitted. Spreads were set before eclsim's numbers were seen. Experiments: another wall with soft
-veins and a reflex, as in `boluses`, more lymph, and men who lie down and lose no blood.
+Nothing was fitted. Spreads were set before eclsim's numbers were known. The experiments are another wall with
+soft veins and a reflex, as in `boluses`, more lymph flow, and men who lie down without a loss of blood.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ LYMPH = "fluid.lymph_ml_min"
 DONOR = body("male", 40, 172, 70, 70)
 LOSS_AND_INFUSION = Given(DONOR, HEALTHY, (("bleed_ml", 500.0), ("crystalloid_ml", 2000.0)), 60.0, 0.0)
 INFUSION_STAYS = 100.0 * (500.0 + 5000.0 * (0.9 * 14.3 / 12.15 - 1.0)) / 2000.0
-"""Share of 2 L given after a loss of 500 mL that stays [%], by the haemoglobin of `TWO_LITRES`."""
+"""Share of 2 L given after a loss of 500 mL that is retained [%], from the haemoglobin of `TWO_LITRES`."""
 LOST_SHARE = 0.1
-"""Share of the blood that the trial's donors lost, 500 mL; their refilled share hardly depends on it."""
+"""Share of their blood that the trial's donors lost, 500 mL; the refilled share hardly depends on it."""
 POSTURE = (
     "donors who walk in and lie down dilute their blood without losing any, by more than the spread of these "
     "rows; carbon monoxide found no refill, haemoglobin half of the loss: no model meets both"
@@ -83,7 +83,7 @@ POSTURE = (
 
 
 def refill_check() -> Check:
-    """What comes back after blood is lost, and what albumin draws."""
+    """Compare refill after blood loss, and fluid drawn by albumin."""
     return compared("refill", refill_rows())
 
 
@@ -95,7 +95,7 @@ def refill_rows() -> Iterator[Row]:
 
 
 def _donors() -> Iterator[Row]:
-    """Refill within minutes of 400 to 500 mL."""
+    """Rows for refill within minutes of a loss of 400 to 500 mL."""
     unlike = Explanation(POSTURE, (lying_down(),), undecided=True)
     for litre, label, expected, spread, source in (
         (0.40, "400 mL bled in 10 min: refilled as it ends (test)", 188.0, 80.0, SAITO),
@@ -117,14 +117,14 @@ def _donors() -> Iterator[Row]:
 
 
 def diluted() -> tuple[float, float]:
-    """Blood volume over that before the loss, right after and within 2 h, by the trial's haemoglobin."""
+    """Blood volume relative to that before the loss, right after and within 2 h, from haemoglobin."""
     falls = (5.111 / 14.3, (5.111 + 6.722) / 14.3)
     early, late = ((1.0 - LOST_SHARE) / (1.0 - fall * LOST_SHARE) for fall in falls)
     return early, late
 
 
 def _hours() -> Iterator[Row]:
-    """Hours after a loss, and crystalloid that is given then."""
+    """Rows for hours after a loss, and for crystalloid given at that time."""
     lost = Given(DONOR, HEALTHY, (("bleed_ml", 900.0),), 20.0, 1440.0)
     yield within("900 mL: concentration of the plasma's protein a day later (test)", 0.0,
                  protein_changed(lost), 5.0, "%", source=ADAMSON)  # fmt: skip
@@ -139,13 +139,13 @@ def _hours() -> Iterator[Row]:
 
 
 CONCENTRATED = {"albumin_ml": 900.0 / 1800.0, ULTRAFILTRATION_KEY: 675.0 / 1800.0}
-"""225 mL of 20 % albumin in 30 min: 900 mL of 5 %, of which 675 mL of water are taken."""
+"""225 mL of 20 % albumin in 30 min as 900 mL of 5 % albumin with removal of 675 mL of water [mL/s]."""
 URINE = (1800.0, {ULTRAFILTRATION_KEY: 560.0 / 18000.0})
-"""What volunteers pass in the 5 h after it: 2.5 times the 225 mL (10.1186/s13054-020-02855-0)."""
+"""Urine of volunteers in the 5 h after it: 2.5 times the 225 mL (10.1186/s13054-020-02855-0) [s, mL/s]."""
 
 
 def _concentrated() -> Iterator[Row]:
-    """What 45 g of albumin draw, and how long they stay."""
+    """Rows for the fluid drawn by 45 g of albumin, and the time it remains."""
     man, drained = (with_lymph(flow) for flow in (PARAMETERS[LYMPH].value, 6.0))
     minutes, states = man.course(5.5, CONCENTRATED, then=URINE)
     plasma = np.interp(30.0, minutes, states[PLASMA]) / states[PLASMA][0]
@@ -168,20 +168,20 @@ def _concentrated() -> Iterator[Row]:
 
 
 def with_lymph(ml_min: float) -> Patient:
-    """The man of the bleeding rows with another flow of lymph at rest [mL/min]."""
+    """Return the man of the bleeding rows with another resting lymph flow [mL/min]."""
     model = healthy("heldt2010")
     return Patient(replace(model, values={**model.values, LYMPH: ml_min}))
 
 
 def _albumin_lost(man: Patient) -> float:
-    """Share of the protein given that leaves the plasma in an hour, over 5 h [%]."""
+    """Share of infused protein that leaves the plasma per hour, over 5 h [%]."""
     minutes, states = man.course(5.5, CONCENTRATED, then=URINE)
     before, given, left = np.interp((0.0, 30.0, 330.0), minutes, states[PROTEIN])
     return float(100.0 * (given - left) / (given - before) / 5.0)
 
 
 def _leak(man: Patient) -> float:
-    """Share of the plasma's protein that leaves in an hour at rest [%]: as much as lymph brings back."""
+    """Share of the plasma protein that leaves per hour at rest [%], which equals the return by lymph."""
     values = man.model.values
     plasma, _ = blood_at_start({key: np.array(value) for key, value in values.items()})
     back = values[LYMPH] * values["fluid.interstitial_protein_g_dl"]
@@ -189,13 +189,13 @@ def _leak(man: Patient) -> float:
 
 
 def refilled(lost_ml: float, after_min: float = 0.0, sections: Sections = ()) -> float:
-    """Fluid from the tissues [mL] some time after blood was lost within 10 min."""
+    """Fluid from the tissues some time after blood was lost within 10 min [mL]."""
     given = Given(DONOR, HEALTHY, (("bleed_ml", lost_ml),), 10.0, after_min)
     return lost_ml + gained(given, sections)[1]
 
 
 def saline_stays(sections: Sections = ()) -> float:
-    """Share that stays in the plasma [%] of 2 L of saline 4 h after a loss, as its infusion ends."""
+    """Share of 2 L of saline, infused for 4 h after a blood loss, in the plasma at the infusion's end [%]."""
     lost = ("bleed_ml", 620.0)
     before, after = (
         gained(Given(DONOR, HEALTHY, (lost,), 20.0, minutes, later), sections)[0]
@@ -205,7 +205,7 @@ def saline_stays(sections: Sections = ()) -> float:
 
 
 def lying_down() -> Row:
-    """Plasma that comes back within 10 min to a man who stood and lies down, no blood lost."""
+    """Row for plasma regained within 10 min by a man who lies down after standing, without blood loss."""
     man = Patient(healthy("heldt2010"))
     minutes, states = man.course(25.0 / 60.0, {}, lambda second: second < 900.0)
     before, after = np.interp((15.0, 25.0), minutes, states[PLASMA])

@@ -1,7 +1,8 @@
-"""Regulated patients and animals against measurements, what each experiment held held here too.
+"""Regulated patients and animals compared with measurements, with the same quantities held constant.
 
-An animal or patient is first made to have the values at the beginning of the experiment. Then the device is
-turned up, with what was held, or is thought to have been, held.
+An animal or patient is first matched to the values at the beginning of the experiment. The device flow or
+speed is then increased, with the quantities held constant that were held, or were probably held, in the
+study.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table
 
 RIGHT_ATRIUM = "right_atrial_pressure"
 RR_GAIN, RR_GAIN_SD = 22.7, 9.5
-"""Lengthening of the heart period with arterial pressure in healthy people [ms/mmHg]."""
+"""Lengthening of the heart period per arterial pressure in healthy people, and its spread [ms/mmHg]."""
 
 
 def regulation_checks() -> list[Check]:
-    """Curves of the reflexes, loss of blood, and devices turned up by protocol."""
+    """Compare reflex curves, loss of blood, and ramps of devices by protocol."""
     return [
         compared("reflex-curves", curve_rows()),
         compared("haemorrhage", haemorrhage_rows()),
@@ -48,7 +49,7 @@ def regulation_checks() -> list[Check]:
 
 
 def adult(heart_rate: float, weight_kg: float = 70.0, **sections: object) -> Model:
-    """A man whose circuits are primed, without the blood and the drugs that the sections may give."""
+    """Return a man with primed circuits, without blood and drugs that the sections may give."""
     body = {"sex": "male", "age_years": 60, "height_cm": 170, "weight_kg": weight_kg}
     patient = {"id": "matched", **body, "heart_rate_bpm": heart_rate}
     case = {"format": 1, "blood_volume_policy": PATIENT_HELD, "patient": patient, "fluid": {}}
@@ -56,7 +57,7 @@ def adult(heart_rate: float, weight_kg: float = 70.0, **sections: object) -> Mod
 
 
 def sign(name: str, expected: float, got: float, source: str, explanation: Explanation | None = None) -> Row:
-    """Whether a change has the direction that was measured."""
+    """Row on whether a change has the measured direction."""
     return within(
         f"{name}: sign", np.sign(expected), np.sign(got), 0.5, source=source, explanation=explanation
     )
@@ -68,7 +69,7 @@ URSINO = "Ursino 1998, computed independently from the printed equations and con
 
 
 def curve_rows() -> list[Row]:
-    """Points of Ursino's curves, and the answer of the heart period of both sets."""
+    """Rows for points of Ursino's curves, and the response of the heart period for both sets."""
     model, points = REFLEXES["ursino1998"], []
     for pressure, firing, sympathetic in ((92.0, 25.15, 4.67), (60.0, 5.31, 11.9)):
         carotid = ursino1998.carotid_firing(pressure - ursino1998.SET_POINT_MMHG)
@@ -130,7 +131,7 @@ CONTRADICTED = (
 
 
 def haemorrhage_rows() -> list[Row]:
-    """A litre of blood lost at once, in the published patient at rest, by reflex."""
+    """Rows for a sudden loss of a litre of blood in the published patient at rest, by reflex."""
     rows = []
     men = within("0.9 L in a healthy man: output", -28.0, bled(healthy("heldt2010"))["0.9 L: cardiac output"],
                  14.0, "%", source=EIGHT_MEN)  # fmt: skip
@@ -165,16 +166,16 @@ ANIMALS = {
         ("LV_Pd_kappa",),
     ),
 }
-"""Values at the lowest flow; stiffness at rest is changed where the pressure is known."""
+"""Values at the lowest flow; diastolic stiffness is adjusted, too, if the pressure is known."""
 NATIVE_L_MIN, STROKE_ML = 2.8, 48.0
 """Output and stroke volume give the heart rate [bpm]: 58 in both studies (2.9 L/min, 50 mL in the other)."""
 VOLUME_HELD = (
     "the blood volume is held constant here, so filling does not rise with the flow; with blood given to "
     "hold right atrial pressure the sign is as measured"
 )
-"""What was held is not in the abstracts of the studies."""
+"""Reason for misses: the abstracts of the studies do not say what was held constant."""
 STRONGER = 1.1
-"""How much stronger a heart is against the higher pressure in an experiment."""
+"""Factor for the contractility against the higher pressure in an experiment."""
 SAME_FORCE = (
     "contractility does not respond to load here; in dogs it rises with sustained arterial pressure "
     f"(Bregagnollo and others). With {100 * (STRONGER - 1):.0f} % more contractility at the high flow the "
@@ -183,7 +184,7 @@ SAME_FORCE = (
 
 
 def animal(study: str, **sections: object) -> Model:
-    """The animals of a study at the lowest flow, anaesthetised: no reflex unless a section says so."""
+    """Return the anaesthetised animals of a study at the lowest flow; a reflex only if a section adds it."""
     goal, more = ANIMALS[study]
     plain = adult(1e3 * NATIVE_L_MIN / STROKE_ML, 50.0, ecmo=CIRCUIT)
     matched = with_outputs(plain, ("Emaxlv", EXTRA_VOLUME, "Rmc", *more), goal)
@@ -194,12 +195,12 @@ def animal(study: str, **sections: object) -> Model:
 
 
 def with_output_held(patient: Model, name: str, stronger: float = 1.0) -> Model:
-    """The patient given blood, or bled, until an output is what it is before a change of flow.
+    """Change the flow and then the blood volume until an output has its previous value.
 
     Args:
-        patient: at the lowest flow.
-        name: of the output.
-        stronger: what contractility of the left ventricle is multiplied by at the high flow.
+        patient: patient at the lowest flow.
+        name: name of the output.
+        stronger: factor for the contractility of the left ventricle at the high flow.
     """
     before = float(simulate(patient)[name])
     changed = {FLOW: HIGH_FLOW, "Emaxlv": stronger * patient.values["Emaxlv"]}
@@ -207,7 +208,7 @@ def with_output_held(patient: Model, name: str, stronger: float = 1.0) -> Model:
 
 
 def ecmo_rows() -> Iterator[Row]:
-    """From the lowest flow to 5 L/min: signs with the volume held, signs and sizes with filling held."""
+    """Rows from the lowest flow to 5 L/min: signs at constant volume, signs and sizes at constant filling."""
     table = read_table("effects.csv")
     for study in ANIMALS:
         patient = animal(study)
@@ -233,12 +234,12 @@ def ecmo_rows() -> Iterator[Row]:
 # --- LVAD ramps -----------------------------------------------------------------------------------
 
 RAMPS, RAMP = PROTOCOLS["effects"]["ramps"], PROTOCOLS["effects"]["ramp"]
-"""First speed, last speed and step [rpm], and where the effects were measured."""
+"""First speed, last speed and step [rpm], and the source of the measured effects."""
 SPEED = f"{LVAD.key}.speed_rpm"
 RAMP_EFFECTS = (("CO", 0.16, 0.19), ("PCWP", -1.23, 0.85), (RIGHT_ATRIUM, 0.0, 0.3), ("SP", 0.0, 1.0))
-"""Output, change per step and its standard deviation; of "unchanged" what is taken as such."""
+"""Output, change per step and its standard deviation; for "unchanged", an assumed one."""
 LOWEST = {"MAP": 80.0, "CO": 4.2, "PCWP": 22.0, RIGHT_ATRIUM: 11.0}
-"""Patient at the lowest speed: assumed, with a wedge pressure that leaves room for a fall of 9.9 mmHg."""
+"""Patient at the lowest speed: assumed, with a wedge pressure that can fall by 9.9 mmHg."""
 
 
 WITHOUT = (
@@ -256,7 +257,7 @@ ARTERIAL = (
 
 
 def lvad_rows() -> Iterator[Row]:
-    """Mean change of a step over the whole ramp, awake patients, by reflex."""
+    """Rows for the mean change per step over the whole ramp in awake patients, by reflex."""
     for pump, (first, last, step) in RAMPS.items():
         assist = {"pump": pump, "speed_rpm": first, "inlet_site": "lv", "outlet_site": "ao"}
         computed = {name: _ramp(assist, last, step, regulated) for name, regulated in _ramped().items()}
@@ -277,12 +278,12 @@ EXPERIMENTS = {
     "SP": (LATE, "heldt2010"),
     RIGHT_ATRIUM: (ARTERIAL, "ursino1998, cardiopulmonary"),
 }
-"""Why what an output does misses, and in whom it does not."""
+"""By output, the reason for a miss and the patient (by reflex) in whom it holds."""
 Regulated = Callable[[Mapping[str, object]], Model]
 
 
 def _ramped() -> dict[str, Regulated]:
-    """Patients by reflex: from the section of their pump."""
+    """Patients by reflex, as functions of the section of their pump."""
 
     def with_reflex(name: str, gain: float = 1.0) -> Regulated:
         points = {"set_point_mmHg": LOWEST["MAP"], "venous_set_point_mmHg": LOWEST[RIGHT_ATRIUM]}
@@ -301,7 +302,7 @@ def _ramped() -> dict[str, Regulated]:
 
 
 def _ramp(assist: Mapping[str, object], last: float, step: float, regulated: Regulated) -> dict[str, float]:
-    """Change of each output for a step of the speed."""
+    """Change of each output per step of the speed."""
     patient = regulated(assist).with_values(_lowest(tuple(assist.items())))
     first = patient.values[SPEED]
     low, high = (simulate(patient.with_values({SPEED: speed})) for speed in (first, last))
@@ -321,13 +322,13 @@ def _lowest(assist: tuple[tuple[str, object], ...]) -> Mapping[str, float]:
 
 DONKER = "Donker 2019 (PMC6325768), another closed-loop model with reflexes; its patient could not be read"
 FAILING = {"MAP": 65.0, "CO": 3.3, "PCWP": 20.0}
-"""Patient before ECMO: assumed."""
+"""Patient before ECMO (assumed)."""
 
 
 SICKER = {"MAP": 55.0, "CO": 2.6, "PCWP": 20.0}
 """Another patient before ECMO, in an experiment with the vessels of CVSim."""
 LOST_ML, LESS_ML = 800.0, 300.0
-"""Blood taken there, and in an experiment."""
+"""Blood removed in the comparison, and in an experiment [mL]."""
 UNKNOWN = (
     "the abstract does not describe its patient before ECMO, the vessels and the blood volume: a patient "
     f"with soft veins, {SICKER['MAP']:.0f} mmHg and {SICKER['CO']} L/min has the same rise, one who loses "
@@ -339,7 +340,7 @@ WITHDRAWN = (
 
 
 def donker_rows() -> list[Row]:
-    """Both with a reflex whose set point is the pressure before ECMO and with fixed tone."""
+    """Rows with a reflex, whose set point is the pressure before ECMO, and with fixed tone."""
     reflex = {"baroreflex": 1.0, "set_point_mmHg": FAILING["MAP"]}
     computed = {"reflex": _donker(regulation=reflex), "fixed tone": _donker()}
     sicker, less = _donker(SICKER, SOFT), _donker(lost_ml=LESS_ML)
@@ -369,7 +370,7 @@ def _donker(
     lost_ml: float = LOST_ML,
     **sections: object,
 ) -> tuple[float, ...]:
-    """ECMO of 4 L/min, resistance such that pressure is 85 mmHg; then 65 mmHg and less blood."""
+    """Simulate 4 L/min ECMO with resistance for 85 mmHg, then for 65 mmHg after a loss of blood."""
     free = ("Rmc", EXTRA_VOLUME, "Emaxlv")
     failing = with_outputs(adult(90.0).with_values({"Emaxlv": 0.6, **vessels}), free, before)
     matched = {name: failing.values[name] for name in (*free, *vessels)}

@@ -1,8 +1,8 @@
 """Robustness: a steady beat anywhere in the bounds of parameter identification, in seven configurations.
 
-The seven fitted parameters are spread over their bounds (a tenth to ten times the start value) by a Sobol
-sequence on a logarithmic scale. Some of these hearts do not eject; they have to be named as such, not settled
-by luck. What is called converged is followed for ten more beats without the solver's help.
+The seven fitted parameters are varied over their bounds (a tenth to ten times the start value) by a Sobol
+sequence on a logarithmic scale. Some of these hearts do not eject; they must be reported as such and not
+appear steady by chance. Beats reported as converged are continued for ten more beats without the solver.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Effort:
-    """How much to compute, and where.
+    """Extent of the validation, and where it is computed.
 
     Args:
-        quick: a case of each kind of circuit instead of all.
-        points: points of the robustness sweep in each configuration.
-        executor: runs sweeps.
-        folder: keeps their results; None keeps them for this call alone.
-        progress: called as their tasks are done.
+        quick: whether to use one case for each kind of circuit instead of all cases.
+        points: number of points of the robustness sweep in each configuration.
+        executor: executor of the sweeps.
+        folder: folder that stores their results; None keeps them in memory only.
+        progress: called when a task is done.
     """
 
     quick: bool = False
@@ -49,7 +49,7 @@ class Effort:
     progress: Progress | None = None
 
     def complete(self, tasks: Tasks[Argument, Result], format: Format[Result]) -> list[Result]:
-        """Results of the tasks of a sweep, in a folder of its own."""
+        """Return the results of the tasks of a sweep, stored in a separate folder."""
         place = None if self.folder is None else self.folder / tasks.title
         return self.executor.complete(tasks, place, format, self.progress)
 
@@ -58,37 +58,37 @@ class Effort:
 
 
 CONFIGURATIONS: dict[str, list[str]] = PROTOCOLS["configurations"]
-"""Configuration, and the reference cases whose patient and devices it has."""
+"""Configurations, with the reference cases that give patient and devices."""
 
 EJECTING_L_MIN = 0.1
-"""Native output from which a steady beat has to be found."""
+"""Native output from which on a steady beat must be found [L/min]."""
 RECHECK_BEATS = 10
 RECHECK_TOLERANCE = 1e-6
 """Largest change of a state over the further beats, relative to max(|state|, 1)."""
 SETTLING_BEATS = 400
-"""Plain beats from the published start that tell the native output of a patient without a steady beat."""
+"""Number of plain beats from the published start that determine the native output without a steady beat."""
 SEED = 2025
 CHUNK = 512
-"""Points of a configuration that are solved side by side; a task of the sweep."""
+"""Number of points of a configuration solved side by side, which is one task of the sweep."""
 SWEPT = ("status", "output", "drift", "beats", "moved")
 NEEDED_SHARE = 0.999
 NAMED = 5
-"""Points of a configuration that are looked at one by one."""
+"""Number of points of a configuration that are examined individually."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Outcome of one configuration; arrays over the points.
+    """Results of one configuration as arrays over the points.
 
     Args:
-        name: configuration.
+        name: name of the configuration.
         values: the seven parameters of every point, by name.
         status: `Status` of every point.
-        output: what the left heart and an LVAD give to the arteries [L/min]; without a steady beat, that of
+        output: output of the left heart and an LVAD to the arteries [L/min]; without a steady beat, that of
             the last of `SETTLING_BEATS` plain beats.
-        drift: largest change of a volume over a beat [mL], likewise.
-        beats: beats that the solver computed.
-        moved: largest relative change of a state over ten more beats; NaN where there is no steady beat.
+        drift: largest change of a volume over the same beat [mL].
+        beats: number of beats computed by the solver.
+        moved: largest relative change of a state over ten more beats; NaN without a steady beat.
     """
 
     name: str
@@ -101,22 +101,22 @@ class Sweep:
 
     @property
     def converged(self) -> np.ndarray:
-        """Whether a steady beat was found."""
+        """Whether a steady beat was found, for each point."""
         return (self.status == Status.CONVERGED) | (self.status == Status.ONE_OF_MANY)
 
     @property
     def ejecting(self) -> np.ndarray:
-        """Whether the native output is large enough for a steady beat to be demanded."""
+        """Whether the native output is large enough for a steady beat to be required."""
         return self.output > EJECTING_L_MIN
 
     @property
     def false_converged(self) -> np.ndarray:
-        """Whether it was called converged and is not."""
+        """Whether a beat was reported as converged but is not steady."""
         return self.converged & ~(self.moved <= RECHECK_TOLERANCE)
 
     @property
     def silent_nan(self) -> np.ndarray:
-        """Whether a number is not finite although the status says nothing of it."""
+        """Whether a number is not finite although the status does not report it."""
         return (self.status != Status.NOT_FINITE) & ~np.isfinite(self.output)
 
 
@@ -159,17 +159,17 @@ def sweep(name: str, points: dict[str, np.ndarray]) -> Sweep:
 
 
 Chunk = tuple[str, int, int]
-"""A configuration, its first point and the one after its last."""
+"""A configuration, the index of its first point, and the index after its last one."""
 
 
 @dataclass(frozen=True)
 class SweepChunk:
-    """Solves some of `count` points of a configuration."""
+    """Solves some of the `count` points of a configuration."""
 
     count: int
 
     def __call__(self, chunk: Chunk) -> dict[str, list[float]]:
-        """The arrays of the sweep, by name."""
+        """Return the arrays of the sweep by name."""
         name, first, last = chunk
         points = {parameter: values[first:last] for parameter, values in sobol_points(self.count).items()}
         done = sweep(name, points)
@@ -177,7 +177,7 @@ class SweepChunk:
 
 
 def sweeps(count: int, effort: Effort) -> list[Sweep]:
-    """All configurations at `count` points of the bounds."""
+    """Solve all configurations at `count` points of the bounds."""
     chunks = [
         (name, first, min(first + CHUNK, count))
         for name in CONFIGURATIONS
@@ -197,7 +197,7 @@ def sweeps(count: int, effort: Effort) -> list[Sweep]:
 
 
 def _after_waiting(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Left output [L/min] and drift [mL a beat] after many plain beats from the published start."""
+    """Left output [L/min] and drift [mL per beat] after many plain beats from the published start."""
     starts = [start_state(replace(model, values=orbits.batch.member(int(k)))) for k in members]
     before = orbits.wait(members, np.stack(starts, axis=1), SETTLING_BEATS)
     after = orbits.wait(members, before)
@@ -210,7 +210,7 @@ def _after_waiting(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> t
 
 
 def checks(effort: Effort) -> list[Check]:
-    """All configurations; what is not steady is named, with its drift."""
+    """Check all configurations; points without a steady beat are listed with their drift."""
     rows: list[Row] = []
     remarks: list[str] = []
     points = effort.points
@@ -242,10 +242,10 @@ def _rows(sweep: Sweep) -> list[Row]:
 
 
 def _named(sweep: Sweep) -> np.ndarray:
-    """Whether `simulate` calls the first few points without ejection and steady beat what they are.
+    """Whether `simulate` reports the first few points without ejection and steady beat correctly.
 
-    Where next to nothing flows the equation is all but singular, and one may be solved alone that was not
-    solved in the batch, whose program rounds differently.
+    With almost no flow the equation is nearly singular. A point may be solved individually although it was
+    not in the batch, whose program rounds differently.
     """
     still = np.flatnonzero(~sweep.converged & ~sweep.ejecting)[:NAMED]
     model = configuration_model(sweep.name)

@@ -1,8 +1,8 @@
-"""eclsim against other solvers and other implementations, and what must hold whatever the solver is.
+"""Comparison with other solvers and implementations, and properties that hold for any solver.
 
-Blood volume tests the wiring and not the accuracy, so it stands beside the comparison of the two solvers. Of
-derivatives the rows are elasticities, parameter times d output / d parameter: a row of one output can be
-compared with its own largest entry whatever the units of the parameters are.
+Conservation of blood volume tests the assembly, not the accuracy, so it is reported beside the comparison of
+the two solvers. Derivatives are compared as elasticities, parameter times d output / d parameter: the entries
+of one output can be compared with its largest one whatever the units of the parameters.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 RELATIVE = 0.001
 ABSOLUTE = {"mmHg": 0.01, "L/min": 0.002, "mL": 0.05}
-"""A tenth of what an output of a reference case may be off by: 0.1 % of a flow near zero means nothing."""
+"""A tenth of the tolerance of outputs of reference cases; 0.1 % of a flow near zero is meaningless."""
 PERIODICITY = 1e-8
 CONSERVATION = 1e-10
 BEATS = 1000
@@ -53,7 +53,7 @@ ADAPTIVE_QUICK = tuple(PROTOCOLS["reference"]["adaptive"])
 
 
 def adaptive_check(effort: Effort) -> Check:
-    """Outputs of both solvers for the reference cases."""
+    """Compare outputs of both solvers for the reference cases."""
     names = ADAPTIVE_QUICK if effort.quick else case_names()
     tasks = Tasks("adaptive", "cases", _both, names, {"cases": list(names)})
     rows = tuple(row for pair in effort.complete(tasks, json_format(list[Row])) for row in pair)
@@ -77,7 +77,7 @@ def _both(name: str) -> list[Row]:
 
 
 def periodicity_check(quick: bool) -> Check:
-    """Largest change of a state over one more plain beat, for each reference case."""
+    """Check the largest change of a state over one more plain beat, for each reference case."""
     rows = []
     for name in QUICK if quick else case_names():
         orbits = solve(Batch.of(reference_model(name)))
@@ -88,7 +88,7 @@ def periodicity_check(quick: bool) -> Check:
 
 
 def conservation_check(quick: bool) -> Check:
-    """Relative change of the blood volume over many plain beats, every configuration."""
+    """Check the relative change of the blood volume over many plain beats, for every configuration."""
     models = {name: configuration_model(name) for name in CONFIGURATIONS}
     if not quick:
         models |= {name: reference_model(name) for name in case_names()}
@@ -100,7 +100,7 @@ def conservation_check(quick: bool) -> Check:
 
 
 def volume_error(model: Model, beats: int) -> float:
-    """Largest relative change of the stressed blood volume along some beats."""
+    """Largest relative change of the stressed blood volume during several beats."""
     program = beat_program(model.circuit)
     search, packed = compiled_search(program, 1), Batch.of(model).packed(program)
     state, volumes = start_state(model)[:, None], program.assembly.layout.volumes.where
@@ -117,12 +117,12 @@ SHI_HOSE_SOURCE = "Shi and Hose 2009 CellML model; integrated independently with
 
 
 def shi_hose_check() -> Check:
-    """Scalars of the CellML model, an independent implementation of the same equations.
+    """Compare with the CellML model, an independent implementation of the same equations.
 
     The expected numbers come from a SciPy integration (DOP853, relative tolerance 1e-8) of the published
-    CellML model, beat 20 from its initial state, when the state changes by 2e-5 a beat; it agrees with the
-    published traces to 0.005 mL and 0.003 mmHg. eclsim gives the periodic state. It is no healthy adult: its
-    mean pulmonary arterial pressure is 40 mmHg.
+    CellML model, beat 20 from its initial state, when the state changes by 2e-5 per beat. They agree with the
+    published traces to 0.005 mL and 0.003 mmHg. eclsim computes the periodic state. The model is no healthy
+    adult: its mean pulmonary arterial pressure is 40 mmHg.
     """
     rows = []
     for row in read_table("shi_hose2009.csv"):
@@ -141,7 +141,7 @@ def _shi_hose_result() -> xr.Dataset:
 
 
 def _shi_hose_value(name: str) -> float:
-    """An output of the registry, or a waveform and "mean", "min" or "max"."""
+    """Value of an output of the registry, or of a waveform with "mean", "min" or "max"."""
     signal, _, kind = name.partition(" ")
     result = _shi_hose_result()
     return waveform_statistics(result, signal)[kind] if kind else float(result[name])
@@ -151,18 +151,18 @@ def _shi_hose_value(name: str) -> float:
 
 
 CASES: dict[str, str] = PROTOCOLS["gradients"]
-"""Key of `gradients.json`, and the reference case it belongs to."""
+"""Keys of `gradients.json`, and the reference cases they belong to."""
 SHARE_OF_LARGEST = 0.01
 BAR = "1 % of the largest of each output"
 SHARE_OF_LARGEST_DIFFERENCES = 1e-5
 STEP = 2e-5
-"""Relative step h of the own differences, extrapolated from h and h/2 to fourth order.
+"""Relative step h of the central differences, extrapolated from h and h/2 to fourth order.
 
-The beat on a fixed grid has a kink wherever a valve's opening or closing crosses a grid point; a step must
-stay between two of them, or it measures the kinks.
+A beat on a fixed grid has a kink wherever the opening or closing of a valve crosses a grid point. A step must
+remain between two of them, or it measures the kinks.
 """
 FINER = 2
-"""Resolution of the grid with half the step."""
+"""Refinement of the grid: twice the resolution, i.e. half the step."""
 GRID = (
     "this is the error of the default grid, for which the derivative is exact; with half the step it is "
     "within the tolerance"
@@ -183,7 +183,7 @@ class Elasticities:
 
 
 def elasticities(key: str) -> Elasticities:
-    """All of them for a case of `gradients.json`."""
+    """Compute all elasticities for a case of `gradients.json`."""
     published = json.loads((DATA / "gradients.json").read_text(encoding="utf-8"))[key]
     model = reference_model(CASES[key])
     outputs, parameters = tuple(published["outputs"]), tuple(published["params"])
@@ -216,7 +216,7 @@ def own_differences(model: Model, outputs: tuple[str, ...], parameters: tuple[st
 
 
 def gradient_checks() -> list[Check]:
-    """All comparisons, of both cases."""
+    """Compare the derivatives of both cases in all ways."""
     published: list[Row] = []
     finer: list[Row] = []
     own_differences_rows: list[Row] = []

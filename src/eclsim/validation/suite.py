@@ -1,4 +1,4 @@
-"""All comparisons in the order in which `eclsim validate` shows them, and their JSON and Markdown."""
+"""All comparisons in the order of `eclsim validate`, and their JSON and Markdown."""
 
 from __future__ import annotations
 
@@ -57,23 +57,23 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "suction": lambda _: [fluid.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }
-"""Parts of the validation by the name that `--only` takes."""
+"""Parts of the validation by the name for `--only`."""
 PRELOAD = ("eclsim.validation.suite", "eclsim.outputs.steady_beat")
-"""Modules that a worker loads before its first task."""
+"""Modules that a worker imports before its first task."""
 FIT = "(fit"
-"""In the name of a row that constants were fitted to; all others are tests."""
+"""Marks the name of a row that constants were fitted to; all others are tests."""
 RED = ("miss, explained", "not decidable", "MISS")
-"""Verdicts of rows that miss: an experiment shows the reason; the source leaves out what decides; neither."""
+"""Verdicts of rows that miss: explained by an experiment; undecidable from the source; neither."""
 
 
 def run(
     effort: Effort, parts: Sequence[str] = (), announce: Callable[[str], None] = lambda _: None
 ) -> Iterator[Check]:
-    """The checks of some parts, or of all, each as soon as it is done.
+    """Run the checks of some or all parts, and yield each as soon as it is done.
 
     Args:
-        effort: how much to compute.
-        parts: names of `PARTS`; left out, all.
+        effort: extent of the validation.
+        parts: names from `PARTS`; empty for all.
         announce: called with the name of each part before it starts.
     """
     for name in parts or PARTS:
@@ -88,7 +88,7 @@ def run(
 
 
 def validation_object(checks: Iterable[Check]) -> dict[str, object]:
-    """All checks with every row, as plain data."""
+    """All checks with every row as plain data."""
     listed = list(checks)
     holds = all(check.holds for check in listed if check.required)
     return {"machine": machine(), "all_bars_hold": holds, "checks": [_check_object(c) for c in listed]}
@@ -129,7 +129,7 @@ def _row_object(row: Row) -> dict[str, object]:
 
 
 def validation_markdown(checks: Sequence[Check]) -> str:
-    """Tables with one line a check and one line a row that misses, and the reasons by number."""
+    """Tables with one line for each check and for each row that misses, and the reasons by number."""
     about = machine()
     heading = f"eclsim {about['eclsim']}, {about['date']}, {about['processor']}, Python {about['python']}."
     required = [check for check in checks if check.required]
@@ -167,7 +167,7 @@ def _rows_held(rows: Sequence[Row]) -> str:
 
 
 def _reasons(missed: Iterable[tuple[str, Row]]) -> list[str]:
-    """Reasons of rows that miss and are explained, each once."""
+    """Reasons of explained misses, without repetition."""
     return list(dict.fromkeys(row.explained for _, row in missed if row.explained))
 
 
@@ -196,7 +196,7 @@ def _unit(row: Row) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown, without columns in which no row has an entry."""
+    """A Markdown table without columns that are empty in all rows."""
     body = [[cell.strip().replace("|", "/") for cell in row] for row in rows]
     kept = [k for k in range(len(head)) if any(row[k] for row in body)]
     lines = [head, ["---"] * len(head), *body]
@@ -204,7 +204,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _joined(parts: Iterable[str]) -> list[str]:
-    """Items of a list directly below each other."""
+    """Items of a list on consecutive lines."""
     joined: list[str] = []
     for part in parts:
         if joined and part.startswith("- ") and joined[-1].startswith("- "):
@@ -218,12 +218,12 @@ def _joined(parts: Iterable[str]) -> list[str]:
 
 
 _SHORT = 50
-"""Checks with up to as many rows show all of them."""
+"""Largest number of rows of a check that are all shown."""
 _WORST = 5
 
 
 def check_text(check: Check, every_row: bool = False) -> str:
-    """A check as text: all rows of a short one, the misses and the worst of a long one."""
+    """A check as text: all rows if there are few, else the misses and the worst row."""
     rows = _chosen(check, every_row)
     head = ("quantity", "expected", "got", "unit", "error", "verdict")
     cells = [(r.name, _expected_text(r), _number(r.got), r.unit, _percent(r), _verdict(r)) for r in rows]
@@ -246,7 +246,7 @@ def _chosen(check: Check, every_row: bool) -> Sequence[Row]:
 
 
 def verdict_text(checks: Sequence[Check]) -> str:
-    """How many rows hold, and each required row that misses."""
+    """Text on how many rows hold, and on each required row that misses."""
     required = [check for check in checks if check.required]
     compared = [check for check in checks if not check.required]
     rows, off = _count(required)
@@ -291,7 +291,7 @@ def _verdict(row: Row) -> str:
 
 
 def measurements_text(measurements: Sequence[Measurement]) -> str:
-    """Times and memory beside their limits and the published code's."""
+    """Text of times and memory with their limits and the published code's values."""
     head = ("figure", "elapsed", "processor", "limit", "verdict", "published code", "times faster")
     rows = [
         (

@@ -1,8 +1,7 @@
-"""How fast: the measurements of `eclsim benchmark`, on the paper's patient with V-A ECMO and CRRT.
+"""Speed: the measurements of `eclsim benchmark`, for the paper's patient with V-A ECMO and CRRT.
 
-Each figure is the median of repeats, as elapsed time and as processor time: beside other programs on the same
-machine only the second means anything. The published code's numbers were measured on one core of a machine
-with two.
+Each number is the median of repetitions, as elapsed time and as processor time. If other programs run on the
+machine, only processor time is meaningful. The published code was measured on one core of a two-core machine.
 """
 
 from __future__ import annotations
@@ -39,16 +38,16 @@ MEASURE_BATCH = "from eclsim.validation import timing; timing.print_batch()"
 
 @dataclass(frozen=True)
 class Measurement:
-    """One figure.
+    """One measured time or memory size.
 
     Args:
-        name: what was measured.
+        name: name of the measurement.
         value: median elapsed time, or memory.
         unit: "ms", "s" or "MB".
-        bar: largest value that passes, in the same unit; None where there is none.
+        bar: largest allowed value in the same unit; None if there is none.
         processor: median processor time in the same unit; None for memory.
-        published: the published code's number in the same unit; None where there is none.
-        remark: how it was measured.
+        published: value of the published code in the same unit; None if there is none.
+        remark: conditions of the measurement.
     """
 
     name: str
@@ -61,12 +60,12 @@ class Measurement:
 
     @property
     def holds(self) -> bool:
-        """Whether the bar is reached, by elapsed time."""
+        """Whether the elapsed time or memory is within the bar."""
         return self.bar is None or self.value <= self.bar
 
     @property
     def ratio(self) -> float | None:
-        """How many times faster than the published code."""
+        """Speed relative to the published code; None if that is unknown."""
         return None if self.published is None else self.published / self.value
 
     def as_object(self) -> dict[str, object]:
@@ -79,7 +78,7 @@ class Measurement:
 
 
 def measurements() -> Iterator[Measurement]:
-    """All figures, each as soon as it is known."""
+    """Yield all measurements, each as soon as it is done."""
     yield from first_results()
     yield warm_orbit()
     yield warm_derivatives()
@@ -87,7 +86,7 @@ def measurements() -> Iterator[Measurement]:
 
 
 def first_results() -> Iterator[Measurement]:
-    """A command from start to end, with an empty cache of compiled programs and with a filled one."""
+    """Measure a whole command, with an empty and with a filled cache of compiled programs."""
     cold, warm = [], []
     for _ in range(PROCESS_REPEATS):
         with tempfile.TemporaryDirectory(prefix="eclsim-benchmark-") as folder:
@@ -112,11 +111,11 @@ def _process(command: list[str], environment: dict[str, str]) -> tuple[float, fl
     done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=True)
     wall, after = time.perf_counter() - start, os.times()
     cpu = after.children_user + after.children_system - before.children_user - before.children_system
-    return wall, cpu if os.name == "posix" else math.nan, done.stdout  # Windows counts no children
+    return wall, cpu if os.name == "posix" else math.nan, done.stdout  # Windows counts no child processes
 
 
 def warm_orbit() -> Measurement:
-    """One steady beat, everything compiled."""
+    """Measure one steady beat with everything compiled."""
     from eclsim.orbit.steady import Batch, solve
 
     single = Batch.of(reference_model(PAPER_PATIENT))
@@ -127,7 +126,7 @@ def warm_orbit() -> Measurement:
 
 
 def warm_derivatives() -> Measurement:
-    """Derivatives of all outputs with respect to 24 parameters, everything compiled."""
+    """Measure derivatives of all outputs with respect to 24 parameters, with everything compiled."""
     from eclsim.orbit.steady import Batch
     from eclsim.outputs.steady_beat import steady_beat
 
@@ -140,9 +139,9 @@ def warm_derivatives() -> Measurement:
 
 
 def batch() -> Iterator[Measurement]:
-    """Many orbits at once on one core, in a process of its own so that its memory can be told.
+    """Measure many orbits at once on one core, in a separate process to determine its memory.
 
-    One process before it fills the cache: compiling takes 240 MB that are not needed again.
+    An earlier process fills the cache, since compilation takes 240 MB that are not needed again.
     """
     _, results = (
         json.loads(_process([sys.executable, "-c", MEASURE_BATCH], {"ECLSIM_THREADS": "1"})[2])
@@ -161,7 +160,7 @@ def batch() -> Iterator[Measurement]:
 
 
 def print_batch() -> None:
-    """Measure the batch in this process and print the figures as JSON."""
+    """Measure the batch in this process and print the results as JSON."""
     import numpy as np
 
     from eclsim.orbit.steady import Batch, solve
@@ -184,7 +183,7 @@ def print_batch() -> None:
 
 
 def _medians(function: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
-    """Median elapsed and processor milliseconds; two calls before do not count."""
+    """Median elapsed and processor time [ms]; two calls before the measurement are not counted."""
     for _ in range(2):
         function()
     times = []
@@ -210,11 +209,11 @@ def _largest_memory_mb() -> float:
         return largest / (1e6 if sys.platform == "darwin" else 1e3)
 
 
-# --- what a measurement was made on: named beside every table of results -------------------------
+# --- description of the machine, printed beside every table of results ---------------------------
 
 
 def machine() -> dict[str, str]:
-    """Date, versions, kind of machine, and how many processes want to run on it."""
+    """Date, versions, kind of machine, and number of processes competing for it."""
     return {
         "date": datetime.date.today().isoformat(),
         "eclsim": __version__,
@@ -230,7 +229,7 @@ def machine() -> dict[str, str]:
 
 
 def processor() -> str:
-    """Name of the processor as the system gives it."""
+    """Name of the processor as reported by the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
