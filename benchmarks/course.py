@@ -1,6 +1,6 @@
 """Speed and accuracy of courses: a day with six events, 1-minute steps, beat by beat, a cohort.
 
-Run as `python benchmarks/course.py [PATIENTS]`; every figure is printed with what it is held against.
+Run as `python benchmarks/course.py [PATIENTS]`; every result is printed with its target.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ PRESSURES = ("MAP", "MPAP", "PCWP", "right_atrial_pressure", "drainage_pressure"
 
 
 def timed(function, *arguments, **options):
-    """Result, seconds, and processor seconds; the first call compiles."""
+    """Result, elapsed seconds and processor seconds of a function, after a first call that compiles."""
     function(*arguments, **options)
     wall, processor = time.perf_counter(), time.process_time()
     result = function(*arguments, **options)

@@ -1,9 +1,9 @@
-"""The CRRT study against the independent path: adaptive steps of tight tolerance, the orbit waited for.
+"""Compare the CRRT study with the independent adaptive solver, integrated until the beat is steady.
 
     python benchmarks/crrt_adaptive.py CASE.toml [--schemes all] [--speeds 1000,5000] [--policy as_published]
 
-Prints the largest differences of the outputs of every scheme and speed, relative to the output or, below
-5 mmHg, mL and L/min, to that.
+Prints the largest differences of the outputs of every scheme and speed, relative to the output, or to
+5 mmHg, mL and L/min for smaller outputs.
 """
 
 import argparse

@@ -1,15 +1,15 @@
-"""Fits the effects of drugs to their fit studies, once: what `eclsim.drugs.published` holds.
+"""Fit the effects of drugs to their studies; the results are the values in `eclsim.drugs.published`.
 
     python benchmarks/drug_fit.py [DRUG ...]
     python benchmarks/drug_fit.py FOLDER
 
-With a folder, the figures of docs/drugs.md are written there and nothing is fitted.
+With a folder, it writes the figures of docs/drugs.md there and fits nothing.
 
-Each drug's five effects at the first dose of its fit studies are those of the smallest sum of squares of
-(computed - measured) / uncertainty over all quantities measured after the drug and of effect / expected size:
-what no measurement speaks for stays 0. At other doses they are in proportion to the share in use. Uncertainty
-is the standard error of the two means where it is known, at least 4 % of the value. Studies marked `test` in
-the table take no part.
+Each drug's five effects at the first dose of its fit studies minimise the sum of squares of (computed -
+measured) / uncertainty over all quantities measured after the drug, and of effect / expected size: an effect
+without evidence in the measurements stays 0. At other doses effects are proportional to the share in use. The
+uncertainty is the standard error of the two means if known, and at least 4 % of the value. Studies marked
+`test` in the table are not fitted.
 """
 
 import sys
@@ -26,13 +26,13 @@ from eclsim.reporting.style import OKABE_ITO, curve_style, figure_style
 from eclsim.validation.drugs import RISES, arms, expected, measured, patient_of, uncertainty
 
 EXPECTED_SIZE = Effects(0.5, 0.5, 0.5, 0.2, 0.05)
-"""Standard deviation of each effect before anything is measured: 50 % of most, 5 % of the blood volume."""
+"""Prior standard deviation of each effect: 50 % for most, 5 % of the blood volume."""
 NONE_KNOWN = {
     "milrinone": ("heart_rate",),
     "nitroprusside": ("contractility",),
     "vasopressin": ("contractility", "heart_rate"),
 }
-"""Effects that are left at 0: not measured in the fit study, or not there by the drug's mechanism."""
+"""Effects that are fixed at 0: not measured in the fit study, or excluded by the drug's mechanism."""
 
 
 TWO_DRUGS = "both"
@@ -43,11 +43,11 @@ COLOURS = dict(
         strict=True,
     )
 )
-"""Of each drug in the figure of the studies; two drugs together are grey."""
+"""Colour of each drug in the figure of the studies; two drugs together are grey."""
 
 
 def at(patient, effects: np.ndarray, quantities) -> np.ndarray:
-    """Quantities with each row of effects in place of a drug."""
+    """Quantities computed with each row of effects in place of a drug's."""
     heart, systemic, pulmonary, rate = np.exp(effects[:, :4].T)
     own = patient.values
     changes = {
@@ -68,7 +68,7 @@ def fit(drug: str):
     size = np.array(EXPECTED_SIZE)[free]
 
     def misses(effects: np.ndarray, relative: bool = True) -> np.ndarray:
-        """Of all quantities of all arms, a column for each row of effects."""
+        """Residuals of all quantities of all arms, one column per row of effects."""
         found = []
         for arm, share in zip(own, shares, strict=True):
             patient = patient_of(arm)
@@ -117,7 +117,7 @@ def fit(drug: str):
 
 
 def curves(panels) -> None:
-    """Factors against the dose."""
+    """Plot the factors against the dose."""
     for panel, drug in zip(panels, PUBLISHED.values(), strict=False):
         doses = np.linspace(0.0, DRUG_DOSES[drug.name].usual, 201)
         heart, systemic, lung, rate, veins = (
@@ -141,7 +141,7 @@ def curves(panels) -> None:
 
 
 def predicted(panels) -> None:
-    """Change with the drug, computed against measured, of studies fitted and of tests."""
+    """Plot computed against measured changes with the drug, of fitted and of test studies."""
     from eclsim.validation.drugs import QUANTITIES
 
     marks = dict(zip(QUANTITIES, "os^DvP*Xdh<>pH", strict=False))

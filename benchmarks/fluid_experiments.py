@@ -1,8 +1,8 @@
-"""The experiments of docs/fluid.md: fluid removal at four walls, solutes, sweep, men who bleed or stand up.
+"""Experiments of docs/fluid.md: fluid removal at four walls, solutes, sweep, bleeding and standing men.
 
     python benchmarks/fluid_experiments.py [FOLDER]
 
-prints the tables of the page and, with a folder, writes its figure there.
+Prints the tables of the page and, with a folder, writes its figure there.
 """
 
 import sys
@@ -54,7 +54,7 @@ def days() -> dict:
 
 
 def sweep():
-    """PaCO2 after the sweep is turned up at 1 h."""
+    """PaCO2 after the sweep is raised at 1 h."""
     case = read_case(CASE, ["crrt.net_ultrafiltration_ml_h=0"]).case
     event = {"at_min": 60.0, "set": {"ecmo.sweep_l_min": 4.0}}
     mapping = case.as_mapping() | {"events": [event]}
@@ -71,7 +71,7 @@ def sweep():
 
 
 RIGHT_VENTRICLE = {"RV_Pd_kappa": 0.004, "RV_Pd_alpha": 6.786, "RV_Pd_beta": -6.96}
-"""Touches the line of CVSim, 19.29 mL/mmHg from 46 mL, at 6 mmHg; beyond what a case may hold."""
+"""Tangent to the line of CVSim, 19.29 mL/mmHg from 46 mL, at 6 mmHg; outside the range of a case file."""
 MEN = {
     "published veins": {"stiff_veins": True},
     "": {},
@@ -128,7 +128,7 @@ def standing() -> None:
 
 
 def dialysis() -> None:
-    """Fall of the blood volume, and what drives refill, by the coefficient."""
+    """Fall of the blood volume and forces of refill, by filtration coefficient."""
     print("\nfall: 1.7 L [%/h], 1.5 L, 2.7 L [%/L]; force at the end of 1.7 L [mmHg], shares [%]")
     for coefficient in (18.4, 10.0, 5.93, 3.0, 1.6, 1.29, 1.0, 0.43):
         one = dialysed(coefficient)

@@ -1,11 +1,11 @@
-"""Do 90 % intervals of shunt, oxygen consumption and mixing hold the truth nine times in ten?
+"""Coverage of 90 % intervals of shunt, oxygen consumption and mixing: nine in ten should contain the truth.
 
     python benchmarks/gas_coverage.py --patients 100 --out gas_coverage.jsonl --seconds 280
 
-Made-up patients on V-V ECMO, drawn from the prior, measured once with noise: MAP, cardiac output, pump flow
-and blood gases. Intervals by weighted draws of the posterior and by its Gaussian approximation; beside the
-three, two parameters of the circulation are unknown. Every patient is a line of the output file; a run that
-was stopped, or that ran out of its seconds, goes on where it ended.
+Simulated patients on V-V ECMO, drawn from the prior, are measured once with noise: MAP, cardiac output, pump
+flow and blood gases. Intervals are computed by weighted draws of the posterior and by its Gaussian
+approximation; two parameters of the circulation are unknown as well. Every patient is a line of the output
+file; an interrupted run, or one that reached its time limit, continues there when started again.
 """
 
 import argparse
@@ -39,7 +39,7 @@ BOUNDS = {
 NAMES = tuple(BOUNDS)
 MEASURED = ("MAP", "CO", "PF", "SaO2", "PaO2", "PaCO2", "SvO2", "SpreO2", "PpostO2")
 LEAST_PAO2 = 25.0
-"""A patient below [mmHg] does not live to be measured; beyond, another one is drawn."""
+"""Limit of a survivable patient [mmHg]; patients beyond it are drawn again."""
 EXPLORED, MAXIMISATIONS, INTERVAL_DRAWS = 256, 3, 400
 
 

@@ -1,11 +1,11 @@
-"""What it costs that gases are carried by the mean flows of the beat: the same, followed through the beat.
+"""Error of gas transport by the beat's mean flows, compared with transport resolved in time within the beat.
 
     python benchmarks/gas_phase_resolved.py CASE.toml
 
-Blood of content 1 leaves one exchanger after the other, and every compartment mixes it with the flow and the
-volume of each instant of the stored beat, until the beat repeats. Flow-weighted means of what enters the
-exchangers and the samples take the place of the shares that follow from mean flows; the gas state is solved
-with both. `ecmo.drainage_mixing` is 1.
+Blood of unit content leaves one exchanger after the other, and every compartment mixes it with the flow and
+the volume of each instant of the stored beat, until the beat repeats. Flow-weighted means of the inflows of
+exchangers and samples replace the shares that follow from mean flows; the gas state is solved with both.
+`ecmo.drainage_mixing` is 1.
 """
 
 import sys
@@ -28,7 +28,7 @@ UNSTRESSED_ML = {
     "rv": 46.0, "la": 24.0, "ra": 14.0, "pas": 80.0, "part": 80.0, "pvn": 430.0, "svc": 661.0, "ivc": 2004.0,
     "svn": 2665.0,
 }  # fmt: skip
-"""Volumes at zero pressure (Heldt 2004), which mix as well; the published circulation knows stressed ones."""
+"""Volumes at zero pressure (Heldt 2004), which also mix; the published circulation has stressed ones only."""
 
 
 def instants(beat, circuit, values):
@@ -50,7 +50,7 @@ def instants(beat, circuit, values):
 
 
 def followed(circuit, at, flows, volumes, steps):
-    """Flow-weighted shares of what leaves each exchanger: (compartments, inlets, largest swing in a beat)."""
+    """Flow-weighted shares of each exchanger's outflow: (compartments, inlets, largest swing in a beat)."""
     names = [c.name for c in circuit.compartments]
     ends = np.array([[names.index(c.source), names.index(c.target)] for c in circuit.connections])
     count, kinds = len(names), len(at)

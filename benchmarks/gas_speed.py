@@ -1,12 +1,12 @@
-"""What gas exchange adds: one steady beat, derivatives of all outputs, a batch of 1024, with and without it.
+"""Cost of gas exchange: one steady beat, derivatives of all outputs, a batch of 1024, with and without it.
 
     ECLSIM_THREADS=1 taskset -c 0 python benchmarks/gas_speed.py CASE.toml
     python benchmarks/gas_speed.py CASE.toml --sobol 1024
 
-Both are measured in turn, so that what else the machine does falls on both. Elapsed and processor time,
-medians and least of the repeats, in ms; of the batch for each patient. With `--sobol` instead a second-order
-analysis of SaO2 and PaCO2 with so many rows, 24 inputs of the circulation and 12 of gas exchange (V-V ECMO).
-For a ratio to an older eclsim run the same with its sources first in PYTHONPATH.
+Both are measured alternately, so that other load of the machine affects both. Prints elapsed and processor
+times, medians and minima of the repeats, in ms, for the batch per patient. With `--sobol` it runs instead a
+second-order analysis of SaO2 and PaCO2 with so many rows, 24 inputs of the circulation and 12 of gas exchange
+(V-V ECMO). For a ratio to an older eclsim, run it with the older sources first in PYTHONPATH.
 """
 
 import statistics

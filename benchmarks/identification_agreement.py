@@ -1,10 +1,10 @@
-"""Do others find the same optimum? SciPy's trust region from the same starts, optimagic's multi-start.
+"""Agreement of optimisers: SciPy's trust region from the same starts, and optimagic's multi-start.
 
     python benchmarks/identification_agreement.py [--points P01/1,P05/1,P07/1] [--starts 3] [--optimagic]
 
-Prints for each point of the example cohort the sums of squares, both on the grid that the optimum needs. The
-trust region gets our exact derivatives; optimagic (pip install "eclsim[optimagic]") explores and refines with
-SciPy's trust region, the paper's set-up with its derivative-free default left out.
+Prints, for each point of the example cohort, the sums of squares, all on the grid that the optimum needs. The
+trust region gets eclsim's exact derivatives; optimagic (pip install "eclsim[optimagic]") explores and refines
+with SciPy's trust region: the paper's set-up except for its derivative-free default.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def problem(case: Any) -> tuple[Objective, Box]:
-    """What is minimised for a case, with the paper's seven parameters and weights."""
+    """Objective of a case, with the paper's seven parameters and weights."""
     checked = checked_fit(case, FitSettings())
     box = Box.of(checked.free)
     target = Target(model_of(case), dict(checked.targets), dict(checked.targets))

@@ -1,15 +1,15 @@
-"""Noise-free twins: are outputs reproduced, and are the parameters that are called identifiable right?
+"""Noise-free twins: agreement of outputs, and errors of the parameters reported as identifiable.
 
-Fits the patients of data/identification_twins.csv, whose outputs come from the adaptive path and whose
+Fits the patients of data/identification_twins.csv, whose outputs come from the adaptive solver and whose
 parameters are known (identification_twins_data.py makes them), and counts
 
 - twins all of whose outputs are reproduced to 1 %,
-- parameters called identifiable that are within 5 % of the truth,
-- for each parameter, how many are called identifiable, and the error of those and of the others.
+- parameters reported as identifiable that are within 5 % of the truth,
+- for each parameter, how many are reported as identifiable, and the errors of those and of the others.
 
     python benchmarks/identification_twins.py OUT [--first 200] [--points 1000] [--minutes 60]
 
-OUT keeps each twin as soon as it is done; run it again to go on.
+OUT stores each twin as soon as it is finished; run it again to continue.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def truth() -> dict[str, dict[str, float]]:
 
 
 def summary(results: list[dict[str, Any]], known: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """What was reached, over all twins."""
+    """Summary over all twins."""
     worst = [
         max(abs(o["simulated"] / o["measured"] - 1.0) for o in r["outputs"].values() if o["simulated"])
         if r["cost"] is not None

@@ -2,12 +2,13 @@
 
 Patients, heart rates and devices are those of the example cohort; the seven parameters are drawn
 log-uniformly within a factor of two of that point's true ones, inside the bounds of the fit. Outputs come
-from the adaptive path (Dopri8, waited for), which shares no numerics with the path that fits. Twins whose
-hearts hardly eject or whose values no monitor would show are drawn again.
+from the adaptive solver (Dopri8 until steady), which shares no numerics with the solver that fits. Twins
+whose
+hearts hardly eject or whose values are implausible on a monitor are drawn again.
 
     python benchmarks/identification_twins_data.py [--count 200] [--seed 2025]
 
-Goes on where it was stopped: each twin has a random stream of its own.
+Continues an interrupted run: each twin has its own random stream.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ TABLE = HERE / "data" / "identification_twins.csv"
 TRUTH = HERE / "data" / "identification_twins_truth.csv"
 FACTOR = 2.0
 MARGIN = 1.05
-"""Parameters stay this factor inside the bounds of the fit."""
+"""Factor by which parameters stay inside the bounds of the fit."""
 PLAUSIBLE = {
     "SP": (50, 230),
     "DP": (25, 140),

@@ -1,10 +1,10 @@
-"""The measurements of two examples: a patient on V-V ECMO whose shunt, consumption and mixing are known.
+"""Measurements of two examples: a patient on V-V ECMO with known shunt, oxygen consumption and mixing.
 
     python benchmarks/made_up_blood_gases.py [FOLDER]
 
-prints the measurements of examples/veno_venous_blood_gases.toml, and with a folder writes there
-ageing_oxygenator.csv: the same patient every morning, while the membrane loses its area. Numbers are the
-model's, disturbed by the noise that fits assume, with a fixed seed.
+Prints the measurements of examples/veno_venous_blood_gases.toml, and with a folder writes there
+ageing_oxygenator.csv: the same patient every morning, while the membrane loses its area. Values are the
+model's with the noise that fits assume, at a fixed seed.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""How fast the bedside page is: ready after start, and from knob to repaint.
+"""Speed of the bedside page: time until it is ready, and time from a knob to the repainted page.
 
     python benchmarks/page_latency.py                      # page ready, latency of each view
     python benchmarks/page_latency.py --gas                # the same with blood gases
@@ -42,7 +42,7 @@ def main() -> None:
 
 @contextmanager
 def served(*command: str, **pipes: Any) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """A Python command that ends in a port, as a server: its address, once it answers, and its process."""
+    """Start a Python command that ends in a port as a server: its address, once it answers, and process."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
@@ -111,7 +111,7 @@ def switch_gases_on(page: Page) -> None:
 
 
 def latency(page: Page, view: str, turns: int) -> dict[str, float]:
-    """From the key that turns the pump's speed to the frame after the repaint [ms]."""
+    """Time from the key that changes the pump speed to the frame after the repaint [ms]."""
     page.get_by_role("tab", name=view).click()
     page.wait_for_timeout(1500)
     page.evaluate("eclsim.latency.times.length = 0")

@@ -1,10 +1,10 @@
-"""Many sessions on one bedside page for minutes: knobs turned, courses played, connections dropped.
+"""Load test of the bedside page: many sessions for minutes change knobs, play courses and lose connections.
 
     python benchmarks/page_soak.py                          # 20 sessions, 3 minutes
     python benchmarks/page_soak.py --sessions 8 --seconds 60
 
-Of four sessions one plays courses and adds events, one loses its connection again and again and is loaded
-again; all turn knobs. Then all are closed, and what is left of them on the server is counted.
+Of every four sessions one plays courses and adds events, and one repeatedly loses its connection and is
+reloaded; all change knobs. Then all are closed, and the sessions left on the server are counted.
 Needs Chromium on the PATH.
 """
 
@@ -28,7 +28,7 @@ from page_latency import launched, served
 from playwright.sync_api import Browser, Page
 
 LEFT_S = 45.0
-"""A page that lost its browser is kept for half a minute."""
+"""Wait before counting [s]: the server keeps a page that lost its browser for half a minute."""
 COUNTED = ("Session", "BedsidePage", "CourseStudy", "PosteriorBands", "PageCourse", "Client", "Beat")
 TURN = """([rate]) => {
   const field = document.getElementById("knob-patient-heart_rate_bpm");
@@ -57,7 +57,7 @@ PLAY = """() => {
 
 
 class Visit:
-    """One session and what became of it."""
+    """One session and its results."""
 
     def __init__(self, browser: Browser, url: str, number: int):
         self.url, self.number = url, number
@@ -83,7 +83,7 @@ class Visit:
         self.times += self.page.evaluate("eclsim.latency.times")
 
     def act(self) -> None:
-        """What happens in this second."""
+        """Run the actions of this second."""
         self.turns += 1
         if self.drops and self.turns % 20 in (8, 14):
             self.offline = self.turns % 20 == 8
@@ -159,7 +159,7 @@ def resident_mb(pid: int) -> float:
 
 
 def counted(server: subprocess.Popen[str]) -> dict[str, int]:
-    """Objects, tasks and threads of the server."""
+    """Numbers of objects, tasks and threads of the server."""
     server.send_signal(signal.SIGUSR1)
     assert server.stdout is not None
     while not (line := server.stdout.readline()).startswith("{"):
@@ -168,7 +168,7 @@ def counted(server: subprocess.Popen[str]) -> dict[str, int]:
 
 
 def serve(port: int) -> None:
-    """The server, which counts what it holds when it gets a signal."""
+    """Run the server, which reports these numbers on a signal."""
     import asyncio
 
     from eclsim.app.server import Options

@@ -1,11 +1,11 @@
-"""Do 90 % intervals hold the truth nine times in ten? Made-up patients, measured once with noise.
+"""Coverage of 90 % intervals: nine in ten should hold the truth of simulated patients measured with noise.
 
     python benchmarks/posterior_coverage.py --patients 100 --out coverage.jsonl --seconds 280
 
 Intervals of the parameters, of the outputs without noise, and of the outputs at another pump speed; by
 weighted draws of the posterior (`--method importance`), by chains (`nuts`, minutes a patient), beside either
 by the Gaussian approximation. Every patient is a line of the output file; a run that was stopped, or that ran
-out of its seconds, goes on where it ended.
+out of its seconds, continues where it ended.
 
 `--from-prior` draws patients from the prior itself, whoever has a steady beat, with the errors that the
 posterior assumes, so that exact intervals hold the truth in nine of ten but for chance (simulation-based
@@ -34,7 +34,7 @@ from eclsim.parameters.thiel2025 import BOUNDS
 
 PREDICTION_DRAWS = 400
 CANDIDATES = 16
-"""Draws of the prior; the first that has a steady beat is the patient."""
+"""Number of draws of the prior; the first with a steady beat is the patient."""
 SHORT_CHAINS = Sampling(chains=4, warmup=300, draws=250)
 
 
@@ -44,14 +44,14 @@ def prior_of_bounds() -> Prior:
 
 
 def starts(posterior: PosteriorDensity, seed: int) -> np.ndarray:
-    """Best of some random points; the truth plays no part."""
+    """Best of a number of random points, chosen without knowledge of the truth."""
     z = np.random.default_rng(seed).uniform(-1.8, 1.8, (400, len(NAMES)))
     levels = posterior.potential(z, posterior.simulate(z))
     return posterior.prior.x_of(z[np.argsort(levels)[:4]])
 
 
 class MeasuredPatient(NamedTuple):
-    """A made-up patient: the measurements with their errors, and the truth."""
+    """A simulated patient: the measurements with their errors, and the truth."""
 
     model: Model
     measured: dict[str, float]
@@ -61,7 +61,7 @@ class MeasuredPatient(NamedTuple):
 
 
 def plausible_patient(seed: int) -> MeasuredPatient:
-    """A patient whom somebody would measure."""
+    """A simulated patient with plausible values."""
     point = simulated_patient(seed)
     measured = {n: getattr(point.case.measurements, n) for n in BEAT_OUTPUTS}
     truth = {n: point.truth[n] for n in NAMES}

@@ -1,4 +1,4 @@
-"""Why peaks of valve flows differ from the published code: its two numerical laws in eclsim's circuit.
+"""Peaks of valve flows with the published code's two numerical laws in eclsim's circuit.
 
     python benchmarks/published_laws.py "s4_crrt_g_1500 Qla max" ...
 
@@ -106,7 +106,7 @@ def last_beat(case: str) -> dict[str, np.ndarray]:
 
 
 def main(wanted: list[str]) -> None:
-    """Print the statistics asked for, or all that miss."""
+    """Print the given statistics, or all that do not agree."""
     if not wanted:
         rows = (row for case in case_names() for row in waveform_rows(case) if not row.holds)
         wanted = [row.name for row in rows]

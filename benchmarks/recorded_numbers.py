@@ -3,7 +3,7 @@
     python benchmarks/recorded_numbers.py record before.json
     python benchmarks/recorded_numbers.py compare before.json
 
-Everything goes through the command line, whose contract stays while the code behind it moves: steady beats
+All computations use the command line, whose interface is stable while the code changes: steady beats
 of the 26 reference cases (outputs and statistics of all waveforms), the derivatives, Table 2 at a fixed seed,
 the CRRT study of the paper's patient, and the fits of the first data points of the synthetic cohort. A number
 that differs by more than 1e-9 of its size is listed; so is one that is there in only one of the two.
@@ -30,12 +30,12 @@ ROUGHER = {
     "/checks/2/": 3e-6,  # own central differences: rounding of orbits solved to 1e-12, over a step of 2e-5
     "/P01/": 1e-7,  # fits end within their tolerance of the minimum, where depends on rounding on the way
 }
-"""Beginnings of the paths of numbers that are less sharp than `TOLERANCE`."""
+"""Prefixes of the paths of numbers that are less precise than `TOLERANCE`."""
 UNCOMPARED = {
     "seconds", "beats", "residual", "version", "date", "machine", "commit", "iterations", "sha256",
     "error_percent",
 }  # fmt: skip
-"""Keys that say how a number was computed, not what it is."""
+"""Keys of entries that describe the computation, not its results."""
 
 
 def eclsim(*arguments: str, accepted: tuple[int, ...] = (0,)) -> str:
@@ -125,7 +125,7 @@ def flat(value: object, path: str = "") -> dict[str, float]:
 
 
 def differences(before: dict[str, float], after: dict[str, float]) -> list[str]:
-    """A line for each number that changed, and for each that is there only once."""
+    """One line for each number that changed or that is in only one of the records."""
     lines = []
     for path in sorted(before.keys() | after.keys()):
         tolerance = next((share for start, share in ROUGHER.items() if path.startswith(start)), TOLERANCE)

@@ -1,8 +1,8 @@
-"""The experiments of docs/regulation.md: a failing heart, veno-arterial ECMO at rising speed, static curves.
+"""Experiments of docs/regulation.md: a failing heart, veno-arterial ECMO at rising speed, static curves.
 
     python benchmarks/regulation_experiments.py [FOLDER]
 
-prints the tables of the page and, with a folder, writes its figure there.
+Prints the tables of the page and, with a folder, writes its figure there.
 """
 
 import sys
@@ -32,13 +32,13 @@ PANELS = {
     "heart_rate_bpm": ("heart rate", "factor"),
     UNSTRESSED: ("unstressed volume", "change [mL]"),
 }
-"""What a reflex acts on: title and axis of its panel."""
+"""Title and axis of the panel of each quantity that a reflex changes."""
 IN_EFFECT = ("heart_rate", "contractility_lv_factor", "systemic_resistance_factor", "unstressed_volume")
 FAILING = {"Emaxlv": 0.3}
 
 
 def model(reflex="ursino1998", **sections) -> Model:
-    """The published patient, their blood volume held, with set points of the same patient at rest."""
+    """The published patient at constant blood volume, with set points of the same patient at rest."""
     base = {"format": 1, "blood_volume_policy": "patient_held", "patient": PATIENT}
     rest = simulate(read_mapping(base).case)
     points = {
@@ -66,7 +66,7 @@ def failing_heart() -> None:
 
 
 def rising_speed() -> None:
-    """One protocol a table: what is held while the pump is turned up."""
+    """Print one table per protocol (quantities held constant while the pump speed rises)."""
     for name, patient, changes in protocols():
         found = simulate_many(patient, {"ecmo.speed_rpm": SPEEDS} | changes, (*OUTPUTS, "PF"))
         print(f"\n{name}\n\n| rpm | flow | " + " | ".join(HEAD) + " |")
@@ -103,7 +103,7 @@ def protocols():
 
 
 def with_pressure_held(patient: Model, pressure: float) -> np.ndarray:
-    """Volume given [mL] at each speed so that right atrial pressure stays, by the secant method."""
+    """Volume given [mL] at each speed that keeps right atrial pressure constant, by the secant method."""
     last, now = np.zeros(len(SPEEDS)), np.full(len(SPEEDS), 50.0)
 
     def excess(volume):
@@ -126,7 +126,7 @@ def with_pressure_held(patient: Model, pressure: float) -> np.ndarray:
 
 
 def static_curves(folder: Path) -> None:
-    """Factors against arterial pressure, all reflexes side by side."""
+    """Plot the factors of all reflexes against arterial pressure."""
     from matplotlib import pyplot
 
     deviations = np.linspace(-70.0, 60.0, 131)

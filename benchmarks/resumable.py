@@ -1,4 +1,4 @@
-"""A long benchmark as a file with a line for each seed: a run that was stopped goes on where it ended."""
+"""Resumable benchmarks: a file with one line per seed, to which an interrupted run is continued."""
 
 import json
 import time
@@ -13,13 +13,13 @@ def run(
     compute: Callable[[int, Namespace], dict],
     summary: Callable[[list[dict]], dict],
 ) -> None:
-    """Compute what the file lacks, as far as the seconds go, and print the summary of all its lines.
+    """Compute the lines missing in the file within the given seconds, and print the summary of all lines.
 
     Args:
-        parser: of the benchmark's own options; `--seconds` and `--out` are added.
-        seeds: of the options.
-        compute: a line, with its "seed", from a seed and the options.
-        summary: of all lines.
+        parser: parser of the benchmark's own options; `--seconds` and `--out` are added.
+        seeds: function from the options to the seeds.
+        compute: function from a seed and the options to a line, which includes its "seed".
+        summary: function from all lines to their summary.
     """
     parser.add_argument("--seconds", type=float, default=280.0)
     parser.add_argument("--out", type=Path, required=True)

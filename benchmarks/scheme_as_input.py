@@ -1,4 +1,4 @@
-"""The CRRT connection scheme as a categorical input, and what drawing it over the finished design does.
+"""The CRRT connection scheme as a categorical input, and the effect of drawing it over the finished design.
 
     python benchmarks/scheme_as_input.py CASE.toml [--samples 512] [--policy as_published] [--drawn]
 
@@ -21,7 +21,7 @@ from eclsim.sensitivity.runs import Evaluator, Runs
 
 @dataclass(frozen=True)
 class DrawnOver:
-    """An evaluator that throws the choices of the design away and draws its own."""
+    """An evaluator that ignores the schemes of the design and draws its own."""
 
     evaluator: Evaluator
     choices: tuple[Categorical, ...]

@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def measured(chosen: argparse.Namespace, executor: "Executor") -> dict[str, object]:
-    """Run the analysis with the clock beside it."""
+    """Run the analysis and measure its time."""
     import jax
 
     from eclsim.cases import read_case

@@ -1,4 +1,4 @@
-"""Made-up patients on ECMO whose true parameters are known: what intervals and forecasts are held against."""
+"""Simulated patients on ECMO with known true parameters, to test intervals and forecasts."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from eclsim.sensitivity.inputs import DEFAULTS
 
 NAMES = tuple(BOUNDS)
 LIKELY = {"MAP": (45.0, 120.0), "MPAP": (8.0, 40.0), "PCWP": (3.0, 25.0), "CO": (0.8, 9.0), "PF": (0.5, 6.0)}
-"""Patients outside are drawn again: nobody would be measured there."""
+"""Ranges of plausible outputs; patients outside are drawn again."""
 SPREAD = 0.8
-"""Of the hidden variable of a parameter of a patient, a little narrower than the prior's 1."""
+"""Standard deviation of the latent variable of a patient's parameter, slightly below the prior's 1."""
 LARGEST_DRIFT = 0.9
 """Largest change of a logarithm over a series."""
 TRIES = 200
@@ -31,9 +31,9 @@ class SimulatedPoint:
     """A patient at one time.
 
     Args:
-        case: with measurements as they would be taken.
-        truth: parameters, in their units.
-        outputs: of the model, without noise.
+        case: case with simulated measurements.
+        truth: true parameters, in their units.
+        outputs: outputs of the model, without noise.
     """
 
     case: Case
@@ -50,9 +50,9 @@ def simulated_series(seed: int, points: int, drifting: int = 3) -> list[Simulate
     """One patient over time: some parameters drift steadily, the pump speed and the heart rate change.
 
     Args:
-        seed: of the patient.
-        points: measurements.
-        drifting: parameters that drift.
+        seed: seed of the patient.
+        points: number of measurements.
+        drifting: number of parameters that drift.
     """
     random = np.random.default_rng([2024, seed])
     table = np.log(np.array([tuple(b) for b in BOUNDS.values()]))
@@ -79,7 +79,7 @@ def _share(z: np.ndarray) -> np.ndarray:
 
 
 def made_up_ecmo(random: np.random.Generator) -> Ecmo:
-    """A V-A ECMO at a speed and with cannulae as they are used."""
+    """A V-A ECMO with a usual speed and usual cannulae."""
     return Ecmo(
         pump="Rotaflow", speed_rpm=float(round(random.uniform(2200, 3600))), oxygenator="Quadrox-i Adult",
         drainage_site="ra", drainage_cannula="venous", drainage_fr=float(random.choice([21, 23, 25])),
@@ -88,7 +88,7 @@ def made_up_ecmo(random: np.random.Generator) -> Ecmo:
 
 
 def made_up_case(random: np.random.Generator, seed: int, number: int, ecmo: Ecmo) -> Case:
-    """An adult on this ECMO, as at a number of a series."""
+    """An adult on this ECMO, with a number in a series."""
     first = np.random.default_rng([2025, seed])
     sex = "female" if first.random() < 0.5 else "male"
     age, height, weight = first.uniform(30, 75), first.uniform(155, 188), first.uniform(55, 95)

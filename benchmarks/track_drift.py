@@ -1,4 +1,4 @@
-"""Following made-up patients whose parameters drift in a known way: errors and coverage of `eclsim track`.
+"""Errors and coverage of `eclsim track` on simulated patients whose parameters drift in a known way.
 
     python benchmarks/track_drift.py --series 50 --points 10 --out track_drift.jsonl --seconds 280
 
@@ -22,7 +22,7 @@ from eclsim.parameters.thiel2025 import BOUNDS
 
 
 def refitted(points):
-    """Each point alone: least squares as in the paper, and the highest point of its posterior."""
+    """Fits of each point on its own: least squares as in the paper, and maximum of its posterior."""
     box = Box.of(BOUNDS)
     models = [model_of(p.case) for p in points]
     measured = [{n: getattr(p.case.measurements, n) for n in BEAT_OUTPUTS} for p in points]

@@ -1,10 +1,10 @@
-"""Whether a pericardium, bronchial return or a stronger heart mends rows of `ecmo-protocol`.
+"""Effect of a pericardium, bronchial return or a stronger heart on rows of `ecmo-protocol`.
 
     python benchmarks/va_ecmo_experiments.py
 
-Each animal is matched anew with what is added, then its flow is raised as in the rows. The pericardium is
-either that of the parameters or one that has grown: without pressure at the mean volume of the matched heart.
-Last, contractility alone is higher at the high flow.
+Each animal is matched again with the addition, then its flow is raised as in the rows. The pericardium is
+either that of the parameters or an enlarged one, with zero pressure at the mean volume of the matched heart.
+Finally, only contractility is increased at the high flow.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ CHAMBERS = ("Vra", "Vrv", "Vla", "Vlv")
 
 
 def animal(study: str, physiology: Mapping[str, object], grown: bool) -> Model:
-    """The animal at the lowest flow, matched with what is added."""
+    """The animal at the lowest flow, matched with the addition."""
     goal, more = regulation.ANIMALS[study]
     free = ("Emaxlv", regulation.EXTRA_VOLUME, "Rmc", *more)
     rate = 1e3 * regulation.NATIVE_L_MIN / regulation.STROKE_ML
@@ -45,7 +45,7 @@ def animal(study: str, physiology: Mapping[str, object], grown: bool) -> Model:
 
 
 def compared(study: str, patient: Model, stronger: float = 1.0) -> str:
-    """How many rows hold: signs with the volume held and with filling held, sizes with filling held."""
+    """Number of rows that agree: signs at constant volume and filling, sizes at constant filling."""
     changed = {regulation.FLOW: 5.0, "Emaxlv": stronger * patient.values["Emaxlv"]}
     low, held = simulate(patient), simulate(patient.with_values(changed))
     filled = simulate(regulation.with_output_held(patient, regulation.RIGHT_ATRIUM, stronger))

@@ -1,1 +1,1 @@
-"""One heartbeat as a map from its beginning to its end: grid, step, recording, compiled programs."""
+"""One heartbeat as a map from its initial to its final state: grid, step, recording, compiled programs."""

@@ -1,16 +1,16 @@
-"""Compile a whole beat into one machine-code function, and keep it on disk.
+"""Compile a whole beat into one machine-code function and store it on disk.
 
-On the CPU, XLA runs a loop as a sequence of small functions and pays about 50 ns for each; a step of a
-circuit has hundreds, so a beat of one patient would cost 17 ms. Marked as a small call, the loop is compiled
-into one function: 0.4 ms, five times less for a batch as well (docs, page Numerics). The optimiser's first
-level compiles such a function three times faster than its last, and the code is no slower; 512-bit vectors
-make a batch 1.5 times faster where the processor has them.
+On the CPU, XLA runs a loop as a sequence of small functions at a cost of about 50 ns each. A step of a
+circuit has hundreds, so a beat of one patient would take 17 ms. With the loop marked as a small call, XLA
+compiles it into one function, which takes 0.4 ms; a batch is five times faster as well (docs, page Numerics).
+The optimiser's first level compiles such a function three times faster than its last level, and the code is
+as fast. Vectors of 512 bits make a batch 1.5 times faster on processors that have them.
 
-A new process neither traces nor lowers what an earlier one compiled. JAX's own cache is asked after tracing,
-which costs 0.4 s for a beat and 3 s for its tangents. Here the key is known before: the sources that make a
-program, the circuit, what is asked of it and the shapes. The sources are those of all classes and functions
-in the key too, such as those of a reflex. Only circuits of eclsim's own components are kept: what a user's
-class computes cannot be read off its name.
+A new process neither traces nor lowers a function that an earlier process compiled. JAX's own cache is looked
+up only after tracing, which takes 0.4 s for a beat and 3 s for its tangents. Here the key is known before
+tracing: it consists of the source files of the program, the circuit, the requested outputs and the shapes.
+The source files include those of all classes and functions in the key, such as those of a reflex. Only
+circuits made of eclsim's own components are stored: the name of a user's class does not determine its code.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ COMPILER_OPTIONS = {
     "xla_cpu_experimental_ynn_fusion_type": "",
     "xla_disable_hlo_passes": "while-loop-invariant-code-motion",
 }
-"""Products of matrices are not left to a library, whose calls cannot be a part of one function. XLA does not
-move constants out of loops: in nested loops that takes a fifth of all compiling, and LLVM does so anyway."""
+"""Matrix products must not be left to a library, whose calls cannot be part of one function. XLA must not
+move constants out of loops: in nested loops that takes a fifth of the compile time; LLVM does it anyway."""
 PACKAGE = Path(__file__).parents[1]
 
 
@@ -60,13 +60,13 @@ def compiled(
     level: int = 1,
     law: Callable[..., object] | None = None,
 ) -> Callable[Arguments, Result]:
-    """The function, compiled on first use: as one machine-code function on the CPU and as usual elsewhere.
+    """The function compiled on first use, on the CPU as one machine-code function, elsewhere as usual.
 
     Args:
-        function: of arrays, given by position.
-        key: what tells it from all other functions, for the store on disk (see `StoredProgram`).
-        level: of the compiler's optimiser.
-        law: function of another module that this one calls.
+        function: function of arrays that are passed by position.
+        key: identifies the function among all others in the store on disk (see `StoredProgram`).
+        level: level of the compiler's optimiser.
+        law: function of another module that `function` calls.
     """
     inner = jax.jit(function)
     if not on_cpu():
@@ -83,13 +83,13 @@ def compiled(
 
 
 class StoredProgram:
-    """A compiled function that is taken from disk where it lies there, for each shape of its arguments.
+    """A compiled function, loaded from disk if it is stored there, for each shape of its arguments.
 
     Args:
-        function: to be compiled, already wrapped in `jax.jit`; takes and returns arrays.
-        key: what tells it from all others, hashable; None keeps it out of the store.
-        modules: names of the modules whose code it is; what they import is part of the key, as is that of
-            the classes and functions in the key itself.
+        function: function to be compiled, wrapped in `jax.jit`; takes and returns arrays.
+        key: hashable identifier of the function; with None it is not stored.
+        modules: names of the modules that hold its code; the modules that they import are part of the key, as
+            are the modules of the classes and functions in the key itself.
     """
 
     def __init__(self, function: Wrapped, key: Key | None, modules: Iterable[str] = (__name__,)):
@@ -100,7 +100,7 @@ class StoredProgram:
         self._lock = threading.Lock()
 
     def __call__(self, *arguments: ArrayLike) -> object:
-        """Run it."""
+        """Run the function."""
         shapes = tuple([np.shape(a) for a in arguments])
         program = self._ready.get(shapes)
         if program is None:
@@ -117,7 +117,7 @@ class StoredProgram:
 
 
 class KeyDescription(NamedTuple):
-    """Text that determines a part of a key, and the modules whose code it depends on."""
+    """Text that identifies a part of a key, and the modules whose code it depends on."""
 
     text: str
     modules: frozenset[str]
@@ -125,7 +125,7 @@ class KeyDescription(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def _described(part: Hashable) -> KeyDescription | None:
-    """A part of a key in words; None if something in it is not eclsim's own."""
+    """Description of a part of a key; None if it contains a value that is not eclsim's own."""
     modules = set[str]()
     try:
         return KeyDescription(_text(part, modules), frozenset(modules))
@@ -134,16 +134,16 @@ def _described(part: Hashable) -> KeyDescription | None:
 
 
 class _ForeignError(Exception):
-    """A value that its text does not determine."""
+    """Raised for a value that its text does not identify."""
 
 
 def _text(value: object, modules: set[str]) -> str:
-    """A value and everything in it; adds the modules that its classes and functions are of."""
+    """Text of a value and all its parts; adds the modules of its classes and functions to `modules`."""
     kind = type(value)
     if isinstance(value, FunctionType):
         modules.add(_module_of_package(value.__module__))
         if getattr(sys.modules[value.__module__], value.__qualname__, None) is not value:
-            raise _ForeignError  # a function within another knows more than its name says
+            raise _ForeignError  # the name of a nested function does not determine it
         return f"{value.__module__}.{value.__qualname__}"
     if value is None or (isinstance(value, (str, int, float)) and not isinstance(value, Enum)):
         return repr(value)
@@ -161,7 +161,7 @@ def _text(value: object, modules: set[str]) -> str:
 
 
 def _module_of_package(module: str) -> str:
-    """The name of a module of eclsim's own."""
+    """Return the name of a module of eclsim; raise `_ForeignError` for any other."""
     if module.partition(".")[0] != "eclsim":
         raise _ForeignError
     return module
@@ -180,7 +180,7 @@ def _file(key: Key | None, shapes: Shapes, modules: Iterable[str] = (__name__,))
 
 @lru_cache(maxsize=64)
 def _sources(modules: frozenset[str]) -> str:
-    """Fingerprint of the code of some modules, of all that they import, and of the compiler."""
+    """Hash of the source files of some modules, of all that they import, and of the compiler's version."""
     digest = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
     for file in imported_files(*modules):
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + file.read_bytes())
@@ -191,7 +191,7 @@ IMPORTS = re.compile(r"^from (eclsim[\w.]*) import (\([^)]*\)|[^\n]*)|^import (e
 
 
 def imported_files(*modules: str) -> list[Path]:
-    """Files of eclsim that modules import when they are loaded, themselves included, in order of names."""
+    """Source files of eclsim that modules import when loaded, including their own, sorted by name."""
     waiting, files = list(modules), dict[Path, None]()
     while waiting:
         name = waiting.pop()
@@ -206,7 +206,7 @@ def imported_files(*modules: str) -> list[Path]:
 
 
 def _file_of(module: str) -> Path | None:
-    """File of a module of eclsim; None for a name that is none."""
+    """File of a module of eclsim; None if there is no such module."""
     head, _, rest = module.partition(".")
     path = PACKAGE.joinpath(*rest.split(".")) if rest else PACKAGE
     files = (path / "__init__.py", path.with_suffix(".py"))
@@ -217,7 +217,7 @@ _COMPILING = threading.Lock()
 
 
 def _compiled_without_cache(lowered: Lowered) -> Compiled:
-    """Compile past JAX's own cache: what comes from there lacks its kernels when it is written again."""
+    """Compile without JAX's own cache: a program from that cache lacks its kernels when serialised again."""
     with _COMPILING:
         jax.config.update("jax_enable_compilation_cache", False)
         compilation_cache.reset_cache()
@@ -229,19 +229,19 @@ def _compiled_without_cache(lowered: Lowered) -> Compiled:
 
 
 def _load(file: Path) -> Compiled | None:
-    """The program in a file; None where there is none or it cannot be read."""
+    """Load the program in a file; None if there is no file or it cannot be read."""
     from jax.experimental.serialize_executable import deserialize_and_load
 
     try:
         return deserialize_and_load(*pickle.loads(file.read_bytes()))
     except FileNotFoundError:
         return None
-    except Exception:  # whatever a damaged file or another XLA raises, compiling again is the answer
+    except Exception:  # a damaged file or one of another XLA version: compile again
         return None
 
 
 def _save(file: Path, program: Compiled) -> Compiled:
-    """Write a program so that no reader ever sees half of it; a full or read-only disk is no mistake."""
+    """Write a program so that readers never see an incomplete file; a full or read-only disk is ignored."""
     from jax.experimental.serialize_executable import serialize
 
     part = file.with_name(f"{file.name}.{os.getpid()}.part")

@@ -1,9 +1,9 @@
-"""The grid of one beat in phase, shared by all patients of a batch, and the resolution that a patient needs.
+"""Time grid of one beat in phase, shared by all patients of a batch, and the resolution that a patient needs.
 
-Systole and the opening of the valves to the ventricles happen in the first six tenths of the beat, the atrial
-kick in the last; the grid is fine there and coarse in diastasis. Resolution r has 400 r steps: 240 r on
+Systole and the opening of the atrioventricular valves happen in the first six tenths of the beat, the atrial
+kick in the last tenth; the grid is fine there and coarse in diastasis. Resolution r has 400 r steps: 240 r on
 0..0.45, 60 r on 0.45..0.6, 30 r on 0.6..0.9 and 70 r on 0.9..1. The published break points of the activation
-curves fall on grid points.
+curves are grid points.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ STEPS_PER_BLOCK = 10
 SEGMENTS = ((0.45, 24), (0.6, 6), (0.9, 3), (1.0, 7))
 """End of each segment and its number of blocks at resolution 1."""
 LARGEST_ANGLE = 0.7
-"""Largest step times angular frequency: outputs are within 0.1 % of the converged ones (docs, Numerics)."""
+"""Largest step times angular frequency; outputs are then within 0.1 % of converged ones (docs, Numerics)."""
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
 FINEST = 32
-"""Finest resolution that may be asked for: a beat of 12,800 steps."""
+"""Finest resolution that a user may set: a beat of 12,800 steps."""
 STEPS_PER_DRIVE = 40.0
-"""Steps that a movement from outside takes at least, such as that of a balloon in diastasis."""
+"""Minimum number of steps of an externally driven movement, such as that of a balloon in diastasis."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
 
 
 def _driven(assembly: Assembly, values: Values) -> list[np.ndarray]:
-    """Resolution at which each movement from outside takes `STEPS_PER_DRIVE` steps wherever it happens."""
+    """Resolution at which each externally driven movement takes at least `STEPS_PER_DRIVE` steps."""
     result = []
     for compartment in assembly.circuit.compartments:
         driven = compartment.component.driven(values)
@@ -96,10 +96,10 @@ def _driven(assembly: Assembly, values: Values) -> list[np.ndarray]:
 
 
 def oscillations(assembly: Assembly, values: Values) -> list[tuple[np.ndarray, str]]:
-    """Angular frequency [1/s] of each flow with inertia against the compliances it joins, and its name."""
+    """Angular frequency [1/s] of each inertial flow with the compliances it joins, and the flow's name."""
 
     def of(component: Storage | Path) -> object:
-        # As arrays, so that a compliance of zero is an infinite stiffness and no exception.
+        # Arrays, so that a compliance of zero gives an infinite stiffness, not an exception.
         return component.constants({n: np.asarray(values[n], dtype=float) for n in _names(component)})
 
     @cache
@@ -126,7 +126,7 @@ def _names(component: Storage | Path) -> tuple[str, ...]:
 
 
 def grid_warning(assembly: Assembly, values: Values, resolution: int) -> str | None:
-    """A sentence where one patient's grid is too coarse for what oscillates in it; None where it is fine."""
+    """Warning if one patient's grid is too coarse for the oscillations of its circuit, otherwise None."""
     # Without inertia nothing oscillates.
     speeds = [(float(speed), name) for speed, name in oscillations(assembly, values) if np.isfinite(speed)]
     speed, name = max(speeds, default=(0.0, ""))

@@ -1,4 +1,4 @@
-"""One heartbeat: the map from the state at phase 0 to the state at phase 1, semi-implicitly stepped.
+"""One heartbeat: map from the state at phase 0 to the state at phase 1 by semi-implicit steps.
 
 Each step is the two-stage, second-order, L-stable SDIRK method (gamma = 1 - 1/sqrt 2; the implicit half of
 ARS(2,2,2), Ascher, Ruuth and Spiteri 1997, doi 10.1016/S0168-9274(97)00056-1). In a stage with weight
@@ -6,7 +6,7 @@ k = gamma h every flow solves its own law together with the response of the two 
 
     dp* = (k (S_up + S_down) + L / k) Q + drop(Q),      S = dP/dV,
 
-which each component does in closed form. One Gauss-Seidel sweep runs over all connections in the direction
+which each component solves in closed form. One Gauss-Seidel sweep runs over all connections in the direction
 of flow (`eclsim.circuit.assembly.sweep_order`), a second one over those that end at a heart chamber. Volumes
 change by the flows alone, so blood is conserved to rounding.
 """
@@ -38,7 +38,7 @@ RecordedBeat = Callable[[States, States], tuple[jax.Array, jax.Array]]
 
 
 class StepConstants(NamedTuple):
-    """Constants while the step size is constant: one entry per compartment or connection."""
+    """Constants for a fixed step size: one entry per compartment or connection."""
 
     weight: Number
     compliance_load: list[Number]
@@ -48,13 +48,13 @@ class StepConstants(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """A stage about some volumes: one entry per compartment or surrounding.
+    """A stage linearised about given volumes: one entry per compartment or surrounding.
 
     Attributes:
-        pressures: of the compartments [mmHg], changed as flows are solved.
-        loads: stiffness of their walls times the stage's weight.
-        outlets: resistances at their outlets [mmHg s/mL]; None where there are none.
-        around: slopes of the surroundings' pressures, times the stage's weight.
+        pressures: pressures of the compartments [mmHg], updated as flows are solved.
+        loads: stiffness of the compartments' walls times the stage's weight.
+        outlets: outlet resistances [mmHg s/mL]; None if there are none.
+        around: slopes of the surroundings' pressures times the stage's weight.
     """
 
     pressures: list[Number]
@@ -64,12 +64,12 @@ class Linearised(NamedTuple):
 
 
 class StepTables(NamedTuple):
-    """Values that differ from step to step; along the first axes blocks and steps.
+    """Values that differ from step to step; the first two axes are blocks and steps.
 
     Attributes:
-        activations: at both stages, (2, curves).
-        weights: of each signal in a sum over the beat, (signals,).
-        readings: weights of the step in means over the beat (`Readings.weights`).
+        activations: activations at both stages, (2, curves).
+        weights: weight of each signal in a sum over the beat, (signals,).
+        readings: weights of the step in means of readings (`Readings.weights`).
     """
 
     activations: States
@@ -88,10 +88,10 @@ class Carry(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BeatProgram:
-    """Compiled beats of one circuit on one grid.
+    """Compiled heartbeats of one circuit on one grid.
 
-    States are arrays of shape (states,) for one patient or (states, patients); parameters (names,) or
-    (names, patients) in the order of `names`.
+    States have the shape (states,) for one patient or (states, patients); parameters (names,) or
+    (names, patients), in the order of `names`.
     """
 
     assembly: Assembly
@@ -104,13 +104,13 @@ class BeatProgram:
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """All signals of the circuit, with the rates that exist."""
+        """All signals of the circuit, followed by the rates and the means that exist."""
         circuit = self.assembly.circuit
         return with_means(circuit, with_rates(circuit, all_signals(self.assembly)))
 
     @cached_property
     def primary(self) -> tuple[str, ...]:
-        """Signals that all others follow from: volumes, flows, means of the flows that open and shut."""
+        """Signals from which all others follow: volumes, flows, and means of the flows of one-way paths."""
         return with_means(self.assembly.circuit, (*self._volumes, *self._flows))
 
     @cached_property
@@ -122,16 +122,16 @@ class BeatProgram:
         return tuple("Q" + c.name for c in self.assembly.circuit.connections)
 
     def trace(self, signals: tuple[str, ...]) -> RecordedBeat:
-        """Compiled beat that records signals, named as in `Recorder`: shape (steps, signals[, patients])."""
+        """Compiled beat that records signals (see `Recorder`) in the shape (steps, signals[, patients])."""
         return _trace(self, signals)
 
     def run(
         self, state: States, packed: States, signals: tuple[str, ...] = (), weights: States | None = None
     ) -> tuple[jax.Array, jax.Array]:
-        """Uncompiled beat, for use inside other compiled functions: state after it, signals.
+        """State after one beat, and signals; not compiled, for use inside other compiled functions.
 
-        With weights (steps, signals) the signals are not handed back one by one but summed with them, shape
-        (signals[, patients]): any mean, and to first order any extreme, is such a sum.
+        With weights (steps, signals) the weighted sum of each signal over the steps is returned instead,
+        shape (signals[, patients]): any mean, and to first order any extreme, is such a sum.
         """
         given, constants, period = self._in_effect(state, packed)
         recorder, readings = Recorder(self.assembly, signals), Readings(self.assembly)
@@ -167,7 +167,7 @@ class BeatProgram:
         return end, recorded.reshape(self.grid.n_steps, *recorded.shape[2:])
 
     def derived(self, recorded: States, state: States, packed: States, signals: tuple[str, ...]) -> jax.Array:
-        """Signals of the beat from a state, from its recorded `primary` ones; uncompiled, as `run`."""
+        """Signals of a beat, computed from its start state and recorded `primary` signals; not compiled."""
         _, constants, period = self._in_effect(state, packed)
         recorder = Recorder(self.assembly, signals)
 
@@ -180,7 +180,7 @@ class BeatProgram:
         return jax.lax.scan(step, None, (recorded, jnp.asarray(self._activations[:, 1])))[1]
 
     def _in_effect(self, state: States, packed: States) -> tuple[Values, Constants, Number]:
-        """Parameters as given; constants of the laws and period [s] as controllers have them in the beat."""
+        """Given parameters; constants of the laws and period [s] as the controllers set them in this beat."""
         given = dict(zip(self.names, packed, strict=True))
         values = self.assembly.in_effect(given, state)
         return given, self.assembly.constants(values), 60.0 / values[HEART_RATE]
@@ -194,7 +194,7 @@ class BeatProgram:
         return np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
 
     def _tables(self, weights: States | None, readings: Readings) -> StepTables:
-        """Values that differ from step to step, in blocks of steps."""
+        """Tables of the values that differ from step to step, in blocks of steps."""
         blocks, activations = (len(self.grid.block_steps), STEPS_PER_BLOCK), self._activations
         of_readings = readings.weights(np.diff(self.grid.phases))
         return StepTables(
@@ -206,7 +206,7 @@ class BeatProgram:
     def _start(
         self, state: States, constants: Constants, period: Number
     ) -> tuple[list[Number], list[Number]]:
-        """Volumes, and flows of all connections, at phase 0."""
+        """Volumes and flows of all connections at phase 0."""
         assembly = self.assembly
         volumes, inertial = assembly.volumes(state), assembly.inertial_flows(state)
         zero = jnp.zeros_like(volumes[0])
@@ -252,12 +252,12 @@ class BeatProgram:
     def _step(
         self, carry: Carry, activations: States, steps: StepConstants, constants: Constants
     ) -> tuple[list[Number], list[Number], list[Number]]:
-        """One step, and the mean flows over it.
+        """Take one step: volumes and flows after it, and mean flows over it.
 
         Stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1).
         """
 
-        @jax.jit  # both stages are traced once: half the time before a program with tangents is compiled
+        @jax.jit  # one trace for both stages: halves the time to trace tangents
         def stage(
             base_v: list[Number], base_q: list[Number], guess: list[Number], curves: States
         ) -> tuple[list[Number], list[Number]]:
@@ -306,7 +306,7 @@ class BeatProgram:
         steps: StepConstants,
         constants: Constants,
     ) -> None:
-        """Solve one connection for its flow, and let both ends and what surrounds them feel the change."""
+        """Solve one connection for its flow and update the pressures at both ends and in surroundings."""
         assembly, (pressures, loads, outlets, around) = self.assembly, stage
         source, target = assembly.ends[j]
         law = assembly.circuit.connections[j].component
@@ -338,7 +338,7 @@ class BeatProgram:
     def _linearised(
         self, volumes: Sequence[Number], activations: States, steps: StepConstants, constants: Constants
     ) -> Linearised:
-        """Pressures, stiffness and resistances at some volumes."""
+        """Pressures, stiffness and outlet resistances at given volumes."""
         around = self.assembly.surrounding_pressures(volumes, constants)
         pressures, stiffness = self.assembly.pressures(volumes, activations, constants, around)
         compartments = self.assembly.circuit.compartments
@@ -352,7 +352,7 @@ class BeatProgram:
     def _volumes_after(
         self, base: Sequence[Number], flows: Sequence[Number], steps: StepConstants, constants: Constants
     ) -> list[Number]:
-        """Volumes after the flows have run for the stage's weight."""
+        """Volumes after the flows have acted for the stage's weight."""
         volumes = list(base)
         for flow, (source, target) in zip(flows, self.assembly.ends, strict=True):
             amount = steps.weight * flow
@@ -362,7 +362,7 @@ class BeatProgram:
 
 
 def beat_program(circuit: Circuit, resolution: int = 1) -> BeatProgram:
-    """The beat of a circuit on the grid of that resolution; compiled on first use and kept."""
+    """The beat of a circuit on the grid of a resolution; compiled on first use and cached."""
     return _program(circuit.without_exchanges(), resolution)
 
 

@@ -17,19 +17,19 @@ from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
 
 RATE, MEAN = Form.RATE.value, Form.MEAN.value
-"""Suffixes of a signal's change per unit of phase, and of a flow's mean over the step that ends here."""
+"""Suffixes of a signal's derivative with respect to phase, and of a flow's mean over a step."""
 
 
 class Moment(NamedTuple):
-    """The end of a step.
+    """Quantities at the end of a step.
 
     Attributes:
-        volumes: of all compartments [mL].
-        flows: through all connections [mL/s].
-        activations: of all curves.
-        constants: of the laws.
-        period: of the beat [s].
-        means: of the flows over the step; None where no step ends.
+        volumes: stressed volumes of all compartments [mL].
+        flows: flows through all connections [mL/s].
+        activations: activations of all curves.
+        constants: constants of the laws.
+        period: length of the beat [s].
+        means: mean flows over the step [mL/s]; None if the moment is not the end of a step.
     """
 
     volumes: list[Number]
@@ -41,7 +41,7 @@ class Moment(NamedTuple):
 
 
 class UnknownSignalError(KeyError):
-    """A signal that the circuit does not have."""
+    """Raised for a signal that the circuit does not have."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -62,7 +62,7 @@ def has_rate(circuit: Circuit, name: str) -> bool:
 
 
 def has_mean(circuit: Circuit, name: str) -> bool:
-    """Whether a signal is a flow that opens and shuts, so that its values at the steps' ends do not do."""
+    """Whether a signal is the flow of a one-way path, whose mean does not follow from its sampled values."""
     signal = Signal.parse(name)
     return signal.kind is Kind.FLOW and any(
         c.component.one_way for c in circuit.connections if c.name == signal.place
@@ -70,17 +70,17 @@ def has_mean(circuit: Circuit, name: str) -> bool:
 
 
 def with_means(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
-    """Signals, followed by the means of those that have one."""
+    """The signals, followed by the means of those that have one."""
     return signals + tuple(s + MEAN for s in signals if has_mean(circuit, s))
 
 
 def with_rates(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
-    """Signals, followed by the rates of those that have one."""
+    """The signals, followed by the rates of those that have one."""
     return signals + tuple(s + RATE for s in signals if has_rate(circuit, s))
 
 
 def known_signal(circuit: Circuit, name: str, allowed: tuple[str, ...]) -> Signal:
-    """The signal of a name; `UnknownSignalError` where the circuit has none of that name."""
+    """The signal with a name; raises `UnknownSignalError` if the circuit has no such signal."""
     exists = {RATE: has_rate, MEAN: has_mean}.get(name[-1:])
     plain = name.removesuffix(RATE).removesuffix(MEAN)
     if plain in allowed and (exists is None or exists(circuit, plain)):
@@ -90,19 +90,19 @@ def known_signal(circuit: Circuit, name: str, allowed: tuple[str, ...]) -> Signa
 
 
 def step_weights(widths: np.ndarray, moved: Sequence[bool]) -> np.ndarray:
-    """Weight of each step in the mean of each signal over a beat, shape (steps, signals).
+    """Weights of the steps in the mean of each signal over a beat, shape (steps, signals).
 
     Args:
-        widths: of the steps, in phase.
-        moved: for each signal whether it is a flow's mean over the step, which counts for the step's width;
-            values at the ends of steps count by the trapezoidal rule.
+        widths: widths of the steps, in phase.
+        moved: for each signal, whether it is a flow's mean over the step, which is weighted by the step's
+            width; values at the ends of steps are weighted by the trapezoidal rule.
     """
     trapezoid = 0.5 * (widths + np.roll(widths, -1))
     return np.stack([widths if whole else trapezoid for whole in moved], axis=1)
 
 
 def one_way_mean(series: np.ndarray, weights: np.ndarray, sign: float) -> np.ndarray:
-    """Mean [L/min] of a flow [mL/s] where it has a sign, else 0; series (points[, patients])."""
+    """Mean [L/min] of a flow [mL/s], counted as 0 where it lacks the sign; series (points[, patients])."""
     if series.max() <= 0.0 if sign > 0.0 else series.min() >= 0.0:
         return np.zeros(series.shape[1:])
     one_way = np.maximum(sign * series, 0.0)
@@ -112,10 +112,10 @@ def one_way_mean(series: np.ndarray, weights: np.ndarray, sign: float) -> np.nda
 
 
 class Recorder:
-    """Picks signals by name: P or V + compartment, Q + connection, P + pump (pressure gained across it).
+    """Selects signals by name: P or V + compartment, Q + connection, P + pump (pressure gained across it).
 
-    Pressures in mmHg, stressed volumes in mL, flows in mL/s, all at the end of a step; rates and means as
-    `eclsim.circuit.signals.Form` has them.
+    Pressures are in mmHg, stressed volumes in mL and flows in mL/s, all at the end of a step; for rates and
+    means see `eclsim.circuit.signals.Form`.
     """
 
     def __init__(self, assembly: Assembly, signals: tuple[str, ...]):
@@ -128,7 +128,7 @@ class Recorder:
         self._wants_pressures = any(signal.kind is Kind.PRESSURE for signal in self.signals)
 
     def pick(self, now: Moment) -> jax.Array:
-        """The signals of one moment, stacked; shape (signals[, patients])."""
+        """The signals at one moment, stacked; shape (signals[, patients])."""
         pressures, stiffness = list[Number](), list[Number]()
         if self._wants_pressures:
             pressures, stiffness = self.assembly.pressures(now.volumes, now.activations, now.constants)
@@ -149,7 +149,7 @@ class Recorder:
         return jnp.stack(picked) if picked else jnp.zeros((0, *zero.shape))
 
     def _volume_rates(self, flows: list[Number], constants: Constants) -> list[Number]:
-        """Change of every compartment's volume [mL/s]."""
+        """Rate of change of every compartment's volume [mL/s]."""
         rates: list[Number] = [jnp.zeros_like(flows[0]) for _ in self._stores]
         for flow, (source, target) in zip(flows, self.assembly.ends, strict=True):
             self.assembly.add_at(source, rates, -flow, constants)
@@ -171,7 +171,7 @@ class Recorder:
 
 
 class Readings:
-    """Inputs of the controllers of a circuit over a beat, accumulated step by step."""
+    """Readings of a circuit's controllers over a beat, accumulated step by step."""
 
     def __init__(self, assembly: Assembly):
         reads = [reading for control in assembly.circuit.controllers for reading in control.reads]
@@ -185,16 +185,16 @@ class Readings:
         self._recorder = Recorder(assembly, tuple(names))
 
     def initial(self, zero: Number) -> list[Number]:
-        """Before the first step."""
+        """Values of the readings before the first step."""
         first = {Statistic.MEAN: 0.0, Statistic.MAXIMUM: -jnp.inf, Statistic.MINIMUM: jnp.inf}
         return [first[statistic] + zero for statistic in self.statistics]
 
     def weights(self, widths: np.ndarray) -> np.ndarray | None:
-        """Weight of each step in a mean, shape (steps, readings); None where nothing is read."""
+        """Weights of the steps in each mean, shape (steps, readings); None if there are no readings."""
         return step_weights(widths, self._moved) if self._moved else None
 
     def updated(self, readings: list[Number], moment: Moment, weights: States | None) -> list[Number]:
-        """The readings after one more step, with the weight of each reading in this step."""
+        """The readings after one more step; `weights` holds the weight of each reading in this step."""
         if weights is None:
             return readings
         picked = self._recorder.pick(moment)

@@ -1,11 +1,11 @@
-"""Gases and acid-base of blood, usable alone: saturation, contents, pH, and their inverse.
+"""Blood gases and acid-base balance, usable on their own: saturation, contents, pH, and their inverses.
 
 >>> from eclsim import blood
 >>> gases = blood.gases(po2=95.0, pco2=40.0, haemoglobin=10.0)
 >>> print(f"{gases.saturation:.3f} {gases.ph:.2f} {gases.oxygen:.1f}")
 0.972 7.40 13.3
 
-All functions take numbers or arrays of any common shape and give JAX arrays, which can be differentiated.
+All functions take numbers or arrays of a common shape and return JAX arrays; they are differentiable.
 """
 
 from eclsim.blood.gases import LAWS, BloodGases, gases, gases_with_contents, gases_with_saturation

@@ -1,14 +1,14 @@
-"""pH of blood from its base excess: the equations of Henderson-Hasselbalch and van Slyke together.
+"""pH of blood from its base excess, by the equations of Henderson-Hasselbalch and van Slyke.
 
     0.0307 PCO2 10^(pH - 6.1) = 24.5 + (BE + 0.2 Hb (1 - S)) / (1 - 0.0143 Hb) - (9.5 + 1.63 Hb)(pH - 7.4)
 
-BE is that of the fully oxygenated blood, which is the same in arteries, veins and behind an oxygenator.
-Haemoglobin that gives up oxygen takes up hydrogen ions instead (Haldane), hence the plus sign: the usual
-form with a minus sign holds for the base excess of the blood as it is.
+BE is that of fully oxygenated blood, which is the same in arteries, veins and after an oxygenator.
+Haemoglobin that releases oxygen binds hydrogen ions (Haldane effect), hence the plus sign; the usual form
+with a minus sign applies to the base excess at the actual saturation.
 
-Source: Siggaard-Andersen 1977 (doi 10.3109/00365517709098927). With the temperature the solubility and pK of
-carbon dioxide change as in Douglas 1988, and neutral pH by 0.0147 for each degree (Rosenthal 1948), so that
-PCO2 of closed blood falls by about 0.02 in log10 for each degree that it is cooled.
+Source: Siggaard-Andersen 1977 (doi 10.3109/00365517709098927). Solubility and pK of carbon dioxide change
+    with temperature as in Douglas 1988, and neutral pH by 0.0147 per degree (Rosenthal 1948), so that log10
+    of the PCO2 of blood in a closed system falls by about 0.02 per degree of cooling.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ import jax.numpy as jnp
 from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
 
 ITERATIONS = 10
-"""Iterations of Newton's method; six suffice between 1 and 300 mmHg."""
+"""Number of Newton iterations; six suffice for PCO2 between 1 and 300 mmHg."""
 
 
 def carbon_dioxide_solubility(temperature: Array = 37.0) -> Array:
-    """Carbon dioxide dissolved in plasma [mmol/L/mmHg] (Douglas 1988)."""
+    """Solubility of carbon dioxide in plasma [mmol/L/mmHg] (Douglas 1988)."""
     cold = 37.0 - temperature
     return 0.0307 + 0.00057 * cold + 0.00002 * cold**2
 
 
 def bicarbonate(pco2: Array, ph: Array, temperature: Array = 37.0) -> Array:
-    """Bicarbonate in plasma [mmol/L] (Henderson and Hasselbalch)."""
+    """Bicarbonate in plasma [mmol/L] (Henderson-Hasselbalch)."""
     dissolved = carbon_dioxide_solubility(temperature) * pco2
     return dissolved * 10.0 ** (ph - 6.1 - 0.00472 * (37.0 - temperature))
 
 
 def excess_of(pco2: Array, ph: Array, saturation: Array, blood: Blood) -> Array:
-    """By how much bicarbonate exceeds what the buffers leave of it [mmol/L]; zero at equilibrium."""
+    """Bicarbonate minus the bicarbonate in balance with the buffers [mmol/L]; zero at equilibrium."""
     neutral = 7.4 + NEUTRAL_PH_SLOPE * (37.0 - blood.temperature)
     base = blood.base_excess + 0.2 * blood.haemoglobin * (1.0 - saturation)
     left = base / (1.0 - 0.0143 * blood.haemoglobin)
@@ -49,8 +49,8 @@ def ph_of(pco2: Array, blood: Blood, saturation_at: Callable[[Array], Array]) ->
     """The pH at which both equations agree.
 
     Args:
-        pco2: [mmHg].
-        blood: its base excess, haemoglobin and temperature.
+        pco2: partial pressure of carbon dioxide [mmHg].
+        blood: base excess, haemoglobin and temperature of the blood.
         saturation_at: oxygen saturation [-] as a function of pH.
     """
 
@@ -63,7 +63,7 @@ def ph_of(pco2: Array, blood: Blood, saturation_at: Callable[[Array], Array]) ->
 
     start = jnp.full(jnp.shape(excess(7.4)), 7.4)
     solution = jax.lax.fori_loop(0, ITERATIONS, lambda _, ph: improved(ph), jax.lax.stop_gradient(start))
-    # From the solution, one more step carries its derivative exactly, without those of the way there.
+    # One more step from the solution gives its exact derivative without that of the iterations.
     value, slope = (
         excess(jax.lax.stop_gradient(solution)),
         jax.jvp(excess, (solution,), (jnp.ones_like(solution),))[1],

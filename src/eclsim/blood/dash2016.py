@@ -1,10 +1,10 @@
 """Saturations and contents after Dash, Korman and Bassingthwaighte 2016: a second, independent set.
 
-Oxygen and carbon dioxide compete for haemoglobin in the water of the red cell; P50 moves with pH, PCO2, DPG
-and temperature, and the Hill exponent with PO2.
+Oxygen and carbon dioxide compete for haemoglobin in the water of the red cell. P50 depends on pH, PCO2, DPG
+and temperature, and the Hill exponent on PO2.
 
-Haemoglobin binds 1.398 mL/g here, whatever `oxygen_capacity` says. As in the authors' code the first constant
-of carbonic acid does not change with temperature: at 25 C this bicarbonate is 16 % above that of the pH.
+Haemoglobin binds 1.398 mL/g here; `oxygen_capacity` has no effect. As in the authors' code the first constant
+of carbonic acid does not depend on temperature: at 25 C bicarbonate is 16 % above that of the pH equation.
 
 Source: Eur J Appl Physiol 116:97-113, doi 10.1007/s00421-015-3228-3, with the constants of the authors' code.
 """
@@ -16,21 +16,21 @@ import jax.numpy as jnp
 from eclsim.blood.types import Array, Blood
 
 P50 = 26.8
-"""Half saturation under standard conditions [mmHg]."""
+"""PO2 at half saturation under standard conditions [mmHg]."""
 PLASMA_WATER, CELL_WATER = 0.94, 0.65
 """Share of water in plasma and in red cells [-]."""
 DONNAN = 0.69
-"""Hydrogen ions in plasma over those in red cells [-]."""
+"""Ratio of the hydrogen ion concentrations in plasma and in red cells [-]."""
 GRAMS_PER_MOLE = 64100.0
-"""Molar mass of haemoglobin."""
+"""Molar mass of haemoglobin [g/mol]."""
 HAEMOGLOBIN_IN_CELLS = 150.0 / 0.45
-"""Grams in a litre of red cells."""
+"""Haemoglobin in red cells [g/L]."""
 ML_DL_PER_MOL_L = 2240.0
-"""22.4 L of gas for each mole, in a decilitre."""
+"""Conversion from mol/L to mL/dL of gas at 22.4 L/mol."""
 
 
 def half_saturation(pco2: Array, cell_ph: Array, blood: Blood) -> Array:
-    """P50 [mmHg]."""
+    """PO2 at half saturation, P50 [mmHg]."""
     acid, carbon_dioxide = cell_ph - 7.24, pco2 - 40.0
     dpg, warm = 1e-3 * blood.dpg - 4.65e-3, blood.temperature - 37.0
     shifts = (
@@ -46,7 +46,7 @@ def half_saturation(pco2: Array, cell_ph: Array, blood: Blood) -> Array:
 
 
 def _bound_ratio(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
-    """Oxygenated over free haemoglobin [-]."""
+    """Ratio of oxygenated to deoxygenated haemoglobin [-]."""
     exponent = 2.8 - 1.2 * 10.0 ** (-po2 / 29.2)
     return (po2 / half_saturation(pco2, ph + jnp.log10(DONNAN), blood)) ** exponent
 
@@ -58,7 +58,7 @@ def saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
 
 
 def carbamino_saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
-    """Share of the sites for carbon dioxide on haemoglobin that are taken [-]."""
+    """Share of the carbon dioxide binding sites of haemoglobin that are occupied [-]."""
     carbon_dioxide = _carbon_dioxide_solubility(blood) * pco2
     acid = 10.0**-ph / DONNAN
     free, oxygenated = 21.5 * (1.0 + 1e-6 / acid), 11.3 * (1.0 + 1e-6 / acid)
@@ -71,7 +71,7 @@ def carbamino_saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Ar
 
 
 def oxygen_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
-    """Content of oxygen [mL/dL STPD]: four molecules on each haemoglobin, and dissolved in its water."""
+    """Content of oxygen [mL/dL STPD]: four molecules per haemoglobin, and dissolved oxygen."""
     warm = blood.temperature - 37.0
     solubility = 1.46e-6 * (1.0 - 0.01 * warm + 4.234e-4 * warm**2)
     bound = 4.0 * _haemoglobin(blood) * saturation(po2, pco2, ph, blood)
@@ -79,7 +79,7 @@ def oxygen_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
 
 
 def carbon_dioxide_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
-    """Content of carbon dioxide [mL/dL STPD]: dissolved, as bicarbonate, and on haemoglobin."""
+    """Content of carbon dioxide [mL/dL STPD]: dissolved, as bicarbonate, and bound to haemoglobin."""
     dissolved = _carbon_dioxide_solubility(blood) * pco2
     cells = _haematocrit(blood)
     bicarbonate = 10.0 ** (ph - 6.12) * dissolved
@@ -98,7 +98,7 @@ def _haematocrit(blood: Blood) -> Array:
 
 
 def _haemoglobin(blood: Blood) -> Array:
-    """Moles in a litre of blood."""
+    """Haemoglobin in blood [mol/L]."""
     return 10.0 * blood.haemoglobin / GRAMS_PER_MOLE
 
 

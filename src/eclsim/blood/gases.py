@@ -1,4 +1,4 @@
-"""Gases of blood: from partial pressures to contents, and back from contents or a saturation."""
+"""Blood gases: contents from partial pressures, and partial pressures from contents or a saturation."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from eclsim.blood.types import Array, Blood, Given, refuse_arguments
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
 STEPS = 60
-"""Steps of the damped Newton iteration from contents to pressures; most need fewer than ten."""
+"""Largest number of damped Newton steps from contents to pressures; most need fewer than ten."""
 STEP_TOLERANCE = 1e-9
-"""Largest of the last steps at which the iteration ends, in the logarithm of a partial pressure."""
+"""Size of the last step, in the logarithm of a partial pressure, below which the iteration stops."""
 LARGEST_STEP = 1.0
-"""In the logarithm of a partial pressure."""
+"""Largest Newton step in the logarithm of a partial pressure."""
 
 
 class BloodGases(NamedTuple):
@@ -32,11 +32,11 @@ class BloodGases(NamedTuple):
     Attributes:
         po2: partial pressure of oxygen [mmHg].
         pco2: partial pressure of carbon dioxide [mmHg].
-        ph: of plasma [-].
-        saturation: of haemoglobin with oxygen [-].
-        bicarbonate: in plasma [mmol/L].
-        oxygen: content [mL/dL STPD].
-        carbon_dioxide: content [mL/dL STPD].
+        ph: pH of plasma [-].
+        saturation: oxygen saturation of haemoglobin [-].
+        bicarbonate: bicarbonate in plasma [mmol/L].
+        oxygen: content of oxygen [mL/dL STPD].
+        carbon_dioxide: content of carbon dioxide [mL/dL STPD].
     """
 
     po2: jax.Array
@@ -53,7 +53,7 @@ _Pair = tuple[jax.Array, jax.Array]
 
 
 class _Search(NamedTuple):
-    """Where the search for pressures is: their logarithms, steps done, the largest of the last steps."""
+    """State of the iteration for pressures: their logarithms, number of steps, size of the last step."""
 
     at: _Pair
     steps: jax.Array
@@ -71,14 +71,14 @@ def gases(
         law: a name of `LAWS`.
         of: `haemoglobin` [g/dL], `base_excess` of fully oxygenated blood [mmol/L], `temperature` [C]; for
             "severinghaus1979" `oxygen_capacity` [mL/g], for "dash2016" `dpg`, 2,3-diphosphoglycerate in
-            the red cells [mmol/L]; left out, 15, 0, 37, 1.34 and 4.65.
+            the red cells [mmol/L]; by default 15, 0, 37, 1.34 and 4.65.
 
     Returns:
         Arrays of the arguments' common shape.
 
     Raises:
-        ValueError: the law is unknown or does not read an argument, or values are beyond any in these units;
-            with all of them.
+        ValueError: the law is unknown or does not use an argument, or values are impossible in these units;
+            lists all mistakes.
     """
     refuse_arguments({"po2": po2, "pco2": pco2, **of}, law)
     blood = Blood(**of)
@@ -88,7 +88,7 @@ def gases(
 def gases_with_contents(
     *, oxygen: Array, carbon_dioxide: Array, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
-    """The same from contents [mL/dL STPD]; NaN where no pressures between 1e-9 and 1e6 mmHg give them.
+    """Blood gases at given contents [mL/dL STPD]; NaN if no pressures between 1e-9 and 1e6 mmHg give them.
 
     Other arguments and errors as in `gases`.
     """
@@ -102,7 +102,7 @@ def gases_with_contents(
 def gases_with_saturation(
     *, saturation: Array, pco2: Array = 40.0, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
-    """The same from a saturation [-] and a PCO2 [mmHg]; NaN where the saturation is 0 or 1.
+    """Blood gases at a given saturation [-] and PCO2 [mmHg]; NaN if the saturation is 0 or 1.
 
     Other arguments and errors as in `gases`.
     """
@@ -113,7 +113,7 @@ def gases_with_saturation(
 
 
 def equilibrium(po2: Array, pco2: Array, blood: Blood, law: str) -> BloodGases:
-    """Saturation, pH and contents of `blood` at partial pressures [mmHg] of its shape."""
+    """Saturation, pH and contents of `blood` at partial pressures [mmHg] of the same shape."""
     chosen = law_named(law)
     ph = ph_of(pco2, blood, lambda at: chosen.saturation(po2, pco2, at, blood))
     return BloodGases(
@@ -128,7 +128,7 @@ def equilibrium(po2: Array, pco2: Array, blood: Blood, law: str) -> BloodGases:
 
 
 def law_named(name: str) -> ModuleType:
-    """A set of equations; `ValueError` with those there are for another name."""
+    """Module with the set of equations of a name; raises `ValueError`, with all names, if unknown."""
     if name not in LAWS:
         raise ValueError(f"blood law '{name}'; allowed: {', '.join(LAWS)}")
     return LAWS[name]
@@ -163,7 +163,7 @@ def _at_contents(start: _Pair, wanted: _Pair, blood: Blood, law: str) -> BloodGa
         return _Search((at[0], at[1]), search.steps + 1, size)
 
     def unfinished(search: _Search) -> jax.Array:
-        return (search.steps < STEPS) & ~(search.error < STEP_TOLERANCE)  # not a number is not settled either
+        return (search.steps < STEPS) & ~(search.error < STEP_TOLERANCE)  # NaN has not converged
 
     begun = _Search(start, jnp.array(0), jnp.array(jnp.inf))
     at = jax.lax.stop_gradient(jax.lax.while_loop(unfinished, improved, begun).at)
@@ -199,9 +199,9 @@ def _at_saturation(wanted: jax.Array, pco2: jax.Array, blood: Blood, law: str) -
 
 
 def _common(first: Array, second: Array, blood: Blood, chosen: Array) -> np.ndarray | jax.Array:
-    """One of the arguments in the shape that all of them share.
+    """Broadcast an argument to the common shape of all.
 
-    Plain numbers stay with NumPy: one step of JAX outside a compiled program takes as long as all of it.
+    Numbers stay in NumPy: one JAX operation outside a compiled program takes as long as the whole program.
     """
     shape = np.broadcast_shapes(*map(np.shape, (first, second, *blood)))
     if isinstance(chosen, jax.Array):

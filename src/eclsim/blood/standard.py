@@ -1,6 +1,6 @@
-"""Severinghaus' oxygen curve with Kelman's shifts, and Douglas' content of carbon dioxide.
+"""Severinghaus' oxygen dissociation curve with Kelman's shifts, and Douglas' content of carbon dioxide.
 
-Both are smooth and monotone in the partial pressures, which a solver needs.
+Both are smooth and monotone in the partial pressures, as a solver requires.
 
 Sources: Severinghaus 1979 (doi 10.1152/jappl.1979.46.3.599); Kelman 1966 (doi 10.1152/jappl.1966.21.4.1375);
 Douglas, Jones and Reed 1988 (doi 10.1152/jappl.1988.65.1.473).
@@ -14,15 +14,15 @@ from eclsim.blood.acid_base import carbon_dioxide_solubility
 from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
 
 OXYGEN_SOLUBILITY = 0.0031
-"""Oxygen dissolved in blood at 37 C [mL/dL/mmHg]."""
+"""Solubility of oxygen in blood at 37 C [mL/dL/mmHg]."""
 DOUGLAS_PH = 7.6
-"""At 37 C, above which the factor for red cells is continued: the fitted one has a pole at pH 8.142."""
+"""pH at 37 C above which the red cell factor is extrapolated: the fitted factor has a pole at pH 8.142."""
 DOUGLAS_REST = 1.165
-"""What the continued term 1 / (8.142 - pH) still gains, so that red cells hold no less than nothing."""
+"""Largest further rise of the extrapolated term 1 / (8.142 - pH); keeps red cells' content positive."""
 
 
 def standard_pressure(po2: Array, pco2: Array, ph: Array, temperature: Array) -> Array:
-    """The PO2 [mmHg] that gives the same saturation at pH 7.4, PCO2 40 mmHg and 37 C (Kelman 1966)."""
+    """PO2 [mmHg] with the same saturation at pH 7.4, PCO2 40 mmHg and 37 C (Kelman 1966)."""
     shift = 0.024 * (37.0 - temperature) + 0.40 * (ph - 7.4) + 0.06 * jnp.log10(40.0 / pco2)
     return po2 * 10.0**shift
 
@@ -34,7 +34,7 @@ def severinghaus(pressure: Array) -> Array:
 
 
 def severinghaus_pressure(saturation: Array) -> Array:
-    """The PO2 [mmHg] of a saturation under standard conditions: the real root of the cubic."""
+    """PO2 [mmHg] at a saturation under standard conditions: the real root of the cubic."""
     free = 23400.0 * saturation / (1.0 - saturation)
     # P^3 + 150 P = free, solved by P = 2 sqrt(50) sinh(t), since 4 sinh^3 + 3 sinh = sinh 3t.
     return 2.0 * jnp.sqrt(50.0) * jnp.sinh(jnp.arcsinh(free / (2.0 * 50.0**1.5)) / 3.0)
@@ -64,7 +64,7 @@ def carbon_dioxide_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> 
 
 
 def _term_of_ph(ph: Array) -> Array:
-    """1 / (8.142 - pH) as fitted up to `DOUGLAS_PH`, then on with the same slope to an end."""
+    """1 / (8.142 - pH) as fitted up to `DOUGLAS_PH`, then continued with the same slope to a limit."""
     last = 8.142 - DOUGLAS_PH
     beyond = jnp.maximum(ph - DOUGLAS_PH, 0.0)
     continued = 1.0 / last - DOUGLAS_REST * jnp.expm1(-beyond / (last**2 * DOUGLAS_REST))

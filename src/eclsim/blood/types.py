@@ -1,4 +1,4 @@
-"""What describes blood apart from its gases, and what cannot be computed with: refused beforehand."""
+"""Properties of blood other than its gases, and checks of arguments."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from jax.core import Tracer
 Array: TypeAlias = float | np.ndarray | jax.Array
 
 NEUTRAL_PH_SLOPE = 0.0147
-"""Rise of pH for each degree that closed blood is cooled [1/C] (Rosenthal 1948)."""
+"""Rise of pH per degree of cooling of blood in a closed system [1/C] (Rosenthal 1948)."""
 
 
 class Given(TypedDict, total=False):
-    """What may be said of blood apart from its gases; `Blood` has the rest."""
+    """Optional properties of blood other than its gases; `Blood` describes them and has the defaults."""
 
     haemoglobin: Array
     base_excess: Array
@@ -26,13 +26,13 @@ class Given(TypedDict, total=False):
 
 
 class Blood(NamedTuple):
-    """Blood apart from its gases; numbers or arrays of a common shape.
+    """Properties of blood other than its gases; numbers or arrays of a common shape.
 
     Attributes:
-        haemoglobin: [g/dL].
-        base_excess: of fully oxygenated blood [mmol/L]; metabolism and lung do not change it.
-        temperature: [C].
-        oxygen_capacity: oxygen that a gram of haemoglobin binds [mL/g]; 1.34 to 1.39 are in use.
+        haemoglobin: haemoglobin concentration [g/dL].
+        base_excess: base excess of fully oxygenated blood [mmol/L]; gas exchange does not change it.
+        temperature: temperature [C].
+        oxygen_capacity: oxygen that haemoglobin binds [mL/g]; values of 1.34 to 1.39 are in use.
         dpg: 2,3-diphosphoglycerate in the red cells [mmol/L]; only the law of Dash 2016 uses it.
     """
 
@@ -44,13 +44,13 @@ class Blood(NamedTuple):
 
 
 class Allowed(NamedTuple):
-    """What an argument may be.
+    """Allowed values of an argument.
 
     Attributes:
         low: smallest value.
         high: largest value.
         unit: its unit.
-        hint: how the usual other unit is converted.
+        hint: conversion from the other usual unit.
     """
 
     low: float
@@ -69,21 +69,21 @@ ALLOWED = {
     "oxygen_capacity": Allowed(1.0, 1.6, "mL/g", "1.34 to 1.39 are in use"),
     "dpg": Allowed(0.0, 30.0, "mmol/L", "in red cells, 4.65 is usual"),
 }
-"""Bounds that no blood leaves, wide enough for any computation with it; contents have none."""
+"""Bounds that any blood satisfies, wide enough for any computation; contents have none."""
 UNUSED_ARGUMENTS = {
     "severinghaus1979": {"dpg": "its curve is of usual 2,3-diphosphoglycerate; law='dash2016' reads it"},
     "dash2016": {"oxygen_capacity": "four molecules for each haemoglobin are 1.398 mL/g in this law"},
 }
-"""By law, what it does not depend on, and why."""
+"""By law, the arguments that it does not use, and the reason."""
 
 
 def refuse_arguments(given: Mapping[str, object], law: str) -> None:
-    """Raise `ValueError` for what a law cannot compute with, all of it at once.
+    """Raise `ValueError` with all arguments that a law cannot use.
 
-    These are values that cannot be in the unit meant, and arguments that would have no effect.
+    These are values that are impossible in the expected unit, and arguments that would have no effect.
 
     Args:
-        given: arguments by name; what JAX traces and what is not a number is left alone.
+        given: arguments by name; traced JAX values and NaN are not checked.
         law: name of the set of equations.
     """
     wrong = [f"{name}: {why}" for name, why in UNUSED_ARGUMENTS.get(law, {}).items() if name in given]

@@ -1,7 +1,7 @@
-"""From the tables to states and rates: what every solver needs to know of a circuit, and nothing of time.
+"""Assembly of a circuit's tables into a numbered state and functions for all solvers, independent of time.
 
-What the numbers of a state are says its layout. All functions are written for one entry per patient of a
-batch: they take sequences of arrays (or of numbers) and never look at shapes.
+`StateLayout` describes the elements of a state. All functions serve batches: they take sequences of arrays
+(one entry per patient) or of numbers, and do not depend on shapes.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from eclsim.circuit.volumes import start_volume
 from eclsim.components.base import Activation, Number, Values
 
 States = np.ndarray | jax.Array
-"""Numbers of a state along the first axis, shape (states[, patients])."""
+"""State vectors along the first axis, shape (states[, patients])."""
 
 
 class End(NamedTuple):
-    """End of a connection: positions of the compartments it may attach to and the parameter that chooses."""
+    """End of a connection: indices of its possible compartments and the parameter that selects one."""
 
     positions: tuple[int, ...]
     parameter: str | None = None
 
 
 class Constants(NamedTuple):
-    """Constants of the laws, by the parameters alone; `weights` choose among the sites of an end."""
+    """Constants of the laws, which depend only on the parameters; `weights` select the sites of ends."""
 
     storages: tuple[object, ...]
     paths: tuple[object, ...]
@@ -45,11 +45,11 @@ class Assembly:
     """A circuit with its states numbered.
 
     Args:
-        circuit: its tables.
-        ends: of each connection.
-        inertial: positions of the connections whose flow is a state.
-        activations: curves that drive its chambers.
-        sweep: positions of all connections in the order in which they are solved (`sweep_order`).
+        circuit: the circuit.
+        ends: both ends of each connection.
+        inertial: indices of the connections whose flow is a state.
+        activations: activation curves of its chambers.
+        sweep: indices of all connections in the order in which they are solved (`sweep_order`).
     """
 
     circuit: Circuit
@@ -72,11 +72,11 @@ class Assembly:
         return [state[k] for k in self.layout.volumes.positions]
 
     def inertial_flows(self, state: States) -> dict[int, Number]:
-        """Flow of each connection with inertia [mL/s], by its position in the table."""
+        """Flow of each connection with inertia [mL/s], by the connection's index."""
         return {j: state[k] for j, k in zip(self.inertial, self.layout.flows.positions, strict=True)}
 
     def activation_index(self, position: int) -> int | None:
-        """Which activation curve drives a compartment; None for a passive one."""
+        """Index of the activation curve of a compartment; None for a passive compartment."""
         activation = self.circuit.compartments[position].component.activation
         return None if activation is None else self.activations.index(activation)
 
@@ -86,7 +86,7 @@ class Assembly:
         return any(not self.circuit.compartments[p].component.constant_stiffness for p in positions)
 
     def constants(self, values: Values) -> Constants:
-        """Everything that depends on the parameters alone."""
+        """Constants that depend only on the parameters."""
         storages = tuple(c.component.constants(values) for c in self.circuit.compartments)
         paths = tuple(c.component.constants(values) for c in self.circuit.connections)
         weights: dict[str, tuple[Number, ...]] = {}
@@ -101,14 +101,14 @@ class Assembly:
 
     @cached_property
     def enclosed(self) -> tuple[tuple[int, ...], ...]:
-        """Positions of the compartments in each surrounding."""
+        """Indices of the compartments in each surrounding."""
         place = {c.name: k for k, c in enumerate(self.circuit.compartments)}
         return tuple(tuple(place[name] for name in s.members) for s in self.circuit.surroundings)
 
     def surrounding_pressures(
         self, volumes: Sequence[Number], constants: Constants
     ) -> list[tuple[Number, Number]]:
-        """Pressure [mmHg] that each surrounding adds to what is in it, and its slope [mmHg/mL]."""
+        """Pressure [mmHg] that each surrounding adds to its members, and its slope [mmHg/mL]."""
         return [
             around.component.pressure(sum((volumes[k] for k in inside[1:]), start=volumes[inside[0]]), own)
             for around, inside, own in zip(
@@ -117,7 +117,7 @@ class Assembly:
         ]
 
     def gained(self, connection: int, constants: Constants) -> dict[int, Number]:
-        """By how much a flow of 1 changes the volume in each surrounding that it can change."""
+        """Volume change of each affected surrounding per unit of flow through a connection."""
         result = dict[int, Number]()
         for k, inside in enumerate(self.enclosed):
             shares = [float(p in inside) for p in range(len(self.circuit.compartments))]
@@ -128,11 +128,11 @@ class Assembly:
 
     @cached_property
     def narrowing(self) -> tuple[int, ...]:
-        """Positions of the compartments with an outlet of their own."""
+        """Indices of the compartments with an outlet resistance."""
         return tuple(k for k, c in enumerate(self.circuit.compartments) if c.component.narrows)
 
     def outlets(self, volumes: Sequence[Number], constants: Constants) -> list[Number] | None:
-        """Resistance [mmHg s/mL] in series with what leaves each compartment; None where there is none."""
+        """Outlet resistance [mmHg s/mL] of each compartment; None if no compartment has one."""
         if not self.narrowing:
             return None
         result: list[Number] = [0.0] * len(volumes)
@@ -142,7 +142,7 @@ class Assembly:
         return result
 
     def outlet(self, connection: int, outlets: list[Number] | None, constants: Constants) -> Number | None:
-        """Outlet of one connection; None where no compartment that it may begin at has any."""
+        """Outlet resistance at the source of a connection; None if no possible source has one."""
         source = self.ends[connection][0]
         if outlets is None or not set(source.positions) & set(self.narrowing):
             return None
@@ -157,7 +157,7 @@ class Assembly:
     ) -> tuple[list[Number], list[Number]]:
         """Pressure [mmHg] of every compartment, and stiffness [mmHg/mL] of its own wall.
 
-        `around` are the `surrounding_pressures`, where they are known already.
+        `around` holds the `surrounding_pressures` if they are already known.
         """
         pairs = []
         for position, compartment in enumerate(self.circuit.compartments):
@@ -173,14 +173,14 @@ class Assembly:
         return pressures, [s for _, s in pairs]
 
     def at(self, end: End, quantities: Sequence[Number], constants: Constants) -> Number:
-        """A quantity of the compartments, read at an end."""
+        """Value of a compartment quantity at an end of a connection."""
         if end.parameter is None:
             return quantities[end.positions[0]]
         weights = constants.weights[end.parameter]
         return sum(w * quantities[p] for w, p in zip(weights, end.positions, strict=True))
 
     def add_at(self, end: End, quantities: list[Number], amount: Number, constants: Constants) -> None:
-        """Add an amount to the compartment at an end, in place."""
+        """Add an amount in place to the quantity of the compartment at an end of a connection."""
         if end.parameter is None:
             position = end.positions[0]
             quantities[position] = quantities[position] + amount
@@ -189,7 +189,7 @@ class Assembly:
             quantities[position] = quantities[position] + weight * amount
 
     def in_effect(self, values: Values, state: States) -> Values:
-        """Values of the parameters during the beat from a state: those given, but where controllers act."""
+        """Parameter values in the beat that starts from a state: as given, then changed by controllers."""
         if not self.circuit.controllers:
             return values
         acted = dict(values)
@@ -203,12 +203,12 @@ class Assembly:
     def next_control_states(
         self, state: States, readings: Sequence[Number], period: Number, values: Values
     ) -> list[Number]:
-        """States of all controllers after the beat from a state.
+        """States of all controllers after the beat that starts from a state.
 
         Args:
-            state: at the beginning of the beat.
-            readings: off the beat, of all controllers one after the other.
-            period: of the beat [s].
+            state: state at the beginning of the beat.
+            readings: readings of the beat, of all controllers one after the other.
+            period: length of the beat [s].
             values: given values of the parameters.
         """
         rest, following = list(readings), list[Number]()
@@ -234,11 +234,11 @@ class Assembly:
 
     @cached_property
     def start_names(self) -> tuple[str, ...]:
-        """Parameters that start volumes are computed from."""
+        """Names of the parameters from which start volumes are computed."""
         return tuple(dict.fromkeys(name for _, names in self._read_by_compartments for name in names))
 
     def start_changes(self, before: Values, now: Values) -> list[Number]:
-        """By how much other values change the start volume of every compartment of one patient [mL]."""
+        """Change of each compartment's start volume [mL] of one patient between two sets of values."""
         return [
             start_volume(c, now) - start_volume(c, before) if any(before[n] != now[n] for n in names) else 0.0
             for c, names in self._read_by_compartments
@@ -249,7 +249,7 @@ class Assembly:
         return [(c, c.parameter_names()) for c in self.circuit.compartments]
 
     def start_state(self, values: Values) -> np.ndarray:
-        """State of one patient at the start: start volumes, flows at rest; shape (states,)."""
+        """Initial state of one patient: start volumes, zero flows, controllers' start; shape (states,)."""
         state = np.zeros(self.layout.size)
         state[self.layout.volumes.where] = [float(v) for v in self.start_volumes(values)]
         laws = [c.component for c in self.circuit.controllers]
@@ -260,7 +260,7 @@ class Assembly:
 
 @lru_cache(maxsize=256)
 def assemble(circuit: Circuit) -> Assembly:
-    """Number the states of a circuit; raises `CircuitError` if it does not hang together."""
+    """Number the states of a circuit; raises `CircuitError` if the circuit is not consistent."""
     validate(circuit)
     position = {c.name: k for k, c in enumerate(circuit.compartments)}
     ends = tuple((_end(c.source, position), _end(c.target, position)) for c in circuit.connections)
@@ -275,19 +275,20 @@ def _end(site: Site, position: Mapping[str, int]) -> End:
     return End((position[site],))
 
 
-# --- in which order connections are solved ---------------------------------------------------------
+# --- order in which connections are solved ---------------------------------------------------------
 
 
 def sweep_order(circuit: Circuit) -> tuple[int, ...]:
-    """Positions of all connections in the order in which they are solved.
+    """Indices of all connections in the order in which they are solved.
 
-    A step solves each flow against the latest pressures at its ends (Gauss-Seidel), so its result depends on
-    the order a little, within the error of the step. The order follows from what is joined to what and from
-    the names, never from where a connection stands in the table.
+    A step solves each flow with the latest pressures at its ends (Gauss-Seidel), so its result depends
+    slightly on the order, within the error of the step. The order follows from which compartments are joined
+    and from names, never from the order of the table.
 
-    Group by group, the one with most connections first: the patient, ECMO, CRRT, an assist device. Within a
-    group with the flow, from where blood enters it. A loop has no such place; it is cut behind the
-    connection whose name is the last in the alphabet, which is the systemic vein (`svn`) in a patient.
+    Groups are solved one by one, that with most connections first: the patient, ECMO, CRRT, an assist device.
+    Within a group the order follows the flow from where blood enters. A closed loop has no such place; it is
+    cut after the connection whose name is last in the alphabet, which is the systemic vein (`svn`) in a
+    patient.
     """
     groups: dict[str, dict[str, Connection]] = {}
     for connection in circuit.connections:
@@ -302,7 +303,7 @@ def sweep_order(circuit: Circuit) -> tuple[int, ...]:
 
 
 def _in_flow_order(connections: dict[str, Connection], inside: set[str]) -> list[str]:
-    """Names of the connections of a group, each behind one that ends where it begins if there is one."""
+    """Names of the connections of a group, each after one that ends where it begins, if there is one."""
     ends = {name: set(sites_of(c.target)) & inside for name, c in connections.items()}
     begins = {name: set(sites_of(c.source)) & inside for name, c in connections.items()}
     left, order = set(connections), list[str]()
@@ -315,7 +316,7 @@ def _in_flow_order(connections: dict[str, Connection], inside: set[str]) -> list
 
 
 def _entrances(left: set[str], begins: dict[str, set[str]], ends: dict[str, set[str]]) -> list[str]:
-    """Connections that none of the others leads to; in a loop those behind the last name of the alphabet."""
+    """Connections with no predecessor; in a loop those after the name that is last in the alphabet."""
     after = {name: [other for other in left if ends[name] & begins[other]] for name in left}
     led_to = {other for others in after.values() for other in others}
     return sorted(left - led_to) or after[max(name for name in left if after[name])]

@@ -1,7 +1,6 @@
-"""Layout of the numbers of a circuit's state: named blocks, one after the other.
+"""Layout of a circuit's state vector: named blocks, one after the other.
 
-Every solver gets at a state through its layout, so that a new kind of state is a new block here and nothing
-else changes.
+Every solver accesses a state through its layout, so that a new kind of state only needs a new block here.
 """
 
 from __future__ import annotations
@@ -17,13 +16,13 @@ from eclsim.circuit.signals import Kind, Signal
 
 
 class State(NamedTuple):
-    """One number of a state.
+    """One element of the state vector.
 
     Attributes:
-        name: of the state.
-        scale: its typical change, its weight in the norms of a search.
-        smallest_size: a relative change refers to this size at least.
-        largest_step: how far a search may move it at once, besides half of its size.
+        name: name of the state.
+        scale: typical change, used as the weight in a solver's norms.
+        smallest_size: lower limit of the size that relative changes refer to.
+        largest_step: largest change in one solver step, in addition to half of the state's size.
     """
 
     name: str
@@ -34,7 +33,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Block:
-    """States of one kind, from the position `first` on."""
+    """States of one kind, stored from position `first` onwards."""
 
     states: tuple[State, ...]
     first: int
@@ -46,7 +45,7 @@ class Block:
 
     @property
     def where(self) -> slice:
-        """The block in an array of states, along its first axis."""
+        """Slice of the block along the first axis of an array of states."""
         return slice(self.first, self.first + len(self.states))
 
     @property
@@ -57,12 +56,13 @@ class Block:
 
 @dataclass(frozen=True)
 class StateLayout:
-    """The blocks of a state, and what holds for each number of it as arrays of shape (states,).
+    """The blocks of a state vector, and properties of its elements as arrays of shape (states,).
 
     Args:
-        volumes: "V" + compartment, stressed volume [mL].
-        flows: "Q" + connection, flow of a connection with inertia [mL/s].
-        controllers: controller + "." + state; they stay the same during a beat and change at its end.
+        volumes: stressed volumes [mL], named "V" + compartment.
+        flows: flows of connections with inertia [mL/s], named "Q" + connection.
+        controllers: controllers' states, named controller + "." + state; constant in a beat, updated at its
+            end.
     """
 
     volumes: Block
@@ -91,21 +91,21 @@ class StateLayout:
 
     @cached_property
     def smallest_sizes(self) -> np.ndarray:
-        """Size that a relative change of each state refers to at least."""
+        """Lower limit of the size that relative changes of each state refer to."""
         return np.array([state.smallest_size for state in self.states])
 
     @cached_property
     def largest_steps(self) -> np.ndarray:
-        """How far a search may move each state at once, besides half of its size."""
+        """Largest change of each state in one solver step, in addition to half of its size."""
         return np.array([state.largest_step for state in self.states])
 
     @cached_property
     def spread(self) -> np.ndarray:
-        """1 mL of blood, the same amount in every compartment."""
+        """State vector of 1 mL of blood, divided equally among all compartments."""
         return self.conserved() / len(self.volumes.states)
 
     def conserved(self, counted: np.ndarray | None = None) -> np.ndarray:
-        """Weights of the states in the blood volume; `counted` tells which compartments, else all of them."""
+        """Weights of the states in the blood volume; `counted` marks compartments, by default all."""
         weights = np.zeros(self.size)
         weights[self.volumes.where] = 1.0 if counted is None else counted
         return weights
@@ -114,12 +114,12 @@ class StateLayout:
 def layout_of(
     compartments: Iterable[str], inertial: Iterable[str], controllers: Iterable[tuple[str, float]] = ()
 ) -> StateLayout:
-    """The state of a circuit.
+    """Create the state layout of a circuit.
 
     Args:
-        compartments: their names.
+        compartments: names of the compartments.
         inertial: names of the connections whose flow has inertia.
-        controllers: name and typical change of each state of its controllers.
+        controllers: name and typical change of each controller state.
     """
     volumes = tuple(State(str(Signal(Kind.VOLUME, name))) for name in compartments)
     flows = tuple(State(str(Signal(Kind.FLOW, name)), 10.0, largest_step=500.0) for name in inertial)

@@ -1,7 +1,7 @@
-"""A circuit is tables: compartments, connections between them, controllers, exchanges, surroundings.
+"""Circuits as tables of compartments, connections, controllers, exchanges and surroundings.
 
-A circuit is data. It is joined to others with `+`, put under a prefix where there are two of a kind, read
-on one screen with `print`, and compared and hashed like any value; nothing in it computes.
+A circuit is data: it computes nothing. Circuits are joined with `+`, prefixed where there are two of a kind,
+shown with `print`, and compared and hashed by value.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from eclsim.components.exchangers import BLOOD
 from eclsim.components.vessels import TubeVolume
 
 HEART_RATE = "heart_rate_bpm"
-"""The parameter that every circuit has beside those of its laws."""
+"""Parameter that every circuit has in addition to those of its laws."""
 BLOOD_VOLUME = "total_blood_volume_ml"
-"""The patient's blood [mL]; shares of it are start volumes."""
+"""The patient's total blood volume [mL]; start volumes are shares of it."""
 SHARED_PARAMETERS = ("etaB", "rhoB", *BLOOD)
-"""Parameters of the blood of all circuits: they keep their names under a prefix."""
+"""Parameters of the blood that all circuits share; a prefix does not change their names."""
 
 
 @dataclass(frozen=True)
 class StartPressure(Component):
-    """Start: the compartment is filled to a pressure [mmHg] (`Key`: parameter or number).
+    """Start condition: the compartment is filled to a pressure; each entry is a parameter or a number.
 
     Args:
-        pressure: mmHg.
-        given: blood [mL] that comes on top, or is missing.
-        unstressed: change of unstressed volume [mL] that comes about after it was filled: no blood is given.
+        pressure: pressure at the start [mmHg].
+        given: blood [mL] added to that volume; negative if removed.
+        unstressed: change of unstressed volume [mL] after filling, at constant total blood volume.
     """
 
     pressure: Key = 0.0
@@ -53,7 +53,7 @@ class StartPressure(Component):
 
 @dataclass(frozen=True)
 class StartVolume(Component):
-    """Start: a stressed volume, `volume` [mL] or, with `fraction_of`, that share of another quantity [mL]."""
+    """Start condition: a stressed volume `volume` [mL], or that fraction of a volume `fraction_of` [mL]."""
 
     volume: Key
     fraction_of: Key | None = None
@@ -61,17 +61,17 @@ class StartVolume(Component):
 
 @dataclass(frozen=True)
 class Compartment:
-    """A named store of blood.
+    """Named compartment that holds blood.
 
     Args:
         name: key of the compartment, as in the paper (`ao`, `ecmotudp`).
         component: its law.
-        group: what it belongs to: "patient", "ecmo", "crrt", "lvad" or a name of your own.
-        start: stressed volume at the start; the sum over a circuit fixes the blood volume.
-        total_fraction: share of total blood volume held at the start, for plots of absolute volumes; None
-            where the stressed volume is the absolute one.
-        rest_volume: volume [mL] held beside the stressed one whatever the pressure: what fills a rigid shell
-            or a tube. Blood in it takes part in transport, not in pressures; see `total_volumes`.
+        group: "patient", "ecmo", "crrt", "lvad" or another name of the part that it belongs to.
+        start: start condition; the sum over a circuit of the stressed start volumes fixes the blood volume.
+        total_fraction: share of the total blood volume at the start, for plots of absolute volumes; None if
+            the stressed volume is the absolute volume.
+        rest_volume: volume [mL] in addition to the stressed one, independent of pressure, as of a rigid shell
+            or tube. Its blood takes part in transport, but not in pressures; see `total_volumes`.
     """
 
     name: str
@@ -82,15 +82,15 @@ class Compartment:
     rest_volume: Key | TubeVolume = 0.0
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters of its law, of its share of all blood, and of its start."""
+        """Names of the parameters of its law, its share of the total blood volume and its start."""
         return sum(map(names_in, (self.component, self.total_fraction, self.start)), ())
 
     def content_names(self) -> tuple[str, ...]:
-        """Names of the parameters of its rest volume, which the beat does not ask for."""
+        """Names of the parameters of its rest volume, which the heartbeat does not use."""
         return names_in(self.rest_volume)
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Compartment:
-        """The same compartment under other names."""
+        """The same compartment with its names changed."""
         return Compartment(
             name(self.name),
             self.component.renamed(parameter),
@@ -103,13 +103,13 @@ class Compartment:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several sites, chosen per patient by a parameter that holds the position in `sites`."""
+    """One of several compartments, selected per patient by a parameter that holds the index in `sites`."""
 
     sites: tuple[str, ...]
     parameter: str
 
     def site(self, value: float) -> str:
-        """The site at a position; `ValueError` where the value is none."""
+        """The site with an index; raises `ValueError` if the index is out of range."""
         if value not in range(len(self.sites)):
             allowed = ", ".join(f"{k} ({name})" for k, name in enumerate(self.sites))
             raise ValueError(f"{self.parameter} = {value:g}: no site of this circuit; allowed: {allowed}")
@@ -121,16 +121,16 @@ Site = str | Choice
 
 @dataclass(frozen=True)
 class Connection:
-    """A named path for blood from one compartment to another; a positive flow leaves `source`.
+    """Named path of blood from one compartment to another; positive flow leaves `source`.
 
     Args:
         name: key of the connection.
         component: its law.
-        source: compartment that it begins at.
-        target: where it ends.
+        source: compartment at which it begins.
+        target: compartment at which it ends.
         group: as of a compartment.
-        mixing: what it draws where blood of other groups is returned to its source: 1, the blood of the
-            source; 0, that of the source's own inflows, not yet mixed with what was returned.
+        mixing: blood that it draws where other groups return blood to its source: 1 for the source's mixed
+            blood, 0 for the source's own inflows before they mix with the returned blood.
     """
 
     name: str
@@ -146,16 +146,16 @@ class Connection:
         return (self.source, self.target)
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters of its law and of those that choose its sites."""
+        """Names of the parameters of its law and of those that select its sites."""
         chosen = tuple(site.parameter for site in self.sites if isinstance(site, Choice))
         return self.component.parameter_names() + chosen
 
     def content_names(self) -> tuple[str, ...]:
-        """Names of the parameters of what it draws, which the beat does not ask for."""
+        """Names of the parameters of `mixing`, which the heartbeat does not use."""
         return names_in(self.mixing)
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Connection:
-        """The same connection under other names; `site` names the compartments at its ends."""
+        """The same connection with its names changed; `site` renames the compartments at its ends."""
 
         def end(of: Site) -> Site:
             if isinstance(of, Choice):
@@ -175,7 +175,7 @@ class Statistic(Enum):
 
 
 class Reading(NamedTuple):
-    """A number that a controller reads off a beat: a statistic of a signal at the ends of all steps."""
+    """Input of a controller from one beat: a statistic of a signal at the ends of all steps."""
 
     statistic: Statistic
     signal: Signal
@@ -185,30 +185,30 @@ class Reading(NamedTuple):
 
 
 def mean_of(signal: str) -> Reading:
-    """Mean of a signal over the beat, as in the outputs."""
+    """Reading of the mean of a signal over the beat, as in the outputs."""
     return Reading(Statistic.MEAN, Signal.parse(signal))
 
 
 def maximum_of(signal: str) -> Reading:
-    """Largest value of a signal at the end of a step."""
+    """Reading of the largest value of a signal at the end of a step."""
     return Reading(Statistic.MAXIMUM, Signal.parse(signal))
 
 
 def minimum_of(signal: str) -> Reading:
-    """Smallest value of a signal at the end of a step."""
+    """Reading of the smallest value of a signal at the end of a step."""
     return Reading(Statistic.MINIMUM, Signal.parse(signal))
 
 
 @dataclass(frozen=True)
 class Control:
-    """A named controller: what it reads off a beat and which parameters it acts on during the next.
+    """Named controller: its readings from one beat and the parameters that it acts on in the next beat.
 
     Args:
-        name: of the controller; its states are called name + "." + state.
+        name: name of the controller; its states are named name + "." + state.
         component: its law.
-        reads: readings, in the order that the law takes them.
-        acts_on: parameters of the circuit, or `HEART_RATE`, likewise.
-        group: as of a compartment.
+        reads: readings, in the order in which the law expects them.
+        acts_on: parameters of the circuit, or `HEART_RATE`, in the order in which the law expects them.
+        group: part that it belongs to, as of a compartment.
     """
 
     name: str
@@ -222,7 +222,7 @@ class Control:
         return self.component.parameter_names()
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Control:
-        """The same controller under other names; `site` names the places of its signals."""
+        """The same controller with its names changed; `site` renames the places of its signals."""
         reads = (r._replace(signal=r.signal._replace(place=site(r.signal.place))) for r in self.reads)
         acts_on = (n if n == HEART_RATE else parameter(n) for n in self.acts_on)
         law = self.component.renamed(parameter)
@@ -231,12 +231,12 @@ class Control:
 
 @dataclass(frozen=True)
 class Exchange:
-    """A named place where what is dissolved in blood enters or leaves it.
+    """Named site where gases or solutes enter or leave the blood.
 
     Args:
-        name: of the exchange.
+        name: name of the exchange.
         component: its law.
-        at: the compartment whose blood takes part or the connection along which it happens.
+        at: compartment whose blood takes part, or connection along which the exchange happens.
         group: as of a compartment.
     """
 
@@ -246,22 +246,22 @@ class Exchange:
     group: str = "patient"
 
     def content_names(self) -> tuple[str, ...]:
-        """Names of the parameters of its law, which the beat does not ask for."""
+        """Names of the parameters of its law, which the heartbeat does not use."""
         return self.component.parameter_names()
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Exchange:
-        """The same exchange under other names; `site` names its place."""
+        """The same exchange with its names changed; `site` renames its place."""
         return Exchange(name(self.name), self.component.renamed(parameter), site(self.at), group(self.group))
 
 
 @dataclass(frozen=True)
 class Surrounding:
-    """A named enclosure, such as the pericardium, that adds one pressure to all compartments in it.
+    """Named enclosure, such as the pericardium, that adds one pressure to all compartments in it.
 
     Args:
-        name: of the enclosure; its pressure is the signal "P" + name.
+        name: name of the enclosure; its pressure is the signal "P" + name.
         component: its law.
-        members: the compartments in it.
+        members: names of the compartments in it.
         group: as of a compartment.
     """
 
@@ -275,7 +275,7 @@ class Surrounding:
         return self.component.parameter_names()
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Surrounding:
-        """The same enclosure under other names; `site` names what is in it."""
+        """The same enclosure with its names changed; `site` renames its members."""
         members = tuple(map(site, self.members))
         return Surrounding(name(self.name), self.component.renamed(parameter), members, group(self.group))
 
@@ -291,17 +291,17 @@ class Circuit:
     surroundings: tuple[Surrounding, ...] = ()
 
     def __hash__(self) -> int:
-        """Computed once: every cache of compiled programs asks for it."""
+        """Hash of all tables, computed once because every cache of compiled programs uses it."""
         if "_hash" not in self.__dict__:
             object.__setattr__(self, "_hash", hash(tuple(getattr(self, one.name) for one in fields(self))))
         return self.__dict__["_hash"]
 
     def __getstate__(self) -> dict[str, object]:
-        """Its tables alone: strings hash differently in another process."""
+        """State for pickling: the tables without the hash, as strings hash differently in another process."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def __add__(self, other: Circuit) -> Circuit:
-        """Both circuits as one; devices name the compartments they attach to."""
+        """Join two circuits; a device names the patient's compartments to which it is attached."""
         if not isinstance(other, Circuit):
             return NotImplemented
         return Circuit(
@@ -313,7 +313,7 @@ class Circuit:
         )
 
     def __str__(self) -> str:
-        """All tables, one line an entry."""
+        """All tables as text, one line per entry."""
         stores = [f"  {c.name:<12} {c.group:<8} {c.component}" for c in self.compartments]
         paths = [
             f"  {c.name:<12} {c.group:<8} {site_text(c.source)} -> {site_text(c.target)}  {c.component}"
@@ -339,7 +339,7 @@ class Circuit:
         return "\n".join(lines)
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of all parameters that the beat reads, each once, in order of appearance."""
+        """Names of all parameters that the heartbeat reads, each once, in order of appearance."""
         return self._names_read
 
     @cached_property
@@ -348,7 +348,7 @@ class Circuit:
         return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
 
     def content_names(self) -> tuple[str, ...]:
-        """Names of the parameters of rest volumes, mixing and exchanges, which the beat does not ask for."""
+        """Names of the parameters of rest volumes, mixing and exchanges, which the heartbeat does not use."""
         return self._contents
 
     @cached_property
@@ -357,7 +357,7 @@ class Circuit:
         return tuple(dict.fromkeys(name for entry in entries for name in entry.content_names()))
 
     def without_exchanges(self) -> Circuit:
-        """Structure of the circuit for the beat."""
+        """The circuit without its exchanges, as the heartbeat needs it."""
         return self._of_beat
 
     @cached_property
@@ -366,16 +366,16 @@ class Circuit:
 
     @cached_property
     def canonical(self) -> Circuit:
-        """The first of all circuits equal to this one: caches find it without comparing tables."""
+        """The first circuit created that equals this one; caches then need not compare tables."""
         return _first_equal(self)
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Circuit:
-        """The same circuit under other names; sites outside of it keep theirs.
+        """The same circuit with its names changed; sites outside the circuit keep their names.
 
         Args:
-            name: of an entry of a table.
-            parameter: of a parameter.
-            group: of a group.
+            name: maps the name of an entry of a table.
+            parameter: maps the name of a parameter.
+            group: maps the name of a group.
         """
         compartments, connections = ({c.name for c in t} for t in (self.compartments, self.connections))
 
@@ -392,14 +392,15 @@ class Circuit:
         )
 
     def prefixed(self, prefix: str, shared: Collection[str] = SHARED_PARAMETERS) -> Circuit:
-        """The same circuit as one of two of a kind, such as "lvad.left".
+        """The same circuit with a prefix for one of two devices of a kind, such as "lvad.left".
 
-        The prefix comes in front of every name; what begins with its first word already, such as the
-        parameter "lvad.speed_rpm" or the group "lvad", becomes "lvad.left.speed_rpm" or "lvad.left".
+        The prefix is put before every name. In a name that already begins with the first word of the prefix,
+        such as the parameter "lvad.speed_rpm" or the group "lvad", it replaces that word:
+        "lvad.left.speed_rpm", "lvad.left".
 
         Args:
-            prefix: without a dot at its end; empty for the circuit as it is.
-            shared: parameters that are those of all circuits.
+            prefix: prefix without a final dot; an empty string leaves the circuit unchanged.
+            shared: parameters that all circuits share and that keep their names.
         """
         kind = prefix.partition(".")[0]
 
@@ -410,20 +411,20 @@ class Circuit:
         return self.renamed(put, lambda n: n if n in shared else put(n), put) if prefix else self
 
     def with_chosen_sites(self, values: Mapping[str, float]) -> Circuit:
-        """The circuit of one patient: a fixed site wherever the value of a parameter chooses it."""
+        """The circuit of one patient: sites that parameters select are replaced by the selected ones."""
         given = {name: float(values[name]) for name in self._choosing if name in values}
         return _with_sites(self, tuple(given.items())) if given else self
 
     @cached_property
     def _choosing(self) -> tuple[str, ...]:
-        """Parameters that choose a site."""
+        """Names of the parameters that select a site."""
         sites = (site for c in self.connections for site in (c.source, c.target))
         return tuple(dict.fromkeys(site.parameter for site in sites if not isinstance(site, str)))
 
     def signals(self) -> tuple[Signal, ...]:
-        """P and V of compartments, Q of connections, P of surroundings and of connections (head).
+        """All signals: P and V of compartments, Q of connections, P of surroundings and connections.
 
-        A connection has a head where it is named unlike any compartment.
+        The P of a connection is its head; a connection named like a compartment has none.
         """
         stores, paths = ([entry.name for entry in table] for table in (self.compartments, self.connections))
         heads = [name for name in paths if name not in stores]
@@ -432,11 +433,11 @@ class Circuit:
         return tuple(Signal(kind, place) for kind, names in places for place in names)
 
     def compartment(self, name: str) -> Compartment:
-        """The compartment of that name."""
+        """The compartment with the given name."""
         return next(c for c in self.compartments if c.name == name)
 
     def connection(self, name: str) -> Connection:
-        """The connection of that name."""
+        """The connection with the given name."""
         return next(c for c in self.connections if c.name == name)
 
 
@@ -447,7 +448,7 @@ def _first_equal(circuit: Circuit) -> Circuit:
 
 @lru_cache(maxsize=256)
 def _with_sites(circuit: Circuit, given: tuple[tuple[str, float], ...]) -> Circuit:
-    """A circuit with the sites that values of parameters choose."""
+    """The circuit with its sites replaced by those that the given parameter values select."""
     values = dict(given)
 
     def site(of: Site) -> Site:
@@ -465,10 +466,10 @@ def sites_of(site: Site) -> tuple[str, ...]:
 
 
 def site_text(site: Site) -> str:
-    """A site in words."""
+    """Text for a site."""
     return f"{{{' | '.join(site.sites)} by {site.parameter}}}" if isinstance(site, Choice) else site
 
 
 def _reads_and_acts_on(control: Control) -> str:
-    """Inputs and outputs of a controller, for print."""
+    """Text for the inputs and outputs of a controller."""
     return f"{', '.join(map(str, control.reads))} -> {', '.join(control.acts_on)}  {control.component}"

@@ -1,4 +1,4 @@
-"""Names of what a beat records, as in the paper: P, Q or V and where (`Pao`, `Qlv`, `Vlv`, `Qecmopump`)."""
+"""Names of recorded signals, as in the paper: P, Q or V and the place (`Pao`, `Qlv`, `Vlv`, `Qecmopump`)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Kind(Enum):
-    """Kind of quantity of a signal; the value is the letter that its name begins with."""
+    """Quantity of a signal; the value is the first letter of the signal's name."""
 
     PRESSURE = "P"
     FLOW = "Q"
@@ -21,14 +21,14 @@ class Kind(Enum):
 
 
 class Form(Enum):
-    """In what form a signal is recorded; the value is what its name ends in."""
+    """Form in which a signal is recorded; the value is the suffix of the signal's name."""
 
     VALUE = ""
-    """At the end of each step."""
+    """Value at the end of each step."""
     RATE = "'"
-    """Change per unit of phase at the end of each step."""
+    """Derivative with respect to phase at the end of each step."""
     MEAN = "~"
-    """Mean of a flow over the step that ends here: what moved, whatever a valve did meanwhile."""
+    """Mean of a flow over each step, correct even when a valve opens or closes within the step."""
 
 
 class Signal(NamedTuple):
@@ -36,7 +36,7 @@ class Signal(NamedTuple):
 
     Attributes:
         kind: pressure [mmHg], flow [mL/s] or stressed volume [mL].
-        place: a compartment; of a flow, and of the pressure gained across a pump, the connection.
+        place: the compartment, or the connection for a flow or the pressure gained across a pump.
         form: value, rate or mean.
     """
 
@@ -50,11 +50,11 @@ class Signal(NamedTuple):
     @staticmethod
     @lru_cache(maxsize=4096)
     def parse(name: str) -> Signal:
-        """The signal of a name; `ValueError` where the name begins with none of the letters."""
+        """Return the signal with a name; raises `ValueError` if the name begins with none of the letters."""
         form = next(f for f in (Form.RATE, Form.MEAN, Form.VALUE) if name.endswith(f.value))
         return Signal(Kind(name[:1]), name[1 : len(name) - len(form.value)], form)
 
     @property
     def plain(self) -> Signal:
-        """The signal's value, of a rate or mean."""
+        """The signal recorded as its value instead of a rate or mean."""
         return Signal(self.kind, self.place)

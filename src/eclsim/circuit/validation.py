@@ -1,4 +1,4 @@
-"""Whether a circuit hangs together: all mistakes at once, each with what is allowed."""
+"""Consistency checks of a circuit: report all mistakes at once, each with what is allowed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eclsim.spelling import spelling_hint
 
 
 class CircuitError(ValueError):
-    """A circuit that cannot be simulated; `mistakes` holds one sentence each."""
+    """Raised for a circuit that cannot be simulated; `mistakes` holds one sentence per mistake."""
 
     def __init__(self, mistakes: list[str]):
         self.mistakes = mistakes
@@ -74,7 +74,7 @@ def _loose_ends(circuit: Circuit) -> list[str]:
 
 
 def _controls(circuit: Circuit) -> list[str]:
-    """Readings and parameters that do not exist, and parameters that two controllers set."""
+    """Mistakes of controllers: unknown readings or parameters, and parameters that two controllers set."""
     signals, parameters = list(map(str, circuit.signals())), (HEART_RATE, *circuit.parameter_names())
     mistakes, acting = [], dict[str, Control]()
     for control in circuit.controllers:
@@ -96,7 +96,7 @@ def _controls(circuit: Circuit) -> list[str]:
 
 
 def _exchanges(circuit: Circuit) -> list[str]:
-    """Exchanges at a place that the circuit does not have."""
+    """Mistakes of exchanges: a place that the circuit does not have."""
     places = dict.fromkeys(entry.name for entry in (*circuit.compartments, *circuit.connections))
     return [
         f"exchange '{e.name}': '{e.at}' is no compartment or connection of the circuit"
@@ -107,7 +107,7 @@ def _exchanges(circuit: Circuit) -> list[str]:
 
 
 def _surroundings(circuit: Circuit) -> list[str]:
-    """Surroundings of nothing, of what does not exist, or with the name of a place that has a pressure."""
+    """Mistakes of surroundings: no members, unknown members, or the name of a compartment or connection."""
     known = [c.name for c in circuit.compartments]
     mistakes = list[str]()
     for around in circuit.surroundings:

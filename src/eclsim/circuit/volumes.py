@@ -1,4 +1,4 @@
-"""How much blood a compartment holds: at the start, beside what makes its pressure, and in all."""
+"""Blood volume of a compartment: stressed volume at the start, unstressed volume and total volume."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from eclsim.components.base import Number, Storage, Values, value_of
 from eclsim.components.vessels import TubeVolume
 
 LARGEST_VOLUME_ML = 2.0**17
-"""Volume, filled or sucked out, up to which a pressure is looked for [mL]."""
+"""Largest absolute volume in the search for the volume at a given pressure [mL]."""
 HALVINGS = 60
-"""From there down to the rounding of a volume."""
+"""Number of bisections from that volume down to the rounding error of a volume."""
 
 
 def start_volume(compartment: Compartment, values: Values) -> Number:
@@ -34,9 +34,9 @@ def start_volume(compartment: Compartment, values: Values) -> Number:
 
 
 def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:
-    """Volume [mL] that a vessel of the patient holds at zero pressure: its share of all blood less the start.
+    """Volume [mL] of a vessel of the patient at zero pressure: its share of all blood minus its start volume.
 
-    Zero for chambers and extracorporeal compartments, whose stressed volume is all that pressures know of.
+    Zero for chambers and extracorporeal compartments, for which the stressed volume is the whole volume.
     """
     compartment = circuit.compartment(name)
     if compartment.total_fraction is None or not isinstance(compartment.start, StartPressure):
@@ -49,11 +49,11 @@ def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:
 
 
 def total_volumes(circuit: Circuit, values: Values, stressed: Sequence[Number]) -> list[Number]:
-    """All blood in each compartment [mL]: stressed, unstressed and rest volume.
+    """Total blood volume of each compartment [mL]: stressed, unstressed and rest volume.
 
     Args:
-        circuit: its compartments.
-        values: of its parameters (`parameter_names`, `content_names`).
+        circuit: the circuit.
+        values: values of its parameters (`parameter_names` and `content_names`).
         stressed: stressed volume of each compartment [mL].
     """
     return [
@@ -63,18 +63,18 @@ def total_volumes(circuit: Circuit, values: Values, stressed: Sequence[Number]) 
 
 
 def rest_volume(compartment: Compartment, values: Values) -> Number:
-    """Volume [mL] that a compartment holds beside the stressed one whatever the pressure."""
+    """Volume [mL] that a compartment holds in addition to the stressed volume, independent of pressure."""
     rest = compartment.rest_volume
     return rest.volume(values) if isinstance(rest, TubeVolume) else value_of(values, rest)
 
 
 def filled_to(component: Storage, pressure: Number, values: Values) -> Number:
-    """Stressed volume [mL] at which a relaxed compartment of any curve has a pressure.
+    """Stressed volume [mL] at which a relaxed compartment with any pressure-volume curve has a pressure.
 
     Args:
-        component: its pressure rises with its volume.
-        pressure: mmHg, a number or one for each patient; complex for derivatives by a complex step.
-        values: parameters that the component reads, likewise.
+        component: law of the compartment; its pressure must rise with its volume.
+        pressure: pressure [mmHg], a number or one per patient; complex for derivatives by a complex step.
+        values: parameters that the component reads, numbers or arrays likewise.
 
     Returns:
         One volume for each patient; NaN where no volume has that pressure.
@@ -89,7 +89,7 @@ def filled_to(component: Storage, pressure: Number, values: Values) -> Number:
 
 @lru_cache(maxsize=256)
 def _filled_to(component: Storage, given: tuple[tuple[str, tuple[int, ...], bytes], ...]) -> Number:
-    """`filled_to` of pressure and parameters, cached: a course asks for the same volume beat by beat."""
+    """Cached `filled_to` of serialised pressure and parameters; a course repeats the same calls."""
     pressure, *numbers = (np.frombuffer(b, dtype).reshape(shape) for dtype, shape, b in given)
     own = dict(zip(component.parameter_names(), numbers, strict=True))
     constants = component.constants({name: np.real(value) for name, value in own.items()})
@@ -107,7 +107,7 @@ def _filled_to(component: Storage, given: tuple[tuple[str, tuple[int, ...], byte
             above = excess(middle) > 0.0
             low, high = np.where(above, low, middle), np.where(above, middle, high)
     volume = np.where(reached, 0.5 * (low + high), np.nan)
-    # One step of Newton's method carries the derivative of a complex step.
+    # One Newton step adds the derivative by a complex step.
     at, stiffness = component.pressure(volume, 0.0, component.constants(own))
     with np.errstate(divide="ignore", invalid="ignore"):
         return volume - (np.asarray(at) - pressure) / np.real(np.asarray(stiffness))

@@ -1,4 +1,4 @@
-"""Components: the physics, one law each. `all_storages` and `all_paths` list them for the tests."""
+"""Components: the physical laws, one class each. `all_storages` and `all_paths` list them for the tests."""
 
 from eclsim.components.base import (
     Activation,

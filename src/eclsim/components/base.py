@@ -1,8 +1,8 @@
-"""What a component is: a `Storage` keeps blood, a `Path` carries it, an `Exchanger` changes what is in it.
+"""Base classes of components: `Storage` holds blood, `Path` carries it, `Exchanger` changes its contents.
 
-A component states its law and the parameters that the law needs, nothing else: no solver, no file, no plot.
-The circuit says where it stands. Values reach a component as a mapping from parameter name to number or array
-(one entry per patient of a batch), so every law is written once for one and for many.
+A component defines its law and the parameters that the law needs, nothing else: no solver, no file, no plot.
+The circuit says where the component is. Values reach a component as a mapping from parameter name to number
+or array (one entry per patient of a batch), so one formula serves a single patient and a batch.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 
 Number = float | np.ndarray | jax.Array
-"""A number, or one for each patient of a batch."""
+"""Number, or array with one entry per patient of a batch."""
 Values = Mapping[str, Number]
 """Value of each parameter."""
 Renaming = Callable[[str], str]
@@ -30,7 +30,7 @@ Constants = TypeVar("Constants")
 
 
 def value_of(values: Values, key: Key) -> Number:
-    """Value behind a key."""
+    """Value of a key."""
     if isinstance(key, tuple):
         return sum((values[name] for name in key[1:]), start=values[key[0]])
     if isinstance(key, Derived):
@@ -39,7 +39,7 @@ def value_of(values: Values, key: Key) -> Number:
 
 
 def names_in(source: Key | Component | None) -> tuple[str, ...]:
-    """Parameter names that a key refers to or that a law reads."""
+    """Names of the parameters that a key refers to or that a law reads."""
     if isinstance(source, Component):
         return source.parameter_names()
     if isinstance(source, tuple):
@@ -48,7 +48,7 @@ def names_in(source: Key | Component | None) -> tuple[str, ...]:
 
 
 def renamed(source: Source, parameter: Renaming) -> Source:
-    """A key or law of other parameters."""
+    """The same key or law with its parameters renamed."""
     if isinstance(source, Component):
         return source.renamed(parameter)
     if isinstance(source, tuple):
@@ -57,18 +57,18 @@ def renamed(source: Source, parameter: Renaming) -> Source:
 
 
 class Component:
-    """What all laws share: parameters, the fields of a frozen dataclass that are annotated as `Key`."""
+    """Base class of all laws. Its parameters are the fields of a frozen dataclass annotated as `Key`."""
 
     above_zero: ClassVar[tuple[str, ...]] = ()
-    """Fields whose parameters make no sense at zero or below, such as a compliance."""
+    """Fields whose parameters must be above zero, such as a compliance."""
     not_negative: ClassVar[tuple[str, ...]] = ()
-    """Fields whose parameters make no sense below zero, such as a resistance."""
+    """Fields whose parameters must not be negative, such as a resistance."""
 
     def _keys(self) -> tuple[str, ...]:
         return tuple(f.name for f in fields(self) if f.type in ("Key", "Key | None", Key))  # pyright: ignore[reportArgumentType]  # laws are dataclasses
 
     def names_of(self, wanted: Iterable[str]) -> tuple[str, ...]:
-        """Parameter names in some fields."""
+        """Names of the parameters in the given fields."""
         return tuple(name for field in wanted for name in names_in(getattr(self, field)))
 
     def parameter_names(self) -> tuple[str, ...]:
@@ -76,7 +76,7 @@ class Component:
         return self.names_of(self._keys())
 
     def renamed(self: Own, parameter: Renaming) -> Own:
-        """The same law of other parameters; a law with names in fields that are no `Key` overrides it."""
+        """The same law with renamed parameters; override it if fields that are no `Key` hold names."""
         changes = {field: renamed(getattr(self, field), parameter) for field in self._keys()}
         other = replace(self, **changes)  # pyright: ignore[reportType, reportArgumentType]  # laws are dataclasses
         missed = set(other.parameter_names()) - set(map(parameter, self.parameter_names()))
@@ -89,20 +89,20 @@ class Component:
 
 
 class Derived(Component, ABC):
-    """A value that follows from others, such as a share of a total; stands where a name does."""
+    """A value computed from others, such as a share of a total; used in place of a parameter name."""
 
     @abstractmethod
     def value(self, values: Values) -> Number:
-        """The value."""
+        """Return the value."""
 
 
 Key = str | float | tuple[str, ...] | Derived
-"""Where a value comes from: a parameter's name, a number, names to be summed, or a derived value."""
+"""Source of a value: a parameter's name, a number, names whose values are summed, or a derived value."""
 
 
 @dataclass(frozen=True)
 class Scaled(Derived):
-    """A value times factors, over divisors: a branch's share of a total.
+    """A value multiplied by factors and divided by divisors, such as a branch's share of a total.
 
     Args:
         of: the total.
@@ -119,12 +119,12 @@ class Scaled(Derived):
         return sum(map(names_in, (self.of, *self.by, *self.over)), ())
 
     def renamed(self, parameter: Renaming) -> Scaled:
-        """The same of other parameters."""
+        """The same quotient with its parameters renamed."""
         by, over = (tuple(renamed(key, parameter) for key in keys) for keys in (self.by, self.over))
         return Scaled(renamed(self.of, parameter), by, over)
 
     def value(self, values: Values) -> Number:
-        """The product."""
+        """The total times the factors, divided by the divisors."""
         result = value_of(values, self.of)
         for key in self.by:
             result = result * value_of(values, key)
@@ -135,24 +135,24 @@ class Scaled(Derived):
 
 @dataclass(frozen=True)
 class Complement(Derived):
-    """What shares leave of 1."""
+    """1 minus a value or a sum of values: the share that remains."""
 
     of: Key
 
     def value(self, values: Values) -> Number:
-        """1 less the sum."""
+        """1 minus the sum."""
         return 1.0 - value_of(values, self.of)
 
 
 @dataclass(frozen=True)
 class PartTimes(Derived):
-    """A sum of which one part is multiplied by a factor; at a factor of 1 it is the sum to the last bit.
+    """A sum with one part multiplied by a factor; at a factor of 1 it equals the sum to the last bit.
 
     Args:
-        of: the sum, `part` among its names.
+        of: the sum, which includes `part`.
         part: parameter that is multiplied.
-        factor: parameter, what by.
-        settings: parameters that the factor follows from, which the circuit has with it.
+        factor: parameter that holds the factor.
+        settings: parameters from which the factor is computed; listed so that the circuit has them as well.
     """
 
     of: Key
@@ -161,13 +161,13 @@ class PartTimes(Derived):
     settings: Key = ()
 
     def value(self, values: Values) -> Number:
-        """The sum with the part changed."""
+        """The sum with the part multiplied."""
         part = value_of(values, self.part)
         return value_of(values, self.of) + part * (value_of(values, self.factor) - 1.0)
 
 
 class Activation(ABC):
-    """When a chamber contracts: activation (0 at rest, 1 at peak) over the phase t / T of the beat."""
+    """Timing of a chamber's contraction: activation (0 at rest, 1 at peak) over the phase t / T."""
 
     @abstractmethod
     def at(self, phase: Number, xp: ModuleType) -> Number:
@@ -175,7 +175,7 @@ class Activation(ABC):
 
     @property
     def break_points(self) -> tuple[float, ...]:
-        """Phases of 0 to 1 where a derivative jumps: a stepper puts a step boundary there."""
+        """Phases of 0 to 1 where a derivative jumps; a time stepper should place a step boundary there."""
         return ()
 
 
@@ -183,10 +183,10 @@ class Storage(Component, ABC, Generic[Constants]):
     """A compartment's law: pressure [mmHg] and stiffness dP/dV [mmHg/mL] of its stressed volume [mL]."""
 
     constant_stiffness: ClassVar[bool] = False
-    """Whether dP/dV depends on neither volume nor phase, so that it can be computed once a beat."""
+    """Whether dP/dV depends on neither volume nor phase, so that it is computed once per beat."""
 
     narrows: ClassVar[bool] = False
-    """Whether what leaves it meets a resistance that depends on its volume (`outlet`)."""
+    """Whether the outflow meets a resistance that depends on the compartment's volume (`outlet`)."""
 
     @property
     def activation(self) -> Activation | None:
@@ -194,7 +194,7 @@ class Storage(Component, ABC, Generic[Constants]):
         return None
 
     def constants(self, values: Values) -> Constants:
-        """What can be computed once from the parameters; handed back to `pressure`. Left out, the values."""
+        """Constants computed once from the parameters, for `pressure`; by default the values themselves."""
         return values  # pyright: ignore[reportReturnType]  # what a law without this method is written for
 
     @abstractmethod
@@ -202,22 +202,22 @@ class Storage(Component, ABC, Generic[Constants]):
         """Pressure [mmHg] and stiffness [mmHg/mL] at a stressed volume [mL] and an activation of 0 to 1."""
 
     def driven(self, values: Values) -> tuple[Number, float] | None:
-        """Phase at which it is moved from outside, and the share of the beat that this takes; None for most.
+        """Phase at which an external drive begins and its duration as a share of the beat, or None.
 
-        Steps are fine there, as they are in systole.
+        The grid uses small steps there, as in systole.
         """
         return None
 
     def outlet(self, volume: Number, constants: Constants) -> Number:
-        """Resistance [mmHg s/mL] in series with each connection that begins here; asked if it `narrows`."""
+        """Resistance [mmHg s/mL] in series with each connection that begins here; used if `narrows`."""
         raise NotImplementedError
 
 
 class Enclosure(Component, ABC, Generic[Constants]):
-    """The law of what surrounds several compartments and adds one pressure to all of them."""
+    """Law of an enclosure around several compartments that adds one pressure to all of them."""
 
     def constants(self, values: Values) -> Constants:
-        """What can be computed once from the parameters; handed back to `pressure`. Left out, the values."""
+        """Constants computed once from the parameters, for `pressure`; by default the values themselves."""
         return values  # pyright: ignore[reportReturnType]  # what a law without this method is written for
 
     @abstractmethod
@@ -226,20 +226,20 @@ class Enclosure(Component, ABC, Generic[Constants]):
 
 
 class Path(Component, ABC, Generic[Constants]):
-    """A connection's law: the pressure drop [mmHg] that goes with a flow [mL/s].
+    """A connection's law: the pressure drop [mmHg] at a flow [mL/s].
 
-    `pressure_drop` is all that a new component must state. `flow` is its inverse under a series load,
+    A new component must define only `pressure_drop`. `flow` is its inverse under a series load,
     load * Q + drop(Q) = dp; the default solves it by Newton's method, a closed form is faster.
     """
 
     linear: ClassVar[bool] = False
     """Whether the drop is resistance * flow with a resistance that is constant over the beat."""
     one_way: ClassVar[bool] = False
-    """Whether it opens and shuts: its mean flow then does not follow from the flow at the ends of steps."""
+    """Whether it opens and closes; its mean flow then does not follow from the flow at the steps' ends."""
     leaks: ClassVar[bool] = False
-    """Whether blood passes it backwards although it is one-way: what lies behind it is never shut in."""
+    """Whether blood also flows back through a one-way path, so that blood is not trapped behind it."""
     given_flow: ClassVar[bool] = False
-    """Whether the flow is given whatever the pressures."""
+    """Whether the flow is prescribed, independent of the pressures."""
 
     @property
     def inertial(self) -> bool:
@@ -247,7 +247,7 @@ class Path(Component, ABC, Generic[Constants]):
         return False
 
     def constants(self, values: Values) -> Constants:
-        """What can be computed once from the parameters; handed back to the methods below."""
+        """Constants computed once from the parameters and passed to the methods below."""
         return values  # pyright: ignore[reportReturnType]  # what a law without this method is written for
 
     def inertance(self, constants: Constants) -> Number:
@@ -260,21 +260,22 @@ class Path(Component, ABC, Generic[Constants]):
 
     @abstractmethod
     def pressure_drop(self, flow: Number, constants: Constants) -> Number:
-        """Pressure upstream minus downstream [mmHg] that a steady flow [mL/s] takes."""
+        """Pressure upstream minus downstream [mmHg] at a steady flow [mL/s]."""
 
     def flow(self, pressure_difference: Number, load: Number, constants: Constants) -> Number:
         """Flow [mL/s] with load * flow + pressure_drop(flow) = pressure_difference; load in mmHg s/mL."""
         return _newton_flow(self, pressure_difference, load, constants)
 
     def sharpened(self: Own, smoothing: float) -> Own:
-        """The law for an explicit solver; `smoothing` [mmHg] where it rounds a kink off, as a valve does."""
+        """The law for an explicit solver; kinks, as of a valve, are rounded over `smoothing` [mmHg]."""
         return self
 
 
 class Exchanger(Component):
-    """The law of a place where what is dissolved in blood enters or leaves it.
+    """Law of a site where gases or solutes enter or leave the blood.
 
-    An oxygenator, the lungs, tissue or a dialyzer. The beat does not ask for it: it moves no blood.
+    Examples are an oxygenator, the lungs, tissue and a dialyzer. The heartbeat does not use it: it moves no
+    blood.
     """
 
 
@@ -285,9 +286,9 @@ def _newton_flow(
     constants: Constants,
     iterations: int = 40,
 ) -> Number:
-    """Newton's method on a monotone drop; slopes are kept positive, so a flat start cannot divide by 0.
+    """Flow by Newton's method on a monotone drop; slopes are bounded above 0 to avoid dividing by 0.
 
-    The last step alone is differentiated, which gives the exact derivative of the root.
+    Only the last step is differentiated, which gives the exact derivative of the root.
     """
 
     def improved(flow: Number) -> Number:
@@ -303,9 +304,9 @@ def _newton_flow(
 
 
 class ControlState(NamedTuple):
-    """One number that a controller keeps from beat to beat.
+    """A state variable that a controller carries from beat to beat.
 
-    `scale` is its typical change: a search moves it by no more than this and half of its size at once.
+    `scale` is its typical change: one solver step changes it by at most `scale` plus half of its magnitude.
     """
 
     name: str
@@ -313,26 +314,27 @@ class ControlState(NamedTuple):
 
 
 class Controller(Component, ABC, Generic[Constants]):
-    """A controller's law: a map from its states and what it reads off a beat to its states a beat later.
+    """A controller's law: maps its states and readings of one beat to its states one beat later.
 
         readings of the beat --> [ states ] --> values in effect during the next beat
 
-    The circuit's table says which readings it gets and which parameters it acts on, in which order. Every
-    argument is a number, or one for each patient. The steady beat is the one after which the states are as
-    before it; they are solved for together with volumes and flows, so that `next_states` must depend smoothly
-    on readings and states, and `in_effect` should stay within what the circuit can be computed with.
+    The circuit's table lists, in order, the readings it receives and the parameters it acts on. Every
+    argument is a number, or an array with one entry per patient. In the steady beat the states after the beat
+    equal those before it; they are solved for together with volumes and flows. `next_states` must therefore
+    depend smoothly on readings and states, and `in_effect` should return values with which the circuit can be
+    computed.
     """
 
     relative: ClassVar[bool] = False
-    """Whether it multiplies or shifts what it is given, so that several such may act on one parameter."""
+    """Whether it scales or shifts the given value; several such controllers may act on one parameter."""
 
     @property
     @abstractmethod
     def states(self) -> tuple[ControlState, ...]:
-        """What it keeps from beat to beat; none where it acts the same whatever the beat."""
+        """States carried from beat to beat; empty if its action does not depend on the beat."""
 
     def constants(self, values: Values) -> Constants:
-        """What can be computed once from the parameters; handed back to the methods below."""
+        """Constants computed once from the parameters and passed to the methods below."""
         return values  # pyright: ignore[reportReturnType]  # what a law without this method is written for
 
     @abstractmethod
@@ -343,10 +345,10 @@ class Controller(Component, ABC, Generic[Constants]):
     def in_effect(
         self, states: Sequence[Number], values: Sequence[Number], constants: Constants
     ) -> Sequence[Number]:
-        """Values in effect during a beat, from the given values of the parameters it acts on."""
+        """Values in effect during a beat, computed from the given values of the parameters it acts on."""
 
     @abstractmethod
     def next_states(
         self, states: Sequence[Number], readings: Sequence[Number], period: Number, constants: Constants
     ) -> Sequence[Number]:
-        """States a beat later; `period` is the length of the beat that was read [s]."""
+        """States one beat later; `period` is the length of the beat that was read [s]."""

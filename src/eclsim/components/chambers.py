@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from eclsim.components.base import Activation, Constants, Enclosure, Key, Number, Storage, Values, value_of
 
 LARGEST_EXPONENT = 30.0
-"""Cap of exponents: far beyond any patient (alpha e^30 = 5e11 mmHg), it keeps trial steps finite."""
+"""Upper limit of exponents, far above any patient's (alpha e^30 = 5e11 mmHg); keeps trial steps finite."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class AtrialBump(Activation):
 
 @dataclass(frozen=True)
 class VentricularSystole(Activation):
-    """Rises as (1 - cos) / 2 until `peak`, falls as (1 + cos) / 2 until `end`, then 0.
+    """Activation that rises as (1 - cos) / 2 until `peak`, falls as (1 + cos) / 2 until `end`, else 0.
 
     Source: Korakianitis and Shi 2006, doi 10.1016/j.jbiomech.2005.05.016; times as in Thiel et al.
     """
@@ -67,7 +67,7 @@ class VentricularSystole(Activation):
 
 @dataclass(frozen=True)
 class PhaseAsActivation(Activation):
-    """The phase as it is, for a law whose times are parameters; its pressure is the same at 0 and 1."""
+    """The phase itself, for a law whose times are parameters; its pressure must agree at phases 0 and 1."""
 
     def at(self, phase: Number, xp: ModuleType) -> Number:
         """The phase."""
@@ -86,7 +86,7 @@ class Chamber(Storage[Constants]):
 
 
 class ElastanceSwing(NamedTuple):
-    """Constants of an atrium [mmHg/mL]."""
+    """Constants of an atrium: elastance at rest and its increase to the peak [mmHg/mL]."""
 
     rest: Number
     swing: Number
@@ -94,7 +94,7 @@ class ElastanceSwing(NamedTuple):
 
 @dataclass(frozen=True)
 class Atrium(Chamber[ElastanceSwing]):
-    """Linear elastance that swings between rest and peak.
+    """Atrium with a linear elastance that varies between rest and peak.
 
     P = E V,  E = diastolic + (systolic - diastolic) * a(phase).
 
@@ -112,7 +112,7 @@ class Atrium(Chamber[ElastanceSwing]):
     not_negative: ClassVar = ("diastolic", "systolic")
 
     def constants(self, values: Values) -> ElastanceSwing:
-        """Elastance at rest and its swing."""
+        """Elastance at rest and its increase to the peak."""
         rest = value_of(values, self.diastolic)
         return ElastanceSwing(rest, value_of(values, self.systolic) - rest)
 
@@ -125,7 +125,7 @@ class Atrium(Chamber[ElastanceSwing]):
 
 
 class VentricleConstants(NamedTuple):
-    """Constants of a ventricle, as its arguments."""
+    """Constants of a ventricle, named as the arguments of `Ventricle`."""
 
     systolic: Number
     alpha: Number
@@ -135,7 +135,7 @@ class VentricleConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class Ventricle(Chamber[VentricleConstants]):
-    """Linear at peak systole, exponential at rest.
+    """Ventricle with a linear pressure-volume relation at peak systole and an exponential one at rest.
 
     P = v Emax V + (1 - v) (alpha exp(kappa V) + beta),  v = v(phase).
 
@@ -173,7 +173,7 @@ class Ventricle(Chamber[VentricleConstants]):
 
 
 class LinearChamberConstants(NamedTuple):
-    """Elastance at rest and its swing [mmHg/mL], rest volume [mL], rest pressure [mmHg]."""
+    """Elastance at rest and its increase to the peak [mmHg/mL], rest volume [mL], rest pressure [mmHg]."""
 
     rest: Number
     swing: Number
@@ -183,7 +183,7 @@ class LinearChamberConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class LinearChamber(Chamber[LinearChamberConstants]):
-    """Linear elastance about a rest volume and a rest pressure.
+    """Chamber with a linear elastance about a rest volume and a rest pressure.
 
     P = p0 + E (V - v0),  E = minimum + (maximum - minimum) * activation(phase).
 
@@ -205,7 +205,7 @@ class LinearChamber(Chamber[LinearChamberConstants]):
     not_negative: ClassVar = ("minimum", "maximum")
 
     def constants(self, values: Values) -> LinearChamberConstants:
-        """Elastance at rest, its swing, rest volume, rest pressure."""
+        """Elastance at rest, its increase to the peak, rest volume and rest pressure."""
         low = value_of(values, self.minimum)
         swing = value_of(values, self.maximum) - low
         rest = value_of(values, self.rest_volume), value_of(values, self.rest_pressure)
@@ -231,18 +231,18 @@ class BalloonConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class Balloon(Chamber[BalloonConstants]):
-    """What a balloon in a vessel leaves of the room that it stands in: rigid, filled with gas from outside.
+    """Gas-filled balloon in a vessel, as a rigid compartment whose volume is minus the inflated gas volume.
 
     P = stiffness (V + u Vb),  u(phase) rises as (1 - cos) / 2 from `inflation` on and falls likewise until 1.
 
-    V is 0 where the balloon is empty and -Vb where it is full: the blood that it displaces is in the vessels,
-    and the sum over all compartments does not change.
+    V is 0 when the balloon is empty and -Vb when it is full. The displaced blood is then in the vessels, so
+    the sum over all compartments does not change.
 
     Args:
         gas: Vb, volume of the gas [mL].
-        inflation: phase at which it begins to fill.
-        ramp: share of the beat in which it fills, and in which it empties.
-        stiffness: [mmHg/mL]; so high that V follows -u Vb.
+        inflation: phase at which inflation begins.
+        ramp: duration of inflation, and of deflation, as a share of the beat.
+        stiffness: stiffness [mmHg/mL], high enough for V to follow -u Vb.
     """
 
     gas: Key
@@ -254,11 +254,11 @@ class Balloon(Chamber[BalloonConstants]):
     not_negative: ClassVar = ("gas",)
 
     def constants(self, values: Values) -> BalloonConstants:
-        """Volume and phase."""
+        """Volume of the gas and phase of inflation."""
         return BalloonConstants(value_of(values, self.gas), value_of(values, self.inflation))
 
     def driven(self, values: Values) -> tuple[Number, float]:
-        """Its inflation, which may fall into the pause of the heart."""
+        """Phase and duration of inflation, which may fall in diastole."""
         return value_of(values, self.inflation), self.ramp
 
     def pressure(
@@ -279,7 +279,7 @@ class Balloon(Chamber[BalloonConstants]):
 
 
 class PericardiumConstants(NamedTuple):
-    """Pressure scale [mmHg], volume without pressure and volume scale [mL]."""
+    """Pressure scale [mmHg], volume at zero pressure and volume scale [mL]."""
 
     pressure: Number
     volume: Number
@@ -288,14 +288,14 @@ class PericardiumConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class Pericardium(Enclosure[PericardiumConstants]):
-    """P = K (exp((V - V0) / phi) - 1), added to the pressure of every chamber in it.
+    """Exponential pericardium: P = K (exp((V - V0) / phi) - 1), added to the pressure of every chamber in it.
 
     Args:
         scale_pressure: K [mmHg].
-        volume: V0, volume of all that is in it at which there is no pressure [mL].
+        volume: V0, total volume of the enclosed chambers at zero pressure [mL].
         scale_volume: phi [mL].
 
-    Source: Smith et al. 2004, doi 10.1016/j.medengphy.2003.10.001, there for the two ventricles.
+    Source: Smith et al. 2004, doi 10.1016/j.medengphy.2003.10.001, where it encloses the two ventricles.
     """
 
     scale_pressure: Key

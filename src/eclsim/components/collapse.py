@@ -1,8 +1,8 @@
-"""Veins that collapse: what is left in a vessel under suction, and how hard it is to draw through.
+"""Collapsible veins: pressure and outlet resistance of a vessel under suction.
 
-Of Lu et al. 2001 (thoracic vena cava): above its rest volume the vein is a vessel of constant compliance;
-below, its cross-section buckles and blood leaves it at nearly one pressure; when hardly anything is left the
-walls touch, and pressure falls without bound.
+Law of Lu et al. 2001 (thoracic vena cava). Above its rest volume the vein is a vessel of constant compliance.
+Below, its cross-section buckles and blood leaves it at a nearly constant pressure. When it is almost empty,
+its walls touch and pressure falls without bound.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from eclsim.components.base import (
 )
 
 REST_PRESSURE_MMHG = 0.3855
-"""D1, pressure at the rest volume."""
+"""D1, pressure at the rest volume [mmHg]."""
 REST_ML, BUCKLING_ML, EMPTYING_ML = 130.0, 50.0, 8.0
-"""V0, Vmin and D_xv of Lu: volumes over which the vein is filled, buckles and empties."""
+"""V0, Vmin and D_xv of Lu: rest volume and the volumes over which the vein buckles and empties [mL]."""
 EMPTYING_MMHG = 2.0
-"""K_xv, pressure scale of emptying."""
+"""K_xv, pressure scale of emptying [mmHg]."""
 BLENDING_WIDTH = 0.04
-"""Width over which both branches are blended, as a share of the rest volume; Lu's have a kink there."""
+"""Width over which both branches are blended, as a share of the rest volume; Lu's law has a kink there."""
 LARGEST_EXPONENT = 40.0
-"""Widths beyond the rest volume at which the buckling branch no longer counts (its weight is e^-40)."""
+"""Blending widths beyond the rest volume at which the buckling branch is negligible (weight e^-40)."""
 SMALLEST_VOLUME_SHARE = 0.01
-"""Share of the emptying volume below which its pressure (-200 mmHg there) goes on as a straight line."""
+"""Share of the emptying volume below which the pressure (-200 mmHg there) is continued as a straight line."""
 
 
 def emptying(volume: Number, scale: Number) -> tuple[Number, Number]:
-    """Pressure [mmHg] by which walls that touch resist, 2 / (exp(V / scale) - 1), and its slope."""
+    """Pressure loss [mmHg] due to touching walls, 2 / (exp(V / scale) - 1), and its slope [mmHg/mL]."""
     relative = volume / scale
     inside = jnp.where(relative.real > SMALLEST_VOLUME_SHARE, relative, SMALLEST_VOLUME_SHARE)
     grown = jnp.expm1(jnp.where(inside.real > LARGEST_EXPONENT, LARGEST_EXPONENT, inside))
@@ -63,20 +63,20 @@ class VeinConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class CollapsibleVein(Storage[VeinConstants]):
-    """A large vein that collapses when it is drained.
+    """Large vein that collapses when it is drained.
 
         o---+---[ R(V) ]---o       V > V0:  P = D1 + (V - V0) / C - psi
             |                      V < V0:  P = D2 + (D1 - D2) exp((V - V0) / Vb) - psi
            (=) V                   psi = 2 / (exp(V / Ve) - 1),  R = Rr (Vr / V)^2
 
-    D1 = 0.3855 mmHg; Vb and Ve are 50 and 8 mL at V0 = 130 mL and in proportion to it otherwise. The branches
+    D1 = 0.3855 mmHg. Vb and Ve are 50 and 8 mL at V0 = 130 mL and proportional to V0 otherwise. The branches
     meet at V0 with slopes of 0.15 and 0.11 mmHg/mL; they are blended over 5 mL. V is all blood in the vein.
 
     Args:
         compliance: C above the rest volume [mL/mmHg].
         rest_volume: V0 [mL].
         collapse_pressure: D2, at which the vein empties [mmHg].
-        resistance: Rr, that of its outlet at the pressure `reference` [mmHg s/mL].
+        resistance: Rr, resistance of the outlet at the pressure `reference` [mmHg s/mL].
         reference: pressure [mmHg] at which the vein holds Vr.
 
     Source: Lu et al. 2001, doi 10.1152/ajpheart.2001.281.6.H2661, as in Albanese et al. 2016, doi
@@ -115,7 +115,7 @@ class CollapsibleVein(Storage[VeinConstants]):
         return pressure, stiffness
 
     def outlet(self, volume: Number, constants: VeinConstants) -> Number:
-        """R(V) [mmHg s/mL]; the same below what an empty vein holds."""
+        """R(V) [mmHg s/mL], constant below the residual volume of an empty vein."""
         least = SMALLEST_VOLUME_SHARE * EMPTYING_ML / REST_ML * constants.rest_volume
         held = jnp.where(volume > least, volume, least)
         return constants.resistance * (constants.reference_volume / held) ** 2
@@ -130,15 +130,16 @@ class ChamberConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class CollapsibleChamber(Storage[ChamberConstants]):
-    """A heart chamber that cannot be drained below empty.
+    """Heart chamber whose volume cannot fall below zero.
 
     P = P of the chamber - psi,  psi = 2 / (exp(V / Ve) - 1).
 
     Args:
-        chamber: the law that holds while there is blood in it.
-        emptying: Ve [mL].
+        chamber: law of the chamber while it holds blood.
+        emptying: Ve, volume over which it empties [mL].
 
-    Source: emptying of Lu et al. 2001 (see above); the published chambers go on to volumes below zero.
+    Source: emptying as in Lu et al. 2001 (see above); the published chamber laws continue to negative
+        volumes.
     """
 
     chamber: Storage
@@ -151,7 +152,7 @@ class CollapsibleChamber(Storage[ChamberConstants]):
 
     @property
     def above_zero(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]  # read only
-        """Fields of the chamber's law, and Ve."""
+        """Fields of the chamber's law, and `emptying`."""
         return (*self.chamber.above_zero, "emptying")
 
     @property
@@ -160,7 +161,7 @@ class CollapsibleChamber(Storage[ChamberConstants]):
         return self.chamber.not_negative
 
     def names_of(self, wanted: Iterable[str]) -> tuple[str, ...]:
-        """Parameter names in fields of the chamber's law and in its own."""
+        """Names of the parameters in the given fields of the chamber's law and of this one."""
         fields = tuple(wanted)
         own = names_in(self.emptying) if "emptying" in fields else ()
         return self.chamber.names_of(field for field in fields if field != "emptying") + own
@@ -170,7 +171,7 @@ class CollapsibleChamber(Storage[ChamberConstants]):
         return self.chamber.parameter_names() + names_in(self.emptying)
 
     def renamed(self, parameter: Renaming) -> CollapsibleChamber:
-        """The same of other parameters."""
+        """The same law with its parameters renamed."""
         return CollapsibleChamber(self.chamber.renamed(parameter), renamed(self.emptying, parameter))
 
     def constants(self, values: Values) -> ChamberConstants:

@@ -1,19 +1,19 @@
-r"""What a hemofilter takes from blood: convection and diffusion, before and after dilution, in closed form.
+r"""Solute clearance of a hemofilter by convection and diffusion, with pre- and post-dilution, in closed form.
 
     blood ->--(+ fluid before)--[==== fibres ====]--(+ fluid after)-->
                    effluent <---[== counter-current ==]---< dialysate
 
-Water is filtered at the same rate J all along the fibres, and a solute crosses their wall by convection and
-diffusion together (Patlak, Goldstein and Hoffman 1963, J Theor Biol 5:426): per length it loses
+Water is filtered at a uniform rate J along the fibres, and a solute crosses their wall by convection and
+diffusion together (Patlak, Goldstein and Hoffman 1963, J Theor Biol 5:426): per unit length it loses
 J c_b + B (c_b - c_d) with B = J / (exp(J / KoA) - 1). With blood water entering at Qb, dialysate at Qd and
 effluent leaving at Qe = Qd + J, the difference c_b - c_d obeys an equation that separates, and
 
     K = Qe ((Qb - J) - q Qb) / ((Qb - J) - q Qe),   q = (Qd / Qe)^(1 + B/J) / (1 - J / Qb)^(B/J).
 
-Its limits are the usual formulas, exactly: hemofiltration (Qd = 0) K = J; dialysis (J = 0)
+Its limits are exactly the usual formulas: hemofiltration (Qd = 0) K = J; dialysis (J = 0)
 K = Qb (e^Z - 1) / (e^Z - Qb/Qd) with Z = (KoA/Qb)(1 - Qb/Qd) (Michaels 1966); a large membrane K = Qe.
 
-A solute of which only the share `sieving` passes is filtered as if the blood carried Qb / sieving of its
+A solute with the sieving coefficient `sieving` is filtered as if the blood carried Qb / sieving of its
 filterable concentration: K = sieving J in hemofiltration, at most sieving Qe.
 
 Definitions of flows, filtration fraction and transmembrane pressure: Neri et al. 2016 (Crit Care 20:318).
@@ -34,26 +34,26 @@ from eclsim.components.base import Exchanger, Renaming, Values
 from eclsim.components.exchangers import BLOOD, INLET_WEIGHTS, TEMPERATURE, GasExchanger, Points
 
 PLASMA_WATER = 0.93
-"""Share of plasma that is water; proteins take up the rest (textbook value)."""
+"""Share of plasma that is water; proteins occupy the rest (textbook value)."""
 CARBON_DIOXIDE_ML_PER_MMOL = 22.26
-"""Volume of a mmol of carbon dioxide at 0 C and 760 mmHg."""
+"""Volume of 1 mmol of carbon dioxide at 0 C and 760 mmHg [mL]."""
 UREA_RED_CELL_WATER = 0.80
-"""Urea leaves red cells while blood passes: their water, 0.72, with a partition of 1.11 (Colton 1970)."""
+"""Red cells' water for urea, which leaves them in the filter: 0.72 with a partition of 1.11 (Colton 1970)."""
 BASE_PER_CITRATE = 3.0
-"""Bicarbonate that a molecule of citrate becomes when it is metabolised."""
+"""Molecules of bicarbonate formed when one molecule of citrate is metabolised."""
 CARBON_PER_CITRATE, OXYGEN_PER_CITRATE = 6.0, 4.5
-"""Carbon of a molecule, and oxygen that burns it: C6H5O7(3-) + 4.5 O2 = 3 CO2 + 3 HCO3(-) + H2O."""
+"""Carbon atoms, and O2 used, per molecule of citrate: C6H5O7(3-) + 4.5 O2 = 3 CO2 + 3 HCO3(-) + H2O."""
 EFFECTIVE_CLEARANCE, BASE_GAIN, CITRATE_LOAD = "effective_clearance", "base_gain", "citrate_load"
-"""Usual names of what a device with a filter gives, the first followed by the name of a solute."""
+"""Default names of the outputs of a device with a filter; the first is followed by the name of a solute."""
 
 
 class Solute(NamedTuple):
-    """What decides how a solute is carried and how it passes the membrane.
+    """Properties that determine how blood carries a solute and how the solute passes the membrane.
 
     Attributes:
-        red_cell_water: share of red cells that gives the solute off while blood passes the filter.
-        sieving: of the concentration in plasma water.
-        area_product: KoA of the filter in question [mL/min].
+        red_cell_water: share of the red cells' volume that releases the solute while blood passes the filter.
+        sieving: sieving coefficient, relative to the concentration in plasma water.
+        area_product: KoA of the filter for this solute [mL/min].
     """
 
     red_cell_water: float
@@ -61,18 +61,18 @@ class Solute(NamedTuple):
     area_product: Array | float
 
     def water_flow(self, blood: Array, haematocrit: Array) -> Array:
-        """Flow of the water that carries the solute [mL/min]."""
+        """Flow of water that carries the solute [mL/min] at a blood flow [mL/min] and a haematocrit."""
         return blood * (PLASMA_WATER * (1.0 - haematocrit) + self.red_cell_water * haematocrit)
 
 
 class Fluids(NamedTuple):
-    """Flows of fluid [mL/min].
+    """Fluid flows at a filter [mL/min].
 
     Attributes:
-        dialysate: of fresh dialysate.
-        before: of replacement fluid into the blood before the filter.
-        after: behind it.
-        net: what the patient loses.
+        dialysate: flow of fresh dialysate.
+        before: flow of replacement fluid into the blood before the filter (pre-dilution).
+        after: flow of replacement fluid into the blood after the filter (post-dilution).
+        net: net ultrafiltration, the fluid that the patient loses.
     """
 
     dialysate: Array
@@ -82,24 +82,24 @@ class Fluids(NamedTuple):
 
     @property
     def ultrafiltrate(self) -> Array:
-        """Water that crosses the membrane."""
+        """Flow of water across the membrane."""
         return self.before + self.after + self.net
 
     @property
     def effluent(self) -> Array:
-        """What leaves the filter on the side of the dialysate."""
+        """Flow that leaves the filter on the dialysate side."""
         return self.dialysate + self.ultrafiltrate
 
 
 @dataclass(frozen=True)
 class Hemofilter(Exchanger):
-    """A filter and the fluids that run through it; the beat does not read it, outputs do (`performance`).
+    """A filter and the fluids that run through it; read by outputs (`performance`), not by the heartbeat.
 
     Args:
         settings: names of its parameters, in the order of `Settings`.
-        clearance: what the names of its device's outputs of clearances for the patient begin with.
+        clearance: prefix of the names of its device's outputs of effective clearances.
         base_gain: name of its device's output of the bicarbonate gained.
-        citrate: name of its device's output of the citrate that reaches the patient; none where it has none.
+        citrate: name of its device's output of the citrate that reaches the patient; empty if there is none.
     """
 
     settings: tuple[str, ...]
@@ -112,7 +112,7 @@ class Hemofilter(Exchanger):
         return self.settings
 
     def renamed(self, parameter: Renaming) -> Hemofilter:
-        """The same filter of other parameters."""
+        """The same filter with its parameters renamed."""
         return replace(self, settings=tuple(map(parameter, self.settings)))
 
 
@@ -120,8 +120,8 @@ class PlasmaCarbonDioxide(NamedTuple):
     """Carbon dioxide of plasma [mmol/L].
 
     Attributes:
-        bicarbonate: which is base; all of it where no more than the total is known.
-        dissolved: the rest.
+        bicarbonate: concentration of bicarbonate; the total CO2 where only that is known.
+        dissolved: concentration of dissolved carbon dioxide.
     """
 
     bicarbonate: Array
@@ -129,29 +129,29 @@ class PlasmaCarbonDioxide(NamedTuple):
 
     @classmethod
     def of(cls, pco2: Array, ph: Array, temperature: Array) -> PlasmaCarbonDioxide:
-        """By Henderson and Hasselbalch from PCO2 [mmHg], pH and temperature [C]."""
+        """Compute both by the Henderson-Hasselbalch equation from PCO2 [mmHg], pH and temperature [C]."""
         held = jnp.asarray(bicarbonate(pco2, ph, temperature))
         return cls(held, jnp.asarray(carbon_dioxide_solubility(temperature) * pco2))
 
 
 class Settings(NamedTuple):
-    """What is set at a filter and what it is made of.
+    """Settings and membrane properties of a filter.
 
     Attributes:
-        dialysate: flow [mL/h].
-        before: replacement before the filter [mL/h].
-        after: replacement behind it [mL/h].
+        dialysate: flow of dialysate [mL/h].
+        before: flow of replacement fluid before the filter [mL/h].
+        after: flow of replacement fluid after the filter [mL/h].
         net: net ultrafiltration [mL/h].
-        haematocrit: of the blood that enters [-].
+        haematocrit: haematocrit of the blood that enters [-].
         fluid_bicarbonate: bicarbonate of the fluids [mmol/L].
-        plasma_bicarbonate: total CO2 of the plasma that enters [mmol/L]; 0 for the blood's own.
-        citrate: dose of regional citrate [mmol per L of blood].
+        plasma_bicarbonate: total CO2 of the plasma that enters [mmol/L]; 0 to use that of the blood gases.
+        citrate: dose of regional citrate anticoagulation [mmol per L of blood].
         permeability: Kuf of the membrane in blood [mL/h/mmHg].
-        urea: KoA [mL/min].
-        creatinine: KoA [mL/min].
-        potassium: KoA [mL/min].
+        urea: KoA of urea [mL/min].
+        creatinine: KoA of creatinine [mL/min].
+        potassium: KoA of potassium [mL/min].
         carbon_dioxide: KoA of bicarbonate and dissolved CO2 [mL/min].
-        citrate_ion: KoA [mL/min].
+        citrate_ion: KoA of citrate [mL/min].
     """
 
     dialysate: Array
@@ -171,37 +171,37 @@ class Settings(NamedTuple):
 
     @property
     def fluids(self) -> Fluids:
-        """Flows [mL/min]."""
+        """Fluid flows [mL/min]."""
         return Fluids(*(flow / 60.0 for flow in self[:4]))
 
     def plasma(self, own: PlasmaCarbonDioxide) -> PlasmaCarbonDioxide:
-        """Carbon dioxide of the plasma that enters: as it is set, or the blood's own."""
+        """Carbon dioxide of the plasma that enters: as set, or `own` (of the blood gases) if not set."""
         given = self.plasma_bicarbonate
         return PlasmaCarbonDioxide(
             jnp.where(given > 0.0, given, own.bicarbonate), jnp.where(given > 0.0, 0.0, own.dissolved)
         )
 
     def solute(self, name: str) -> Solute:
-        """A solute as this filter clears it; all of these pass an AN69 membrane freely (Troyanov 2003)."""
+        """Properties of a solute at this filter; all pass an AN69 membrane freely (Troyanov 2003)."""
         return Solute(UREA_RED_CELL_WATER if name == "urea" else 0.0, 1.0, getattr(self, name))
 
 
 class Performance(NamedTuple):
-    """What a filter does.
+    """Performance of a filter: its flows, pressures and clearances.
 
     Attributes:
-        effluent: [mL/h].
-        filtration_fraction: [-].
-        transmembrane_pressure: that the ultrafiltration takes [mmHg].
-        effluent_pressure: mean pressure of the blood in the fibres less that [mmHg].
-        urea: clearance [mL/min].
-        creatinine: clearance [mL/min].
-        potassium: clearance [mL/min].
-        base_gain: bicarbonate that blood gains, with that from citrate [mmol/h].
-        carbon_dioxide: removal as bicarbonate and dissolved, less what the fluids bring [mL/min STPD].
-        citrate: that leaves the filter in the blood [mmol/h].
-        urea_water: flow of the water that carries urea to the filter [mL/min].
-        plasma_water: flow of the plasma's water, which carries the others [mL/min].
+        effluent: flow of effluent [mL/h].
+        filtration_fraction: share of the plasma, with pre-dilution, that is filtered [-].
+        transmembrane_pressure: pressure across the membrane that drives the ultrafiltration [mmHg].
+        effluent_pressure: mean blood pressure in the fibres minus the transmembrane pressure [mmHg].
+        urea: clearance of urea [mL/min].
+        creatinine: clearance of creatinine [mL/min].
+        potassium: clearance of potassium [mL/min].
+        base_gain: bicarbonate that the blood gains, including that from citrate [mmol/h].
+        carbon_dioxide: removal as bicarbonate and dissolved gas, minus what the fluids bring [mL/min STPD].
+        citrate: citrate that leaves the filter in the blood [mmol/h].
+        urea_water: flow of water that carries urea to the filter [mL/min].
+        plasma_water: flow of plasma water, which carries the other solutes [mL/min].
         carbon_dioxide_cleared: clearance of bicarbonate and dissolved carbon dioxide [mL/min].
         citrate_cleared: clearance of citrate [mL/min].
         plasma: flow of plasma [mL/h].
@@ -225,11 +225,11 @@ class Performance(NamedTuple):
 
 
 def performance(numbers: Array) -> Array:
-    """What a filter does, in the order of `Performance`.
+    """Compute the performance of a filter, in the order of `Performance`.
 
     Args:
-        numbers: blood flow [mL/min], pressure of the blood before and behind the fibres [mmHg]; PCO2 [mmHg]
-            and pH of the blood that enters and its temperature [C], where they are known; `Settings`.
+        numbers: blood flow [mL/min]; blood pressure before and after the fibres [mmHg]; PCO2 [mmHg], pH and
+            temperature [C] of the blood that enters, where known; then the entries of `Settings`.
     """
     blood, inlet, outlet, pco2, ph, temperature, *rest = numbers
     settings = Settings(*rest)
@@ -269,8 +269,8 @@ def performance(numbers: Array) -> Array:
 def _losses(blood: Array, settings: Settings, own: PlasmaCarbonDioxide) -> tuple[Array, Array]:
     """Carbon dioxide and bicarbonate that a patient loses [mmol/min]; blood flow in mL/min.
 
-    Fluids bring bicarbonate, and hardly any dissolved carbon dioxide. What leaves with the water that carried
-    it is not counted: taking water off with what it holds changes no concentration.
+    Fluids bring bicarbonate, and hardly any dissolved carbon dioxide. What leaves together with the water
+    that carried it is not counted: removing water with its solutes changes no concentration.
     """
     solute, plasma = settings.solute("carbon_dioxide"), settings.plasma(own)
     cleared = clearance(solute.water_flow(blood, settings.haematocrit), settings.fluids, solute)
@@ -281,17 +281,18 @@ def _losses(blood: Array, settings: Settings, own: PlasmaCarbonDioxide) -> tuple
 
 @dataclass(frozen=True)
 class DialysedBlood(GasExchanger):
-    """Blood from which a filter clears bicarbonate and dissolved carbon dioxide, in the balance of its gases.
+    """Blood from which a filter clears bicarbonate and dissolved carbon dioxide, as part of the gas balance.
 
         in --(fibres, V_CO2 = (K - net) (c_plasma - c_fluid))--> out
 
-    with c_plasma of the blood that enters, unless it is set.
+    with c_plasma that of the blood that enters, unless it is set.
 
-    Base excess is the patient's own, so that what fluids bring leaves as gas where acid is made. A filter
-    that takes more water than enters it exchanges nothing here; its own outputs say so.
+    The base excess of the blood is a fixed parameter. Bicarbonate brought by the fluids therefore leaves as
+    gas where acid is produced. A filter that takes more water than enters it exchanges nothing here; its own
+    outputs report that.
 
     Args:
-        filter: that it passes.
+        filter: the filter that the blood passes.
     """
 
     filter: Hemofilter
@@ -302,11 +303,11 @@ class DialysedBlood(GasExchanger):
         return 1, INLET_WEIGHTS
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the filter's parameters and of those of the blood."""
+        """Names of the parameters of the filter and of the blood."""
         return (*self.filter.parameter_names(), *BLOOD)
 
     def renamed(self, parameter: Renaming) -> DialysedBlood:
-        """Blood that passes the same filter of other parameters."""
+        """The same exchange with the filter's parameters renamed."""
         return replace(self, filter=self.filter.renamed(parameter))
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
@@ -318,12 +319,12 @@ class DialysedBlood(GasExchanger):
 
 
 def clearance(water: Array, fluids: Fluids, solute: Solute) -> Array:
-    """Clearance of a filter [mL/min], of the blood before the fluid that dilutes it.
+    """Clearance of a filter [mL/min], relative to the blood before pre-dilution.
 
     Args:
-        water: flow of the water that carries the solute to the filter [mL/min].
-        fluids: flows of fluid.
-        solute: what is cleared.
+        water: flow of water that carries the solute to the filter [mL/min].
+        fluids: fluid flows.
+        solute: the solute that is cleared.
     """
     inside = (water + fluids.before) / solute.sieving
     fibres = _filterable(inside, fluids.dialysate, fluids.ultrafiltrate, jnp.asarray(solute.area_product))
@@ -331,7 +332,7 @@ def clearance(water: Array, fluids: Fluids, solute: Solute) -> Array:
 
 
 def _filterable(blood: Array, dialysate: Array, filtered: Array, area_product: Array) -> Array:
-    """The closed form for a solute that passes freely; not a number where more is filtered than enters."""
+    """Clearance of a freely passing solute in closed form; NaN where more water is filtered than enters."""
     effluent = dialysate + filtered
     blood = jnp.where(jnp.abs(blood - effluent) < 1e-7 * blood, (1.0 + 1e-7) * blood, blood)
     peclet = filtered / area_product
@@ -361,15 +362,15 @@ def _log1p_ratio(x: Array) -> Array:
 
 
 def filtration_fraction(blood: Array, haematocrit: Array, fluids: Fluids) -> Array:
-    """Share of the plasma, with what dilutes it, that is filtered off."""
+    """Filtration fraction: share of the plasma, with pre-dilution, that is filtered."""
     return fluids.ultrafiltrate / (blood * (1.0 - haematocrit) + fluids.before)
 
 
 def solute_removed(cleared: Array, plasma: Array, fluid: Array, net: Array) -> Array:
-    """What a patient loses of a solute [mmol/min] that is in all fluids too.
+    """Amount of a solute [mmol/min] that a patient loses when all fluids contain the solute too.
 
-    Were blood and fluids alike, the patient would lose it with the net ultrafiltrate alone; what blood has
-    more is cleared.
+    If blood and fluids had the same concentration, the patient would lose only what the net ultrafiltrate
+    contains; the difference in concentration is cleared.
 
     Args:
         cleared: clearance [mL/min].

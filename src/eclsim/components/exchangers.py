@@ -1,9 +1,9 @@
-"""Where blood takes up or gives off oxygen and carbon dioxide: tissue, native lung and membrane lung.
+"""Gas exchange of blood: laws of oxygen and carbon dioxide in tissue, native lung and membrane lung.
 
-The circuit says along which connection it happens. Blood that passes enters with given contents and is
-followed through `cells` in a row, at one point or at several inside each; at the last one it leaves (a lung
-mixes what bypassed it to that). The law of a place is the rate at which its blood gains gas at a point; what
-blood has gained there is the sum of the rates before with the weights of the collocation:
+The circuit says along which connection the exchange happens. Blood enters with given contents and is followed
+through a row of `cells`, at one or several points in each, and leaves from the last one (a lung then mixes in
+the shunted blood). The law gives the rate at which blood gains gas at a point. The gas that blood has gained
+up to a point is the sum of these rates with the weights of the collocation:
 
     gained at a point = gained before the cell + sum over its points (weight x rate) / cells
 
@@ -23,57 +23,57 @@ from jax import Array
 from eclsim.components.base import Exchanger, Key, Number, Values, value_of
 
 BAROMETRIC_MMHG, WATER_VAPOUR_MMHG = 760.0, 47.0
-"""Pressure of the air, and of water vapour at 37 C."""
+"""Barometric pressure, and pressure of water vapour at 37 C [mmHg]."""
 FLOWMETER_TO_STPD = 273.15 / 293.15
-"""Sweep gas is stated as a flowmeter shows it: dry gas at 20 C and 760 mmHg."""
+"""Volume at STPD per volume of sweep gas shown by a flowmeter (dry gas at 20 C and 760 mmHg)."""
 AIR_CARBON_DIOXIDE = 4e-4
 """Fraction of carbon dioxide in inspired gas."""
 AIR_OXYGEN = 0.2095
 """Fraction of oxygen in air."""
 USED_UP_SHARE, USED_UP_ML_MIN = 0.05, 2.0
-"""Share and flow of the sweep gas below which what is left of it loses its contact with the blood."""
+"""Share and flow [mL/min] of sweep gas; contact with blood falls when less than their sum is left."""
 NO_GAS = -1e-6
 """Gas that is left [mL/min STPD], or its share of that which loses its contact, down to which it is none but
 for rounding: the law of gas that is there then has the right slope where ventilation or sweep are 0."""
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
 MIXED_WEIGHTS = np.ones((1, 1))
-"""Weights of a place whose blood is mixed: the rate is that of the blood which leaves."""
+"""Weights of a well-mixed site: the rate is that of the blood that leaves."""
 INLET_WEIGHTS = np.array([[0.0, 0.0], [1.0, 0.0]])
-"""Weights of a place where the rate is that of the blood which enters, the first of two points."""
+"""Weights of a site where the rate is that of the blood that enters, the first of two points."""
 
 HAEMOGLOBIN, OXYGEN_CAPACITY = "gas.haemoglobin_g_dl", "gas.oxygen_capacity_ml_g"
 TEMPERATURE = "gas.temperature_c"
 BLOOD = (HAEMOGLOBIN, "gas.base_excess_mmol_l", TEMPERATURE, OXYGEN_CAPACITY)
-"""Parameters of the blood, which is the same everywhere."""
+"""Parameters of the blood, which are the same at every site."""
 
 
 def dry_gas_pressure(temperature: Number) -> Number:
-    """Pressure of dry gas in contact with blood [mmHg]: without the water vapour of its temperature [C].
+    """Pressure of dry gas [mmHg] in contact with blood of a temperature [C]: without water vapour.
 
-    The vapour's pressure by Alduchov and Eskridge 1996 (doi
-    10.1175/1520-0450(1996)035<0601:IMFAOS>2.0.CO;2), in proportion to the usual 47 mmHg at 37 C.
+    Vapour pressure by Alduchov and Eskridge 1996 (doi 10.1175/1520-0450(1996)035<0601:IMFAOS>2.0.CO;2),
+    scaled to the usual 47 mmHg at 37 C.
     """
     warmer = 17.625 * 243.04 * (temperature - 37.0) / ((temperature + 243.04) * (37.0 + 243.04))
     return BAROMETRIC_MMHG - WATER_VAPOUR_MMHG * jnp.exp(warmer)
 
 
 def stpd_of_btps(temperature: Number) -> Number:
-    """Dry gas at 0 C and 760 mmHg in a volume saturated at the temperature of the body [C]: a ratio.
+    """Ratio of STPD to BTPS volume of a gas at a body temperature [C].
 
-    Ventilation is stated as the one, exchange as the other.
+    Ventilation is stated in BTPS (body temperature, saturated), gas exchange in STPD (dry, 0 C, 760 mmHg).
     """
     return 273.15 / (273.15 + temperature) * dry_gas_pressure(temperature) / BAROMETRIC_MMHG
 
 
 class Points(NamedTuple):
-    """Blood at the points inside an exchanger; arrays (points,), or (2, points) for oxygen, carbon dioxide.
+    """Blood at the points inside an exchanger: arrays (points,), or (2, points) for O2 and CO2.
 
     Attributes:
-        gained: gas that blood has gained up to there [mL/min STPD].
+        gained: gas that the blood has gained up to the point [mL/min STPD].
         pressure: partial pressures [mmHg].
         slope: derivative of the oxygen saturation with respect to PO2 at constant pH [1/mmHg].
-        ph: there.
+        ph: pH.
     """
 
     gained: Array
@@ -83,16 +83,16 @@ class Points(NamedTuple):
 
 
 class GasExchanger(Exchanger, ABC):
-    """The law of a place where oxygen and carbon dioxide enter or leave the blood of a connection.
+    """Law of a site where oxygen and carbon dioxide enter or leave the blood of a connection.
 
     Attributes:
-        analysed: whether the blood before and behind it is, outside of the patient.
+        analysed: whether the blood gases before and after it are computed when it is outside the patient.
     """
 
     analysed: ClassVar[bool] = True
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters that the law reads, those of the blood among them."""
+        """Names of the parameters that the law reads, including those of the blood."""
         return (*super().parameter_names(), *BLOOD)
 
     @property
@@ -111,7 +111,7 @@ class GasExchanger(Exchanger, ABC):
         return 1.0
 
     def over_a_step(self, held: str, before: tuple[str, str]) -> GasExchanger:
-        """The law over a step in time; itself where the place holds no gas.
+        """The law over a step in time; the law itself where the site holds no gas.
 
         Args:
             held: name of the volume of gas over the length of the step [L/min BTPS].
@@ -121,10 +121,10 @@ class GasExchanger(Exchanger, ABC):
 
     @abstractmethod
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:
-        """Gas that all of it would give at the rate of each point [mL/min STPD], shape (2, points).
+        """Transfer to blood if the whole exchanger had each point's rate [mL/min STPD], shape (2, points).
 
         Args:
-            flow: of blood, that which passes unchanged too [L/min].
+            flow: blood flow, including the part that passes unchanged [L/min].
             inside: blood at the points; every rate depends on its own point alone.
             values: all parameters.
         """
@@ -132,20 +132,20 @@ class GasExchanger(Exchanger, ABC):
 
 @dataclass(frozen=True)
 class Tissue(GasExchanger):
-    """Tissue that consumes oxygen and gives off carbon dioxide.
+    """Tissue that consumes oxygen and produces carbon dioxide.
 
         in --(capillaries, VO2 = demand (1 - exp(-(PO2 / critical)^2)), VCO2 = RQ VO2)--> out
 
-    PO2 is that of the blood that leaves. Demand is met to 2e-4 from three times the critical PO2 on; where
-    supply does not allow it, consumption falls smoothly.
+    PO2 is that of the blood that leaves. From three times the critical PO2 upwards, consumption is within
+    2e-4 of demand; where supply is insufficient, consumption falls smoothly.
 
     Args:
-        demand: parameter, oxygen that is wanted [mL/min STPD].
-        quotient: parameter, carbon dioxide given off for each oxygen taken up [-].
-        share: of the demand that is this tissue's [-], a parameter or a number.
+        demand: parameter, oxygen demand of the whole body [mL/min STPD].
+        quotient: parameter, respiratory quotient: carbon dioxide produced per oxygen consumed [-].
+        share: this tissue's share of the demand [-], a parameter or a number.
         critical: PO2 at which consumption is 63 % of demand [mmHg].
-        held: where stores of the tissue hold its PCO2, 1; else, 0, it is steady; a number 0 for no stores.
-        stored: parameter, PCO2 that the stores hold [mmHg].
+        held: 1 where stores fix the tissue's PCO2, 0 where it is steady; the number 0 for no stores.
+        stored: parameter, PCO2 of the stores [mmHg].
     """
 
     demand: Key = "gas.vo2_ml_min"
@@ -156,7 +156,7 @@ class Tissue(GasExchanger):
     stored: Key = 0.0
 
     def oxygen_demand(self, values: Values) -> Number:
-        """Oxygen that this tissue uses where it is supplied [mL/min STPD]."""
+        """Oxygen that this tissue consumes if the supply is sufficient [mL/min STPD]."""
         return value_of(values, self.share) * value_of(values, self.demand)
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102  (see the base class)
@@ -173,27 +173,27 @@ class Tissue(GasExchanger):
 
 @dataclass(frozen=True)
 class NativeLung(GasExchanger):
-    """The lung: alveoli in equilibrium with the blood that passes them, and a shunt past them (Riley).
+    """Native lung: alveoli in equilibrium with the blood that perfuses them, and a shunt around them (Riley).
 
         in --+--(alveoli)--> point --+--> out
              +-------shunt-----------+
 
-    The gas of the alveoli is balanced with nitrogen, which crosses no membrane in the steady state:
+    The balance of alveolar gas includes nitrogen, which crosses no membrane in the steady state:
     V_I F_I = V_E F_A + uptake for each gas. The usual alveolar gas equation does not hold on ECMO, where the
-    lung's respiratory quotient can be anything. Without ventilation the blood passes unchanged.
+    lung's respiratory quotient can take any value. Without ventilation the blood passes unchanged.
 
-    Over a step in time of length h the alveoli hold a volume V of gas, whose partial pressures were P_0:
+    Over a step in time of length h the alveoli hold a volume V of gas with initial partial pressures P_0:
 
         V (P - P_0) / h = V_I P_I - V_E P - uptake x (barometric pressure - water vapour)
 
-    Where blood takes up more than comes in, gas follows through the open airway: inspired gas, and air where
-    nothing ventilates.
+    Where blood takes up more gas than ventilation brings, more flows in through the open airway: inspired
+    gas, or air if there is no ventilation.
 
     Args:
         ventilation: parameter, inspired alveolar ventilation [L/min BTPS].
         oxygen: parameter, inspired fraction of oxygen [-].
-        shunt: parameter, share of the flow that passes no alveolus [-].
-        held: V / h [L/min BTPS], a name of a step in time; a number 0 where the lung is steady.
+        shunt: parameter, share of the blood flow that passes no ventilated alveolus [-].
+        held: V / h [L/min BTPS], a parameter of a step in time; a number 0 where the lung is steady.
         before: P_0 of oxygen and carbon dioxide [mmHg].
     """
 
@@ -231,20 +231,20 @@ class NativeLung(GasExchanger):
 
 @dataclass(frozen=True)
 class MembraneLung(GasExchanger):
-    """A bundle of hollow fibres with blood outside and sweep gas inside, both followed along it.
+    """Membrane lung: hollow fibres with blood outside and sweep gas inside, both followed along the bundle.
 
-        in --|point 1 .. point n|--> out;   sweep gas along the same way
+        in --|point 1 .. point n|--> out;   sweep gas in the same direction
 
     Q dC_O2/dx = k_O2 Q^b (1 + lambda)^(1/3) (P_gas - P),  lambda = 1.34 Hb (dS/dP) / 0.0031
     Q dC_CO2/dx = k_CO2 Q^0.6 (P_gas - P)
 
-    with x from 0 to 1 along the bundle (Vaslef et al. 1994, ASAIO J 40:990); in every cell the collocation of
-    Radau (third order, and stable at any ratio of membrane to flow).
+    with x from 0 to 1 along the bundle (Vaslef et al. 1994, ASAIO J 40:990). Each cell uses Radau collocation
+    (third order, stable at any ratio of membrane to flow).
 
-    The gas changes by what the blood has taken up and given off on the way: CO2 is limited by the sweep at a
-    low one and by the blood flow at a high one. Blood takes up no more than the sweep brings: what is left
-    when nearly all is used up exchanges less and less. Without sweep the blood passes unchanged. A clot takes
-    away its share of the membrane.
+    The sweep gas changes by what the blood has taken up and given off upstream, so that CO2 transfer is
+    limited by the sweep flow when it is low and by the blood flow when it is high. Blood takes up no more
+    than the sweep brings: when nearly all of it is used up, exchange falls smoothly to zero. Without sweep
+    the blood passes unchanged. A clot removes its share of the membrane.
 
     Args:
         oxygen_transfer: parameter, k_O2 [mL/min/mmHg at 1 L/min].
@@ -253,7 +253,7 @@ class MembraneLung(GasExchanger):
         clotted_fraction: parameter, share of the membrane that is lost [-].
         sweep: parameter, flow of the sweep gas [L/min, flowmeter at 20 C].
         oxygen: parameter, fraction of oxygen in it [-].
-        cells: from inlet to outlet, with two points in each.
+        cells: number of cells from inlet to outlet, with two points in each.
     """
 
     oxygen_transfer: Key

@@ -1,4 +1,4 @@
-"""Blood pumps: rotary pumps by their characteristic curve, roller pumps by their flow."""
+"""Blood pumps: rotary pumps given by their characteristic curve, roller pumps by their flow."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class RotaryPump(Path[PumpCurve]):
         H(Q) = a w^2 - R1 w Q - R2 Q^2 + [Q < kinf w] Rrec (Q - kinf w)^2     w in rpm, Q in L/min, H in mmHg
         (L + Lper) dQ/dt = dp + H(Q) - Rper Q |Q|     with periphery, else H(Q) = -dp at every moment
 
-    H(Q) is a parabola on each side of kinf w and falls with Q, so a flow under a load is the root of one
-    quadratic.
+    H(Q) is a parabola on each side of kinf w and decreases with Q, so the flow under a load is the root of a
+    quadratic equation.
 
     Args:
         speed: w [rpm].
-        prefix: parameter names are prefix + a, R1, R2, Rrec, kinf (and L, Rper, Lper).
-        periphery: True for an LVAD with inlet and outflow graft.
+        prefix: prefix of the parameter names: prefix + a, R1, R2, Rrec, kinf (and L, Rper, Lper).
+        periphery: whether it has an inlet and an outflow graft, as an LVAD does.
 
     Units of the constants: a mmHg/rpm^2, R1 mmHg/(rpm L/min), R2, Rrec, Rper mmHg/(L/min)^2,
     kinf (L/min)/rpm, L, Lper mmHg s^2/L.  Source: Boes et al. 2019 (equation); Thiel et al. (constants).
@@ -55,16 +55,16 @@ class RotaryPump(Path[PumpCurve]):
 
     @property
     def inertial(self) -> bool:
-        """With periphery the flow is a state."""
+        """Whether the flow is a state: true with periphery."""
         return self.periphery
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Speed and constants of the curve."""
+        """Names of the speed and of the constants of the curve."""
         names = CURVE + (PERIPHERY if self.periphery else ())
         return names_in(self.speed) + tuple(self.prefix + name for name in names)
 
     def renamed(self, parameter: Renaming) -> RotaryPump:
-        """The same pump of other parameters."""
+        """The same pump with its parameters renamed."""
         prefix = parameter(self.prefix + CURVE[0]).removesuffix(CURVE[0])
         return replace(self, speed=renamed(self.speed, parameter), prefix=prefix)
 
@@ -91,11 +91,11 @@ class RotaryPump(Path[PumpCurve]):
         return shut_off - slope * flow - curvature * flow**2 + recirculation * below**2
 
     def pressure_drop(self, flow: Number, constants: PumpCurve) -> Number:
-        """Graft's drop minus head [mmHg]: a working pump raises the pressure."""
+        """Pressure drop of the graft minus the head [mmHg]; negative when the pump raises the pressure."""
         return constants.graft * flow * jnp.abs(flow) - self.head(flow, constants)
 
     def flow(self, pressure_difference: Number, load: Number, constants: PumpCurve) -> Number:
-        """Root of load Q + Rper Q |Q| - H(Q) = dp [mL/s]; dp at Q = kink and Q = 0 tells the branch."""
+        """Root of load Q + Rper Q |Q| - H(Q) = dp [mL/s]; signs at Q = kink and 0 select the branch."""
         shut_off, slope, curvature, recirculation, kink, graft, _ = constants
         linear = load + slope
         push = pressure_difference + shut_off
@@ -112,7 +112,7 @@ class RotaryPump(Path[PumpCurve]):
 
 @dataclass(frozen=True)
 class RollerPump(Path[Number]):
-    """Pump that moves a given flow whatever the pressures.
+    """Pump with a prescribed flow, independent of the pressures.
 
         source o---( O )-->---o target      Q given
 
@@ -121,7 +121,7 @@ class RollerPump(Path[Number]):
         unit: any unit of a flow, such as "mL/min" (CRRT) or "L/min" (ECMO).
 
     Raises:
-        ValueError: a unit that measures no flow.
+        ValueError: `unit` is no unit of a flow.
     """
 
     rate: Key
@@ -138,7 +138,7 @@ class RollerPump(Path[Number]):
         return value_of(values, self.rate) * convert(1.0, self.unit, "mL/s")
 
     def pressure_drop(self, flow: Number, constants: Number) -> Number:
-        """Not a number: the pump builds up whatever pressure its flow takes."""
+        """NaN: the pump builds up whatever pressure its flow requires."""
         return jnp.nan * flow
 
     def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:

@@ -1,4 +1,4 @@
-"""Heart valves: one-way orifices, given by a flow coefficient or by an area, and valves that leak."""
+"""Heart valves: one-way orifices given by a flow coefficient or an area, leaking valves and open orifices."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from eclsim.units import PA_PER_MMHG
 
 @dataclass(frozen=True)
 class Orifice(Derived):
-    """Flow coefficient [mL/(s mmHg^1/2)] of an orifice, from its area.
+    """Flow coefficient [mL/(s mmHg^1/2)] of an orifice, computed from its area.
 
-    The jet turns pressure into velocity, dp = rho v^2 / 2 (Bernoulli), and fills the effective orifice area
-    at its narrowest: Q = A sqrt(2 dp / rho), so CQ = A sqrt(2 / rho), 50.2 for each cm^2 of blood of
-    1060 kg/m^3. What the jet loses behind the orifice is not recovered.
+    The jet converts pressure to velocity, dp = rho v^2 / 2 (Bernoulli), and fills the effective orifice area
+    at its narrowest: Q = A sqrt(2 dp / rho), so CQ = A sqrt(2 / rho), 50.2 per cm^2 for blood of 1060 kg/m^3.
+    Pressure recovery downstream of the orifice is neglected.
 
     Args:
-        area: effective orifice area A [cm^2], which is smaller than the anatomical one.
+        area: effective orifice area A [cm^2], smaller than the anatomical area.
         density: rho [kg/mL].
 
     Source: Gorlin and Gorlin 1951, doi 10.1016/0002-8703(51)90002-6; Garcia et al. 2000,
@@ -38,7 +38,7 @@ class Orifice(Derived):
 
 @dataclass(frozen=True)
 class HeartValve(Path[Number]):
-    """Diode with a pressure drop that grows with the square of the flow.
+    """One-way valve with a pressure drop that grows with the square of the flow.
 
         source o---|>|---o target      Q = CQ sqrt(dp) if dp > 0, else 0
 
@@ -47,8 +47,8 @@ class HeartValve(Path[Number]):
 
     Args:
         coefficient: CQ [mL/(s mmHg^1/2)].
-        smoothing: width [mmHg] over which max(dp, 0) is rounded off where there is no load; only the
-            explicit verification solver meets it.
+        smoothing: width [mmHg] over which max(dp, 0) is rounded off where there is no load; used only by the
+            explicit verification solver.
 
     Source: Thiel et al., section 2.2 and Table S-1 (`CQtri`, `CQpa`, `CQmi`, `CQao`).
     """
@@ -63,11 +63,11 @@ class HeartValve(Path[Number]):
         return 4.0 / value_of(values, self.coefficient) ** 2
 
     def pressure_drop(self, flow: Number, constants: Number) -> Number:
-        """Q^2 / CQ^2 [mmHg] of a forward flow."""
+        """Q^2 / CQ^2 [mmHg] for forward flow, 0 for backward flow."""
         return 0.25 * constants * jnp.square(jnp.maximum(flow, 0.0))
 
     def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
-        """Flow [mL/s], never backwards."""
+        """Flow [mL/s]; never negative."""
         if isinstance(load, float) and load == 0.0:
             rounded = jnp.sqrt(pressure_difference**2 + self.smoothing**2)
             forward = 0.5 * (pressure_difference + rounded)
@@ -76,12 +76,12 @@ class HeartValve(Path[Number]):
         return 2.0 * forward / (load + jnp.sqrt(load * load + constants * forward))
 
     def sharpened(self, smoothing: float) -> HeartValve:
-        """The same valve, rounded off over another width [mmHg]."""
+        """The same valve with another smoothing width [mmHg]."""
         return replace(self, smoothing=smoothing)
 
 
 class LeakingConstants(NamedTuple):
-    """4 / CQ^2 of the open and of the shut valve [mmHg s^2/mL^2]."""
+    """4 / CQ^2 of the open and 4 / CR^2 of the closed valve [mmHg s^2/mL^2]."""
 
     forward: Number
     backward: Number
@@ -89,15 +89,15 @@ class LeakingConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class LeakingValve(Path[LeakingConstants]):
-    """A heart valve that does not close tightly: an orifice in each direction.
+    """Heart valve that does not close completely: an orifice in each direction.
 
         source o---|>|---o target      Q = CQ sqrt(dp) if dp > 0, else -CR sqrt(-dp)
 
     Args:
         coefficient: CQ of the open valve [mL/(s mmHg^1/2)].
-        leak: CR of the shut valve, such as `Orifice` of its effective regurgitant orifice area.
+        leak: CR of the closed valve, such as `Orifice` of its effective regurgitant orifice area.
 
-    Source: the orifice equation of `Orifice`; effective regurgitant orifice area as graded in Zoghbi et al.
+    Source: orifice equation as in `Orifice`; effective regurgitant orifice area as graded in Zoghbi et al.
     2017, doi 10.1016/j.echo.2017.01.007 (aortic and mitral: severe from 0.3 and 0.4 cm^2).
     """
 
@@ -124,7 +124,7 @@ class LeakingValve(Path[LeakingConstants]):
 
 @dataclass(frozen=True)
 class OpenOrifice(Path[Number]):
-    """A hole: turbulent flow in either direction.
+    """Open hole with turbulent flow in either direction.
 
         source o---) (---o target      Q = CQ sqrt(dp) if dp > 0, else -CQ sqrt(-dp)
 

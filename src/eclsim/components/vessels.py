@@ -21,7 +21,7 @@ class VesselConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class ElasticVessel(Storage[VesselConstants]):
-    """Blood vessel, tubing, cannula, oxygenator or dialyzer as a store of blood.
+    """Compartment of constant compliance: blood vessel, tubing, cannula, oxygenator or dialyzer.
 
         o---+---o      P = (V - Vu) / C
             |
@@ -30,8 +30,8 @@ class ElasticVessel(Storage[VesselConstants]):
 
     Args:
         compliance: C [mL/mmHg].
-        unstressed: Vu, the part of the volume V that makes no pressure [mL]. The published model counts
-            stressed volumes alone, so that it is 0; a reflex that contracts the veins lowers it.
+        unstressed: Vu, the part of the volume V that causes no pressure [mL]. In the published model V is the
+            stressed volume alone, so that Vu is 0; a reflex that contracts the veins lowers it.
 
     Source: Thiel et al., Tables S-1 to S-3.
     """
@@ -100,7 +100,7 @@ class InertialResistance(Path[InertialConstants]):
 
     @property
     def inertial(self) -> bool:
-        """The flow is a state."""
+        """True: the flow is a state."""
         return True
 
     def inertance(self, constants: InertialConstants) -> Number:
@@ -116,7 +116,7 @@ class InertialResistance(Path[InertialConstants]):
         return constants.resistance * flow
 
     def flow(self, pressure_difference: Number, load: Number, constants: InertialConstants) -> Number:
-        """dp / (R + load) [mL/s]; the load carries the inertia of the step."""
+        """dp / (R + load) [mL/s]; the load includes the inertia term of the step."""
         return pressure_difference / (constants.resistance + load)
 
 
@@ -147,7 +147,7 @@ class Artery(InertialResistance):
 
 CUBIC_METRE_PER_ML = 1e-6
 SMALLEST_OPENING = 1e-9
-"""Keeps the resistance of a closed clamp finite: some 0.001 mL/s leak."""
+"""Keeps the resistance of a closed clamp finite; it leaks about 0.001 mL/s."""
 SMALLEST_LOAD = 1e-12
 """Keeps the square root differentiable at zero flow; far below the rounding of a flow [mmHg^2 s^2/mL^2]."""
 
@@ -187,7 +187,7 @@ class Tube(InertialResistance):
 
 @dataclass(frozen=True)
 class TubeVolume(Component):
-    """What a tube holds at zero pressure [mL], pi d^2 l / 4, from length l and inner diameter d [cm]."""
+    """Volume of a tube at zero pressure [mL], pi d^2 l / 4, from length l and inner diameter d [cm]."""
 
     length: Key
     diameter: Key
@@ -199,7 +199,7 @@ class TubeVolume(Component):
 
 @dataclass(frozen=True)
 class Cannula(Path[Number]):
-    """Turbulent orifice: quadratic pressure drop in both directions, from the French size.
+    """Cannula as a turbulent orifice: quadratic pressure drop in both directions, from the French size.
 
         source o---<=====>---o target      Q [L/min] = sign(dp) sqrt(|dp| / R)
                                            R = c3 D^3 + c2 D^2 + c1 D + c0, D in Fr
@@ -207,8 +207,8 @@ class Cannula(Path[Number]):
     Args:
         french: size D [Fr].
         coefficients: c3, c2, c1, c0 of R [mmHg min^2/L^2].
-        clamp: share of its area that is closed; a number 0 for none.
-        viscosity: factor of R by which the blood's viscosity counts; a number 1 for none.
+        clamp: share of its area that is closed; the number 0 for no clamp.
+        viscosity: factor of R for the viscosity of blood; the number 1 for none.
 
     Source: Getinge HLS data sheets (water), as fitted in the published code of Thiel et al.
     """

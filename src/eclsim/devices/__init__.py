@@ -1,6 +1,6 @@
-"""Devices that are connected to a patient: a file each, and the registry.
+"""Devices that are connected to a patient, one file each, and their registry.
 
-What stands here is for writing a device of one's own; `eclsim.register_device` makes it known.
+These names serve to write a user's own device, which `eclsim.register_device` registers.
 """
 
 from eclsim.devices.description import (

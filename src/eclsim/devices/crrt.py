@@ -1,12 +1,13 @@
-"""The CRRT circuit: access line, roller pump, tube, dialyzer, return line.
+"""CRRT circuit: access line, roller pump, tube, dialyzer, return line.
 
     access site ==tube==> crrttuin --(roller pump)--> crrttupf ==tube==> crrtfil --(dialyzer)--> crrttuout
         ==tube==> return site
 
 Source: Thiel et al. 2025, Figure 1 and Table S-3.
 
-With a flow of dialysate, replacement fluid or net ultrafiltration in its section the dialyzer also clears
-solutes (`eclsim.components.dialysis`). The fluids change no pressure: they are slow beside a steady beat.
+With a flow of dialysate, replacement fluid or net ultrafiltration in its section, the dialyzer also clears
+solutes (`eclsim.components.dialysis`). The fluids change no pressure: within a beat their volumes are
+negligible.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ DIALYZERS = by_key(
         ),
     )
 )  # fmt: skip
-"""Filters; a case's filter is set by Rcrrtfil."""
+"""CRRT filters; the parameter Rcrrtfil sets the filter of a case."""
 
 TUBING = circuit_parameters(
     GROUP, "S-3",
@@ -123,11 +124,11 @@ def filter_limits(prefix: str = "") -> tuple[Limit, ...]:
 
 
 def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[Assumption, ...]:
-    """Assumptions about the membrane's constants, for which no source was read.
+    """Assumptions about constants of the membrane without a source.
 
     Args:
-        membrane: in the order of `FILTER_PARAMETERS`.
-        prefix: of the names of outputs.
+        membrane: parameters of the membrane, in the order of `FILTER_PARAMETERS`.
+        prefix: prefix of the names of outputs.
     """
     permeability, urea = membrane[:2]
     pressures = (f"{prefix}transmembrane_pressure", f"{prefix}effluent_pressure")
@@ -150,7 +151,7 @@ def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[A
 LARGEST_FILTRATION_FRACTION = 0.25
 
 SITES_WITHOUT_ECMO = MappingProxyType({"access_site": "svn", "return_site": "ra"})
-"""Sites without an ECMO circuit."""
+"""Default sites without an ECMO circuit."""
 
 SCHEMES = MappingProxyType(
     {
@@ -169,7 +170,7 @@ SCHEMES = MappingProxyType(
 
 
 def _device_of(site: str) -> str:
-    """Key of the device that a position is one of; of a named instance as in "ecmo.left.post_oxy"."""
+    """Key of the device that has a position, also of a named instance, as in "ecmo.left.post_oxy"."""
     from eclsim.devices.registry import devices
 
     named, _, position = site.rpartition(".")
@@ -178,7 +179,7 @@ def _device_of(site: str) -> str:
 
 
 def _read_site(value: object, field: Field) -> object:
-    """A site of the patient or a position in another device."""
+    """Read a site of the patient or a position in another device."""
     return value if isinstance(value, str) and _device_of(value) else read_name(value, field)
 
 
@@ -195,7 +196,7 @@ _HAEMATOCRIT = Field(
 
 
 class Crrt(Section):
-    """The CRRT circuit: blood flow in mL/min, access and return where its lines are connected."""
+    """Section [crrt]: blood flow in mL/min, sites of the access and return lines, and fluids."""
 
     section = GROUP
     flow_ml_min: Annotated[float, number("Blood flow of the CRRT pump", "mL/min", 10, 600, 200)]
@@ -224,17 +225,17 @@ class Crrt(Section):
 
     @property
     def dialyses(self) -> bool:
-        """Whether a flow of fluid is given."""
+        """Whether dialysis is computed: true if any flow of fluid is given."""
         return any(getattr(self, key) is not None for key in FLUIDS)
 
 
 def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circuit:
-    """A CRRT circuit between two sites.
+    """Circuit of a CRRT between two sites.
 
     Args:
-        access_site: compartment of the ECMO circuit or of the patient that blood is drawn from.
-        return_site: compartment that it is returned to.
-        dialysis: whether the filter exchanges water and solutes with fluids as well.
+        access_site: compartment of the ECMO circuit or of the patient from which blood is drawn.
+        return_site: compartment to which blood is returned.
+        dialysis: whether the filter also exchanges water and solutes with fluids.
     """
     from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
     from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube, TubeVolume
@@ -383,11 +384,11 @@ class CrrtDevice(Device[Crrt]):
     )  # fmt: skip
 
     def circuit(self, section: Crrt) -> Circuit:
-        """The circuit between its sites."""
+        """Circuit between the sites of its section."""
         return crrt(section.access_site, section.return_site, section.dialyses)
 
     def values(self, section: Crrt) -> dict[str, float]:
-        """Flow of the roller pump, and with dialysis of the fluids."""
+        """Flow of the roller pump and, with dialysis, settings of the fluids and the blood."""
         values = {"flow_ml_min": section.flow_ml_min}
         if section.dialyses:
             given = section.model_dump(exclude_none=True)
@@ -404,7 +405,7 @@ class CrrtDevice(Device[Crrt]):
         return f"{section.flow_ml_min:g} mL/min"
 
     def controls(self, section: Crrt, sites: Mapping[str, str]) -> list[Control]:
-        """Flow, and where the lines are."""
+        """Controls of blood flow, filter resistance, sites of the lines and given fluid flows."""
         return [
             Knob("flow_ml_min", "Blood flow", "mL/min", 50, 400, 5),
             Knob("Rcrrtfil", "Dialyzer resistance", "mmHg s/mL", 5.0, 200.0, 0.5, True, is_parameter=True),
@@ -418,7 +419,7 @@ class CrrtDevice(Device[Crrt]):
         ]
 
     def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
-        """On the patient's veins where the ECMO circuit that it was connected to has gone."""
+        """Move lines to the patient's veins if the ECMO circuit to which they were connected is gone."""
         if raw["access_site"] not in sites:
             return raw | SITES_WITHOUT_ECMO
         return (
@@ -426,7 +427,7 @@ class CrrtDevice(Device[Crrt]):
         )
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """Sites that are there and make sense, and the flow that they can give."""
+        """Check that sites exist and are plausible, and that flow and fluids are possible."""
         circuits = case.of("ecmo")
         for name in ("access_site", "return_site"):
             _check_position(f"{key}.{name}", values.get(name), case, remarks)
@@ -443,7 +444,7 @@ class CrrtDevice(Device[Crrt]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What the circuit does not carry, blood or water; clearances that know of no other CRRT."""
+        """Findings on excessive water removal or blood flow, and on clearances beside other filters."""
         return [
             *haemoconcentration_findings(names, outputs, values),
             *_draws_more_than_carried(names, outputs, circuit),
@@ -452,7 +453,7 @@ class CrrtDevice(Device[Crrt]):
 
 
 def _draws_more_than_carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-    """A CRRT that draws more from an ECMO circuit than the circuit carries."""
+    """Alarm for a computed CRRT flow above the flow of the ECMO circuit from which it is drawn."""
     ends = {c.name: (c.source, c.target) for c in circuit.connections}
     groups = {c.name: c.group for c in circuit.compartments}
     access, _ = ends.get(names.place("crrttuin"), ("", ""))
@@ -473,7 +474,7 @@ def _draws_more_than_carried(names: Naming, outputs: Mapping[str, float], circui
 
 
 def _check_position(key: str, site: str | None, case: CaseValues, remarks: Remarks) -> None:
-    """A position needs the device that it is one of."""
+    """Report a position whose device is not connected."""
     device = "" if site is None or site in PATIENT_SITES else _device_of(site)
     if site is None or not device:
         return
@@ -487,7 +488,7 @@ def _check_position(key: str, site: str | None, case: CaseValues, remarks: Remar
 
 
 def _check_flow(key: str, drawn: float | None, ecmo: Raw, remarks: Remarks) -> None:
-    """A CRRT that draws more from the ECMO circuit than the circuit is set to carry."""
+    """Warn of a set CRRT flow above the set flow of the ECMO circuit from which it is drawn."""
     pump = ecmo.get("pump")
     carried = pump["roller_l_min"] if isinstance(pump, dict) else ecmo.get("flow_l_min")
     if drawn is None or carried is None or drawn <= convert(carried, "L/min", "mL/min"):

@@ -1,4 +1,4 @@
-"""What the dialyzer of the CRRT circuit is made of, and what it does in a beat: outputs of dialysis."""
+"""Parameters of the CRRT dialyzer's membrane, and outputs of dialysis."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
 def _dialysis(
     name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
 ) -> Output:
-    """A number of what the filter does, a field of `eclsim.components.dialysis.Performance`."""
+    """Output that is a field of `eclsim.components.dialysis.Performance`."""
     return Output(
         name, long_name, unit, definition, _SIGNALS,
         lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
@@ -60,7 +60,7 @@ def _dialysis(
 
 
 def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
-    """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
+    """Performance of the filter in a beat (`eclsim.components.dialysis.Performance`)."""
 
     def compute() -> Performance:
         blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
@@ -70,11 +70,12 @@ def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
 
 
 def _share(m: BeatMeasures, what: str) -> Numbers:
-    """Share of what the filter does to something that is for the patient (`eclsim.gas.solutes`).
+    """Ratio of effective to own clearance of the filter (`eclsim.gas.solutes`).
 
     Args:
         m: measures of the beat.
-        what: field of `Performance` that is its clearance; `plasma_water` for what one pass takes wholly.
+        what: field of `Performance` that holds the clearance; `plasma_water` for complete removal in one
+            pass.
     """
 
     def compute() -> Sequence[Numbers]:
@@ -86,7 +87,7 @@ def _share(m: BeatMeasures, what: str) -> Numbers:
 
 
 def _effective(m: BeatMeasures, solute: str) -> Numbers:
-    """Clearance [mL/min] of the blood that leaves the tissues."""
+    """Effective clearance [mL/min], relative to the blood that leaves the tissues."""
     return getattr(performance(m), solute) * _share(m, solute)
 
 
@@ -158,7 +159,7 @@ OUTPUTS = (
 def haemoconcentration_findings(
     names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
 ) -> list[Finding]:
-    """Water taken out of a circuit that the patient's blood does not reach."""
+    """Alarm for a net ultrafiltration above the flow of the patient's plasma to the dialyzer."""
     name = names.output("fresh_plasma_ml_h")
     fresh, net = outputs.get(name), values.get(names.parameter(f"{GROUP}.{FLUIDS[3]}"), 0.0)
     if fresh is None or not net > fresh:

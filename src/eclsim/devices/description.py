@@ -1,4 +1,4 @@
-"""Descriptions that make up a device: outputs of a beat, limits, findings, drawing, knobs."""
+"""Parts of a device's description: outputs of a beat, limits, findings, drawing, controls."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ Measured = TypeVar("Measured")
 Numbers = Any
 """One number for each patient: a float, an array, or either with its derivatives."""
 Law = Callable[["Array"], "Array"]
-"""A differentiable function of numbers of one patient, (n,) to (m,); it is compiled once for each object."""
+"""A differentiable function of one patient's numbers, (n,) to (m,), compiled once per function object."""
 GASES = "gas.vo2_ml_min"
-"""Parameter that a circuit has exactly if its gases are computed."""
+"""Parameter that a circuit has if and only if its gases are computed."""
 Kind = Literal["collapse", "alarm", "warning"]
 GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
-"""Kinds of limits. Beyond a "collapse" the numbers cannot be those of a patient."""
+"""Kinds of limits, most serious first. Beyond a "collapse" limit the numbers are impossible in a patient."""
 SIDES = ("below", "above")
-"""Where a value may be beyond a limit."""
+"""Sides on which a value may exceed a limit."""
 COLLAPSE_MMHG = -300.0
-"""Pressure that no vein withstands: the vessel has collapsed and a pump would not reach the computed flow."""
+"""Pressure [mmHg] at which any vein has collapsed, so that a pump would not reach the computed flow."""
 CAUTION = "caution"
-"""Kind of a finding that breaks no limit: how a number is to be read."""
+"""Kind of a finding that concerns no limit but how to interpret a number."""
 
 
 class BeatMeasures(Protocol):
-    """What can be measured on the waveforms of a beat (`eclsim.outputs.measures.Measures`)."""
+    """Measurements on the waveforms of a beat (`eclsim.outputs.measures.Measures`)."""
 
     def mean(self, name: str) -> Numbers: ...  # noqa: D102 (named after what it is)
     def maximum(self, name: str) -> Numbers: ...  # noqa: D102
@@ -67,19 +67,19 @@ class Output:
     """One number per beat.
 
     Args:
-        name: key; the paper's where it has one.
-        long_name: in words.
+        name: key; that of the paper if it has one.
+        long_name: full name.
         unit: unit of the number.
-        definition: how it follows from the waveforms.
-        needs: waveforms without which it does not exist.
-        compute: from the measures of a beat.
-        extremes: waveforms whose largest or smallest value it reads, so that their rates are wanted too.
-        in_contract: whether it is one of the main outputs that every result file leads with.
-        parameters: that it reads besides; it exists only in circuits that have them. Where it is not to be
-            trusted it is NaN.
-        all_flows: whether it follows from the flows of all connections.
-        by_gases: whether it follows from the gases of the blood too where they are followed.
-        in_effect: whether it follows from what controllers read, and so from all parameters of theirs.
+        definition: definition in terms of the waveforms.
+        needs: waveforms that it requires; without them it is left out.
+        compute: function of the measures of a beat.
+        extremes: waveforms whose largest or smallest value it reads, and whose rates are therefore needed.
+        in_contract: whether it is one of the main outputs, which come first in every result file.
+        parameters: parameters that it reads; it exists only in circuits that have them. It is NaN where it is
+            not reliable.
+        all_flows: whether it depends on the flows of all connections.
+        by_gases: whether it also depends on blood gases if they are computed.
+        in_effect: whether it depends on the readings of controllers, and so on all their parameters.
     """
 
     name: str
@@ -97,24 +97,24 @@ class Output:
 
 
 def mean(name: str, long_name: str, signal: str) -> Output:
-    """Mean of a pressure [mmHg]."""
+    """Output of the mean of a pressure [mmHg]."""
     return Output(name, long_name, "mmHg", f"mean of {signal}", (signal,), lambda m: m.mean(signal))
 
 
 def highest(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    """Largest value of a waveform."""
+    """Output of the largest value of a waveform."""
     definition = f"maximum of {signal}"
     return Output(name, long_name, unit, definition, (signal,), lambda m: m.maximum(signal), (signal,))
 
 
 def lowest(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    """Smallest value of a waveform."""
+    """Output of the smallest value of a waveform."""
     definition = f"minimum of {signal}"
     return Output(name, long_name, unit, definition, (signal,), lambda m: m.minimum(signal), (signal,))
 
 
 def mean_flow(name: str, long_name: str, signal: str, in_contract: bool = False) -> Output:
-    """Mean of a flow [L/min]."""
+    """Output of the mean of a flow [L/min]."""
     return Output(
         name, long_name, "L/min", f"mean of {signal}", (signal,),
         lambda m: m.mean(signal) / ML_S_PER_L_MIN, in_contract=in_contract,
@@ -122,7 +122,7 @@ def mean_flow(name: str, long_name: str, signal: str, in_contract: bool = False)
 
 
 def difference(name: str, long_name: str, high: str, low: str) -> Output:
-    """Mean difference of two pressures [mmHg]."""
+    """Output of the mean difference of two pressures [mmHg]."""
     definition = f"mean of {high} - {low}"
     return Output(name, long_name, "mmHg", definition, (high, low), lambda m: m.mean(high) - m.mean(low))
 
@@ -130,15 +130,15 @@ def difference(name: str, long_name: str, high: str, low: str) -> Output:
 def gas_sample(
     name: str, long_name: str, where: str, place: str, what: str, needs: tuple[str, ...]
 ) -> Output:
-    """A gas of a sample of blood: saturation [%], or a partial pressure [mmHg]; where gas is computed.
+    """Output of a blood sample's saturation [%] or partial pressure [mmHg], if gases are computed.
 
     Args:
-        name: of the output.
-        long_name: in words.
+        name: name of the output.
+        long_name: full name.
         where: "in" a compartment, "drawn" by a connection, "behind" an exchange.
         place: name of the compartment or connection.
         what: "SO2", "PO2" or "PCO2".
-        needs: waveforms without which it does not exist.
+        needs: waveforms that it requires.
     """
     unit, factor = ("%", 100.0) if what == "SO2" else ("mmHg", 1.0)
     return Output(
@@ -149,17 +149,17 @@ def gas_sample(
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A bound that an output should not cross.
+    """A limit that an output should not exceed.
 
     Attributes:
         quantity: Name of the output.
         kind: "warning", "alarm" or "collapse" (beyond it the numbers are impossible).
-        side: Whether the limit is broken by a value "below" or "above" it.
-        value: The bound, in the output's unit.
-        meaning: What it means to be beyond it.
-        source: Where the bound comes from.
-        unassisted: Whether it holds only without a pump that empties the left ventricle.
-        without: Outputs beside any of which it does not hold.
+        side: Whether a value "below" or "above" the limit exceeds it.
+        value: The limit, in the output's unit.
+        meaning: Meaning of a value beyond it.
+        source: Source of the limit.
+        unassisted: Whether it applies only without a pump that drains the left ventricle.
+        without: Outputs; the limit does not apply if any of them is present.
     """
 
     quantity: str
@@ -172,19 +172,19 @@ class Limit:
     without: tuple[str, ...] = ()
 
     def broken_by(self, value: float) -> bool:
-        """Whether a value is beyond the limit (NaN is not)."""
+        """Whether a value exceeds the limit (NaN does not)."""
         return value < self.value if self.side == "below" else value > self.value
 
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """A usual value that no source gives, and outputs that follow from it.
+    """A usual value without a source, and the outputs that depend on it.
 
     Attributes:
-        parameter: whose value it is; said only where a case leaves it at that.
-        value: in the parameter's unit.
-        concerns: names of outputs.
-        sentence: what is assumed, how far it matters, and what to set.
+        parameter: parameter that has the value; reported only if a case does not change it.
+        value: value in the parameter's unit.
+        concerns: names of the outputs that depend on it.
+        sentence: text that says what is assumed, how much it matters, and what to set.
     """
 
     parameter: str
@@ -195,16 +195,16 @@ class Assumption:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something to say about a beat.
+    """A remark about a beat.
 
     Attributes:
         kind: "collapse" (impossible), "alarm", "warning", or "caution" (no limit: how to read a number).
-        quantity: output or waveform that it is about.
-        value: what the beat has.
-        limit: what it is compared with.
-        sentence: in words.
-        source: where the limit comes from.
-        concerns: outputs that it speaks of.
+        quantity: output or waveform that it concerns.
+        value: value in the beat.
+        limit: value with which it is compared.
+        sentence: text of the finding.
+        source: source of the limit.
+        concerns: names of the outputs that it mentions.
     """
 
     kind: str
@@ -216,19 +216,19 @@ class Finding:
     concerns: tuple[str, ...] = ()
 
     def is_about(self, outputs: Collection[str]) -> bool:
-        """Whether to say it where these outputs alone are shown: what is no mere caution holds for all."""
+        """Whether to report it if only these outputs are shown; always true unless it is a caution."""
         return self.kind != CAUTION or any(name in outputs for name in self.concerns)
 
 
 @dataclass(frozen=True)
 class Box:
-    """Where the box of a compartment stands in a device's frame of the drawing.
+    """Position of a compartment's box in a device's frame of the drawing.
 
     Args:
         column: 0 (left) to 3 (right).
         row: 0 at the top; lines to other sites leave from the lowest row.
-        label: what stands in it.
-        short: the same where there is little room; left out, `label`.
+        label: text in the box.
+        short: text if there is little room; by default `label`.
     """
 
     column: int
@@ -239,11 +239,11 @@ class Box:
 
 @dataclass(frozen=True)
 class Mark:
-    """How a connection is marked in the drawing.
+    """Symbol and label of a connection in the drawing.
 
     Args:
         symbol: "pump", "roller", "exchanger", "cannula", "resistance", "valve" or "tube".
-        label: what stands beside it.
+        label: text beside the symbol.
     """
 
     symbol: str
@@ -252,15 +252,15 @@ class Mark:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes of a figure: waveforms over two beats, or outputs over the values of a sweep.
+    """One panel of a figure: waveforms over two beats, or outputs over the values of a sweep.
 
     Args:
-        title: above it.
-        unit: of the axis.
-        names: of the waveforms or outputs.
-        labels: of the curves; left out, the places in words.
-        change: shows volumes as the difference from their mean, which then stands in the legend: the systemic
-            veins hold twenty times what the aorta holds.
+        title: title above the panel.
+        unit: unit of the vertical axis.
+        names: names of the waveforms or outputs.
+        labels: labels of the curves; by default those of the places.
+        change: whether to show volumes as differences from their means, which are then in the legend: the
+            systemic veins hold twenty times as much as the aorta.
     """
 
     title: str
@@ -272,14 +272,14 @@ class Panel:
 
 @dataclass(frozen=True)
 class Look:
-    """Look of a device in figures; dash patterns tell devices apart in grey print.
+    """Appearance of a device in figures; dash patterns distinguish devices in greyscale.
 
     Args:
-        colour: of lines.
-        fill: of the ground behind it.
-        width: of lines [pt].
-        dash: as matplotlib takes it.
-        marker: of its points in dot charts.
+        colour: colour of lines.
+        fill: background colour.
+        width: width of lines [pt].
+        dash: line style as in matplotlib.
+        marker: marker of its points in dot plots.
     """
 
     colour: str
@@ -291,19 +291,19 @@ class Look:
 
 @dataclass(frozen=True)
 class Knob:
-    """A number that can be turned on the page.
+    """A number that can be changed on the page.
 
     Args:
-        key: key of the section, or name of a parameter; the page puts the section in front.
-        label: in words.
+        key: key of the section, or name of a parameter; the page adds the name of the section.
+        label: label of the control.
         unit: unit of the number.
-        low: left end of the slider; typed values may lie beyond, as far as a case file allows.
-        high: right end.
-        step: of the slider and of the arrow keys.
-        logarithmic: whether equal ways on the slider are equal factors.
+        low: left end of the slider; typed values may lie beyond it if a case file allows them.
+        high: right end of the slider.
+        step: step of the slider and of the arrow keys.
+        logarithmic: whether the slider has a logarithmic scale.
         group: section of the panel, which the page fills in for devices.
-        needs: section of the case without which it has no effect, and is left out.
-        is_parameter: whether `key` is a parameter of the device, which a case file has in `[parameters]`.
+        needs: section of the case without which it has no effect and is not shown.
+        is_parameter: whether `key` is a parameter of the device, set in `[parameters]` of a case file.
     """
 
     key: str
@@ -320,13 +320,13 @@ class Knob:
 
 @dataclass(frozen=True)
 class Picker:
-    """A choice among names on the page.
+    """A choice among names on the page, as a drop-down list.
 
     Args:
-        key: key of the section; the page puts the section in front.
-        label: in words.
-        options: names and what they are in words.
-        line: what to call the line that the choice moves in the drawing, such as "access"; else empty.
+        key: key of the section; the page adds the name of the section.
+        label: label of the control.
+        options: names and their labels.
+        line: name of the line, such as "access", whose site it chooses in the drawing; else empty.
         group: section of the panel, which the page fills in for devices.
     """
 
@@ -343,7 +343,7 @@ Control = Knob | Picker
 def picker(
     key: str, label: str, names: Iterable[str], labels: Mapping[str, str] = _EMPTY, line: str = ""
 ) -> Picker:
-    """A choice among names, each in words or, without words, as it is."""
+    """Create a choice among names, each shown by its label if it has one."""
     return Picker(key, label, tuple((name, labels.get(name, name)) for name in names), line)
 
 
@@ -351,7 +351,7 @@ _SWITCH_WORDS = MappingProxyType({"true": "yes", "false": "no"})
 
 
 def plain_control(field: Field) -> Control | None:
-    """How a field of a section can be turned without further words; None for a text."""
+    """Default control for a field of a section; None for a text field."""
     if field.kind == "number":
         step = 10.0 ** math.floor(math.log10((field.maximum - field.minimum) / 40.0))
         unit = "" if field.unit == "1" else field.unit
@@ -363,15 +363,15 @@ def plain_control(field: Field) -> Control | None:
 
 @dataclass(frozen=True)
 class Trace:
-    """A waveform of the page's monitor.
+    """A waveform on the page's monitor.
 
     Args:
         signal: name of the waveform.
-        label: beside the trace.
-        text: in full.
-        form: what stands beside the trace: "pressure" (systolic, diastolic and mean), "mean" or "flow".
-        outputs: the outputs behind these numbers.
-        scales: fixed scales [mmHg or L/min]; the first that holds the whole waveform is taken.
+        label: label beside the trace.
+        text: full name.
+        form: numbers beside the trace: "pressure" (systolic, diastolic and mean), "mean" or "flow".
+        outputs: outputs that hold these numbers.
+        scales: fixed scales [mmHg or L/min]; the first one that contains the whole waveform is used.
     """
 
     signal: str
@@ -384,17 +384,17 @@ class Trace:
 
 @dataclass(frozen=True)
 class KeyFigure:
-    """A number that is always in sight on the page.
+    """A number that is always visible on the page, in a tile.
 
     Args:
-        key: name of its tile.
-        label: on the tile.
-        output: the number.
-        unit: of the number.
-        digits: decimals.
-        limits: outputs whose limits colour the tile; empty for the output itself.
-        extremes: outputs that stand below the number.
-        only_with: an output; the tile is there only where that one is to be read with care.
+        key: key of its tile.
+        label: label on the tile.
+        output: output that holds the number.
+        unit: unit of the number.
+        digits: number of decimals.
+        limits: outputs whose limits determine the tile's colour; if empty, the output itself.
+        extremes: outputs shown below the number.
+        only_with: output; if given, the tile is shown only if there is a caution on this output.
     """
 
     key: str
@@ -409,14 +409,14 @@ class KeyFigure:
 
 @dataclass(frozen=True)
 class Curve:
-    """An output over the speed of a pump.
+    """Curve of an output over the speed of a pump.
 
     Args:
-        output: its name.
-        label: in the legend.
-        panel: which of the three charts it is in.
-        limited_by: output whose limits are drawn beside a curve of a circuit.
-        short: name of these limits.
+        output: name of the output.
+        label: label in the legend.
+        panel: chart in which it is drawn.
+        limited_by: output whose limits are drawn beside the curve, in the panel "circuit".
+        short: short name of these limits.
     """
 
     output: str
@@ -428,7 +428,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The speed of a pump that the page can sweep: key of the section, where it stands, usual range."""
+    """Pump speed that the page can sweep: key of the section, present value, usual range."""
 
     key: str
     present: float
@@ -438,14 +438,14 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a device in the table of a cohort, and the keys of its section.
+    """Columns of a device in the table of a cohort, with the keys of its section.
 
     Args:
-        needed: that every such table has; empty cells where the device is absent.
-        optional: that it may have.
-        usual: keys of the section in rows that say nothing in optional columns.
-        measured: those of the columns that clinical data may hold.
-        settings: keys of the section that may be columns too, under their own names.
+        needed: columns that every such table has; cells are empty if the device is absent.
+        optional: columns that a table may have.
+        usual: values of keys of the section for rows with empty optional columns.
+        measured: columns that may be in clinical data.
+        settings: keys of the section that may also be columns, under their own names.
     """
 
     needed: Mapping[str, str] = field(default_factory=dict)
@@ -457,12 +457,12 @@ class Columns:
 
 @dataclass(frozen=True)
 class Target:
-    """An output that a case may name in place of the setting that gives it.
+    """An output value that a case may give in place of a setting, which is then solved for.
 
     Args:
-        key: of the section, such as "flow_l_min".
+        key: key of the section, such as "flow_l_min".
         setting: key of the section that is solved for, over the range of the device's `sweep`.
-        output: what is to have the value.
+        output: output that is to reach the value.
     """
 
     key: str
@@ -472,12 +472,12 @@ class Target:
 
 @dataclass(frozen=True)
 class Sample:
-    """A place whose blood stands in the page's table of gases.
+    """A site whose blood is listed in the page's table of blood gases.
 
     Args:
         place: compartment.
-        label: where that is, in words.
-        outputs: whose limits mark the numbers, by "SO2", "PO2", "PCO2" or "pH".
+        label: label of the site.
+        outputs: outputs whose limits mark the numbers, by "SO2", "PO2", "PCO2" or "pH".
     """
 
     place: str
@@ -487,7 +487,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class FlowUnit:
-    """How flows of a part of the circuit are written: factor from mL/s, decimals, unit."""
+    """Format of flows in a part of the circuit: factor from mL/s, decimals, unit."""
 
     factor: float = 0.06
     digits: int = 2
@@ -496,16 +496,16 @@ class FlowUnit:
 
 @dataclass(frozen=True)
 class Views:
-    """What the page's views show of a device, or of the patient.
+    """Content of the page's views for a device or the patient.
 
     Args:
-        traces: of the monitor.
-        figures: tiles.
-        curves: of the speed ramp.
-        compared: outputs in the table of saved states.
-        flow_unit: of the flows in the schematic.
-        flow_outputs: connections whose flow is marked by the limits of an output.
-        samples: places of which blood gases are shown.
+        traces: traces of the monitor.
+        figures: tiles of key figures.
+        curves: curves of the speed ramp.
+        compared: outputs in the table that compares saved states.
+        flow_unit: format of the flows in the schematic.
+        flow_outputs: by connection, the output whose limits mark its flow.
+        samples: sites whose blood gases are shown.
     """
 
     traces: tuple[Trace, ...] = ()

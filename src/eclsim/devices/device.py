@@ -1,12 +1,12 @@
-"""What a device is: everything the rest of the package needs to know of it, in one object.
+"""Base class of devices: one object that holds everything the rest of the package needs to know of a device.
 
-A device is a subclass of `Device` in a file of its own, and a line in `eclsim.devices.registry` (or a call of
-`eclsim.register_device`). Case files, outputs, limits, drawings, the page and the analyses go through the
-registry and name no device.
+A device is a subclass of `Device` in its own file, and a line in `eclsim.devices.registry` (or a call of
+`eclsim.register_device`). Case files, outputs, limits, drawings, the page and the analyses use the registry
+and name no device.
 
-The same device may be connected more than once, as `[lvad.left]` and `[lvad.right]`: an `Instance` is one of
-them. A device is written with the names of an only instance (`[lvad]`: compartments such as `ecmodrain`,
-parameters such as `lvad.speed_rpm` or `Recmooxy`); those of a named one get the instance in front
+A device may be connected more than once, as `[lvad.left]` and `[lvad.right]`; each of these is an `Instance`.
+The names in a `Device` are those of a single, unnamed instance (`[lvad]`: compartments such as `ecmodrain`,
+parameters such as `lvad.speed_rpm` or `Recmooxy`). Those of a named instance contain the instance's name
 (`ecmo.left.ecmodrain`, `lvad.left.speed_rpm`, `ecmo.left.Recmooxy`).
 """
 
@@ -49,148 +49,150 @@ _EMPTY: Mapping[str, Any] = MappingProxyType({})
 class Device(ABC, Generic[S]):
     """A device that can be connected to a patient.
 
-    Names in it are those of an only instance. Only `key`, `name`, `section`, `circuit` and `values` are
-    needed; what is left out is simply not there (no limits, no knobs), or drawn and listed in a plain way.
+    Names are those of a single, unnamed instance. Only `key`, `name`, `section`, `circuit` and `values` are
+    required. Other attributes default to none (no limits, no knobs) or to a generic drawing and listing.
     """
 
     key: ClassVar[str]
     """Name of its section in a case file, group of its compartments, first part of its parameters' names."""
     name: ClassVar[str]
-    """What clinicians call it, such as "ECMO"."""
+    """Clinical name, such as "ECMO"."""
     section: ClassVar[type[Section]]
     """Its section of the case file."""
 
     compartments: ClassVar[Mapping[str, str]] = _EMPTY
-    """Its compartments, in flow direction, in words."""
+    """Labels of its compartments, in flow direction."""
     connections: ClassVar[Mapping[str, str]] = _EMPTY
-    """Its connections, in flow direction, in words."""
+    """Labels of its connections, in flow direction."""
     positions: ClassVar[Mapping[str, str]] = _EMPTY
-    """Sites in it that other devices can be connected to, and the compartment that stands there."""
+    """Its sites to which other devices can be connected, and the compartment at each."""
     position_words: ClassVar[Mapping[str, str]] = _EMPTY
-    """These sites in words."""
+    """Labels of these sites."""
     lines: ClassVar[Mapping[str, str]] = _EMPTY
-    """Keys of its section that say where lines end that can be moved to such sites, and their connections."""
+    """Keys of its section that set the sites of movable lines, and the connections of these lines."""
     boxes: ClassVar[Mapping[str, Box]] = _EMPTY
-    """Where its compartments stand in the drawing; left out, in flow direction."""
+    """Boxes of its compartments in the drawing; by default in flow direction."""
     marks: ClassVar[Mapping[str, Mark]] = _EMPTY
-    """How its connections are marked in the drawing; left out, by their laws and `connections`."""
+    """Symbols of its connections in the drawing; by default from their laws and `connections`."""
     look: ClassVar[Look] = Look("#7A4A72", "#F8F2F6", 1.3, (0, (1.5, 1.2)), "v")
-    """Its colour and line in figures."""
+    """Its colours and line style in figures."""
     panels: ClassVar[Sequence[Panel]] = ()
-    """Its figure of waveforms; left out, pressures and flows in flow direction."""
+    """Panels of its figure of waveforms; by default pressures and flows in flow direction."""
     swept: ClassVar[Sequence[Panel]] = ()
-    """Its outputs in the figure of a sweep, besides its flow."""
+    """Panels of its outputs, in addition to its flow, in the figure of a sweep."""
     tabled: ClassVar[Sequence[tuple[str, Sequence[str]]] | None] = None
-    """Titles and outputs in the table of results, besides its flows; left out, all that it has."""
+    """Titles and outputs, in addition to its flows, in the table of results; by default all outputs."""
     schemes: ClassVar[Mapping[str, Mapping[str, str]]] = _EMPTY
-    """Usual ways of connecting these lines by name: the position of each key."""
+    """Usual ways of connecting its `lines`, by name: the site of each key."""
     products: ClassVar[Sequence[Product]] = ()
-    """What it may be made of, with constants and sources."""
+    """Products of which it may consist, with constants and sources."""
     parameters: ClassVar[Sequence[Parameter]] = ()
     """Its constants that a case file may change in `[parameters]`."""
     nominal: ClassVar[Mapping[str, float]] = _EMPTY
-    """Usual values of what `values` gives: the search for a patient's beat starts from a beat with them."""
+    """Usual values of the parameters that `values` returns; the search for a beat starts with them."""
     outputs: ClassVar[Sequence[Output]] = ()
-    """Numbers of a beat that it adds."""
+    """Outputs of a beat that it adds."""
     limits: ClassVar[Sequence[Limit]] = ()
     """Bounds that its outputs should not cross."""
     assumptions: ClassVar[Sequence[Assumption]] = ()
-    """Usual values without a source that its outputs follow from."""
+    """Usual values without a source on which its outputs depend."""
     alike: ClassVar[Sequence[tuple[str, ...]]] = ()
-    """Equivalent outputs: of their broken limits only the gravest is reported."""
+    """Groups of equivalent outputs; of the limits that a group exceeds, only the most serious is reported."""
     usual: ClassVar[Mapping[str, Any]] = _EMPTY
-    """Its section where the page connects it; without one the page cannot."""
+    """Section with which the page connects it; if empty, the page cannot connect it."""
     set_by_products: ClassVar[Mapping[str, str]] = _EMPTY
-    """Keys of its section that name a product, and the parameter that follows from it."""
+    """Keys of its section that name a product, and the parameter that the product sets."""
     carries_circulation: ClassVar[bool] = False
-    """Whether it can keep the arterial pressure up without a pulse."""
+    """Whether it can maintain arterial pressure without a pulse."""
     adjusted: ClassVar[Sequence[str]] = ()
-    """Keys of its section that are turned to reach goals, the dearest first; small values are sought."""
+    """Keys of its section adjusted to reach goals, the costliest first; small values are preferred."""
     columns: ClassVar[Columns] = Columns()
     """Its columns in the table of a cohort."""
     target: ClassVar[Target | None] = None
-    """What its section may name in place of a setting that is then solved for."""
+    """Target that its section may give instead of a setting, which is then solved for."""
     views: ClassVar[Views] = Views()
-    """What the views of the page show of it besides its knobs and its place in the circuit."""
+    """Content of the page's views, in addition to its controls and its place in the circuit."""
     assist_flow: ClassVar[str] = ""
-    """The output that is its flow, if it is a pump that takes over a ventricle's work; else empty."""
+    """Output that holds its flow, if it is a pump that takes over a ventricle's work; else empty."""
 
     @abstractmethod
     def circuit(self, section: S) -> Circuit:
-        """Its compartments and connections, joined to the sites that the section names.
+        """Return its compartments and connections, joined to the sites that the section names.
 
-        Import `eclsim.circuit` and `eclsim.components` inside: a case file is read without them.
+        Import `eclsim.circuit` and `eclsim.components` inside the method: reading a case file must not load
+        them.
         """
 
     @abstractmethod
     def values(self, section: S) -> dict[str, float]:
-        """Values of the parameters of the circuit that `parameters` does not hold, or holds otherwise."""
+        """Values of circuit parameters that are missing in `parameters` or differ from the values there."""
 
     def values_of_blood(self, section: S, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
-        """Values that its section leaves to the patient's blood, where a case has its haemoglobin.
+        """Values that follow from the patient's blood (if haemoglobin is known) unless the section sets them.
 
         Args:
-            section: of the case.
-            haemoglobin_g_dl: of the patient.
-            gases: whether the gases of the blood are followed.
+            section: section of the case.
+            haemoglobin_g_dl: haemoglobin of the patient [g/dL].
+            gases: whether blood gases are computed.
         """
         return {}
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """Report contradictions (errors) and doubts (warnings) about a section that was read.
+        """Report contradictions (errors) and implausible values (warnings) of a section that was read.
 
         Args:
-            values: of the section, as far as they are right: any may be absent.
-            case: the rest of the case.
-            key: of the section, such as "lvad" or "lvad.left".
+            values: valid values of the section; any may be absent.
+            case: valid values of the rest of the case.
+            key: key of the section, such as "lvad" or "lvad.left".
             remarks: collects mistakes, warnings and notes.
         """
 
     def summary(self, section: S) -> str:
-        """Its main settings in a few words, such as "HM3 4900 rpm"."""
+        """Short text of its main settings, such as "HM3 4900 rpm"."""
         settings = section.model_dump(exclude_none=True)
         return ", ".join(f"{name} {value}" for name, value in settings.items())
 
     def controls(self, section: S, sites: Mapping[str, str]) -> Sequence[Control]:
-        """What can be turned on the page, in the order of the panel.
+        """Controls on the page, in the order of the panel.
 
         Args:
-            section: as it is.
-            sites: where the device can be connected, in words: the patient's and those of other devices.
+            section: current section.
+            sites: labels of the sites to which it can be connected: the patient's and those of other devices.
         """
         result = map(plain_control, self.section.fields().values())
         return [control for control in result if control is not None]
 
     def shown(self, section: S, key: str) -> float | str:
-        """Where a control stands."""
+        """Current value of a control."""
         return getattr(section, key)
 
     def turned(self, raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
-        """Its section as mappings with one control turned."""
+        """The section, as a mapping, after one control is changed."""
         return {**raw, key: value}
 
     def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
-        """Its section with lines moved whose sites have gone with another device."""
+        """The section after lines are moved whose sites were removed with another device."""
         return raw
 
     def sizes(self, section: S, key: str) -> Sequence[float]:
-        """The values that a number of its section comes in, such as a maker's sizes; empty if any."""
+        """Available values of a number in its section, such as a maker's sizes; empty if any is allowed."""
         return ()
 
     def sweep(self, section: S) -> Sweep | None:
-        """The speed of its pump that can be swept, and its usual range; None without one."""
+        """Pump speed that can be swept, and its usual range; None if there is none."""
         return None
 
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """Findings about a beat besides limits that it breaks, such as a label's range.
+        """Findings about a beat in addition to exceeded limits, such as a flow outside a label's range.
 
         Args:
-            names: of one instance.
-            outputs: of the beat, by name.
-            circuit: of patient and devices, with fixed sites.
-            values: of all parameters, with all that `values` of the device's own section gives.
+            names: names of the instance.
+            outputs: outputs of the beat, by name.
+            circuit: circuit of patient and devices, with fixed sites.
+            values: values of all parameters, including those that `values` returns for the device's own
+                section.
         """
         return []
 
@@ -203,11 +205,11 @@ AnyDevice = Device[Any]
 
 @dataclass(frozen=True)
 class Naming:
-    """How the names of a device become those of one instance of it.
+    """Translation of a device's names to those of one instance.
 
     Args:
-        device: what it is.
-        name: such as "left" in `[lvad.left]`; empty for an only instance, `[lvad]`.
+        device: the device.
+        name: name of the instance, such as "left" in `[lvad.left]`; empty for the unnamed instance `[lvad]`.
     """
 
     device: AnyDevice
@@ -220,7 +222,7 @@ class Naming:
 
     @property
     def label(self) -> str:
-        """What to call it, such as "LVAD" or "LVAD left"."""
+        """Label, such as "LVAD" or "LVAD left"."""
         return f"{self.device.name} {self.name}".strip()
 
     def place(self, name: str) -> str:
@@ -228,39 +230,39 @@ class Naming:
         return f"{self.key}.{name}" if self.name else name
 
     def device_place(self, place: str) -> str | None:
-        """The device's name for a compartment or connection of the circuit; None for another's."""
+        """Device's name for a compartment or connection of the circuit; None if it belongs elsewhere."""
         if self.name:
             result = place.removeprefix(f"{self.key}.")
             return None if result == place else result
         return place if place in self.device.compartments or place in self.device.connections else None
 
     def signal(self, name: str) -> str:
-        """Name of a waveform, such as "Pecmo.left.ecmodrain"; one of the patient as it is."""
+        """Name of a waveform, such as "Pecmo.left.ecmodrain"; those of the patient are unchanged."""
         kind, place = name[0], name[1:]
         known = place in self.device.compartments or place in self.device.connections
         return kind + self.place(place) if known else name
 
     def output(self, name: str) -> str:
-        """Name of one of its outputs, such as "lvad.left.flow" of "lvad_flow"."""
+        """Name of one of its outputs, such as "lvad.left.flow" for "lvad_flow"."""
         return f"{self.key}.{name.removeprefix(f'{self.device.key}_')}" if self.name else name
 
     def place_label(self, signal: str) -> str:
-        """What the place of one of its waveforms is called."""
+        """Label of the place of one of its waveforms."""
         place = self.device_place(signal[1:]) or ""
         labels = self.device.connections if signal[0] == "Q" else self.device.compartments
         return f"{labels.get(place, place)} {self.name}".strip()
 
     def pumps(self) -> tuple[str, ...]:
-        """Connections of it that are pumps."""
+        """Names of its connections that are pumps."""
         marks = self.device.marks.items()
         return tuple(self.place(place) for place, mark in marks if mark.symbol in ("pump", "roller"))
 
     def flows(self) -> tuple[str, ...]:
-        """Its outputs that are mean flows."""
+        """Names of its outputs that are mean flows."""
         return tuple(self.output(entry.name) for entry in self.device.outputs if entry.unit == "L/min")
 
     def panels(self) -> tuple[Panel, ...]:
-        """Its figure of waveforms, under its own names."""
+        """Panels of its figure of waveforms, with the instance's names."""
         panels = self.device.panels or (
             Panel("Pressures", "mmHg", tuple(f"P{place}" for place in self.device.compartments)),
             Panel("Flows", self.device.views.flow_unit.unit, tuple(f"Q{p}" for p in self.device.connections)),
@@ -269,7 +271,7 @@ class Naming:
         return tuple(replace(panel, names=tuple(map(self.signal, panel.names))) for panel in panels)
 
     def swept(self) -> tuple[Panel, ...]:
-        """Its panels in the figure of a sweep, under its own names."""
+        """Its panels in the figure of a sweep, with the instance's names."""
         return tuple(
             replace(
                 panel, title=f"{panel.title} {self.name}".strip(), names=tuple(map(self.output, panel.names))
@@ -278,13 +280,13 @@ class Naming:
         )
 
     def tabled(self) -> list[tuple[str, tuple[str, ...]]]:
-        """Titles and outputs in the table of results, under its own names."""
+        """Titles and outputs in the table of results, with the instance's names."""
         others = tuple(o.name for o in self.device.outputs if o.unit != "L/min")
         groups = ((self.device.name, others),) if self.device.tabled is None else self.device.tabled
         return [(f"{title} {self.name}".strip(), tuple(map(self.output, names))) for title, names in groups]
 
     def parameter(self, name: str) -> str:
-        """Name of one of its parameters; of others, such as the viscosity of blood, the name as it is."""
+        """Name of one of its parameters; those of others, such as the viscosity of blood, are unchanged."""
         if not self.name:
             return name
         if name.startswith(f"{self.device.key}."):
@@ -293,11 +295,11 @@ class Naming:
         return f"{self.key}.{name}" if is_own else name
 
     def sites(self) -> dict[str, str]:
-        """Its positions for other devices, as case files name them, and the compartment that stands there."""
+        """Its sites for other devices, as case files name them, and the compartment at each."""
         return {self.place(position): self.place(node) for position, node in self.device.positions.items()}
 
     def site_words(self) -> dict[str, str]:
-        """The same positions in words."""
+        """Labels of its sites for other devices."""
         labels = self.device.position_words
         return {
             self.place(position): f"{labels.get(position, position)} {self.name}".strip()
@@ -305,7 +307,7 @@ class Naming:
         }
 
     def views(self) -> Views:
-        """What the views of the page show of it, under its own names."""
+        """Content of the page's views, with the instance's names."""
         views, name = self.device.views, self.name
         if not name:
             return views
@@ -347,16 +349,16 @@ class Naming:
 
 @dataclass(frozen=True)
 class Instance(Naming):
-    """One of the devices connected to a patient; `section` is its section of the case file."""
+    """A device connected to a patient; `section` is its section of the case file."""
 
     section: Section = field(kw_only=True)
 
     def values(self, haemoglobin_g_dl: float | None = None, gases: bool = False) -> dict[str, float]:
-        """Values of all its parameters, with what its section leaves to the patient's blood.
+        """Values of all its parameters, including those that follow from the patient's blood.
 
         Args:
-            haemoglobin_g_dl: of the patient, where it is known.
-            gases: whether the gases of the blood are followed.
+            haemoglobin_g_dl: haemoglobin of the patient [g/dL]; None if unknown.
+            gases: whether blood gases are computed.
         """
         values = {parameter.key: parameter.value for parameter in self.device.parameters}
         values |= self.device.values(self.section)
@@ -374,13 +376,13 @@ class Instance(Naming):
 
 @dataclass(frozen=True)
 class CaseValues:
-    """What is right of a case while it is checked.
+    """Valid values of a case while it is checked.
 
     Args:
-        patient: values of [patient].
-        measurements: of [measurements].
-        devices: of each connected device, by the key of its section.
-        physiology: of the sections on what the patient has beyond the published model, by name.
+        patient: values of the section [patient].
+        measurements: values of the section [measurements].
+        devices: values of each connected device, by the key of its section.
+        physiology: values of the sections that extend the published model of the patient, by name.
     """
 
     patient: Raw
@@ -389,12 +391,12 @@ class CaseValues:
     physiology: Mapping[str, Raw] = field(default_factory=dict)
 
     def of(self, device: str) -> dict[str, Raw]:
-        """The instances of a device, by the key of their section."""
+        """Values of all instances of a device, by the key of their section."""
         return {key: values for key, values in self.devices.items() if device_key(key) == device}
 
 
 class UnsolvedFlowError(ValueError):
-    """A case that names the pump flow wanted, and no speed yet; says how to get it."""
+    """Raised for a case with a target pump flow and no speed yet; says how to solve for the speed."""
 
 
 def instance_key(device: str, name: str) -> str:
@@ -403,5 +405,5 @@ def instance_key(device: str, name: str) -> str:
 
 
 def device_key(key: str) -> str:
-    """The device of a section, such as "lvad" of "lvad.left"."""
+    """Device key of a section's key, such as "lvad" for "lvad.left"."""
     return key.partition(".")[0]

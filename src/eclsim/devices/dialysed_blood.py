@@ -1,4 +1,4 @@
-"""What dialyzers of all devices share: their flows of fluid, and the blood that reaches them."""
+"""Settings and checks shared by the dialyzers of all devices: fluid flows, and the blood that enters."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from eclsim.inputs.sections import Raw, Section
 
 FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
-"""Keys of flows; dialysis is computed where one of them is given."""
+"""Keys of fluid flows; dialysis is computed if one of them is given."""
 NET_ULTRAFILTRATION = FLUIDS[3]
 DRAWN_FROM_PLASMA = FLUIDS[2:]
-"""Fluids that leave the plasma behind the filter's inlet; replacement before it is added first."""
+"""Fluids removed from the plasma that enters; replacement before the filter is added to it first."""
 HARMFUL_ML_KG_H = 1.75
-"""Net ultrafiltration above which fewer patients survived (Murugan et al. 2019, JAMA Netw Open,
-doi 10.1001/jamanetworkopen.2019.5418: against less than 1.01 mL/kg/h)."""
+"""Net ultrafiltration above which fewer patients survived than below 1.01 mL/kg/h (Murugan et al. 2019, JAMA
+Netw Open, doi 10.1001/jamanetworkopen.2019.5418)."""
 FEWER_SURVIVED_TEXT = (
     f"above {HARMFUL_ML_KG_H:g} mL/kg/h fewer critically ill patients survived than below 1.01 (Murugan et "
     "al. 2019)"
@@ -37,30 +37,30 @@ USUAL_FLUID = MappingProxyType(
         "citrate_mmol_l": 0.0,
     }
 )  # fmt: skip
-"""Values where dialysis is computed and these keys are left out."""
+"""Default values of these keys if dialysis is computed."""
 RED_CELL_HAEMOGLOBIN = 33.3
-"""Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
+"""Usual mean corpuscular haemoglobin concentration [g/dL]."""
 USUAL_RED_CELLS = (28.0, 38.0)
-"""Mean corpuscular concentrations [g/dL] that patients have; 32 to 36 are normal."""
+"""Range of mean corpuscular haemoglobin concentrations in patients [g/dL]; 32 to 36 are normal."""
 USUAL_HAEMOGLOBIN = GAS["gas.haemoglobin_g_dl"].value
-"""Where a section [gas] leaves it out [g/dL]."""
+"""Default haemoglobin of a section [gas] [g/dL]."""
 CARBON_DIOXIDE_FROM_GASES = 0.0
-"""Carbon dioxide of the plasma that says: that of the blood which enters, from its gases."""
+"""Value of plasma carbon dioxide that selects the one computed from the gases of the entering blood."""
 TEMPERATURE = "gas.temperature_c"
 UNKNOWN_GASES = (0.0, 7.4, 37.0)
-"""PCO2, pH and temperature where gases are not followed; the plasma's carbon dioxide is set then."""
+"""PCO2 [mmHg], pH and temperature [C] if gases are not computed; the plasma's CO2 is then set."""
 
 
 def fluid_flow(
     description: str, typical: float, least: float = 20.0, maximum: float = 20000.0, required: bool = False
 ) -> Field:
-    """A flow of fluid [mL/h]; no machine gives less than the least, which is likely in L/h."""
+    """Field of a fluid flow [mL/h]; a value below `least`, which no machine delivers, is probably in L/h."""
     one = number(description, "mL/h", 0, maximum, typical, required=required)
     return replace(one, least=least)
 
 
 def dialysed_blood(section: Section, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
-    """What a section with `haematocrit_in` and `plasma_bicarbonate_mmol_l` leaves to the patient's blood."""
+    """Values of `haematocrit_in` and `plasma_bicarbonate_mmol_l` from the patient's blood if not set."""
     own = {"haematocrit_in": haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
     if gases:
         own["plasma_bicarbonate_mmol_l"] = CARBON_DIOXIDE_FROM_GASES
@@ -70,13 +70,13 @@ def dialysed_blood(section: Section, haemoglobin_g_dl: float, gases: bool) -> di
 def filter_performance(
     m: BeatMeasures, blood: Sequence[Numbers], settings: Sequence[str], entering: str | None
 ) -> Performance:
-    """What a filter does in a beat (`eclsim.components.dialysis.Performance`).
+    """Performance of a filter in a beat (`eclsim.components.dialysis.Performance`).
 
     Args:
         m: measures of the beat.
-        blood: its flow [mL/min], and its pressure before and behind the fibres [mmHg].
+        blood: blood flow [mL/min], and blood pressure before and after the fibres [mmHg].
         settings: parameters of the filter.
-        entering: connection whose blood is asked for its gases where they are followed.
+        entering: connection of the exchange whose entering blood gases are used, if gases are computed.
     """
     from eclsim.components import dialysis
 
@@ -88,7 +88,7 @@ def filter_performance(
 
 
 def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-    """Fluids that the plasma can give, and keys that say nothing without them."""
+    """Check that the plasma can supply the fluids removed, and warn of keys without effect."""
     given = {name: values[name] for name in FLUIDS if values.get(name) is not None}
     idle = [name for name in USUAL_FLUID if values.get(name) is not None]
     if not given:
@@ -117,7 +117,7 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
 
 
 def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remarks: Remarks) -> None:
-    """Doubt a haematocrit [-] beside a haemoglobin [g/dL] that no red cells have together."""
+    """Warn of a haematocrit [-] and a haemoglobin [g/dL] that do not fit together."""
     low, high = USUAL_RED_CELLS
     if low <= (held := haemoglobin_g_dl / haematocrit) <= high:
         return
@@ -131,7 +131,7 @@ def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remar
 
 
 def _haematocrit(values: Raw, case: CaseValues) -> float:
-    """Haematocrit of the blood in the access line: as given, by the haemoglobin, else the usual one."""
+    """Haematocrit of the blood in the access line: as given, else from haemoglobin, else the default."""
     gas = case.physiology.get("gas")
     usual = USUAL_FLUID["haematocrit_in"]
     if gas is not None:
@@ -140,12 +140,12 @@ def _haematocrit(values: Raw, case: CaseValues) -> float:
 
 
 def warn_of_other_filters(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-    """What is not in effective clearances beside another filter: they count as if that one cleared nothing.
+    """Caution that effective clearances are computed as if other filters cleared nothing.
 
     Args:
-        names: of the instance whose clearances they are.
-        outputs: of the beat, by name.
-        circuit: of patient and devices.
+        names: names of the instance whose clearances they are.
+        outputs: outputs of the beat, by name.
+        circuit: circuit of patient and devices.
     """
     concerned = names.output("effective_clearance_urea")
     if concerned not in outputs:

@@ -1,4 +1,4 @@
-"""What a device that drains a ventricle makes of its ejection fraction."""
+"""Cautions about the ejection fraction of a ventricle that a device drains."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from eclsim.devices.device import Naming
 
 VENTRICLES = MappingProxyType({"lv": ("left ventricle", "aortic"), "rv": ("right ventricle", "pulmonary")})
-"""A ventricle that may be drained in words, and the valve through which it ejects."""
+"""Label of each ventricle that may be drained, and of the valve through which it ejects."""
 
 
 def drained_ventricles(names: Naming, circuit: Circuit, places: Collection[str]) -> tuple[str, ...]:
-    """Ventricles that a device drains through some of its connections: "lv", "rv"."""
+    """Ventricles ("lv", "rv") that a device drains through the given connections."""
     own = set(map(names.place, places))
     sources = (str(c.source) for c in circuit.connections if c.name in own)
     return tuple(source for source in sources if source in VENTRICLES)
@@ -27,14 +27,14 @@ def drained_ventricles(names: Naming, circuit: Circuit, places: Collection[str])
 def ejection_fraction_findings(
     names: Naming, outputs: Mapping[str, float], circuit: Circuit, places: Collection[str], flow: str
 ) -> list[Finding]:
-    """What the ejection fraction of a ventricle is that a device drains.
+    """Cautions about how to read the ejection fraction of a ventricle that a device drains.
 
     Args:
-        names: of the instance.
-        outputs: of the beat, by name.
-        circuit: of patient and devices.
+        names: names of the instance.
+        outputs: outputs of the beat, by name.
+        circuit: circuit of patient and devices.
         places: connections of the device that may drain a ventricle.
-        flow: the device's output of their flow, which may run backwards.
+        flow: the device's output of their flow, which may be negative.
     """
     backwards = outputs.get(names.output(flow), 0.0) < 0.0
     result = []

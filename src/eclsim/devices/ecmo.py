@@ -1,4 +1,4 @@
-"""The ECMO circuit: six compartments in flow direction, attached anywhere.
+"""ECMO circuit: six compartments in flow direction, connected to any two sites.
 
     drainage site --(cannula)--> ecmodrain ==tube==> ecmotudp --(pump)--> ecmotupo ==tube==> ecmooxy
         --(oxygenator)--> ecmotuor ==tube==> ecmoreturn --(cannula)--> return site
@@ -94,11 +94,11 @@ if TYPE_CHECKING:
 GROUP = "ecmo"
 LINES = ("drainage", "return")
 GAS_KEYS = ("sweep_l_min", "fdo2", "drainage_mixing")
-"""Keys of the section that only gas exchange reads."""
+"""Keys of the section that only gas exchange uses."""
 TUBES = ("ecmotudp", "ecmotupo", "ecmotuor")
-"""Compartments that are tubes."""
+"""Names of the compartments that are tubes."""
 
-# Beyond these a cardiac output on V-A ECMO is rather a total with the pump flow in it.
+# Above these, a cardiac output on V-A ECMO probably includes the pump flow.
 _LARGEST_INDEX = 5.5  # L/min/m^2
 _LARGEST_COMPLIANCE = 5.0  # mL/mmHg, stroke volume per pulse pressure
 
@@ -115,9 +115,9 @@ PUMPS = by_key(
         ),
     )
 )  # fmt: skip
-"""Rotary pumps by the name users write."""
+"""Rotary pumps by key (the name in case files)."""
 ROLLER = number("Flow of a roller pump", "L/min", 0, 10, 4)
-"""The one key of a roller pump, `pump = { roller_l_min = 4.0 }`."""
+"""Key of a roller pump's table, `pump = { roller_l_min = 4.0 }`."""
 
 _CANNULA_EVIDENCE = "unvalidated: no data of these cannulae found; others of one size differ by 30 %"
 CANNULAE = by_key(
@@ -144,10 +144,10 @@ CANNULAE = by_key(
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
 _LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.0518, 4.66), Membrane(5.0, 0.0475, 3.37)
-"""Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024: 450 mL/min of oxygen at 7 L/min, and 5/7 of it at 5
-L/min (0.0518 (5/7)^0.26); carbon dioxide, by area: what was removed at 1 and 7 L/min from blood that must
-have had 61.5 mmHg, as gas 1:1 carries 59 mL/min from 45 mmHg and 64 were measured. Rated at 95 % behind them
-they would give 346 mL/min of oxygen."""
+"""Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024. Oxygen: 450 mL/min at 7 L/min, and 5/7 of it at 5
+L/min (0.0518 (5/7)^0.26). Carbon dioxide, scaled by area: the amounts removed at 1 and 7 L/min from blood
+that must have had 61.5 mmHg, as a gas flow of 1:1 carries 59 mL/min from 45 mmHg and 64 were measured. With a
+rating of 95 % saturation behind them they would transfer 346 mL/min of oxygen."""
 OXYGENATORS = by_key(
     (
         Oxygenator(
@@ -164,9 +164,9 @@ OXYGENATORS = by_key(
         ),
     )
 )  # fmt: skip
-"""Oxygenators by the name users write."""
+"""Oxygenators by key (the name in case files)."""
 ASSUMED_ML = OXYGENATORS["Quadrox-i Adult"].priming_volume_ml or math.nan
-"""Blood in an oxygenator whose volume is not known."""
+"""Blood volume assumed for an oxygenator without a published one [mL]."""
 
 _R, _C = "mmHg s/mL", "mL/mmHg"
 TUBING = circuit_parameters(
@@ -236,17 +236,17 @@ MEMBRANE = (
 """Parameters of the membrane, in the order of `eclsim.components.MembraneLung`."""
 
 SMALLEST_EXHAUST = 1.0
-"""Gas that leaves an oxygenator [mL/min STPD], below which it has no partial pressures to speak of."""
+"""Flow of exhaust gas of an oxygenator [mL/min STPD] below which its partial pressures are not computed."""
 SUCTION_MMHG = -100.0
-"""Drainage pressure below which suction of the vessel wall and haemolysis are feared."""
+"""Drainage pressure [mmHg] below which suction of the vessel wall and haemolysis are likely."""
 _ELSO = "ELSO General Guidelines 2017"
 _RUPTURE_RISK = "danger of rupture and haemolysis"
 _PRESSURES_BEHIND_PUMP = (
     "post_pump_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure", "return_cannula_pressure",
 )  # fmt: skip
-"""Pressures behind the pump."""
+"""Outputs of pressures downstream of the pump."""
 LEFT_SIDE = ("PCWP", "EDVLV", "ESVLV", "left_atrial_pressure", "end_diastolic_pressure_lv")
-"""Outputs that do not show the distension of the left ventricle by a pump that returns to the arteries."""
+"""Outputs that do not reproduce left ventricular distension by a pump that returns to the arteries."""
 
 POSITIONS = MappingProxyType(
     {
@@ -258,7 +258,7 @@ POSITIONS = MappingProxyType(
         "pre_rc": "ecmoreturn",
     }
 )
-"""Positions in the circuit, in flow direction, and the compartment that stands there."""
+"""Positions in the circuit, in flow direction, and the compartment at each."""
 
 POSITION_WORDS = MappingProxyType(
     {
@@ -272,10 +272,10 @@ POSITION_WORDS = MappingProxyType(
 )
 ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
-"""Not what a case file holds, but what a picker shows for a roller pump and for sites of no usual mode."""
+"""Choices on the page for a roller pump and for sites that form no usual mode; never in a case file."""
 _OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
 _IF_OMITTED = MappingProxyType({"drainage_mixing": 1.0, "return_clamp": 0.0})
-"""Where the knobs of keys stand that a case leaves out."""
+"""Values shown by the knobs of keys that a case leaves out."""
 _MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
 
 USUAL = MappingProxyType(
@@ -294,11 +294,11 @@ USUAL = MappingProxyType(
         ),
     }
 )  # fmt: skip
-"""Sites and cannulae that `mode` fills in where they are left out."""
+"""Sites and cannulae that `mode` sets if they are left out."""
 
 
 class RollerPump(BaseModel):
-    """A roller pump: it delivers its flow [L/min] whatever the pressures are."""
+    """Roller pump, which delivers its flow [L/min] independent of the pressures."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     roller_l_min: float
@@ -335,9 +335,9 @@ def _cannula(description: str) -> Field:
 
 
 class Ecmo(SecondCannulae):
-    """The ECMO circuit: pump speed in rpm, cannula sizes in Fr.
+    """Section [ecmo]: pump speed in rpm, cannula sizes in Fr.
 
-    A rotary pump has its speed, or the flow [L/min] that `eclsim.simulation.target_flow` solves it for.
+    A rotary pump has a speed, or a flow [L/min] for which `eclsim.simulation.target_flow` solves the speed.
     """
 
     section = GROUP
@@ -369,7 +369,7 @@ class Ecmo(SecondCannulae):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Fill in what `mode` gives and see that the rest is there."""
+        """Fill in the settings that `mode` determines and check that all others are given."""
         usual = USUAL.get(str(values.get("mode")), {})
         filled = {name: value for name, value in usual.items() if name not in raw}
         values |= filled
@@ -390,7 +390,7 @@ def _gas_setting(section: Ecmo, name: str) -> float:
 
 
 def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> None:
-    """A rotary pump has a speed or the flow that it is solved for, a roller pump neither."""
+    """Check that a rotary pump has either a speed or a target flow, and a roller pump neither."""
     pump = values.get("pump")
     if isinstance(pump, str):
         if "speed_rpm" not in raw and "flow_l_min" not in raw:
@@ -418,13 +418,13 @@ def ecmo(
     """An ECMO circuit between two sites.
 
     Args:
-        drainage_site: compartment that blood is taken from.
-        return_site: compartment that blood is given to.
-        drainage_cannula: "venous" or "arterial" (data sheet of the cannula's resistance).
-        return_cannula: likewise.
+        drainage_site: compartment from which blood is drained.
+        return_site: compartment to which blood is returned.
+        drainage_cannula: type of the cannula, "venous" or "arterial", which determines its resistance.
+        return_cannula: type of the cannula, likewise.
         roller: True for a roller pump (`ecmo.roller_l_min`), else a rotary pump (`ecmo.speed_rpm`,
             `ecmo.pump.a` ...).
-        second: further cannulae.
+        second: connections of further cannulae.
         clamped: whether the return line has a clamp (`ecmo.return_clamp`).
     """
     from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
@@ -477,7 +477,7 @@ def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str
 
 
 def _exhaust_law(n: Array) -> Array:
-    """From both gases gained, sweep [L/min] and temperature; NaN where no gas leaves."""
+    """Exhaust PCO2 [mmHg] from both gases gained, sweep [L/min] and temperature; NaN if no gas leaves."""
     import jax.numpy as jnp
 
     from eclsim.components.exchangers import AIR_CARBON_DIOXIDE, FLOWMETER_TO_STPD, dry_gas_pressure
@@ -531,7 +531,7 @@ GAS_OUTPUTS = (
 
 
 class EcmoDevice(Device[Ecmo]):
-    """Veno-arterial or veno-venous ECMO."""
+    """Veno-arterial or veno-venous ECMO circuit."""
 
     key, name, section = GROUP, "ECMO", Ecmo
     compartments = MappingProxyType(
@@ -716,7 +716,7 @@ class EcmoDevice(Device[Ecmo]):
     )  # fmt: skip
 
     def circuit(self, section: Ecmo) -> Circuit:
-        """The circuit between its sites."""
+        """Circuit between the sites of its section."""
         roller = isinstance(section.pump, RollerPump)
         return ecmo(
             section.drainage_site, section.return_site, section.drainage_cannula, section.return_cannula,
@@ -724,10 +724,10 @@ class EcmoDevice(Device[Ecmo]):
         )  # fmt: skip
 
     def values(self, section: Ecmo) -> dict[str, float]:
-        """Pump, cannula sizes, and the resistance of the oxygenator.
+        """Parameters of pump, cannulae, oxygenator and gas exchange.
 
         Raises:
-            UnsolvedFlowError: A pump flow is given in place of a speed.
+            UnsolvedFlowError: A target flow is given in place of a speed.
         """
         values = {
             "Recmooxy": OXYGENATORS[section.oxygenator].resistance,
@@ -750,13 +750,13 @@ class EcmoDevice(Device[Ecmo]):
         return values | pump_values(GROUP, PUMPS[section.pump]) | {"ecmo.speed_rpm": section.speed_rpm or 0.0}
 
     def summary(self, section: Ecmo) -> str:
-        """Pump and speed, or the flow of a roller pump."""
+        """Pump and speed, or flow of a roller pump."""
         if isinstance(section.pump, RollerPump):
             return f"{section.pump.roller_l_min:g} L/min"
         return f"{section.pump} {section.speed_rpm:g} rpm"
 
     def controls(self, section: Ecmo, sites: Mapping[str, str]) -> list[Control]:
-        """Pump, cannulae, oxygenator and sites."""
+        """Controls of pump, cannulae, oxygenator, mode, sites and gas exchange."""
         result: list[Control] = [picker("pump", "Pump", (*PUMPS, ROLLER_PUMP))]
         if isinstance(section.pump, RollerPump):
             result.append(Knob("roller_l_min", "Pump flow", "L/min", 0.0, 7.0, 0.05))
@@ -784,7 +784,7 @@ class EcmoDevice(Device[Ecmo]):
         ]
 
     def shown(self, section: Ecmo, key: str) -> float | str:
-        """Pump and mode by what they are called; the mode follows from the sites."""
+        """Value of a control: the name of the pump, or the mode, which follows from the sites."""
         if key == "pump":
             return ROLLER_PUMP if isinstance(section.pump, RollerPump) else section.pump
         if key == "roller_l_min" and isinstance(section.pump, RollerPump):
@@ -801,7 +801,7 @@ class EcmoDevice(Device[Ecmo]):
         return "VV" if venous else OTHER_MODE
 
     def turned(self, raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
-        """Another pump starts at a usual speed; a mode brings its sites; sites of one's own have no mode."""
+        """Change a control: a pump starts at a usual speed, a mode sets its sites, new sites remove it."""
         if key == "pump":
             changed = {**raw, "pump": value}
             if value == ROLLER_PUMP:
@@ -821,7 +821,7 @@ class EcmoDevice(Device[Ecmo]):
         if key in _OTHER_SITE:
             changed.pop("mode", None)
             other = _OTHER_SITE[key]
-            if value == raw.get(other) != raw.get(key):  # both cannulae change places
+            if value == raw.get(other) != raw.get(key):  # swap the sites of both cannulae
                 changed[other] = raw.get(key)
         return changed
 
@@ -831,14 +831,14 @@ class EcmoDevice(Device[Ecmo]):
         return tuple(map(float, CANNULAE[kinds[key]].sizes_fr)) if key in kinds else ()
 
     def sweep(self, section: Ecmo) -> Sweep | None:
-        """The speed of a rotary pump."""
+        """Speed of a rotary pump and its usual range; None for a roller pump."""
         if isinstance(section.pump, RollerPump):
             return None
         low, high = PUMPS[section.pump].speed_range_rpm
         return Sweep("speed_rpm", float(section.speed_rpm or 0.0), low, high)
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """Sites, mode, cannulae, speed, and the measured flows."""
+        """Check sites, mode, cannulae, speed, gas settings and measured flows."""
         if not _shares_a_vein(values, case):
             check_sites(key, values, "drainage_site", "return_site", remarks)
         _check_mode(values, key, remarks)
@@ -857,7 +857,7 @@ class EcmoDevice(Device[Ecmo]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """A flow outside the label, used-up sweep gas, what is not shown of the ventricles."""
+        """Findings on flow outside the label, exhausted sweep gas, and the reading of ventricles."""
         return [
             *_outside_label(names, outputs, values),
             *_without_exhaust_gas(names, outputs, values),
@@ -873,21 +873,21 @@ _CLOTTING = (
         needs="gas", is_parameter=True,
     ),
 )  # fmt: skip
-"""It clots in two ways that need not go together: blood passes with more effort, or past the gas."""
+"""Clotting has two independent effects: higher resistance to blood, and loss of membrane for gas."""
 
 
 def _exchanged(own: str, other: str) -> dict[str, str]:
-    """Sites in words; at that of the other cannula both change places."""
+    """Labels of the sites; choosing the site of the other cannula swaps both."""
     return {**PATIENT_SITES, other: f"{PATIENT_SITES[other]} (swap)"} if other != own else {**PATIENT_SITES}
 
 
 def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
-    """Whether the return line of a circuit is clamped, if only in part."""
+    """Whether the return line of a circuit is at least partly clamped."""
     return values.get(names.parameter("ecmo.return_clamp"), 0.0) > 0.0
 
 
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """A flow outside of the oxygenator's label; backward flow and a clamp have findings of their own."""
+    """Warning for a flow outside the oxygenator's label; backward and clamped flow are other findings."""
     name = names.output("PF")
     flow = outputs.get(name, -1.0)
     low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
@@ -905,7 +905,7 @@ def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[
 def _without_exhaust_gas(
     names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
 ) -> list[Finding]:
-    """Sweep gas that the blood takes up, so that none leaves with the carbon dioxide of the blood."""
+    """Caution if blood takes up nearly all of the sweep gas, so that carbon dioxide is not removed."""
     gained, removed = (outputs.get(names.output(name)) for name in ("VO2_oxygenator", "VCO2_oxygenator"))
     sweep = values.get(names.parameter("ecmo.sweep_l_min"), 0.0)
     if gained is None or removed is None:
@@ -932,7 +932,7 @@ def _without_exhaust_gas(
 def _caution_on_left_ventricle(
     names: Naming, outputs: Mapping[str, float], circuit: Circuit
 ) -> list[Finding]:
-    """What this model does not show of the left ventricle while a pump returns blood to the arteries."""
+    """Caution that left ventricular distension is not reproduced if a pump returns blood to arteries."""
     back = (names.place("ecmoreturn"), names.place("ecmoreturn2"))
     returns = any(c.name in back and c.target in ARTERIAL_SITES for c in circuit.connections)
     if not returns or "EDVLV" not in outputs:
@@ -946,7 +946,7 @@ def _caution_on_left_ventricle(
 
 
 def _reason_for_left_ventricle(circuit: Circuit) -> str:
-    """Why the filling of the left ventricle on V-A ECMO is not the patient's."""
+    """Reason why left ventricular filling on V-A ECMO differs from that of patients."""
     bronchial = any(c.name == "bronchial" for c in circuit.connections)
     there = {
         "reflexes": any(c.name == REGULATION for c in circuit.controllers),
@@ -962,13 +962,13 @@ def _reason_for_left_ventricle(circuit: Circuit) -> str:
 
 
 def _shares_a_vein(values: Raw, case: CaseValues) -> bool:
-    """Whether drainage and return share a venous compartment: with gas exchange that is recirculation."""
+    """Whether drainage and return share a venous compartment in a case with gas exchange (recirculation)."""
     site = values.get("return_site")
     return "gas" in case.physiology and site in VENOUS_SITES and values.get("drainage_site") == site
 
 
 def _check_gases(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-    """Settings of the sweep gas without [gas], and what is assumed with it."""
+    """Warn of gas settings without effect if there is no [gas]; otherwise report assumed values."""
     with_gas = "gas" in case.physiology
     for name in GAS_KEYS:
         if name in values and not with_gas:
@@ -998,7 +998,7 @@ def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:
 
 
 def _check_pump_flow(values: Raw, measured: Raw, section: str, remarks: Remarks) -> None:
-    """The measured or set pump flow against the oxygenator's label and against the pump's speed."""
+    """Compare the measured or set pump flow with the oxygenator's label and the pump's speed."""
     pump, flow, key = values.get("pump"), measured.get("PF"), "measurements.PF"
     if isinstance(pump, dict):
         rate = pump["roller_l_min"]
@@ -1017,7 +1017,7 @@ def _check_pump_flow(values: Raw, measured: Raw, section: str, remarks: Remarks)
 
 
 def _expected_flow(values: Raw, measured: Raw) -> float | None:
-    """Steady flow [L/min] at which the pump's head equals the circuit's pressure drop, 0 at the least."""
+    """Steady flow [L/min], 0 or more, at which the pump's head equals the circuit's pressure drop."""
     lines = (f"{line}_{what}" for line in LINES for what in ("cannula", "fr"))
     needed = ("pump", "speed_rpm", "oxygenator", *lines)
     if any(name not in values for name in needed) or not values["speed_rpm"]:
@@ -1046,7 +1046,7 @@ def _tubing_drop_mmhg(flow_l_min: float) -> float:
 
 
 def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> None:
-    """How a measured CO goes with the pump's flow: it is the native output, through the lungs."""
+    """Compare a measured CO, read as native output through the lungs, with the pump flow."""
     output, pump_flow = case.measurements.get("CO"), case.measurements.get("PF")
     if output is None or pump_flow is None:
         return
@@ -1071,7 +1071,7 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
 
 
 def _adds_to_native_output(values: Raw, case: CaseValues) -> bool | None:
-    """Whether organs get the pump's flow on top of CO, or within it; None where a part of it is either."""
+    """Whether the pump flow adds to CO in supplying the organs or is part of it; None if it is mixed."""
     drained, given = ({values.get(f"{n}{line}_site") for n in ("", "second_")} - {None} for line in LINES)
     if case.of("vent") or drained & {*ARTERIAL_SITES, *LEFT_HEART}:
         return None
@@ -1080,7 +1080,7 @@ def _adds_to_native_output(values: Raw, case: CaseValues) -> bool | None:
 
 
 def _reason_for_total_output(case: CaseValues, output: float, pump_flow: float) -> str:
-    """Why an output on V-A ECMO is rather a total, or nothing; a total is never below the pump flow."""
+    """Reason why a CO on V-A ECMO probably includes the pump flow (it then exceeds it), or ""."""
     if output <= pump_flow:
         return ""
     height, weight = case.patient.get("height_cm"), case.patient.get("weight_kg")

@@ -1,13 +1,13 @@
-"""The intra-aortic balloon pump: a balloon that fills in diastole and empties before the next ejection.
+"""Intra-aortic balloon pump: a balloon that fills in diastole and empties before the next ejection.
 
     ao --(catheter)-- iabpballoon       dV/dt = -d(u Vb)/dt, u(phase) the filling of the balloon
 
-A source of volume in the aorta by the phase of the beat. Phase 0 is where the ventricles begin to contract;
-the aortic valve shuts at 0.31 whatever the heart rate. The balloon holds gas: what blood it displaces is in
-the vessels, and the blood of all is unchanged.
+It displaces blood in the aorta as a function of the phase of the beat. Phase 0 is the onset of ventricular
+contraction; the aortic valve closes at 0.31, independent of the heart rate. The balloon holds gas: the blood
+that it displaces is in the vessels, and the total blood volume is unchanged.
 
-Assumed, for want of an open source: it fills and empties in 8 % of the beat (53 ms at 90/min), always to its
-volume; it stands in the ascending aorta of a patient whose arteries are not divided in regions either.
+Assumptions for lack of an open source: it fills and empties in 8 % of the beat (53 ms at 90/min), always by
+its full volume; it is in the ascending aorta, whether or not the arteries are divided into regions.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ GROUP = "iabp"
 _VOLUME, _INFLATION = f"{GROUP}.volume_ml", f"{GROUP}.inflation_phase"
 _BALLOON = "iabpballoon"
 NOTCH = 0.31
-"""Phase at which the aortic valve shuts: elastance is highest at 0.30."""
+"""Phase at which the aortic valve closes; elastance is highest at 0.30."""
 DELAY = 100.0
-"""Resistance [mmHg s/mL] between balloon and aorta. With the stiffness of the balloon (1e6 mmHg/mL) blood
-follows the gas within 0.1 ms, whatever the pressure; an explicit solver can still step through it."""
+"""Resistance [mmHg s/mL] between balloon and aorta. With the balloon's stiffness (1e6 mmHg/mL) blood follows
+the gas within 0.1 ms at any pressure, and an explicit solver can still resolve it."""
 
 
 _AFFECTED_OUTPUTS = ("CO", "LVO", "DP", f"{GROUP}_end_diastolic_pressure", f"{GROUP}_augmentation")
@@ -43,7 +43,7 @@ _IDEAL_BALLOON = (
 
 
 class Iabp(Section):
-    """The balloon: volume of its gas, phase at which it begins to fill."""
+    """Section [iabp]: volume of the balloon's gas and phase at which inflation begins."""
 
     section = GROUP
     volume_ml: Annotated[float, number("Volume of the balloon", "mL", 0, 60, 40)]
@@ -73,7 +73,7 @@ _DIFFERENCE = Output(
 
 
 class IabpDevice(Device[Iabp]):
-    """A balloon in the aorta."""
+    """Intra-aortic balloon pump."""
 
     key, name, section = GROUP, "IABP", Iabp
     compartments = MappingProxyType({_BALLOON: "balloon"})
@@ -98,7 +98,7 @@ class IabpDevice(Device[Iabp]):
     )  # fmt: skip
 
     def circuit(self, section: Iabp) -> Circuit:
-        """The room of the balloon beside the aorta; at the start it holds no blood."""
+        """Compartment of the balloon, joined to the aorta; at the start it holds no blood."""
         from eclsim.circuit.network import Circuit, Compartment, Connection, StartVolume
         from eclsim.components import Balloon, Resistance
 
@@ -106,22 +106,22 @@ class IabpDevice(Device[Iabp]):
         return Circuit((room,), (Connection("iabp", Resistance(DELAY), "ao", _BALLOON, GROUP),))
 
     def values(self, section: Iabp) -> dict[str, float]:
-        """Volume and phase."""
+        """Volume and phase of inflation."""
         return {_VOLUME: section.volume_ml, _INFLATION: section.inflation_phase}
 
     def summary(self, section: Iabp) -> str:
-        """Volume and phase."""
+        """Volume and phase of inflation."""
         return f"{section.volume_ml:g} mL, inflates at {section.inflation_phase:g}"
 
     def controls(self, section: Iabp, sites: Mapping[str, str]) -> list[Control]:
-        """Volume and phase."""
+        """Volume and phase of inflation."""
         volume = Knob("volume_ml", "Balloon", "mL", 0, 50, 1)
         return [volume, Knob("inflation_phase", "Inflation (phase of the beat)", "", 0.15, 0.6, 0.01)]
 
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """How far its effect can be relied on, and whose the highest aortic pressure is."""
+        """Cautions about the ideal balloon, early inflation, and a peak pressure made by the balloon."""
         volume, augmented = (
             table.get(name, 0.0) for table, name in (
                 (values, names.parameter(_VOLUME)), (outputs, names.output(_AUGMENTED.name)),
@@ -149,7 +149,7 @@ class IabpDevice(Device[Iabp]):
 def _early_inflation_finding(
     names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
 ) -> Finding | None:
-    """A balloon that fills while the left ventricle still ejects."""
+    """Warning about a balloon that inflates while the left ventricle still ejects."""
     phase, name = values.get(names.parameter(_INFLATION), NOTCH), names.output(_SYSTOLIC.name)
     if not phase < NOTCH or name not in outputs:
         return None

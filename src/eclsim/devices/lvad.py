@@ -1,4 +1,4 @@
-"""The ventricular assist device: one connection with inertia, no compartment of its own.
+"""Ventricular assist device: one connection with inertia, no compartment of its own.
 
     inlet site --(pump, graft)--> outlet site
 
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 GROUP = "lvad"
 SUCTION_LVEDP_MMHG, SUCTION_ML = 4.0, 30.0
-"""End-diastolic pressure of a drained left ventricle, and smallest volume of any, below which suction is
-likely; a convention of this project. A right ventricle fills at lower pressures."""
+"""End-diastolic pressure of a drained left ventricle [mmHg] and smallest volume of any drained ventricle [mL]
+below which suction is likely; a convention of this project. A right ventricle fills at lower pressures."""
 _SPEEDS = "the speed range is the usual clinical one, not part of the published constants"
 
 PUMPS = by_key(
@@ -72,11 +72,11 @@ PUMPS = by_key(
         ),
     )
 )  # fmt: skip
-"""Pumps with the inertia and resistance of their grafts, by the name users write."""
+"""Pumps with the inertia and resistance of their grafts, by key (the name in case files)."""
 
 
 class Lvad(Section):
-    """A left ventricular assist device: speed in rpm."""
+    """Section [lvad]: pump, speed in rpm and sites."""
 
     section = GROUP
     pump: Annotated[str, one_of("Blood pump", tuple(PUMPS), aliases=makers_names(PUMPS.values()))]
@@ -91,10 +91,10 @@ def lvad(
     """A ventricular assist device between two compartments.
 
     Args:
-        inlet_site: compartment that blood is taken from.
-        outlet_site: compartment that blood is given to.
-        name: name of the connection; a second device needs another one.
-        prefix: parameters are prefix + "speed_rpm", prefix + "pump.a" ...
+        inlet_site: compartment from which blood is drained.
+        outlet_site: compartment to which blood is pumped.
+        name: name of the connection; a second device needs a different one.
+        prefix: prefix of the parameters: prefix + "speed_rpm", prefix + "pump.a" ...
     """
     from eclsim.circuit.network import Circuit, Connection
     from eclsim.components import RotaryPump
@@ -147,11 +147,11 @@ class LvadDevice(Device[Lvad]):
     )  # fmt: skip
 
     def circuit(self, section: Lvad) -> Circuit:
-        """The pump between its sites."""
+        """Circuit of the pump between its sites."""
         return lvad(section.inlet_site, section.outlet_site)
 
     def values(self, section: Lvad) -> dict[str, float]:
-        """Curve and speed."""
+        """Constants of the pump curve, and speed."""
         return pump_values(GROUP, PUMPS[section.pump]) | {"lvad.speed_rpm": section.speed_rpm}
 
     def summary(self, section: Lvad) -> str:
@@ -159,25 +159,25 @@ class LvadDevice(Device[Lvad]):
         return f"{section.pump} {section.speed_rpm:g} rpm"
 
     def controls(self, section: Lvad, sites: Mapping[str, str]) -> list[Control]:
-        """Pump and speed."""
+        """Controls of pump and speed."""
         low, high = PUMPS[section.pump].speed_range_rpm
         step = 25 if high < 5000 else 50
         return [picker("pump", "Pump", PUMPS), Knob("speed_rpm", "Pump speed", "rpm", low, high, step)]
 
     def turned(self, raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
-        """Another pump starts at a usual speed of its own."""
+        """Change a control; a new pump starts at its usual speed."""
         changed = {**raw, key: value}
         if key == "pump" and isinstance(value, str) and value in PUMPS:
             changed["speed_rpm"] = PUMPS[value].usual_speed_rpm
         return changed
 
     def sweep(self, section: Lvad) -> Sweep:
-        """The pump's speed."""
+        """Speed of the pump and its usual range."""
         low, high = PUMPS[section.pump].speed_range_rpm
         return Sweep("speed_rpm", section.speed_rpm, low, high)
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """Sites, speed, and what else is connected."""
+        """Check sites and speed, and note a simultaneous ECMO."""
         check_sites(key, values, "inlet_site", "outlet_site", remarks)
         inlet, outlet = values.get("inlet_site"), values.get("outlet_site")
         if inlet in (*VENOUS_SITES, *RIGHT_HEART) and outlet in (*ARTERIAL_SITES, *LEFT_HEART):
@@ -190,7 +190,7 @@ class LvadDevice(Device[Lvad]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What an ejection fraction is where a pump empties a ventricle; whether it sucks it shut."""
+        """Cautions on the ejection fraction of a drained ventricle, and warnings of suction."""
         result = ejection_fraction_findings(names, outputs, circuit, self.connections, "lvad_flow")
         for drained in drained_ventricles(names, circuit, self.connections):
             result += _suction(names, outputs, drained)
@@ -198,7 +198,7 @@ class LvadDevice(Device[Lvad]):
 
 
 def _suction(names: Naming, outputs: Mapping[str, float], drained: str) -> list[Finding]:
-    """A ventricle so empty that its wall would lie on the pump's inlet."""
+    """Warning for a ventricle so empty that the pump's inlet would be occluded by its wall."""
     quantity, smallest = f"end_diastolic_pressure_{drained}", f"ESV{drained.upper()}"
     pressure, volume = outputs.get(quantity, math.inf), outputs.get(smallest, math.inf)
     lowest = SUCTION_LVEDP_MMHG if drained == "lv" else -math.inf

@@ -1,4 +1,4 @@
-"""Checks that several devices share: sites that make no sense, speeds and sizes beyond what there is."""
+"""Checks shared by several devices: implausible sites, speeds and cannula sizes."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from eclsim.inputs.numbers import suspected_unit
 from eclsim.inputs.sections import Raw
 from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
 
-# Beyond this share of the highest speed in use a pump curve says nothing any more.
+# Multiple of the highest usual speed up to which a pump curve is valid.
 SPEED_LIMIT = 1.25
 
 
 def patient_site(description: str, *, required: bool = True) -> Field:
-    """A compartment of the patient that a device is connected to."""
+    """Field for a compartment of the patient to which a device is connected."""
     return one_of(description, tuple(PATIENT_SITES), required=required)
 
 
 def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remarks) -> None:
-    """A device that pumps in a circle, or from an artery to where that makes no sense.
+    """Report a device that pumps in a circle, or from an artery to an implausible site.
 
     Args:
-        key: of the section.
-        values: of the section.
-        source: name of the key that says where blood is taken from.
-        target: name of the key that says where it goes.
+        key: key of the section.
+        values: values of the section.
+        source: name of the key of the site from which blood is drained.
+        target: name of the key of the site to which blood is pumped.
         remarks: collects mistakes, warnings and notes.
     """
     taken_from, given_to = values.get(source), values.get(target)
@@ -44,7 +44,7 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
 
 
 def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: Remarks) -> None:
-    """The `speed_rpm` of a section against the curve of its `pump`."""
+    """Compare the `speed_rpm` of a section with the usual speeds of its `pump`."""
     name, speed = values.get("pump"), values.get("speed_rpm")
     if not isinstance(name, str) or speed is None:
         return
@@ -61,7 +61,7 @@ def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: 
 
 
 def check_cannula(key: str, size: float, cannula: CannulaType, remarks: Remarks) -> None:
-    """A size [Fr] against those that the maker lists; `key` is that of the size."""
+    """Compare a cannula size [Fr] with those that the maker lists; `key` is the key of the size."""
     sizes = cannula.sizes_fr
     listed = ", ".join(map(str, sizes))
     if not sizes[0] <= size <= sizes[-1]:

@@ -1,10 +1,10 @@
-"""Data sheets of what devices are made of: blood pumps, cannulae, oxygenators and dialyzers.
+"""Products of which devices consist: blood pumps, cannulae, oxygenators and dialyzers, with their data.
 
-Constants stay in the makers' units (rpm, L/min, mmHg). How far each was checked against other data stands in
-`evidence`; where that begins with "unvalidated", results rest on the published constants alone.
+Constants are in the makers' units (rpm, L/min, mmHg). `evidence` says how far each product was compared with
+independent data; if it begins with "unvalidated", results rest on the published constants alone.
 
-Cannula charts of makers are mostly measured in water: in blood the flow at the same pressure is 3
-to 21 % lower (Broman et al., ECMO cannulae I and II).
+Makers mostly measure cannula charts in water; in blood the flow at the same pressure is 3 to 21 % lower
+(Broman et al., ECMO cannulae I and II).
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ UNVALIDATED = "unvalidated: no independent data found"
 
 @dataclass(frozen=True, kw_only=True)
 class Product(ABC):
-    """Something that can be bought and named in a case file.
+    """A commercial product that a case file can name.
 
     Attributes:
-        key: The name users write.
-        evidence: What its constants were compared with.
-        source: Where they come from.
-        other_names: Spellings that are read as well.
+        key: The name in case files.
+        evidence: The data with which its constants were compared.
+        source: Source of the constants.
+        other_names: Other accepted spellings.
     """
 
     title: ClassVar[str]
     """Heading of the table of such products."""
     head: ClassVar[tuple[str, ...]]
-    """Names of the table's columns; those of `numeric` are flush right."""
+    """Names of the table's columns; those with an index in `numeric` are right-aligned."""
     numeric: ClassVar[tuple[int, ...]] = ()
     remark: ClassVar[str] = ""
-    """What stands below the table."""
+    """Remark below the table."""
 
     key: str
     evidence: str
@@ -55,7 +55,7 @@ class Product(ABC):
 
     @abstractmethod
     def details(self) -> Iterator[str]:
-        """Lines with all that is known of it, but for evidence and source."""
+        """Lines with all its data except evidence and source."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class PumpCurve(Product):
 
     Attributes:
         name: The maker's name.
-        use: What it is made for, such as "ECMO" or "LVAD".
+        use: Intended use, such as "ECMO" or "LVAD".
         a: Head at zero flow per squared speed [mmHg/rpm^2].
         R1: Loss with speed times flow [mmHg/(rpm L/min)].
         R2: Loss with squared flow [mmHg/(L/min)^2].
@@ -108,7 +108,7 @@ class PumpCurve(Product):
 
     @property
     def usual_speed_rpm(self) -> float:
-        """The middle of the speeds in use."""
+        """Middle of the speeds in use [rpm], rounded to 50 rpm."""
         low, high = self.speed_range_rpm
         return float(round((low + 0.5 * (high - low)) / 50.0) * 50)
 
@@ -176,7 +176,7 @@ class CannulaType(Product):
         return self.key, self.name, ", ".join(map(str, self.sizes_fr)), self.evidence
 
     def details(self) -> Iterator[str]:
-        """Length and pressure drops of each size."""
+        """Length and pressure drops of each size, one line per size."""
         yield "  size [Fr], length [cm], pressure drop [mmHg] at 2 and 4 L/min"
         for size, length in self.length_cm.items():
             drops = f"{self.pressure_drop_mmhg(size, 2):5.0f} {self.pressure_drop_mmhg(size, 4):5.0f}"
@@ -185,11 +185,11 @@ class CannulaType(Product):
 
 @dataclass(frozen=True, kw_only=True)
 class Exchanger(Product):
-    """A housing with fibres and a linear pressure drop.
+    """Housing with fibres and a linear pressure drop.
 
     Attributes:
-        resistance: [mmHg s/mL].
-        priming_volume_ml: [mL], None where the maker's number is not at hand.
+        resistance: resistance [mmHg s/mL].
+        priming_volume_ml: priming volume [mL]; None if not known.
     """
 
     resistance: float
@@ -203,13 +203,13 @@ class Exchanger(Product):
 
 @dataclass(frozen=True)
 class Membrane:
-    """A membrane for gas exchange.
+    """Membrane for gas exchange.
 
     Attributes:
-        highest_flow_l_min: that it is made for [L/min]; blood of saturation 0.65 (12 g/dL, PCO2 45 mmHg,
-            37 C) still leaves it with 0.99 then, with as much pure oxygen as blood.
-        oxygen_transfer: [mL/min/mmHg at 1 L/min].
-        carbon_dioxide_transfer: [mL/min/mmHg at 1 L/min].
+        highest_flow_l_min: rated flow [L/min], at which it raises blood of saturation 0.65 (12 g/dL, PCO2
+            45 mmHg, 37 C) to 0.99 with as much pure oxygen as blood.
+        oxygen_transfer: oxygen transfer coefficient [mL/min/mmHg at 1 L/min].
+        carbon_dioxide_transfer: carbon dioxide transfer coefficient [mL/min/mmHg at 1 L/min].
     """
 
     highest_flow_l_min: float
@@ -219,11 +219,11 @@ class Membrane:
 
 @dataclass(frozen=True, kw_only=True)
 class Oxygenator(Exchanger):
-    """An oxygenator.
+    """Oxygenator.
 
     Attributes:
-        label_flow_l_min: lowest and highest flow of its label [L/min], None if not at hand.
-        membrane: how well it exchanges gas.
+        label_flow_l_min: lowest and highest flow of its label [L/min]; None if not known.
+        membrane: its membrane for gas exchange.
     """
 
     title = "Oxygenators"
@@ -234,18 +234,18 @@ class Oxygenator(Exchanger):
     membrane: Membrane
 
     def gas_values(self) -> dict[str, float]:
-        """Its parameters of gas exchange."""
+        """Values of its gas exchange parameters."""
         return {
             "ecmo.oxygenator.oxygen_transfer": self.membrane.oxygen_transfer,
             "ecmo.oxygenator.carbon_dioxide_transfer": self.membrane.carbon_dioxide_transfer,
         }
 
     def label_values(self) -> dict[str, float]:
-        """The flows of its label [L/min] by the names of its parameters; NaN without one."""
+        """Flows of its label [L/min] by parameter name; NaN without a label."""
         return dict(zip(LABEL_FLOWS, self.label_flow_l_min or (math.nan, math.nan), strict=True))
 
     def label_warning(self, flow_l_min: float) -> str | None:
-        """What to say about a flow [L/min] outside the label, or None inside it or without one."""
+        """Warning for a flow [L/min] outside the label; None if it is inside or there is no label."""
         low, high = self.label_values().values()
         if beyond_label(flow_l_min, low, high) is None:
             return None
@@ -257,7 +257,7 @@ class Oxygenator(Exchanger):
         return self.key, f"{self.resistance:g}", _range(self.label_flow_l_min), volume, self.evidence
 
     def details(self) -> Iterator[str]:
-        """Resistance, priming volume, label, and the membrane."""
+        """Resistance, priming volume, label flows and membrane."""
         yield from super().details()
         yield f"  label flow         {_range(self.label_flow_l_min)} L/min"
         yield f"  highest flow       {self.membrane.highest_flow_l_min:g} L/min"
@@ -267,7 +267,7 @@ class Oxygenator(Exchanger):
 
 @dataclass(frozen=True, kw_only=True)
 class Dialyzer(Exchanger):
-    """A filter for renal replacement."""
+    """Filter for renal replacement therapy."""
 
     title = "CRRT filters (set by the parameter Rcrrtfil)"
     head = ("name", "R [mmHg s/mL]", "priming [mL]", "checked against")
@@ -282,7 +282,7 @@ LABEL_FLOWS = ("ecmo.oxygenator.lowest_flow_l_min", "ecmo.oxygenator.highest_flo
 
 
 def beyond_label(flow_l_min: float, low: float, high: float) -> float | None:
-    """The end of a label [L/min] that a flow is beyond, or None inside it or where its ends are NaN."""
+    """The limit of a label [L/min] that a flow exceeds; None if inside or if the limits are NaN."""
     rounded = float(f"{flow_l_min:.3g}")  # as it is shown: a roller pump at the limit is within it
     return low if rounded < low else high if rounded > high else None
 
@@ -291,17 +291,17 @@ P = TypeVar("P", bound=Product)
 
 
 def pump_values(device: str, pump: PumpCurve) -> dict[str, float]:
-    """Constants of a pump's curve by the names that `RotaryPump` reads."""
+    """Constants of a pump's curve by the parameter names that `RotaryPump` reads."""
     return {f"{device}.pump.{name}": value for name, value in pump.constants.items()}
 
 
 def by_key(products: Iterable[P]) -> MappingProxyType[str, P]:
-    """Products by the name users write."""
+    """Products by key (the name in case files)."""
     return MappingProxyType({product.key: product for product in products})
 
 
 def makers_names(products: Iterable[Product]) -> Mapping[str, str]:
-    """Other names that are read as well, and the key of each."""
+    """Other accepted names, and the key of each."""
     names = {name: p.key for p in products for name in (p.full_name, *p.other_names) if name != p.key}
     return MappingProxyType(names)
 

@@ -1,4 +1,4 @@
-"""All devices: those of the package, a line each, those of installed packages, and those registered."""
+"""Registry of all devices: those of eclsim, those of installed packages, and registered ones."""
 
 from __future__ import annotations
 
@@ -40,27 +40,27 @@ if TYPE_CHECKING:
 _PACKAGE: tuple[AnyDevice, ...] = (ECMO, CRRT, LVAD, RENOX, VENT, SEPTOSTOMY, IABP)
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
-"""Files that were run, and the group of entry points once it was looked through."""
+"""Device files that were run, and the group of entry points once it was loaded."""
 _DIGESTS: dict[str, str] = {}
 ENTRY_POINTS = "eclsim.devices"
 """Group of entry points under which an installed package offers devices."""
 FILES = "ECLSIM_DEVICES"
-"""Environment variable: Python files with devices, with the separator of PATH; workers inherit it."""
+"""Environment variable with Python files of devices, separated as in PATH; worker processes inherit it."""
 RESERVED = (
     "format", "blood_volume_policy", "patient", "measurements", "physiology", "gas", "regulation", "drugs",
     "fluid", "solutes", "events", "parameters", "heart", "vessels",
 )  # fmt: skip
 SCHEME = "scheme"
-"""Behind the key of a device with usual ways of connecting its lines: which of them."""
+"""Suffix after the key of a device with `schemes`: selects one of them."""
 _KEY = re.compile(r"[a-z][a-z0-9_]*")
 
 
 class DeviceError(ValueError):
-    """A device that cannot be registered, or a file that registers none; says why."""
+    """Raised for a device that cannot be registered, or a file that registers none; gives the reason."""
 
 
 class UnknownParameterError(KeyError):
-    """A name that is no parameter; says the nearest right spellings."""
+    """Raised for a name that is no parameter; suggests the nearest spellings."""
 
     def __init__(self, name: str):
         self.name, self.suggestions = name, nearest(name, parameters())
@@ -72,7 +72,7 @@ class UnknownParameterError(KeyError):
 
 
 class PublishedDevices(BaseModel):
-    """The sections of the published devices, for typed access to the only instance of each."""
+    """Sections of eclsim's own devices, for typed access to the unnamed instance of each."""
 
     ecmo: Ecmo | None = None
     crrt: Crrt | None = None
@@ -84,19 +84,19 @@ class PublishedDevices(BaseModel):
 
 
 def devices() -> Mapping[str, AnyDevice]:
-    """All devices by the name of their section, in the order in which case files are written."""
+    """All devices by the key of their section, in the order in which case files are written."""
     _load_others()
     return {device.key: device for device in _PACKAGE} | _OTHERS
 
 
 def register_device(device: AnyDevice | type[AnyDevice]) -> AnyDevice:
-    """Make a device of one's own known: case files, outputs, figures and the page then have it.
+    """Register a user's device, so that case files, outputs, figures and the page know it.
 
     Args:
-        device: a device, or its class; registered again, as in a notebook, it replaces the one before.
+        device: a device, or its class; a device with the same key, as in a rerun notebook, is replaced.
 
     Raises:
-        DeviceError: Its key cannot be that of a section, or its section is not described.
+        DeviceError: The key, section, parameters, outputs, limits or waveforms are not valid.
     """
     made = device() if isinstance(device, type) else device
     _check(made)
@@ -105,18 +105,18 @@ def register_device(device: AnyDevice | type[AnyDevice]) -> AnyDevice:
 
 
 def forget_device(key: str) -> None:
-    """Take back the registration of a device that is not of the package."""
+    """Remove the registration of a user's device."""
     _OTHERS.pop(key, None)
 
 
 def load_device_file(file: str) -> list[AnyDevice]:
-    """Run a Python file that registers devices of one's own; the file can do whatever a program can.
+    """Run a Python file that registers a user's devices; the file can do whatever a program can.
 
     Returns:
-        What it registered.
+        The devices that it registered.
 
     Raises:
-        DeviceError: It cannot be read or run, or registers nothing.
+        DeviceError: The file cannot be read or run, or registers no device.
     """
     path = os.path.abspath(file)
     name = "eclsim_device_" + re.sub(r"\W", "_", os.path.splitext(os.path.basename(path))[0])
@@ -141,16 +141,16 @@ def load_device_file(file: str) -> list[AnyDevice]:
 
 
 def digests_of_own_files() -> dict[str, dict[str, str]]:
-    """What results follow from besides the package: SHA-256 of the file of each device of one's own, by key.
+    """SHA-256 of the file of each user's device, by key: inputs of results besides the package.
 
-    Empty where there is none. For the inputs of work that is kept and resumed.
+    Empty if there is none. Part of the inputs of work that is stored and resumed.
     """
     digests = {key: digest for key, digest in sorted(_DIGESTS.items()) if key in _OTHERS}
     return {"device_files": digests} if digests else {}
 
 
 def _load_others() -> None:
-    """Devices of installed packages, and of the files that the environment names; once."""
+    """Load, once, the devices of installed packages and of the files that the environment names."""
     if ENTRY_POINTS in _LOADED:
         return
     _LOADED.add(ENTRY_POINTS)
@@ -165,7 +165,7 @@ def _load_others() -> None:
 
 
 def _check(device: AnyDevice) -> None:
-    """Refuse a device that a case file could not hold."""
+    """Raise `DeviceError` for a device that is not valid."""
     if not isinstance(device, Device):
         raise DeviceError(f"{device!r} is no device: make it a subclass of eclsim.devices.Device")
     key = getattr(device, "key", "")
@@ -195,7 +195,7 @@ def _check(device: AnyDevice) -> None:
 
 
 def _check_outputs(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
-    """Refuse outputs of another's name, and limits that no number of the device would ever break."""
+    """Raise `DeviceError` for outputs with the name of another, and for limits of unknown outputs."""
     own = [entry.name for entry in device.outputs]
     known = {entry.name for other in others for entry in other.outputs}
     for name in own:
@@ -216,7 +216,7 @@ def _check_outputs(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
 
 
 def _check_waveforms(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
-    """Refuse waveforms that no circuit has: what is read from them would never be there."""
+    """Raise `DeviceError` for waveforms that no circuit has, as outputs that read them could not exist."""
     read = {f"output {e.name!r}": (*e.needs, *e.extremes) for e in device.outputs}
     read |= {f"trace {trace.label!r}": (trace.signal,) for trace in device.views.traces}
     read |= {f"panel {panel.title!r}": panel.names for panel in device.panels or ()}
@@ -236,13 +236,13 @@ def _check_waveforms(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
 
 
 def _signals(compartments: Iterable[str], connections: Iterable[str]) -> list[str]:
-    """Waveforms of compartments and connections; the pressure of a connection is the head of a pump."""
+    """Names of waveforms of compartments and connections; the P of a connection is the head of a pump."""
     of_compartments = [kind + place for place in compartments for kind in "PV"]
     return of_compartments + [kind + place for place in connections for kind in "QP"]
 
 
 def _patient_signals() -> set[str]:
-    """Waveforms of the patient, whatever a case says that they have."""
+    """Names of all waveforms of the patient in any anatomy."""
     from eclsim.patient.circulation import Anatomy, circulation
 
     kinds = itertools.product((False, True), repeat=2)
@@ -258,12 +258,12 @@ def _patient_signals() -> set[str]:
 
 
 def device_of(key: str) -> AnyDevice | None:
-    """The device of a section or of a group of compartments, such as "lvad" or "lvad.left"; None if none."""
+    """Device of a section's key or a group, such as "lvad" or "lvad.left"; None if there is none."""
     return devices().get(device_key(key))
 
 
 def parameters() -> Mapping[str, Parameter]:
-    """Every parameter that a case file may set, of the patient and of all devices."""
+    """All parameters that a case file may set, of the patient and of all devices."""
     return _parameters(tuple(devices().values()))
 
 
@@ -274,10 +274,10 @@ def _parameters(among: tuple[AnyDevice, ...]) -> Mapping[str, Parameter]:
 
 
 def find_parameter(name: str) -> Parameter:
-    """The parameter of a key in any case (`Rmc`, also `ηB`), or of its exact description.
+    """Find a parameter by its key in upper or lower case (`Rmc`, also `ηB`) or its exact description.
 
     Raises:
-        UnknownParameterError: With the nearest spellings.
+        UnknownParameterError: There is none; suggests the nearest spellings.
     """
     key = ALIASES.get(name.strip(), name.strip()).lower()
     for parameter in parameters().values():
@@ -287,11 +287,11 @@ def find_parameter(name: str) -> Parameter:
 
 
 def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None:
-    """The parameter of a name, also of a named instance (`ecmo.left.Recmooxy`); None if there is none.
+    """Parameter with a name, also of a named instance (`ecmo.left.Recmooxy`); None if there is none.
 
     Args:
-        name: as a case file holds it.
-        connected: keys of the sections of the devices connected.
+        name: name as in a case file.
+        connected: keys of the sections of the connected devices.
     """
     section, dot, key = name.rpartition(".")
     device = device_of(section) if dot and section in connected and section not in devices() else None
@@ -301,17 +301,17 @@ def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None
 
 
 def example_setting() -> str:
-    """Key of the setting that is turned most often, such as the speed of a pump; for examples in messages."""
+    """Key of a typical setting to adjust, such as the speed of a pump; for examples in messages."""
     return next(f"{key}.{device.adjusted[0]}" for key, device in devices().items() if device.adjusted)
 
 
 def example_target() -> str:
-    """Key of a number that a setting may be solved for, such as the flow of a pump; for examples."""
+    """Key of a target for which a setting is solved, such as the flow of a pump; for examples in messages."""
     return next(f"{key}.{device.target.key}" for key, device in devices().items() if device.target)
 
 
 def line_keys() -> list[str]:
-    """Keys that say where lines of devices are: `scheme` for all of one, where it has schemes, and each."""
+    """Keys of the sites of devices' lines: `scheme` for all lines of a device with schemes, and each line."""
     return [
         f"{key}.{name}"
         for key, device in devices().items()
@@ -320,12 +320,12 @@ def line_keys() -> list[str]:
 
 
 def products() -> dict[str, Product]:
-    """What devices are made of, by the name users write."""
+    """Products of which devices consist, by key (the name in case files)."""
     return {product.key: product for device in devices().values() for product in device.products}
 
 
 def nominal_value(name: str) -> float | None:
-    """The usual value of a parameter of a device, also of a named instance; None where there is none."""
+    """Usual value of a parameter of a device, also of a named instance; None if there is none."""
     for key, device in devices().items():
         values = {parameter.key: parameter.value for parameter in device.parameters} | dict(device.nominal)
         item = name.removeprefix(f"{key}.").partition(".")[2] if name.startswith(f"{key}.") else ""
@@ -336,7 +336,7 @@ def nominal_value(name: str) -> float | None:
 
 
 def namings(groups: Iterable[str]) -> tuple[Naming, ...]:
-    """The instances of devices among groups of compartments and connections, in the order of the registry."""
+    """Instances of devices among groups of compartments and connections, in the order of the registry."""
     left = dict.fromkeys(groups)
     return tuple(
         Naming(device, group.partition(".")[2])
@@ -347,22 +347,22 @@ def namings(groups: Iterable[str]) -> tuple[Naming, ...]:
 
 
 def instances_in(circuit: Circuit) -> tuple[Naming, ...]:
-    """The instances of devices in a circuit, in the order of the registry."""
+    """Instances of devices in a circuit, in the order of the registry."""
     return namings(part.group for part in (*circuit.compartments, *circuit.connections))
 
 
 def assist_connections(circuit: Circuit) -> tuple[str, ...]:
-    """Connections of pumps that take over the left ventricle's work, such as that of an LVAD."""
+    """Names of connections of pumps that take over the left ventricle's work, such as an LVAD."""
     groups = {names.key for names in instances_in(circuit) if names.device.assist_flow}
     return tuple(c.name for c in circuit.connections if c.group in groups and c.target in ARTERIAL_SITES)
 
 
 def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -> dict[str, float]:
-    """Flows of pumps that take over the left ventricle's work, by what the pump is called.
+    """Flows of pumps that take over the left ventricle's work, by label of the device.
 
     Args:
-        outputs: of a beat, by name.
-        circuit: with fixed sites; without it every assist pump is taken for a left one.
+        outputs: outputs of a beat, by name.
+        circuit: circuit with fixed sites; without it every assist pump is assumed to be a left one.
     """
     left = None if circuit is None else set(assist_connections(circuit))
     result = {}
@@ -377,13 +377,13 @@ def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -
 
 
 def registered() -> tuple[AnyDevice, ...]:
-    """Which devices there are now; what is remembered of them holds as long as this is the same."""
+    """All devices at present; a key for caches, which are valid while it does not change."""
     _load_others()
     return (*_PACKAGE, *_OTHERS.values())
 
 
 def named_output(name: str) -> tuple[Naming, Output] | None:
-    """The instance and its device's output of a name such as "lvad.left.flow"; None where it is another's."""
+    """Instance and output with a name such as "lvad.left.flow"; None if it is no output of a device."""
     return _named_output(name, registered())
 
 
@@ -398,5 +398,5 @@ def _named_output(name: str, among: tuple[AnyDevice, ...]) -> tuple[Naming, Outp
 
 
 def naming_of(group: str) -> Naming | None:
-    """The instance of a device behind a group such as "lvad.left"; None for the patient and users' own."""
+    """Instance of a device for a group such as "lvad.left"; None for the patient and users' groups."""
     return next(iter(namings([group])), None)

@@ -1,14 +1,14 @@
-"""RenOx: oxygenator and dialyzer in one housing, in the ECMO circuit in place of its oxygenator.
+"""RenOx: oxygenator and dialyzer in one housing that replaces the oxygenator of the ECMO circuit.
 
     pre_oxy --[ gas fibres and dialysate fibres side by side ]--> post_oxy
 
-The outlook of Thiel et al. (2025): no lines, so no blood for their filling, no access and return pressures
-with their alarms, and no blood that goes in a circle. The dialysate fibres see the whole ECMO flow and the
-pressure of the ECMO circuit: their clearance is that of `eclsim.components.dialysis` at this flow, and what
-drives water out is the pressure of the blood, 200 mmHg and more, unless the effluent is throttled.
+Outlook of Thiel et al. (2025). There are no lines, hence no blood to fill them, no access and return
+pressures with alarms, and no recirculation. The dialysate fibres are exposed to the whole ECMO flow and to
+the pressure of the ECMO circuit. Their clearance is that of `eclsim.components.dialysis` at this flow, and
+ultrafiltration is driven by the blood pressure of 200 mmHg and more, unless the effluent is throttled.
 
-No data of such a device are public: pressure drop and gas exchange are those of the oxygenator that [ecmo]
-names, the dialysate fibres have the membrane of the CRRT filter (1.5 m2). Combined devices under
+No data of such a device are public. Pressure drop and gas exchange are those of the oxygenator that [ecmo]
+names; the dialysate fibres have the membrane of the CRRT filter (1.5 m2). Combined devices under
 development: Martins Costa et al. 2022, doi 10.3389/fmedt.2022.909990.
 """
 
@@ -47,7 +47,7 @@ _SIGNALS = ("Qecmooxy", "Pecmooxy", "Pecmotuor")
 
 
 class Renox(Section):
-    """The dialysate side: flows in mL/h. Replacement fluid and citrate have no place in such a device."""
+    """Section [renox]: fluid flows in mL/h; the device has neither replacement fluid nor citrate."""
 
     section = GROUP
     dialysate_ml_h: Annotated[float, fluid_flow("Flow of dialysate", 2000.0, required=True)]
@@ -60,13 +60,13 @@ class Renox(Section):
 
 
 def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
-    """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`)."""
+    """Performance of the dialysate fibres in a beat (`eclsim.components.dialysis.Performance`)."""
     blood = [m.mean("Qecmooxy") * 60.0, m.mean("Pecmooxy"), m.mean("Pecmotuor")]
     return filter_performance(m, blood, SETTINGS, "ecmotuor" if by_gases else None)
 
 
 def _free_filtration(m: BeatMeasures) -> Numbers:
-    """Water [mL/h] that the pressure of the blood drives through the membrane against an open effluent."""
+    """Ultrafiltration [mL/h] that the blood pressure drives through the membrane at an open effluent."""
     return 0.5 * (m.mean("Pecmooxy") + m.mean("Pecmotuor")) * m.parameter(_PERMEABILITY)
 
 
@@ -138,7 +138,7 @@ class RenoxDevice(Device[Renox]):
     )  # fmt: skip
 
     def circuit(self, section: Renox) -> Circuit:
-        """Exchanges along the oxygenator, which move no blood; carbon dioxide behind the gas fibres."""
+        """Exchanges along the oxygenator; that of carbon dioxide is after the gas fibres."""
         from eclsim.circuit.network import Circuit, Exchange
         from eclsim.components.dialysis import DialysedBlood, Hemofilter
 
@@ -147,7 +147,7 @@ class RenoxDevice(Device[Renox]):
         return Circuit(exchanges=(Exchange(GROUP, fibres, "ecmooxy", GROUP), dialysed))
 
     def values(self, section: Renox) -> dict[str, float]:
-        """Flows of fluid, and the blood and the fluid that meet."""
+        """Fluid flows, and composition of blood and fluid."""
         settings = section.model_dump(exclude_none=True)
         return dict(self.nominal) | {f"{GROUP}.{key}": value for key, value in settings.items()}
 
@@ -156,7 +156,7 @@ class RenoxDevice(Device[Renox]):
         return dialysed_blood(section, haemoglobin_g_dl, gases)
 
     def controls(self, section: Renox, sites: Mapping[str, str]) -> list[Control]:
-        """Both flows of fluid."""
+        """Controls of both fluid flows."""
         highest = {"dialysate_ml_h": 4000.0, "net_ultrafiltration_ml_h": 500.0}
         fields = Renox.fields()
         return [Knob(key, fields[key].description, "mL/h", 0.0, high, 50.0) for key, high in highest.items()]
@@ -166,7 +166,7 @@ class RenoxDevice(Device[Renox]):
         return f"dialysate {section.dialysate_ml_h:g}, net {section.net_ultrafiltration_ml_h:g} mL/h"
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """It needs the one ECMO circuit that it is part of."""
+        """Check that there is exactly one ECMO circuit, unnamed, and one RenOx."""
         circuits = case.of("ecmo")
         if list(circuits) != ["ecmo"]:
             message = "RenOx stands in an ECMO circuit for its oxygenator, but the case has no [ecmo] section"

@@ -2,9 +2,9 @@
 
     second drainage site --(cannula)--> ecmodrain        ecmoreturn --(cannula, clamp)--> second return site
 
-Both join the first line at a Y-piece. Their types follow from their sizes: drainage cannulae are venous ones
-from 19 Fr on, return cannulae arterial ones up to 23 Fr. A clamp narrows the second return to a share of its
-area: its resistance grows with the inverse square of what is left open.
+Each joins the line of the first cannula at a Y-piece. Their types follow from their sizes: drainage cannulae
+are venous from 19 Fr on, return cannulae arterial up to 23 Fr. A clamp narrows the second return to a share
+of its area: its resistance grows with the inverse square of the open share.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ NOMINAL = MappingProxyType(
 )
 SECOND_SITES = tuple(f"second_{line}_site" for line in LINES)
 NO_SITE = ""
-"""Not what a case file holds, but what a picker shows where there is no second cannula."""
+"""Choice shown on the page if there is no second cannula; never in a case file."""
 BACKWARD_L_MIN = -0.01
-"""Mean flow [L/min] below which blood runs backwards through a cannula; a closed one may leak this much."""
+"""Mean flow [L/min] below which a cannula counts as flowing backwards; a closed one may leak this much."""
 
 
 def _parallel_flow(line: str, node: str) -> Output:
-    """The flow through a first cannula, where there is a second one beside it."""
+    """Output of the flow through a first cannula; it exists only if there is a second one."""
     one = mean_flow(f"first_{line}_flow", f"flow through the first {line} cannula", f"Q{node}")
     return replace(one, needs=(f"Q{node}", f"Q{node}2"))
 
@@ -65,7 +65,7 @@ LIMITS = tuple(
 
 
 class SecondCannulae(Section):
-    """Keys of second cannulae, which may be left out."""
+    """Keys of second cannulae, all optional."""
 
     second_drainage_site: Annotated[
         str | None, patient_site("Compartment that is drained too", required=False)
@@ -84,12 +84,12 @@ class SecondCannulae(Section):
     ] = 0.0
 
     def second_values(self) -> dict[str, float]:
-        """Sizes and clamp of the cannulae that are there."""
+        """Sizes and clamp of the second cannulae."""
         values = {name: getattr(self, name.removeprefix("ecmo.")) for name in NOMINAL}
         return {name: value for name, value in values.items() if value is not None}
 
     def second_connections(self, types: Mapping[str, CannulaType]) -> tuple[Connection, ...]:
-        """The cannulae as connections of the ECMO circuit."""
+        """Connections of the second cannulae to the ECMO circuit."""
         from eclsim.circuit.network import Connection
         from eclsim.components import Cannula
 
@@ -106,13 +106,13 @@ class SecondCannulae(Section):
 
 
 def _type(line: str, size: float, types: Mapping[str, CannulaType]) -> CannulaType:
-    """The venous cannulae of larger sizes, the arterial ones of smaller sizes."""
+    """Type of a cannula by its size: venous for larger sizes, arterial for smaller ones."""
     smallest = types["venous"].sizes_fr[0] if line == "drainage" else types["arterial"].sizes_fr[-1] + 0.01
     return types["venous" if size >= smallest else "arterial"]
 
 
 def check_second(key: str, values: Raw, types: Mapping[str, CannulaType], remarks: Remarks) -> None:
-    """Sites with their sizes, other sites than those of the first cannulae, and sizes that there are."""
+    """Check that sites and sizes are given together, that sites differ from the first ones, and sizes."""
     for line in LINES:
         site, size = values.get(f"second_{line}_site"), values.get(f"second_{line}_fr")
         for present, missing in (("site", "fr"), ("fr", "site")):
@@ -130,12 +130,12 @@ def check_second(key: str, values: Raw, types: Mapping[str, CannulaType], remark
 def second_controls(
     section: SecondCannulae, used: Collection[str], types: Mapping[str, CannulaType]
 ) -> list[Control]:
-    """Sites, sizes and clamp as they are turned on the page.
+    """Controls of sites, sizes and clamp.
 
     Args:
-        section: as it is.
+        section: current section.
         used: sites of the first cannulae.
-        types: of cannulae.
+        types: types of cannulae.
     """
     free = [site for site in PATIENT_SITES if site not in used]
     sizes = [size for kind in types.values() for size in kind.sizes_fr]
@@ -153,7 +153,7 @@ def second_controls(
 
 
 def with_second(raw: dict[str, Any], key: str, site: str) -> dict[str, Any]:
-    """The section with a second cannula at a site, of a usual size where it has none; or without it."""
+    """The section with a second cannula at a site (of a usual size by default), or without one."""
     line = key.removesuffix("_site")
     if site == NO_SITE:
         return {name: value for name, value in raw.items() if not name.startswith(line)}

@@ -1,6 +1,6 @@
-"""Atrial septostomy: a hole between the atria that unloads the left one on V-A ECMO.
+"""Atrial septostomy: a hole between the atria that unloads the left atrium on V-A ECMO.
 
-    la --( hole )-- ra      Q = CQ sqrt(dp) in either direction, CQ of the effective area
+    la --( hole )-- ra      Q = CQ sqrt(dp) in either direction, CQ from the effective area
 
 The jet through a sharp-edged hole contracts to 0.61 of its area (textbooks of hydraulics).
 """
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 GROUP = "septostomy"
 _DIAMETER = f"{GROUP}.diameter_mm"
 CONTRACTION = 0.61
-"""Effective over geometric area of a sharp-edged hole."""
+"""Ratio of effective to geometric area of a sharp-edged hole."""
 
 
 class Septostomy(Section):
-    """The hole in the atrial septum."""
+    """Section [septostomy]: diameter of the hole in the atrial septum."""
 
     section = GROUP
     diameter_mm: Annotated[float, number("Diameter of the hole", "mm", 1, 25, 8)]
 
 
 class SeptostomyDevice(Device[Septostomy]):
-    """A hole in the atrial septum."""
+    """Hole in the atrial septum."""
 
     key, name, section = GROUP, "Septostomy", Septostomy
     connections = MappingProxyType({"septostomy": "septostomy"})
@@ -44,7 +44,7 @@ class SeptostomyDevice(Device[Septostomy]):
     outputs = (mean_flow("septostomy_flow", "flow from the left into the right atrium", "Qseptostomy"),)
 
     def circuit(self, section: Septostomy) -> Circuit:
-        """One orifice."""
+        """Circuit of one orifice between the atria."""
         from eclsim.circuit.network import Circuit, Connection
         from eclsim.components import OpenOrifice, Orifice, Scaled
 

@@ -1,9 +1,9 @@
-"""A vent: a cannula from the left heart or the pulmonary artery into the drainage line of the ECMO.
+"""Vent: a cannula from the left heart or the pulmonary artery into the drainage line of the ECMO circuit.
 
     lv | la | pas --(cannula)--> post_dc of the ECMO circuit
 
-It unloads the left ventricle on V-A ECMO by the suction of the ECMO pump. Cannula: the arterial one of
-`eclsim.devices.ecmo.CANNULAE` at 15 Fr; other sizes as orifices, flow in proportion to the squared diameter.
+It unloads the left ventricle on V-A ECMO by the suction of the ECMO pump. At 15 Fr it is the arterial cannula
+of `eclsim.devices.ecmo.CANNULAE`; other sizes are orifices with a flow proportional to the squared diameter.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _DRAINAGE_BESIDE_VENT = mean_flow(
 
 
 class Vent(Section):
-    """The vent: where it drains, size in Fr."""
+    """Section [vent]: site that is drained, and size in Fr."""
 
     section = GROUP
     site: Annotated[str, one_of("What is drained", SITES)]
@@ -50,7 +50,7 @@ class Vent(Section):
 
 
 class VentDevice(Device[Vent]):
-    """A vent of the left side of the heart into the ECMO circuit."""
+    """Vent of the left side of the heart into the ECMO circuit."""
 
     key, name, section = GROUP, "Vent", Vent
     connections = MappingProxyType({"vent": "vent"})
@@ -71,7 +71,7 @@ class VentDevice(Device[Vent]):
     )  # fmt: skip
 
     def circuit(self, section: Vent) -> Circuit:
-        """One cannula."""
+        """Circuit of one cannula."""
         from eclsim.circuit.network import Circuit, Connection
         from eclsim.components import OpenOrifice, Scaled
 
@@ -87,12 +87,12 @@ class VentDevice(Device[Vent]):
         return f"{section.site} {section.fr:g} Fr"
 
     def controls(self, section: Vent, sites: Mapping[str, str]) -> list[Control]:
-        """Size and site."""
+        """Controls of size and site."""
         result: list[Control] = [Knob("fr", "Vent", "Fr", _SMALLEST, _LARGEST, 1)]
         return [*result, picker("site", "Vent of", SITES, PATIENT_SITES)]
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """It needs the one ECMO circuit that it drains into."""
+        """Check that there is the ECMO circuit into which it drains."""
         if "ecmo" not in case.devices:
             message = "drains into the ECMO circuit, but the case has no [ecmo] section"
             remarks.error(key, message, allowed="one [ecmo] section beside it")
@@ -100,7 +100,7 @@ class VentDevice(Device[Vent]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What an ejection fraction is where it empties the left ventricle."""
+        """Cautions on the ejection fraction of a drained left ventricle."""
         return ejection_fraction_findings(names, outputs, circuit, self.connections, "vent_flow")
 
 

@@ -1,1 +1,1 @@
-"""Infused drugs: what a dose does to heart, vessels and veins."""
+"""Infused drugs: effects of a dose on heart, vessels and veins."""

@@ -1,4 +1,4 @@
-"""From infusion rates to parameters of the circulation: Emax curves, and the controller that they make."""
+"""Effects of infusion rates on the circulation: Emax curves, and the controller that applies them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from eclsim.parameters.regulation import UNSTRESSED, dose, sensitivity
 from eclsim.regulation.reflex import SteadyController
 
 ACTS_ON = ("Emaxlv", "Emaxrv", "Rmc", "Rpmc", HEART_RATE, UNSTRESSED)
-"""Parameters that drugs act on, in the order of `InfusedDrugs.in_effect`."""
+"""Parameters on which drugs act, in the order of `InfusedDrugs.in_effect`."""
 
 
 class Effects(NamedTuple):
-    """Effects of a drug, as natural logarithms of factors: 0.1 is about 10 % more.
+    """Effects of a drug, as natural logarithms of factors: 0.1 is an increase of about 10 %.
 
     Attributes:
-        contractility: of `Emaxlv` and `Emaxrv`.
-        systemic_resistance: of `Rmc`.
-        pulmonary_resistance: of `Rpmc`.
-        heart_rate: of the heart rate.
-        veins: change of the systemic veins' unstressed volume as a share of the patient's blood volume.
+        contractility: effect on `Emaxlv` and `Emaxrv`.
+        systemic_resistance: effect on `Rmc`.
+        pulmonary_resistance: effect on `Rpmc`.
+        heart_rate: effect on the heart rate.
+        veins: change of the systemic veins' unstressed volume, as a share of the patient's blood volume.
     """
 
     contractility: float = 0.0
@@ -37,17 +37,17 @@ class Effects(NamedTuple):
 
 @dataclass(frozen=True)
 class Drug:
-    """An infused drug: share of its effects in use = d^n / (d^n + half_dose^n) at a dose d.
+    """An infused drug; at a dose d it has the share d^n / (d^n + half_dose^n) of its largest effects.
 
     Args:
-        name: as in a case file.
-        half_dose: with half of the effects [ug/kg/min].
-        steepness: n, Hill's exponent.
-        at_most: effects at a dose far beyond.
-        half_life_min: of the dose in effect once the pump stops [min].
-        source: where the effects come from.
-        shape_source: where half dose and steepness come from.
-        half_life_source: where the half-life comes from.
+        name: name in case files.
+        half_dose: dose with half of the largest effects, in the unit of the dose, such as [ug/kg/min].
+        steepness: n, Hill exponent.
+        at_most: largest effects, at a very high dose.
+        half_life_min: half-life of the dose in effect after the infusion stops [min].
+        source: source of the effects.
+        shape_source: source of half dose and steepness.
+        half_life_source: source of the half-life.
     """
 
     name: str
@@ -60,20 +60,20 @@ class Drug:
     half_life_source: str
 
     def share(self, dose: Number) -> Number:
-        """Share of the effects in use at a dose [ug/kg/min], 0 to 1; none below 0, where rounding leads."""
+        """Share of the largest effects at a dose, 0 to 1; 0 at negative doses, which rounding can cause."""
         given = jnp.asarray(dose) >= 0.0
         relative = jnp.where(given, dose, self.half_dose) / self.half_dose
         part = jnp.where(given, relative**self.steepness, 0.0)
         return part / (1.0 + part)
 
     def effects(self, dose: Number) -> tuple[Number, ...]:
-        """Effects at a dose [ug/kg/min], in the order of `Effects`."""
+        """Effects at a dose, in the order of `Effects`."""
         share = self.share(dose)
         return tuple(share * most for most in self.at_most)
 
 
 class DrugConstants(NamedTuple):
-    """Dose of each drug times the patient's sensitivity [ug/kg/min], and the patient's blood volume [mL]."""
+    """Dose of each drug times the patient's sensitivity, and the patient's blood volume [mL]."""
 
     doses: tuple[Number, ...]
     blood_volume_ml: Number
@@ -81,15 +81,15 @@ class DrugConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class InfusedDrugs(SteadyController[DrugConstants]):
-    """The controller of all drugs: factors of several multiply, volumes shifted add up.
+    """Controller of all drugs: their factors are multiplied and their volume shifts added.
 
-    It has no states and reads nothing: doses and sensitivities are parameters of the circuit.
+    It has no states and no readings: doses and sensitivities are parameters of the circuit.
 
     Args:
-        drugs: what can be given.
-        doses: parameter of each drug's dose [ug/kg/min]; left out, "drugs." and its name.
-        sensitivities: parameter that each dose is multiplied by, likewise.
-        blood_volume: the patient's blood [mL].
+        drugs: drugs that can be given.
+        doses: parameter of each drug's dose; by default "drugs." and its name.
+        sensitivities: parameter by which each dose is multiplied; by default that of its name.
+        blood_volume: the patient's blood volume [mL].
     """
 
     drugs: tuple[Drug, ...]
@@ -106,11 +106,11 @@ class InfusedDrugs(SteadyController[DrugConstants]):
 
     @property
     def states(self) -> tuple[ControlState, ...]:
-        """None."""
+        """No states."""
         return ()
 
     def constants(self, values: Values) -> DrugConstants:
-        """Doses as this patient feels them."""
+        """Doses times the patient's sensitivities, and blood volume."""
         assert isinstance(self.doses, tuple)
         assert isinstance(self.sensitivities, tuple)
         pairs = zip(self.doses, self.sensitivities, strict=True)
@@ -118,17 +118,17 @@ class InfusedDrugs(SteadyController[DrugConstants]):
         return DrugConstants(felt, value_of(values, self.blood_volume))
 
     def start(self, constants: DrugConstants) -> Sequence[Number]:
-        """Nothing."""
+        """No states."""
         return ()
 
     def steady_states(self, readings: Sequence[Number], constants: DrugConstants) -> Sequence[Number]:
-        """Nothing."""
+        """No states."""
         return ()
 
     def in_effect(
         self, states: Sequence[Number], values: Sequence[Number], constants: DrugConstants
     ) -> Sequence[Number]:
-        """Parameters times their factors, and the unstressed volume shifted."""
+        """Parameters times their factors, and the shifted unstressed volume."""
         each = [drug.effects(dose) for drug, dose in zip(self.drugs, constants.doses, strict=True)]
         *logarithms, veins = (sum(effects, start=0.0) for effects in zip(*each, strict=True))
         heart, systemic, pulmonary, rate = map(jnp.exp, logarithms)
@@ -139,5 +139,5 @@ class InfusedDrugs(SteadyController[DrugConstants]):
     def next_states(
         self, states: Sequence[Number], readings: Sequence[Number], period: Number, constants: DrugConstants
     ) -> Sequence[Number]:
-        """Nothing."""
+        """No states."""
         return ()

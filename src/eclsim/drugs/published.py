@@ -1,8 +1,8 @@
-"""Drugs with published measurements before and after: shape, effects fitted once, half-lives.
+"""Drugs with published measurements before and after: dose-response curves, fitted effects, half-lives.
 
-The effects of each are those with which eclsim comes closest to its fit study in a patient made to have that
-study's values before the drug, no reflex acting; `python benchmarks/drug_fit.py` repeats the fit and prints
-what is here. What patients' reflexes did in the studies is therefore part of the effects.
+The effects of each drug are those with which eclsim agrees best with the drug's study, in a virtual patient
+who has the study's values before the drug, without reflexes. `python benchmarks/drug_fit.py` repeats the fit
+and prints the effects listed here. The reflexes of the study's patients are therefore part of the effects.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ _ALL = (
     ),
 )  # fmt: skip
 PUBLISHED: dict[str, Drug] = {drug.name: drug for drug in _ALL}
-"""Drugs by name."""
+"""All published drugs by name."""
 
 
 def with_drugs(circuit: Circuit) -> Circuit:
-    """A circuit with volume offset whose patient can be given every published drug."""
+    """Add the controller of all published drugs to a circuit with volume offset."""
     control = Control(DRUGS, InfusedDrugs(tuple(PUBLISHED.values())), (), ACTS_ON)
     return circuit + Circuit(controllers=(control,))
 
@@ -89,13 +89,13 @@ def with_drugs(circuit: Circuit) -> Circuit:
 
 @dataclass(frozen=True)
 class InfusedDoses(SlowLaw):
-    """One state for each drug, its dose in effect; d(dose)/dt = (pump - dose) ln 2 / half-life.
+    """Dose in effect of each drug, one state each: d(dose)/dt = (pump - dose) ln 2 / half-life.
 
-    The mean of a single compartment of distribution, effect and concentration in step: noradrenaline is
-    in effect to 94 % after four half-lives, 12 min, milrinone after 10 h where no loading dose is given.
+    This is a single-compartment model in which the effect follows the concentration at once. Noradrenaline
+    reaches 94 % after four half-lives, 12 min; milrinone after 10 h without a loading dose.
 
     Args:
-        drugs: those that can be given.
+        drugs: drugs that can be given.
     """
 
     drugs: tuple[Drug, ...] = tuple(PUBLISHED.values())
@@ -110,21 +110,21 @@ class InfusedDoses(SlowLaw):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """Nothing."""
+        """No outputs are read."""
         return ()
 
     def start(self, settings: Named, beat: Named) -> Named:
-        """Doses that the pumps have long run at."""
+        """Doses in effect equal to those of the pumps, as after a long infusion."""
         pairs = zip(self.states, self.drugs, strict=True)
         return {state.name: np.asarray(settings[dose(drug.name)], dtype=float) for state, drug in pairs}
 
     def in_effect(self, states: Named, settings: Named) -> Named:
-        """The dose of each drug in the circuit."""
+        """Dose of each drug in the circuit."""
         pairs = zip(self.states, self.drugs, strict=True)
         return {dose(drug.name): states[state.name] for state, drug in pairs}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:
-        """Towards the dose of the pump."""
+        """Rate towards the dose of the pump."""
         return {
             state.name: (settings[dose(drug.name)] - states[state.name])
             * (math.log(2.0) / (60.0 * drug.half_life_min))

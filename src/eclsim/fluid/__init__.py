@@ -1,1 +1,1 @@
-"""Fluid and what is dissolved in it, in time: plasma, red cells, interstitium, protein, solutes."""
+"""Slow laws of fluid and solutes in time: plasma, red cells, interstitium, protein, solutes."""

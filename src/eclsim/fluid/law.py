@@ -1,4 +1,4 @@
-"""Plasma, red cells, interstitium and protein as slow states: what is given, taken, filtered and refilled."""
+"""Plasma, red cells, interstitium and protein as slow states: infusion, removal, filtration and refill."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 CONCENTRATE_HAEMATOCRIT = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
 ALBUMIN_G_ML = 0.05 * ALBUMIN_EQUIVALENT
-"""Plasma protein that holds as much water as the 5 g/dL of the albumin given, in g for each mL."""
+"""Plasma protein equivalent in oncotic effect to 5 g/dL of infused albumin [g/mL]."""
 _TONE = "systemic_resistance_factor"
 _CAVAE = ("superior_caval_pressure", "inferior_caval_pressure")
 _MINUTE, _HOUR = 60.0, 3600.0
@@ -50,7 +50,7 @@ GIVEN, REMOVED, REFILLED = _key_of("given_ml"), _key_of("removed_ml"), _key_of("
 RED_CELLS_GIVEN, PROTEIN_GIVEN = _key_of("red_cells_given_ml"), _key_of("protein_given_g")
 CAPILLARY, ARTERIOLES = _key_of("capillary_pressure_at_start_mmHg"), _key_of("resistance_at_start")
 PERICAPILLARY_PROTEIN = SlowState(_key_of("pericapillary_protein_g"), "g", 1.0, True)
-"""The interstitium's protein next to capillaries; a state where that layer has its own concentration."""
+"""Pericapillary interstitial protein; a state if that layer has its own concentration."""
 STATES = (
     SlowState(PLASMA, "mL", 10.0, True), SlowState(RED_CELLS, "mL", 10.0, True),
     SlowState(INTERSTITIUM, "mL", 50.0, True),
@@ -60,11 +60,11 @@ STATES = (
     SlowState(PROTEIN_GIVEN, "g", 1.0), SlowState(CAPILLARY, "mmHg", 1.0), SlowState(ARTERIOLES, "1", 0.1),
 )  # fmt: skip
 """Blood, interstitium, protein; then totals since the start: given, removed (bled and filtered), refilled,
-red cells and protein given less taken; then values at the start."""
+red cells and protein (given minus removed); then values at the start."""
 
 
 def blood_at_start(settings: Named) -> tuple[np.ndarray, np.ndarray]:
-    """Plasma and red cells [mL] at the start, blood given before it included."""
+    """Plasma and red cells [mL] at the start, including blood given before."""
     blood = settings[BLOOD_VOLUME] + settings[EXTRA_VOLUME]
     cells = FCELLS * settings[HAEMATOCRIT] * blood
     return blood - cells, cells
@@ -72,19 +72,20 @@ def blood_at_start(settings: Named) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class FluidLaw(SlowLaw):
-    """Fluid of the patient in a course.
+    """Slow law of the patient's fluid in a course.
 
-    Blood of the patient's own composition is bled and given; crystalloid and albumin join the plasma;
-    ultrafiltration takes plasma without protein. What circuits hold counts as the patient's blood.
+    Blood that is bled or given has the patient's own composition; crystalloid and albumin are added to the
+    plasma; ultrafiltration removes plasma water without protein. Blood in circuits counts as the patient's.
 
     Args:
-        arterial: output, mean arterial pressure.
-        venous: outputs, mean venous pressures (superior, then inferior where there are two).
-        ultrafiltration: parameters, net ultrafiltration [mL/h].
-        local: outputs, what organs' gases do to their resistance (upper, then lower where there are two).
-        haematocrits: parameters beside `fluid.haematocrit` that follow it.
-        gas: whether haemoglobin does, too.
-        has_pericapillary_layer: whether the interstitium next to capillaries has its own concentration.
+        arterial: output of mean arterial pressure.
+        venous: outputs of mean venous pressures (superior, then inferior if there are two).
+        ultrafiltration: parameters of net ultrafiltration [mL/h].
+        local: outputs of the factors by which gases change organs' resistance (upper, then lower if there are
+            two).
+        haematocrits: parameters that change together with `fluid.haematocrit`.
+        gas: whether haemoglobin changes with it as well.
+        has_pericapillary_layer: whether the pericapillary interstitium has its own concentration.
     """
 
     arterial: str = "MAP"
@@ -104,7 +105,7 @@ class FluidLaw(SlowLaw):
         return (self.arterial, *self.venous, _TONE, *self.local)
 
     def at_rest(self, settings: Named) -> tuple[Spaces, Wall]:
-        """The spaces at the start and the wall between them."""
+        """Fluid spaces at the start and the capillary wall between them."""
         return _rest(settings), _wall(settings)
 
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
@@ -151,7 +152,7 @@ class FluidLaw(SlowLaw):
         }  # fmt: skip
 
     def forces(self, states: Named, settings: Named, beat: Named) -> Forces:
-        """Forces that drive fluid across the wall, as changes since the start."""
+        """Starling forces across the capillary wall, as changes since the start."""
         return forces(*self._since_start(states, settings, beat))
 
     def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
@@ -165,11 +166,11 @@ class FluidLaw(SlowLaw):
         )
 
     def _pericapillary(self, protein: np.ndarray) -> Named:
-        """Protein next to capillaries, or its change, where it is a state."""
+        """Pericapillary protein, or its rate of change, if it is a state."""
         return {PERICAPILLARY_PROTEIN.name: protein} if self.has_pericapillary_layer else {}
 
     def _since_start(self, states: Named, settings: Named, beat: Named) -> tuple[Spaces, Spaces, np.ndarray]:
-        """Spaces now and at the start, and by how much the pressure of the capillaries rose since [mmHg]."""
+        """Spaces now and at the start, and rise of capillary pressure since the start [mmHg]."""
         rest = _rest(settings)
         now = Spaces(
             states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[INTERSTITIAL_PROTEIN], rest.normal,
@@ -183,7 +184,7 @@ class FluidLaw(SlowLaw):
         return now, rest, self._capillary(settings, beat, tone) - states[CAPILLARY]
 
     def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
-        """Resistance of the systemic microcirculation, by reflex, drugs, setting and the organs' gases."""
+        """Resistance of the systemic microcirculation with reflex, drugs, settings and organs' gases."""
         own = [beat[name] for name in self.local]
         if len(own) > 1:
             upper = settings[UPPER_SHARE]
@@ -199,7 +200,7 @@ class FluidLaw(SlowLaw):
 
 
 def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> FluidLaw:
-    """The law of fluid of a circuit with a volume offset.
+    """Fluid law of a circuit with a volume offset.
 
     Args:
         circuit: patient and devices.
@@ -218,13 +219,13 @@ def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> F
 
 
 def _local_factors(names: Sequence[str]) -> tuple[str, ...]:
-    """Outputs of the resistances that a circuit's organs set themselves, by its parameters."""
+    """Outputs of the local resistance factors that a circuit with these parameter names has."""
     resistances = (local_resistance(bed) for bed in BEDS)
     return tuple(local_factor(key) for key in resistances if key in names)
 
 
 def _rest(settings: Named) -> Spaces:
-    """The spaces at the start."""
+    """Fluid spaces at the start."""
     plasma, _ = blood_at_start(settings)
     normal = INTERSTITIUM_TO_BLOOD * settings[BLOOD_VOLUME]
     interstitium = settings[_key_of("interstitial_volume_ml")]

@@ -1,4 +1,4 @@
-"""The slow laws that a circuit has."""
+"""Slow laws of a circuit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eclsim.slow import SlowLaw
 
 
 def slow_laws(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> tuple[SlowLaw, ...]:
-    """Laws of fluid, and of what is dissolved in it, as far as the case follows them.
+    """Slow laws of fluid, solutes and carbon dioxide stores, as far as the case follows them.
 
     Args:
         circuit: patient and devices.

@@ -1,9 +1,9 @@
 """Urea, creatinine, potassium and bicarbonate over hours of dialysis, and stores of carbon dioxide.
 
-Urea and creatinine have two pools, water outside and inside of cells; potassium one outside, to which cells
-add what is missing (mobilisation, Agar 2015), towards a value that falls with what they gave; bicarbonate its
-apparent space. Amounts are in mmol; what is made, removed and mobilised is a state, so that balances hold.
-Clearances are those that the beat gives.
+Urea and creatinine have two pools, extracellular and intracellular water. Potassium has one, extracellular,
+to which cells add what is missing to a target (mobilisation, Agar 2015) that falls as they release it.
+Bicarbonate has its apparent space. Amounts are in mmol; amounts generated, removed and mobilised are states,
+so that balances can be checked. Clearances are those computed from the beat.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, FCELLS, HAEMATOC
 from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
 EXTRACELLULAR_SHARE = 1.0 / 3.0
-"""Share of the body's water outside of cells where fluid is not followed; textbook value."""
+"""Extracellular share of body water if fluid is not followed; textbook value."""
 SMALLEST_INTRACELLULAR_SHARE = 0.2
-"""Share of the body's water that cells have at least, in a patient with oedema."""
+"""Smallest intracellular share of body water, in a patient with oedema."""
 POOL_TRANSFER_ML_MIN = {"urea": 600.0, "creatinine": 280.0}
-"""Transfer between water outside and inside of cells [mL/min]; usual in two-pool models, not verified."""
+"""Transfer between extra- and intracellular water [mL/min]; usual in two-pool models, not verified."""
 POTASSIUM_MOBILISATION = 158.0
 """Mobilisation clearance of potassium [mL/min], 547 patients (Agar 2015); the number is not verified."""
 BLOOD_SHARE = 0.2
-"""Blood's share of the store of CO2: 5 L of blood hold 24 mL for each mmHg, all tissues and blood 120."""
+"""Blood's share of the CO2 store: 5 L of blood hold 24 mL/mmHg, all tissues and blood 120 mL/mmHg."""
 BLOOD_FOLLOWS_S = 60.0
-"""In which blood is renewed [s], its volume over its flow."""
+"""Time constant of the blood [s], its volume divided by its flow."""
 SLOW_SHARE = 0.6
-"""Slow tissues' share of it: muscle, skin, fat, bone, four fifths of the mass; estimated, not fitted."""
+"""Slow tissues' share of the CO2 store: muscle, skin, fat, bone, 4/5 of the mass; estimated, not fitted."""
 SLOW_FOLLOWS_S = 540.0
-"""In which they follow [s]: 63 mL/mmHg over a quarter of 5.5 L/min, their flow at rest, of 5 mL/L/mmHg."""
+"""Time constant of slow tissues [s]: 63 mL/mmHg over 5 mL/L/mmHg times their flow, 1/4 of 5.5 L/min."""
 STANDARD_PCO2 = 40.0
 BASE_EXCESS = BLOOD[1]
 QUOTIENT = "gas.respiratory_quotient"
@@ -63,13 +63,13 @@ def _state(solute: str, what: str = "outside") -> str:
 
 @dataclass(frozen=True)
 class Filter:
-    """A dialyzer as solutes see it.
+    """Outputs of a dialyzer that the solutes law reads.
 
     Args:
-        group: of the device, such as "crrt" or "crrt.left".
-        clearance: what the names of the device's outputs of clearances begin with.
+        group: group of the device, such as "crrt" or "crrt.left".
+        clearance: prefix of the names of the device's outputs of clearances.
         base_gain: name of its output of the bicarbonate gained.
-        citrate: name of its output of the citrate that reaches the patient; none where it has none.
+        citrate: name of its output of the citrate that reaches the patient; empty if there is none.
     """
 
     group: str
@@ -78,41 +78,41 @@ class Filter:
     citrate: str = CITRATE_LOAD
 
     def output(self, name: str) -> str:
-        """Name of an output of the device, which may be one of several."""
+        """Name of an output of the device, which may be a named instance."""
         device, _, own = self.group.partition(".")
         return f"{self.group}.{name.removeprefix(f'{device}_')}" if own else name
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """Outputs that are read."""
+        """Outputs of clearances and bicarbonate gain."""
         cleared = (f"{self.clearance}_{name}" for name in (*POOL_TRANSFER_ML_MIN, "potassium"))
         return tuple(map(self.output, (*cleared, self.base_gain)))
 
     def gained(self, beat: Named) -> np.ndarray:
-        """Bicarbonate for the patient [mmol/s]."""
+        """Bicarbonate gained by the patient [mmol/s]."""
         return beat[self.output(self.base_gain)] / _HOUR
 
     @property
     def reads_of_carbon(self) -> tuple[str, ...]:
-        """Outputs with the carbon that it brings."""
+        """Outputs from which the carbon that it brings is computed."""
         return tuple(self.output(name) for name in (self.base_gain, self.citrate) if name)
 
     def metabolised(self, beat: Named) -> np.ndarray:
-        """Citrate that the patient burns [mmol/s]."""
+        """Citrate that the patient metabolises [mmol/s]."""
         return beat[self.output(self.citrate)] / _HOUR if self.citrate else np.zeros(1)
 
     def cleared(self, beat: Named, solute: str) -> np.ndarray:
-        """Clearance of the patient [mL/s]."""
+        """Effective clearance of a solute for the patient [mL/s]."""
         return beat[self.output(f"{self.clearance}_{solute}")] / _MINUTE
 
 
 @dataclass(frozen=True)
 class SolutesLaw(SlowLaw):
-    """Solutes that dialysis clears.
+    """Slow law of solutes that dialysis clears.
 
     Args:
-        filters: dialyzers.
-        fluid: whether volumes are followed; else they stay.
+        filters: the dialyzers.
+        fluid: whether fluid volumes are followed; otherwise they are constant.
         gas: whether the base excess follows bicarbonate.
     """
 
@@ -157,7 +157,7 @@ class SolutesLaw(SlowLaw):
         bicarbonate = 1e3 * states[_state("bicarbonate")] / space
         start = 1e3 * (1e-3 * settings[_key_of("bicarbonate_mmol_l")] * space) / space
         keys = tuple(f"{one.group}.plasma_bicarbonate_mmol_l" for one in self.filters)
-        # What is not set is the blood's own, whose base excess follows.
+        # Where none is set, the plasma's CO2 follows from the gases, whose base excess changes.
         effect = {
             key: np.where(settings[key] > 0.0, settings[key] + (bicarbonate - start), 0.0) for key in keys
         }
@@ -209,12 +209,12 @@ class SolutesLaw(SlowLaw):
         }  # fmt: skip
 
     def net_bicarbonate_gain(self, settings: Named, beat: Named) -> np.ndarray:
-        """Bicarbonate that filters bring and acid does not use up [mmol/s]."""
+        """Bicarbonate gained from filters minus acid generation [mmol/s]."""
         acid = settings[_key_of("acid_generation_mmol_h")] / _HOUR
         return sum((one.gained(beat) for one in self.filters), -acid)
 
     def carbon_of_citrate(self, settings: Named, beat: Named) -> np.ndarray:
-        """Carbon that citrate brings, less that of the fuel which its oxygen would have burnt [mmol/s]."""
+        """Carbon of metabolised citrate minus that of the fuel that its oxygen would burn [mmol/s]."""
         each = CARBON_PER_CITRATE - OXYGEN_PER_CITRATE * settings[QUOTIENT]
         return sum((each * one.metabolised(beat) for one in self.filters), np.zeros(1))
 
@@ -240,22 +240,23 @@ class SolutesLaw(SlowLaw):
 
 @dataclass(frozen=True)
 class CarbonDioxideLaw(SlowLaw):
-    """Stores of carbon dioxide: tissues, which hold their PCO2, those with little flow, and the blood.
+    """Stores of carbon dioxide: well perfused tissues, slow tissues with little flow, and blood.
 
-        tissues      (1 - b - s) S dP/dt = made - given to the blood - kept as bicarbonate
+        tissues      (1 - b - s) S dP/dt = produced - given to the blood - kept as bicarbonate
                                            - b S (P - P_b) / tau_b - s S (P - P_s) / tau_s
         little flow  dP_s/dt = (P - P_s) / tau_s
         blood        dP_b/dt = (P - P_b) / tau_b
 
-    with b of the store S in the blood and s in muscle, skin, fat and bone. A steady beat has the blood of
-    tissues at P_b, so that it is late by tau_b. Beat by beat blood holds its own. Bicarbonate
-    of a filter is carbon dioxide of the blood; what of it acid does not use up stays as the bicarbonate that
-    `SolutesLaw` counts, beat by beat in tissues alone: the blood's part is in its contents. Citrate brings
-    the carbon of its bicarbonate itself; consumption stays, so that other fuel is spared for it.
+    with the share b of the store S in the blood and s in muscle, skin, fat and bone. In a steady beat the
+    blood of tissues is at P_b, which lags by tau_b. If blood is followed beat by beat, it holds its own
+    store. Bicarbonate from a filter is carbon dioxide of the blood. The part of it that acid does not consume
+    remains as the bicarbonate that `SolutesLaw` counts; beat by beat only in tissues, as the blood's part is
+    in its contents. Citrate supplies the carbon of its bicarbonate itself; as oxygen consumption is
+    unchanged, other fuel is saved.
 
     Args:
-        tissues: their exchanges, with the share of the store that is theirs.
-        solutes: what is dissolved, where it is followed; else base excess stays, and base leaves as gas.
+        tissues: names of the tissues' exchanges, each with its share of the store.
+        solutes: law of solutes if they are followed; if None, base excess is constant and base leaves as gas.
         every_beat: whether blood is followed beat by beat.
     """
 
@@ -325,12 +326,12 @@ class CarbonDioxideLaw(SlowLaw):
 
 
 def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SolutesLaw:
-    """The law of a circuit whose solutes are followed.
+    """Solutes law of a circuit.
 
     Args:
         circuit: patient and devices.
-        fluid: whether its fluid is followed.
-        gas: whether its gases are computed.
+        fluid: whether fluid is followed.
+        gas: whether gases are computed.
     """
     filters = tuple(
         Filter(e.group, e.component.clearance, e.component.base_gain, e.component.citrate)
@@ -341,7 +342,7 @@ def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SolutesLaw:
 
 
 def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tuple[SlowLaw, ...]:
-    """The law of a circuit whose tissues hold carbon dioxide; none for any other."""
+    """Law of carbon dioxide stores of a circuit; empty if its tissues hold none."""
     tissues = tuple(
         (e.name, e.component.share)
         for e in circuit.exchanges
@@ -368,7 +369,7 @@ def _output_of(what: str, tissue: str) -> str:
 
 
 def _plasma_share(states: Named, settings: Named, fluid: bool) -> np.ndarray:
-    """Share of the plasma in blood that is bled or given: that of large vessels."""
+    """Plasma share of blood that is bled or given: that in large vessels."""
     if not fluid:
         return 1.0 - settings[HAEMATOCRIT]
     return 1.0 - states[RED_CELLS] / (FCELLS * (states[PLASMA] + states[RED_CELLS]))
@@ -379,21 +380,21 @@ def _bicarbonate_space(settings: Named) -> np.ndarray:
 
 
 def _concentration_at_start(settings: Named, solute: str) -> np.ndarray:
-    """mmol/L."""
+    """Concentration of a solute at the start [mmol/L]."""
     if solute == "creatinine":
         return 1e-3 * settings[_key_of("creatinine_umol_l")]
     return settings[_key_of(f"{solute}_mmol_l")]
 
 
 def _generation(settings: Named, solute: str) -> np.ndarray:
-    """mmol/s."""
+    """Generation rate of a solute [mmol/s]."""
     if solute == "creatinine":
         return 1e-3 * settings[_key_of("creatinine_generation_umol_h")] / _HOUR
     return settings[_key_of(f"{solute}_generation_mmol_h")] / _HOUR
 
 
 def _volumes_at_start(settings: Named, fluid: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Water outside and inside of cells [mL]."""
+    """Extracellular and intracellular water at the start [mL]."""
     water = settings[_key_of("body_water_ml")]
     if not fluid:
         return EXTRACELLULAR_SHARE * water, (1.0 - EXTRACELLULAR_SHARE) * water
@@ -403,14 +404,14 @@ def _volumes_at_start(settings: Named, fluid: bool) -> tuple[np.ndarray, np.ndar
 
 
 def standard_base_excess(bicarbonate: Number, haemoglobin: Number) -> Number:
-    """Base excess [mmol/L] of oxygenated blood with some bicarbonate [mmol/L] at a PCO2 of 40 mmHg."""
+    """Base excess [mmol/L] of oxygenated blood with a bicarbonate [mmol/L] at a PCO2 of 40 mmHg."""
     ph = 6.1 + np.log10(np.maximum(bicarbonate, 1e-3) / (carbon_dioxide_solubility() * STANDARD_PCO2))
     blood = Blood(haemoglobin, 0.0, 37.0, 1.34)
     return (1.0 - 0.0143 * haemoglobin) * excess_of(STANDARD_PCO2, ph, 1.0, blood)
 
 
 def standard_bicarbonate(base_excess: float, haemoglobin: float) -> float:
-    """The other way round: bicarbonate [mmol/L] of a base excess, to rounding."""
+    """Inverse of `standard_base_excess`: bicarbonate [mmol/L] at a base excess, to rounding."""
     low, high = 0.1, 200.0
     while high - low > 1e-12 * high:
         middle = 0.5 * (low + high)

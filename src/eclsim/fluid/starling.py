@@ -1,20 +1,21 @@
-r"""Fluid and protein across the capillary wall, and back by lymph.
+r"""Exchange of fluid and protein across the capillary wall, and return by lymph.
 
     filtration = LpS [(Pc - Pi) - sigma (pi_p - pi_i)]          (Starling; Kedem and Katchalsky)
     protein    = (1 - sigma) filtration (c_p + c_i)/2 + PS (c_p - c_i)
-    lymph      = L0 + dL/dPi (Pi - Pi0), never below 0; it carries interstitial fluid with its protein
+    lymph      = L0 + dL/dPi (Pi - Pi0), not below 0; it carries interstitial fluid with its protein
 
-Oncotic pressure: Landis and Pappenheimer 1963. Pi follows the interstitial volume along a curve that is steep
-below the normal volume and flat in oedema. At the start filtration equals lymph, and PS lets as much protein
-out as lymph brings back: whatever the patient's pressures are, nothing moves until something changes.
+Oncotic pressure: Landis and Pappenheimer 1963. Pi depends on the interstitial volume along a curve that is
+steep below the normal volume and flat in oedema. At the start filtration equals lymph, and PS is such that
+protein leaks out at the rate at which lymph returns it: whatever the patient's pressures are, nothing moves
+until something changes.
 
-What crosses the wall may pass a share of the interstitium next to the capillaries first: pi_i and c_i above
-are then those of that share, whose protein is thinned by what leaves and thickened by what comes back,
+What crosses the wall may first enter a share of the interstitium next to the capillaries. pi_i and c_i above
+are then those of this share, whose protein is diluted by filtration and concentrated by reabsorption,
 
     d(protein near)/dt = protein - J_far,   J_far = q (c_near e^Pe - c_far)/(e^Pe - 1),   Pe = q / mixing
 
-with q the water that goes on to the rest (filtration less what swells the share). Lymph leaves from the rest.
-Volumes in mL, concentrations in g/dL, flows in mL/min, protein in g/min.
+with q the flow of water from it to the rest of the interstitium (filtration minus the swelling of the share).
+Lymph leaves from the rest. Volumes are in mL, concentrations in g/dL, flows in mL/min, protein in g/min.
 """
 
 from __future__ import annotations
@@ -24,25 +25,25 @@ from typing import NamedTuple
 import numpy as np
 
 DEHYDRATED_PER_MMHG = 0.0607
-"""Share of the normal interstitial volume that leaves for each mmHg, 510 of 8400 mL; human model of Xie et
+"""Share of the normal interstitial volume lost per mmHg fall of Pi, 510 of 8400 mL; human model of Xie et
 al. 1995 (Bull Math Biol 57), not verified."""
 OEDEMA_MMHG = 2.6
-"""Rise of Pi from the normal volume to oedema, where it stays; the same model, not verified."""
+"""Rise of Pi [mmHg] from the normal volume to its plateau in oedema; the same model, not verified."""
 LYMPH_PER_MMHG = 0.36
-"""Rise of lymph flow for each mmHg of Pi, over that at the start: 43 of 120 mL/h; as above, not verified."""
+"""Relative rise of lymph flow per mmHg of Pi: 43 of 120 mL/h; the same model, not verified."""
 EXCLUDED_SHARE = 0.25
-"""Share of the normal interstitial volume that protein cannot enter; as above, not verified."""
+"""Share of the normal interstitial volume that excludes protein; the same model, not verified."""
 CAPILLARY_SHARE = 0.15
-"""Share of the arteriovenous pressure drop behind the capillaries' middle; textbook, not verified."""
+"""Share of the arteriovenous pressure drop downstream of mid-capillary; textbook, not verified."""
 
 MIXING_ML_MIN = 0.5
-"""Exchange of protein between pericapillary and distant water without flow; small, so that water carries it
-(0.2 to 2 mL/min move no row of the validation by more than 0.3 of its unit)."""
+"""Exchange of protein [mL/min] between pericapillary and distant water without flow; so small that convection
+dominates (0.2 to 2 mL/min change no row of the validation by more than 0.3 of its unit)."""
 
 ALBUMIN_EQUIVALENT = 1.19
-"""Plasma protein that draws as much water as a gram of albumin, whose molecules are smaller: 5 g/dL of
-albumin have 2.8 c + 0.18 c^2 + 0.012 c^3 = 20.0 mmHg (Landis and Pappenheimer 1963), plasma at 5.94 g/dL; of
-what is added to plasma with as much albumin as globulin a gram counts 1.18 to 1.19 times."""
+"""Plasma protein [g] with the oncotic effect of 1 g of albumin (smaller molecules): 5 g/dL of albumin have
+2.8 c + 0.18 c^2 + 0.012 c^3 = 20.0 mmHg (Landis and Pappenheimer 1963), as does plasma at 5.94 g/dL. Added to
+plasma with equal parts of albumin and globulin, a gram of albumin counts 1.18 to 1.19 times."""
 
 
 class Spaces(NamedTuple):
@@ -51,11 +52,11 @@ class Spaces(NamedTuple):
     Attributes:
         plasma: volume [mL].
         interstitium: volume [mL].
-        plasma_protein: [g].
-        interstitial_protein: [g].
+        plasma_protein: protein in plasma [g].
+        interstitial_protein: protein in the interstitium [g].
         normal: interstitial volume without oedema [mL].
-        pericapillary_protein: of the share next to capillaries [g]; None, the interstitium is one.
-        pericapillary_share: that share [-]; 1, likewise.
+        pericapillary_protein: protein in the pericapillary share [g]; None if the interstitium is undivided.
+        pericapillary_share: pericapillary share of the interstitium [-]; 1 if the interstitium is undivided.
     """
 
     plasma: np.ndarray
@@ -68,7 +69,7 @@ class Spaces(NamedTuple):
 
     @property
     def concentrations(self) -> tuple[np.ndarray, np.ndarray]:
-        """Protein of plasma and of what it can enter of the interstitium [g/dL]."""
+        """Protein concentrations of plasma and of the accessible interstitium [g/dL]."""
         return (
             100.0 * self.plasma_protein / np.maximum(self.plasma, 1.0),
             100.0 * self.interstitial_protein / self._accessible_volume,
@@ -76,7 +77,7 @@ class Spaces(NamedTuple):
 
     @property
     def pericapillary_and_distant(self) -> tuple[np.ndarray, np.ndarray]:
-        """Protein next to capillaries and in the rest of the interstitium [g/dL]."""
+        """Protein concentrations of the pericapillary share and of the rest of the interstitium [g/dL]."""
         _, mean = self.concentrations
         if self.pericapillary_protein is None:
             return mean, mean
@@ -99,9 +100,9 @@ class Wall(NamedTuple):
     """The capillary wall and the lymphatics.
 
     Attributes:
-        filtration: LpS [mL/min/mmHg].
-        reflection: sigma [-].
-        lymph: flow at the start [mL/min].
+        filtration: filtration coefficient LpS [mL/min/mmHg].
+        reflection: reflection coefficient sigma [-].
+        lymph: lymph flow at the start [mL/min].
     """
 
     filtration: np.ndarray
@@ -113,10 +114,10 @@ class Forces(NamedTuple):
     """Starling forces across the wall, as changes since the start [mmHg].
 
     Attributes:
-        capillary: pressure of the capillaries.
-        interstitial: pressure of the interstitium.
+        capillary: capillary pressure.
+        interstitial: interstitial pressure.
         plasma_oncotic: oncotic pressure of the plasma.
-        interstitial_oncotic: likewise of the interstitium, next to the capillaries.
+        interstitial_oncotic: oncotic pressure of the interstitium next to the capillaries.
     """
 
     capillary: np.ndarray
@@ -129,9 +130,9 @@ class Exchange(NamedTuple):
     """Rates of exchange, from plasma to interstitium.
 
     Attributes:
-        fluid: filtration less lymph [mL/min].
-        protein: likewise [g/min].
-        pericapillary_protein: what the share next to capillaries gains [g/min].
+        fluid: filtration minus lymph flow [mL/min].
+        protein: protein filtered minus protein in lymph [g/min].
+        pericapillary_protein: gain of the pericapillary share [g/min].
     """
 
     fluid: np.ndarray
@@ -155,16 +156,16 @@ def capillary_pressure(arterial: np.ndarray, venous: np.ndarray, tone: np.ndarra
     """Mean capillary pressure [mmHg].
 
     Args:
-        arterial: mean pressure [mmHg].
-        venous: mean pressure [mmHg].
-        tone: resistance of the microcirculation over that at the start; arterioles make the difference.
+        arterial: mean arterial pressure [mmHg].
+        venous: mean venous pressure [mmHg].
+        tone: resistance of the microcirculation relative to the start; arterioles account for the change.
     """
     share = CAPILLARY_SHARE / ((1.0 - CAPILLARY_SHARE) * tone + CAPILLARY_SHARE)
     return venous + share * (arterial - venous)
 
 
 def forces(now: Spaces, rest: Spaces, pressure_rise: np.ndarray) -> Forces:
-    """Forces as changes since the start; the arguments are those of `exchange`."""
+    """Starling forces as changes since the start; arguments as of `exchange`."""
     interstitial_rise = interstitial_pressure(now.interstitium, now.normal) - interstitial_pressure(
         rest.interstitium, rest.normal
     )
@@ -182,10 +183,10 @@ def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -
     """Rates of exchange across the wall now.
 
     Args:
-        now: volumes and protein.
-        rest: those at the start, in balance.
-        pressure_rise: of the capillaries since then [mmHg].
-        wall: its constants.
+        now: present volumes and protein.
+        rest: volumes and protein at the start, in balance.
+        pressure_rise: rise of capillary pressure since the start [mmHg].
+        wall: constants of the capillary wall.
     """
     (inside, _), (inside_0, outside_0) = now.concentrations, rest.concentrations
     pericapillary, distant = now.pericapillary_and_distant
@@ -205,7 +206,7 @@ def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -
 
 
 def convected_and_mixed(peclet: np.ndarray, upstream: np.ndarray, downstream: np.ndarray) -> np.ndarray:
-    """Flux by convection and mixing between two concentrations, over mixing alone, in steady flow."""
+    """Flux by convection and mixing between two concentrations, relative to mixing alone, in steady flow."""
 
     def weight(x: np.ndarray) -> np.ndarray:
         small = np.abs(x) < 1e-3

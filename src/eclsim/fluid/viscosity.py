@@ -1,4 +1,4 @@
-r"""Blood that thickens and thins: resistances follow the haematocrit.
+r"""Blood viscosity: resistances as functions of the haematocrit.
 
 Relative viscosity against haematocrit H in a tube of D micrometres (Pries, Neuhaus and Gaehtgens 1992, Am J
 Physiol 263:H1770, in vitro):
@@ -6,8 +6,8 @@ Physiol 263:H1770, in vitro):
     eta = 1 + (eta_45 - 1) ((1 - H)^C - 1) / ((1 - 0.45)^C - 1)
     eta_45 = 220 exp(-1.3 D) + 3.2 - 2.44 exp(-0.06 D^0.645),  C as in `_shape`
 
-Resistances change with the ratio to the viscosity at the reference haematocrit, so that at the reference
-they are what they were to the last bit.
+Resistances are multiplied by the ratio to the viscosity at the reference haematocrit; at the reference they
+are unchanged to the last bit.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from eclsim.components.base import Derived, Key, Number, Values, names_in, value
 from eclsim.parameters.fluid import HAEMATOCRIT, REFERENCE
 
 MICROCIRCULATION = {"Rmc", "Rpmc"}
-"""Resistances of the body whose blood's viscosity is followed, with what lies in series."""
+"""Resistances of the patient that depend on viscosity, together with those in series."""
 ARTERIOLE_UM = 25.0
-"""Diameter of the vessels that make most of these resistances; chosen, not verified."""
+"""Diameter of the vessels with most of these resistances [um]; chosen, not verified."""
 TURBULENT = 0.25
-"""Exponent of viscosity in the pressure drop of turbulent flow (Blasius 1913), as cannulae have it."""
+"""Exponent of viscosity in the pressure drop of turbulent flow (Blasius 1913), as in cannulae."""
 
 
 @dataclass(frozen=True)
 class ViscosityCorrected(Derived):
-    """A resistance or viscosity times the change of the blood's viscosity with the haematocrit.
+    """A resistance or viscosity multiplied by the relative change of viscosity with the haematocrit.
 
     Args:
-        of: the value at the reference haematocrit.
-        diameter_um: of the tubes that the blood runs through; 1000 and more are wide.
-        exponent: of the viscosity in the resistance: 1 in laminar flow.
-        haematocrit: parameter, of the blood [-].
-        reference: parameter, haematocrit that `of` is for [-].
+        of: value at the reference haematocrit.
+        diameter_um: diameter of the vessels or tubes [um]; from 1000 the viscosity is that of wide tubes.
+        exponent: exponent of viscosity in the resistance: 1 for laminar flow.
+        haematocrit: parameter, haematocrit of the blood [-].
+        reference: parameter, haematocrit at which `of` is valid [-].
     """
 
     of: Key
@@ -47,7 +47,7 @@ class ViscosityCorrected(Derived):
     reference: Key = REFERENCE
 
     def value(self, values: Values) -> Number:
-        """The product."""
+        """The value at the present haematocrit."""
         now, then = (
             relative_viscosity(value_of(values, key), self.diameter_um)
             for key in (self.haematocrit, self.reference)
@@ -56,7 +56,7 @@ class ViscosityCorrected(Derived):
 
 
 def relative_viscosity(haematocrit: Number, diameter_um: float = 1e3) -> Number:
-    """Viscosity of blood over that of plasma (Pries 1992), in tubes of a diameter [um]."""
+    """Viscosity of blood relative to plasma (Pries 1992) in tubes of a diameter [um]."""
     shape = _shape(diameter_um)
     narrow, wide = 220.0 * math.exp(-1.3 * diameter_um), 2.44 * math.exp(-0.06 * diameter_um**0.645)
     at_45 = narrow + 3.2 - wide
@@ -69,10 +69,11 @@ def _shape(diameter_um: float) -> float:
 
 
 def with_viscosity(circuit: Circuit) -> Circuit:
-    """The circuit with resistances that follow the haematocrit, `fluid.haematocrit`.
+    """The circuit with resistances that depend on the haematocrit, `fluid.haematocrit`.
 
-    Laminar flow in tubes, oxygenator and dialyzer is proportional to viscosity, turbulent flow in cannulae
-    to its fourth root, flow through the body's and the lungs' small vessels to that in narrow tubes.
+    The resistance of tubes, oxygenator and dialyzer (laminar flow) is proportional to viscosity, that of
+    cannulae (turbulent flow) to its fourth root, and that of systemic and pulmonary small vessels to
+    viscosity in narrow tubes.
     """
     return replace(circuit, connections=tuple(map(_with_viscosity, circuit.connections)))
 

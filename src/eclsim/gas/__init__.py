@@ -1,1 +1,1 @@
-"""Oxygen and carbon dioxide in the steady state of given mean flows: exchangers, transport, solution."""
+"""Oxygen and carbon dioxide at given mean flows: gas exchange of a circuit, transport and gas state."""

@@ -1,8 +1,8 @@
 """Newton's equations of the gas state, solved exchanger by exchanger.
 
-What happens inside an exchanger depends on the others only through what enters it. Its cells are eliminated
-one after the other, so that a change of what enters gives the change of what leaves; those of all exchangers
-together are then a small system, with two unknowns for each.
+The state inside an exchanger depends on the others only through the blood that enters. The cells of an
+exchanger are eliminated one after the other, which gives the change of its outflow with its inflow. These
+relations of all exchangers form a small system with two unknowns per exchanger.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from eclsim.gas.linear_systems import solution
 
 
 class LinearisedBlood(NamedTuple):
-    """Blood at the points of an exchanger and how it changes with the logarithms of both pressures there.
+    """Blood at the points of an exchanger, with derivatives by the logarithms of both pressures.
 
     Attributes:
-        at: the points.
-        content_by: change of the contents, (2 contents, 2 pressures, points).
-        slope_by: change of the slope of the saturation curve, (2 pressures, points).
-        ph_by: change of the pH, (2 pressures, points).
+        at: blood at the points.
+        content_by: derivatives of the contents, (2 contents, 2 pressures, points).
+        slope_by: derivatives of the slope of the saturation curve, (2 pressures, points).
+        ph_by: derivatives of the pH, (2 pressures, points).
     """
 
     at: Points
@@ -37,16 +37,17 @@ class LinearisedBlood(NamedTuple):
 
 
 class LinearExchanger(NamedTuple):
-    """The linear equations of an exchanger, its cells solved for what enters them.
+    """Linear equations of an exchanger, with each cell solved in terms of its inflow.
 
     Attributes:
-        blocks: coefficients of every point of a cell in the equation of every point, (2, 2, cells) each.
-        by_inlet: change of the pressures with what enters the exchanger, (2, 2, cells) for each point.
-        by_gained: with what blood has gained before the cell, likewise.
-        flow: that exchanges, in mL/min of gas for each mL/dL.
-        ends: change of the contents with the pressures at the last points, (2, 2, cells).
-        reached: contents at the ends of the cells with what enters the exchanger, (2, 2) for each.
-        outlet_by: what leaves with what enters, (2, 2).
+        blocks: coefficients of each point of a cell in the equation of each point, (2, 2, cells) each.
+        by_inlet: derivatives of the pressures with respect to the inlet contents, (2, 2, cells) per point.
+        by_gained: the same with respect to the gas gained before the cell.
+        flow: exchanging blood flow, in mL/min of gas per mL/dL.
+        ends: derivatives of the contents with respect to the pressures at the last points, (2, 2, cells).
+        reached: derivatives of the contents at the cells' ends with respect to the inlet contents, (2, 2)
+            each.
+        outlet_by: derivatives of the outlet contents with respect to the inlet contents, (2, 2).
     """
 
     blocks: Sequence[Sequence[Array]]
@@ -61,14 +62,14 @@ class LinearExchanger(NamedTuple):
 def linear_exchanger(
     law: GasExchanger, flow: Array, inside: LinearisedBlood, values: Values, inertia: Array | float
 ) -> LinearExchanger:
-    """The equations of one exchanger, linear around a state.
+    """Equations of one exchanger, linearised about a state.
 
     Args:
-        law: of the exchanger.
-        flow: of blood [L/min].
-        inside: the state.
+        law: law of the exchanger.
+        flow: blood flow [L/min].
+        inside: state of the blood inside.
         values: all parameters.
-        inertia: contents change as in blood that is stored, as a share of the flow that is renewed.
+        inertia: pseudo-time term: contents change as in stored blood, as a share of the flow.
     """
     (cells, weights), share = law.collocation, jnp.asarray(law.exchanging(values))
     points, exchanging = len(weights), 10.0 * flow * share
@@ -101,14 +102,14 @@ def linear_exchanger(
 
 
 def responses(equations: LinearExchanger, residuals: Array) -> tuple[list[Array], Array]:
-    """Changes that cancel the residuals at a fixed inflow: of pressures, and of the last content.
+    """Changes of pressures and of the last content that cancel the residuals at a fixed inflow.
 
     Args:
-        equations: of one exchanger.
-        residuals: (2, points).
+        equations: equations of one exchanger.
+        residuals: residuals of its equations, (2, points).
 
     Returns:
-        Changes of the logarithms of the pressures of each point of the cells, (2, cells), and of the content
+        Changes of the logarithms of the pressures at each point of the cells, (2, cells), and of the contents
         at the end, (2,).
     """
     cells, count = equations.ends.shape[-1], len(equations.blocks)
@@ -134,9 +135,9 @@ def pressure_changes(equations: LinearExchanger, moves: Sequence[Array], enterin
     """Changes of the logarithms of the pressures, (2, points).
 
     Args:
-        equations: of one exchanger.
-        moves: of `responses`.
-        entering: change of what enters, (2,).
+        equations: equations of one exchanger.
+        moves: changes of pressures returned by `responses`.
+        entering: changes of the inlet contents, (2,).
     """
     gained = jnp.stack(
         [equations.flow * (_matrix_vector_product(by, entering) - entering) for by in equations.reached[:-1]],
@@ -150,12 +151,12 @@ def pressure_changes(equations: LinearExchanger, moves: Sequence[Array], enterin
 
 
 def mixed_changes(shares: Array, outlets_by: Array, offsets: Array) -> Array:
-    """Changes of what leaves every exchanger where each one's inlet is a mixture of all, (2, exchangers).
+    """Changes of the outlet contents if each inlet is a mixture of all outlets, (2, exchangers).
 
     Args:
-        shares: of what leaves the exchangers in what enters each, (exchangers, exchangers).
-        outlets_by: change of what leaves with what enters, (2, 2, exchangers).
-        offsets: change of what leaves where what enters stays, (2, exchangers).
+        shares: share of each exchanger's outflow in each inflow, (exchangers, exchangers).
+        outlets_by: derivatives of outlet with respect to inlet contents, (2, 2, exchangers).
+        offsets: changes of the outlet contents at fixed inlet contents, (2, exchangers).
     """
     count = shares.shape[0]
     matrix = jnp.eye(2 * count) - jnp.einsum("abe,ek->aebk", outlets_by, shares).reshape(2 * count, -1)
@@ -163,7 +164,7 @@ def mixed_changes(shares: Array, outlets_by: Array, offsets: Array) -> Array:
 
 
 def _rates_by(law: GasExchanger, flow: Array, inside: LinearisedBlood, values: Values) -> tuple[Array, Array]:
-    """Change of the rates with what was gained and with the logarithms of the pressures, (2, 2, points)."""
+    """Derivatives of the rates by gained gas and by logarithms of pressures, both (2, 2, points)."""
     at = inside.at
 
     def rates(gained: Array, move: Array) -> Array:
@@ -178,7 +179,7 @@ def _rates_by(law: GasExchanger, flow: Array, inside: LinearisedBlood, values: V
 
 
 def _by_cell(table: Array, cells: int) -> Array:
-    """(..., points) as (..., cells, points of a cell)."""
+    """Reshape (..., points) to (..., cells, points of a cell)."""
     return table.reshape(*table.shape[:-1], cells, -1)
 
 
@@ -199,9 +200,9 @@ def _solution_2x2(a: Array, b: Array) -> Array:
 
 
 def _block_elimination(blocks: Sequence[Sequence[Array]], rights: Sequence[Array]) -> list[Array]:
-    """Gauss' elimination by blocks (2, 2, cells), for columns (2, columns, cells).
+    """Gaussian elimination by blocks (2, 2, cells), for right-hand sides (2, columns, cells).
 
-    Blocks of the diagonal have an inverse: a rate falls where the pressure rises, a content rises.
+    Diagonal blocks are invertible: with rising pressure, rates fall and contents rise.
     """
     if len(blocks) == 1:
         return [_solution_2x2(blocks[0][0], rights[0])]

@@ -1,7 +1,7 @@
-"""Small dense linear systems, solved in the thread that asks.
+"""Small dense linear systems, solved in the calling thread.
 
-LAPACK's decompositions of a batch (`jnp.linalg.solve` under `vmap`, jaxlib 0.10) hand their work to the
-threads that they wait in: two programs at a time can hold all of them and wait for ever.
+LAPACK's decompositions of a batch (`jnp.linalg.solve` under `vmap`, jaxlib 0.10) run in the same thread pool
+in which they wait: two programs at a time can occupy all threads and wait forever.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from eclsim import runtime as _runtime  # noqa: F401  (double precision before t
 
 @jax.custom_jvp
 def solution(matrix: Array, offsets: Array) -> Array:
-    """What the matrix maps to the offsets; NaN or infinite where it is singular.
+    """Solve matrix x = offsets for x; NaN or infinite if the matrix is singular.
 
     Args:
         matrix: shape (n, n).
@@ -28,7 +28,7 @@ def solution(matrix: Array, offsets: Array) -> Array:
 
 
 def _solution(matrix: Array, offsets: Array) -> tuple[Array, Array]:
-    """The solution, once refined, and the inverse of the matrix."""
+    """Solution with one step of iterative refinement, and inverse of the matrix."""
     inverse = _inverse(matrix)
     first = inverse @ offsets
     return first + inverse @ (offsets - matrix @ first), inverse
@@ -41,7 +41,7 @@ def _derivative(arguments: tuple[Array, Array], changes: tuple[Array, Array]) ->
 
 
 def _inverse(matrix: Array) -> Array:
-    """By elimination with the largest pivot of each column (Gauss and Jordan)."""
+    """Inverse by Gauss-Jordan elimination with the largest pivot of each column."""
     count = matrix.shape[0]
     rows = jnp.arange(count)
 

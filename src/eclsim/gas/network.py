@@ -1,8 +1,7 @@
 """The gas exchange of a circuit: from the mean flows of a beat to the gases of its blood.
 
-A circuit's table of exchanges says where blood takes up or gives off gas, its connections how blood gets
-there. Everything that a result may be asked for is a `Quantity`, and `gas_of` maps mean flows and parameters
-to all of them.
+A circuit's table of exchanges says where blood takes up or gives off gas; its connections say how blood gets
+there. Every result is a `Quantity`; `gas_of` maps mean flows and parameters to all of them.
 """
 
 from __future__ import annotations
@@ -26,16 +25,16 @@ from eclsim.gas.transport import Drainage, Flows, HeldBlood, Mixtures, balanced,
 
 PATIENT = "patient"
 SAMPLE_SITES = ("sart", "upper", "lower", "pas")
-"""Compartments whose blood is analysed, where a circuit has them."""
+"""Compartments, if present in a circuit, whose blood gases are results."""
 GASES = ("PO2", "PCO2", "pH", "SO2", "oxygen", "carbon_dioxide")
 """Quantities of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
 CONTENTS = GASES[-2:]
-"""Quantities that mix, known of the blood in every compartment."""
+"""Quantities that mix linearly and are known for the blood in every compartment."""
 WORST_ERROR = 1e-8
 SMALLEST_SUPPLY = 0.1
-"""Share of its demand below which a tissue is said to get no oxygen."""
+"""Share of the demand below which a tissue's oxygen supply is reported as missing."""
 LARGEST_PCO2 = 300.0
-"""PCO2 [mmHg] above which carbon dioxide is said not to be removed; no law of blood holds there."""
+"""PCO2 [mmHg] above which removal of CO2 is reported as missing; no law of blood is valid there."""
 
 
 class GasStatus(IntEnum):
@@ -48,12 +47,12 @@ class GasStatus(IntEnum):
 
     @property
     def word(self) -> str:
-        """The name in lower case, as results and files have it."""
+        """Name in lower case, as used in results and files."""
         return self.name.lower()
 
     @property
     def message(self) -> str:
-        """Its meaning, and what to do."""
+        """Meaning of the status, and what to do."""
         return _MESSAGES[self]
 
 
@@ -74,15 +73,15 @@ _MESSAGES = {
 
 
 class Quantity(NamedTuple):
-    """A number of the gas state.
+    """Name of a number of the gas state.
 
     Attributes:
-        what: a name of `GASES`; "gained" gas or "gained_co2", "supplied" and "demanded" oxygen [mL/min STPD]
-            of an exchange; "recirculated" share of what an exchange sent; "status"; or "unknown", a number
-            that the search has found, from which derivatives are computed.
-        where: "in" a compartment whose blood is analysed, "mixed" in any (contents alone), "drawn" by a
-            connection, "behind" an exchange, "into" one that answers to what enters, "within" a lung (its
-            alveoli), or "at" an exchange.
+        what: a name of `GASES`; for an exchange, the oxygen "gained", "supplied" and "demanded" or the carbon
+            dioxide "gained_co2" [mL/min STPD]; "recirculated", the share of drawn blood that comes from an
+            exchange; "status"; or "unknown", an unknown of the search, from which derivatives are computed.
+        where: "in" a compartment whose blood is analysed, "mixed" in any compartment (contents only), "drawn"
+            by a connection, "behind" an exchange, "into" an exchange whose rate depends on the entering
+            blood, "within" a lung (its alveoli), or "at" an exchange.
         place: name of the compartment or connection, or number of an unknown.
     """
 
@@ -95,7 +94,7 @@ STATUS = Quantity("status")
 
 
 def gas_exchanges(circuit: Circuit) -> tuple[Exchange, ...]:
-    """The exchanges of oxygen and carbon dioxide."""
+    """Exchanges of oxygen and carbon dioxide in a circuit."""
     return tuple(e for e in circuit.exchanges if isinstance(e.component, GasExchanger))
 
 
@@ -105,11 +104,11 @@ def flows_of(
     """Balanced mean flows of a circuit.
 
     Args:
-        circuit: sites that parameters choose may be in it.
+        circuit: the circuit; parameters may select its sites.
         forward: mean forward flow of each connection [L/min], in the order of the circuit.
-        backward: mean backward flow, positive.
-        values: of the parameters that choose sites (`switches`).
-        held: what compartments hold over a step in time; left out, flows of a steady beat.
+        backward: mean backward flow of each connection [L/min], positive.
+        values: values of the parameters that select sites (`switches`).
+        held: blood held by compartments over a step in time; None for a steady beat.
     """
     place = {c.name: k for k, c in enumerate(circuit.compartments)}
     ends = []
@@ -127,13 +126,13 @@ def flows_of(
 
 
 def switches(circuit: Circuit) -> tuple[str, ...]:
-    """Parameters that choose the sites of connections."""
+    """Names of the parameters that select the sites of connections."""
     ends = (site for c in circuit.connections for site in c.sites)
     return tuple(dict.fromkeys(site.parameter for site in ends if isinstance(site, Choice)))
 
 
 def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
-    """Connections that may draw blood before what is returned to their source has mixed with it."""
+    """Connections that may draw blood before returned blood has mixed with that of their source."""
     groups = {c.name: c.group for c in circuit.compartments}
     result = []
     for j, connection in enumerate(circuit.connections):
@@ -152,15 +151,15 @@ def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
 
 @dataclass(frozen=True)
 class FlowFunction:
-    """Contents of blood, as a function of numbers.
+    """Function of mean flows and parameters, such as contents of blood.
 
     Args:
-        connections: whose mean forward, then backward flows come first [L/min].
-        parameters: that come next.
-        compute: the function, from an array (numbers,) to an array of what it gives.
-        key: what tells it from all others.
-        without_search: the same from the numbers and the results of `compute`, without its search; for
-            derivatives.
+        connections: connections whose mean forward, then backward flows are the first arguments [L/min].
+        parameters: parameters that are the next arguments.
+        compute: the function, from an array of all arguments to an array of results.
+        key: unique identifier.
+        without_search: the same function of the arguments and the results of `compute`, without the search;
+            used for derivatives.
     """
 
     connections: tuple[str, ...]
@@ -172,14 +171,14 @@ class FlowFunction:
 
 @dataclass(frozen=True)
 class GasFunction(FlowFunction):
-    """The gas state of a circuit as a function of numbers.
+    """Gas state of a circuit as a function of mean flows and parameters.
 
-    In a step in time there come, after the parameters, volumes of all compartments before and after over its
-    length [L/min], contents of oxygen and of carbon dioxide before [mL/dL], and of each of `lungs_of` the gas
-    that it holds over the length [L/min BTPS] and its PO2 and PCO2 before [mmHg].
+    For a step in time the further arguments are the volumes of all compartments before and after it, divided
+    by its length [L/min], contents of oxygen and of carbon dioxide before it [mL/dL], and for each of
+    `lungs_of` the volume of gas divided by the length [L/min BTPS] and its PO2 and PCO2 before [mmHg].
 
     Args:
-        quantities: what it gives.
+        quantities: results, in order.
     """
 
     quantities: tuple[Quantity, ...] = ()
@@ -187,10 +186,10 @@ class GasFunction(FlowFunction):
 
 @lru_cache(maxsize=256)
 def transport_of(circuit: Circuit, exchanges: bool = True) -> Circuit:
-    """Structure of a circuit for transport: places, connections and exchanges.
+    """Structure of a circuit for transport: compartments, connections and exchanges.
 
-    Laws of pressures and flows, reflexes and drugs are left out, so that circuits which differ in these alone
-    share the programs for what their blood carries.
+    Laws of pressures and flows, reflexes and drugs are omitted, so that circuits that differ only in these
+    share compiled programs for transport.
     """
     stores = tuple(Compartment(c.name, ElasticVessel(1.0), c.group) for c in circuit.compartments)
     paths = tuple(replace(c, component=Resistance(1.0)) for c in circuit.connections)
@@ -198,10 +197,11 @@ def transport_of(circuit: Circuit, exchanges: bool = True) -> Circuit:
 
 
 def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = False) -> GasFunction:
-    """The gas state of a circuit with exchanges, by a law of the blood: the steady one, or a step later.
+    """Gas state of a circuit with exchanges by a law of the blood: steady, or after a step in time.
 
-    Over a step in time compartments hold blood and lungs gas; exchangers hold no blood: membranes and
-    tissues, whose PCO2 stores may hold, answer at once to the blood that reaches them.
+    In a step in time, compartments hold blood and lungs hold gas. Other exchangers (membranes, and tissues
+    apart from stores that may hold their PCO2) hold nothing and respond at once to the blood that reaches
+    them.
     """
     return _gas_of(transport_of(circuit), law, in_time)
 
@@ -256,7 +256,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
             + [_exchanged(e, k, mixed, state, values) for k, e in enumerate(exchanges)]
         )
         status = _status(exchanges, state, values)
-        # A tissue may be without oxygen for some time, which no steady state has.
+        # Unlike in a steady state, a tissue may lack oxygen for some time.
         valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
         unknowns_of_search = [] if in_time else [*state.pressure, state.ph, state.error[None]]
         return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *unknowns_of_search])
@@ -267,13 +267,13 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
 
 
 def _known(unknowns: Array, points: int) -> SearchResult:
-    """End of a search, from the unknowns that `gas_of` returns with its results."""
+    """Rebuild the result of a search from the unknowns that `gas_of` returns with its results."""
     pressure, ph, error = unknowns[: 2 * points].reshape(2, points), unknowns[2 * points : -1], unknowns[-1]
     return SearchResult(pressure, ph, jnp.zeros((), dtype=int), error)
 
 
 def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
-    """Connections that draw the patient's blood into a group with an exchange, and the exchange's number."""
+    """Connections that draw patient blood into a group with an analysed exchange, and its index."""
     groups = {c.name: c.group for c in circuit.compartments}
     return [
         (c.name, k)
@@ -285,7 +285,7 @@ def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
 
 
 def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
-    """Where blood is analysed, and the compartment or connection."""
+    """Sampling sites: kind ("in", "behind" or "drawn") and name of the compartment or connection."""
     compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLE_SITES]
     behind = [("behind", e.at) for e in gas_exchanges(circuit) if _analysed(e) or _stores(e)]
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
@@ -302,24 +302,24 @@ def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
 
 
 def _analysed(exchange: Exchange) -> bool:
-    """Whether blood before and behind an exchange of a device is analysed."""
+    """Whether blood before and after an exchange is analysed; only exchanges of devices are."""
     law = exchange.component
     return exchange.group != PATIENT and isinstance(law, GasExchanger) and law.analysed
 
 
 def _stores(exchange: Exchange) -> bool:
-    """Whether stores of a tissue can hold its PCO2."""
+    """Whether an exchange is a tissue whose stores can hold its PCO2."""
     return isinstance(exchange.component, Tissue) and exchange.component.held != 0.0
 
 
 def _entered(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
-    """Exchanges whose first point is the blood that enters: their number, and that of the point."""
+    """Exchanges whose first point is the entering blood: index of the exchange and of that point."""
     first = np.cumsum([0, *(law.points for law in laws)]).tolist()
     return [(k, first[k]) for k, law in enumerate(laws) if law.collocation[1] is INLET_WEIGHTS]
 
 
 def lungs_of(circuit: Circuit) -> tuple[Exchange, ...]:
-    """The exchanges that hold gas over a step in time."""
+    """Exchanges that hold gas over a step in time: the native lungs."""
     return tuple(e for e in gas_exchanges(circuit) if isinstance(e.component, NativeLung))
 
 
@@ -335,13 +335,13 @@ def _over_a_step(exchange: Exchange) -> GasExchanger:
 
 
 def _alveoli(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
-    """Lungs: their number among exchanges, and that of the point in equilibrium with the alveoli."""
+    """Lungs: index of the exchange, and of the point in equilibrium with the alveoli."""
     ends = np.cumsum([law.points for law in laws]).tolist()
     return [(k, ends[k] - 1) for k, law in enumerate(laws) if isinstance(law, NativeLung)]
 
 
 def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Samples:
-    """Composition of samples."""
+    """Composition of the samples."""
     stores, paths = ([entry.name for entry in t] for t in (circuit.compartments, circuit.connections))
     sources = [e.at for e in gas_exchanges(circuit)]
 
@@ -362,7 +362,7 @@ def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, val
 
 
 def _status(exchanges: Sequence[Exchange], state: GasState, values: Values) -> Array:
-    """A `GasStatus`."""
+    """Evaluate the `GasStatus`."""
     tissues = [(k, e.component) for k, e in enumerate(exchanges) if isinstance(e.component, Tissue)]
     met = jnp.stack(
         [-state.gained[0, k] / law.oxygen_demand(values) for k, law in tissues] or [jnp.ones(())]

@@ -1,9 +1,9 @@
-"""Where the blood of the arteries comes from: from the left heart, or from a pump that returns to arteries.
+"""Origin of arterial blood: from the left heart, or from a pump that returns to arteries.
 
-On V-A ECMO the heart fills the aorta from the root, the pump from its cannula; where the streams meet is the
-mixing point. Blood is marked where it passes the mitral valve and where a device gives it to an artery, and
-the balances of `eclsim.gas.transport` say how much of each reaches a compartment. Mixing inside a
-compartment is complete, so that the mixing point is as sharp as the aorta has compartments.
+On V-A ECMO the heart fills the aorta from its root and the pump from its cannula; the streams meet at the
+mixing point. Blood is marked where it passes the mitral valve and where a device returns it to an artery; the
+balances of `eclsim.gas.transport` give the share of each in every compartment. Mixing inside a compartment is
+complete, so the number of aortic compartments limits the resolution of the mixing point.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from eclsim.gas.network import PATIENT, FlowFunction, flows_of, switches, transp
 from eclsim.gas.transport import mixtures
 
 MITRAL = "la"
-"""Connection that all native blood passes."""
+"""Connection through which all native blood flows (mitral valve)."""
 ARTERIES = ("ao", "arch", "descending", "upper", "lower")
-"""Arteries of the patient in regions."""
+"""Arteries of a patient with regional circulation."""
 
 
 def native_shares(circuit: Circuit) -> FlowFunction:
-    """Native shares of the blood in `ARTERIES`, in a circuit with regions."""
+    """Share of native blood in each of `ARTERIES`, in a circuit with regions."""
     return _native_shares(transport_of(circuit, exchanges=False))
 
 
@@ -46,7 +46,7 @@ def _native_shares(circuit: Circuit) -> FlowFunction:
 
 
 def _arterial_returns(circuit: Circuit) -> list[int]:
-    """Positions of the connections by which a device gives blood of its own to an artery."""
+    """Indices of the connections by which a device returns blood to an artery."""
     groups = {c.name: c.group for c in circuit.compartments}
     return [
         k

@@ -1,14 +1,15 @@
-"""Effect of a filter on the patient: a solute that tissues keep up and a filter takes from the blood.
+"""Effective clearance of a filter for the patient, with recirculation taken into account.
 
-Blood leaves every capillary bed with the concentration of the tissues, 1, and the filter with what it has
-not cleared. The mixtures of the circuit say what reaches the filter: blood of the tissues, and blood that has
-just passed the filter (recirculation, by the access line or by way of heart and lungs). What the filter
-removes, over the concentration in the tissues, is the effective clearance: its own clearance times the
-concentration before it.
+Blood leaves every capillary bed with the solute's concentration in the tissues, which is set to 1, and leaves
+the filter with what is not cleared. The blood that reaches the filter is a mixture of blood from the tissues
+and blood that has just passed the filter (recirculation, through the access line or through heart and lungs).
+The effective clearance is the amount removed divided by the concentration in the tissues: the filter's own
+clearance times the concentration before it.
 
-What is added at the filter and stays in the tissues (citrate, which they burn) reaches them with the same
-share of what one pass lets out: with the share R of the blood before the filter that comes from it, and 1 - k
-of a solute left behind it, (1 - k) (1 - R) / (1 - R (1 - k)).
+The same ratio of effective to own clearance holds for a substance that is added at the filter and metabolised
+in the tissues (citrate): it is the share of what one pass leaves that reaches the tissues. With the share R
+of the blood before the filter that comes from the filter, and the share 1 - k of the solute that one pass
+leaves, the tissues receive (1 - k) (1 - R) / (1 - R (1 - k)) of the amount added.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from eclsim.gas.network import FlowFunction, drainages, flows_of, switches, tran
 from eclsim.gas.transport import Mixtures, mixtures
 
 CAPILLARIES = ("sart", "upper", "lower")
-"""Connections through the capillary beds of the body, where a circuit has them."""
+"""Connections through the capillary beds of the body that a circuit may have."""
 
 
 def effective_shares(circuit: Circuit, filtered: str) -> FlowFunction:
-    """Effective over own clearances of the filter on a connection of a circuit.
+    """Ratios of effective to own clearance of the filter on a connection of a circuit.
 
-    At the end of the numbers stand clearances [mL/min], then the flows of water that carry the solutes to the
-    filter; each clearance gives the share of it that is for the patient.
+    The last arguments are clearances [mL/min], then the flows of water that carry the solutes to the filter
+    [mL/min]; the results are the ratios, one per clearance.
     """
     return _effective_shares(transport_of(circuit, exchanges=False), filtered)
 
@@ -54,12 +55,12 @@ def _effective_shares(circuit: Circuit, filtered: str) -> FlowFunction:
 
 
 def sources(circuit: Circuit, filtered: str) -> list[int]:
-    """Positions of the connections that set concentrations: capillary beds, then the filter."""
+    """Indices of the connections that set concentrations: capillary beds, then the filter."""
     names = [c.name for c in circuit.connections]
     return [names.index(name) for name in (*CAPILLARIES, filtered) if name in names]
 
 
 def _before_filter(mixed: Mixtures, cleared: Array) -> Array:
-    """Concentration before the filter over that of the tissues; `cleared` of what enters stays in it."""
+    """Concentration before the filter relative to the tissues; `cleared` is the share removed in one pass."""
     tissue, again = mixed.inlets[-1, :-1].sum(), mixed.inlets[-1, -1]
     return tissue / (1.0 - again * (1.0 - cleared))

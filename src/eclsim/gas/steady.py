@@ -1,16 +1,17 @@
-"""The steady gas state: partial pressures at which every exchanger's equations hold at once.
+"""Steady gas state: partial pressures at which the equations of all exchangers hold simultaneously.
 
-Unknowns are the logarithms of PO2 and PCO2 at the points inside the exchangers, with the pH that belongs to
-them: contents are then explicit. What enters an exchanger is a mixture of what leaves the others, so that a
-patient with ECMO has about 20 unknowns however many compartments there are. Newton's method, with pH
-eliminated point by point and the points of an exchanger cell by cell; derivatives with respect to all
-parameters and flows by the implicit function theorem. Samples of mixed blood are solved along the way, each
-by itself.
+Unknowns are the logarithms of PO2 and PCO2 at the points inside the exchangers, and the pH there, with which
+contents are explicit. The inflow of an exchanger is a mixture of the outflows of the others, so a patient
+with ECMO has about 20 unknowns, independent of the number of compartments. They are solved by Newton's
+method, with pH eliminated point by point and the points of an exchanger cell by cell. Derivatives with
+respect to all parameters and flows follow from the implicit function theorem. Samples of mixed blood are
+solved in the same iterations, each independently.
 
-What blood has gained up to a point is an unknown too, which follows from the others in every step
-(Albersmeyer and Diehl 2010, doi 10.1137/080724885): a hundredth of the pressure in blood is as much gas as a
-low sweep brings, and rates at what contents say would find it used up or given back. Where Newton's method
-does not end, blood is followed in time from the start, by implicit steps as long as pressures allow.
+The gas that blood has gained up to a point is a further unknown, eliminated in every step (Albersmeyer and
+Diehl 2010, doi 10.1137/080724885): 1 % of a pressure in blood corresponds to as much gas as a low sweep
+brings, and rates evaluated at the gain computed from contents would see the sweep gas used up or returned. If
+Newton's method does not converge, the gas state is followed in pseudo-time from the start by implicit steps
+as long as the changes of pressures allow.
 """
 
 from __future__ import annotations
@@ -41,35 +42,35 @@ from eclsim.gas.elimination import (
 from eclsim.gas.transport import Mixtures
 
 ITERATIONS, PLAIN_ITERATIONS = 440, 40
-"""Iterations of a search, and of its first part; what has not converged then is followed in time."""
+"""Iterations of a search, and of its first part, after which the search continues in pseudo-time."""
 PSEUDO_TIME_STAGES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1))
-"""Iterations at which following in time begins, and the change of the logarithms that a step aims at."""
+"""Iterations at which a pseudo-time stage begins, and its target change of the logarithms per step."""
 SMALL_PRESSURE_MMHG = 2.0
-"""Pressure [mmHg] below which a change of its logarithm counts less: blood holds hardly anything then."""
+"""Pressure [mmHg] below which a change of its logarithm counts less, as blood holds very little gas there."""
 MOST_INERTIA, LEAST_INERTIA, LAST_CHANGE = 1e4, 1e-6, 1e-4
-"""Inertia of steps in time; below the least, or below the change, the steps are Newton's."""
+"""Limits of the inertia of pseudo-time steps; below the least, or below the change, steps are Newton's."""
 TOLERANCE = 1e-6
-"""Largest last step but one, in the logarithm of a partial pressure; the last one squares it."""
+"""Largest last-but-one step in the logarithm of a partial pressure; the last step squares it."""
 LARGEST_STEP = 1.0
 INERTIA = 5.0
-"""At the start of a search [L/min]."""
+"""Inertia at the start of a search [L/min]."""
 LOWEST_LOGARITHM, HIGHEST_LOGARITHM = -14.0, 8.0
 """Range of the logarithm of a partial pressure in mmHg."""
 
 
 class GasState(NamedTuple):
-    """The steady gas state of one patient.
+    """Steady gas state of one patient.
 
     Attributes:
         pressure: logarithm of PO2 and PCO2 at the points of all exchangers, then of the samples, (2, points).
-        ph: there, (points,).
-        saturation: there [-], (points,).
-        content: there [mL/dL], (2, points).
-        outlets: contents of what leaves each exchanger [mL/dL], (2, exchangers).
-        inlets: contents of what enters each exchanger [mL/dL], (2, exchangers).
+        ph: pH at the same points, (points,).
+        saturation: oxygen saturation at the same points [-], (points,).
+        content: contents at the same points [mL/dL], (2, points).
+        outlets: contents of the outflow of each exchanger [mL/dL], (2, exchangers).
+        inlets: contents of the inflow of each exchanger [mL/dL], (2, exchangers).
         gained: gas that blood gained in each exchanger [mL/min STPD], (2, exchangers).
-        steps: iterations of Newton's method.
-        error: its last step.
+        steps: number of Newton iterations.
+        error: size of the last Newton step.
     """
 
     pressure: Array
@@ -84,11 +85,11 @@ class GasState(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Blood whose gases are wanted besides that inside exchangers.
+    """Blood whose gases are computed in addition to that inside exchangers.
 
     Attributes:
-        shares: of what leaves each exchanger, (samples, exchangers).
-        kept: over a step in time, contents from blood that compartments held [mL/dL], (samples, 2).
+        shares: share of each exchanger's outflow in each sample, (samples, exchangers).
+        kept: in a step in time, contents from blood that compartments held [mL/dL], (samples, 2).
     """
 
     shares: Array
@@ -96,7 +97,7 @@ class Samples(NamedTuple):
 
 
 class SearchResult(NamedTuple):
-    """End of a search: the first two and last two entries of a `GasState`."""
+    """Result of a search: the first two and last two entries of a `GasState`."""
 
     pressure: Array
     ph: Array
@@ -105,7 +106,7 @@ class SearchResult(NamedTuple):
 
 
 class _LocalBlood(NamedTuple):
-    """Blood at all points, and how it changes with the unknowns there, pH eliminated."""
+    """Blood at all points and its derivatives with respect to the pressures there, with pH eliminated."""
 
     content: Array  # (2, points)
     slope: Array  # (points,)
@@ -116,7 +117,7 @@ class _LocalBlood(NamedTuple):
 
 
 class _Network(NamedTuple):
-    """Arguments of the equations of all exchangers besides the unknowns."""
+    """Arguments, other than the unknowns, of the equations of all exchangers."""
 
     exchangers: tuple[GasExchanger, ...]
     mixed: Mixtures
@@ -131,12 +132,12 @@ class _Network(NamedTuple):
 
     @property
     def places(self) -> list[slice]:
-        """Points of each exchanger."""
+        """Slice of the points of each exchanger."""
         ends = np.cumsum([0, *(e.points for e in self.exchangers)]).tolist()
         return [slice(*pair) for pair in pairwise(ends)]
 
     def frozen(self) -> _Network:
-        """The same, not differentiated."""
+        """The same arguments, excluded from differentiation."""
         mixed, samples, values = jax.lax.stop_gradient((self.mixed, self.samples, dict(self.values)))
         return _Network(self.exchangers, mixed, samples, values, self.law)
 
@@ -155,7 +156,7 @@ class _Search(NamedTuple):
 
 
 def blood_of(values: Values) -> Blood:
-    """Properties of a patient's blood apart from its gases."""
+    """Properties of a patient's blood other than its gases."""
     return Blood(*(values[name] for name in BLOOD))
 
 
@@ -167,15 +168,15 @@ def solve(
     samples: Samples | None = None,
     known: SearchResult | None = None,
 ) -> GasState:
-    """The steady gas state of one patient; map over patients with `jax.vmap`.
+    """Solve for the steady gas state of one patient; map over patients with `jax.vmap`.
 
     Args:
-        exchangers: in the order of `mixed`.
-        mixed: what enters each exchanger.
-        values: parameters of the exchangers and of the blood.
-        law: of the blood.
-        samples: blood whose gases are wanted too.
-        known: end of a search with the same numbers; only derivatives are then computed.
+        exchangers: laws of the exchangers, in the order of `mixed`.
+        mixed: composition of the blood that enters each exchanger.
+        values: values of the parameters of the exchangers and of the blood.
+        law: name of the law of the blood.
+        samples: further blood whose gases are computed.
+        known: result of a search with the same arguments; only derivatives are then computed.
     """
     samples = Samples(jnp.zeros((0, len(exchangers)))) if samples is None else samples
     network = _Network(tuple(exchangers), mixed, samples, values, law)
@@ -191,7 +192,7 @@ def solve(
 
 
 def _searched(network: _Network) -> SearchResult:
-    """The end of the search; one step more than `TOLERANCE` asks for."""
+    """Run the search, with one more step after `TOLERANCE` is reached."""
     samples = network.samples
     acid = partial(_acid_step, network.law, blood_of(network.values))
 
@@ -214,7 +215,7 @@ def _searched(network: _Network) -> SearchResult:
         po2_or_pco2 = jnp.exp(state.pressure)
         change = jnp.abs(pressure - state.pressure) * po2_or_pco2 / (po2_or_pco2 + SMALL_PRESSURE_MMHG)
         inertia = _next_inertia(state, size, error, jnp.maximum(change.max(), jnp.abs(move_ph).max()))
-        # Without a step to take, as in blood that gains and loses nothing, the search ends where it is.
+        # If the step is not finite, as in blood that gains and loses no gas, the search stops.
         plain = state.steps < PLAIN_ITERATIONS
         steps = jnp.where(solved, state.steps + 1, jnp.where(plain, PLAIN_ITERATIONS, ITERATIONS))
         gained = jnp.where(solved, gained, state.gained)
@@ -233,8 +234,8 @@ def _searched(network: _Network) -> SearchResult:
 
 
 def _next_inertia(state: _Search, size: Array, error: Array, change: Array) -> Array:
-    """Inertia of the next step, from the equations not met in this one, its error and its change."""
-    # It follows what is missing, so that the last steps are Newton's.
+    """Inertia of the next step, from this step's residual `size`, its error and its change."""
+    # The inertia decreases with the residual, so that the last steps are Newton's.
     inertia = 0.5 * state.inertia * jnp.clip(size / state.residuals, 0.1, 2.0)
     ended = (size < 1e-4) | (state.inertia < LEAST_INERTIA) | (error <= TOLERANCE)
     for begin, aim in PSEUDO_TIME_STAGES:
@@ -265,7 +266,7 @@ def _derivative(
     arguments: tuple[tuple[Array, Array], Mixtures, Samples, Values],
     changes: tuple[tuple[Array, Array], Mixtures, Samples, Values],
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """By the implicit function theorem: how Newton's step from the solution follows what is given."""
+    """Derivative by the implicit function theorem: that of Newton's step at the solution."""
     solution, *given = arguments
 
     def step(mixed: Mixtures, samples: Samples, values: Values) -> tuple[Array, Array]:
@@ -275,7 +276,7 @@ def _derivative(
 
 
 def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:
-    """Contents (2, points), slope of the saturation curve, saturation, residual of the acid-base equation."""
+    """Contents (2, points), slope of the saturation curve, saturation, acid-base residual."""
     chosen = law_named(law)
     po2, pco2 = jnp.exp(pressure[0]), jnp.exp(pressure[1])
 
@@ -290,9 +291,9 @@ def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Arr
 
 
 def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _LocalBlood:
-    """Properties of blood at all points with their derivatives; every point depends on itself alone.
+    """Properties of blood at all points and their derivatives; each point depends only on itself.
 
-    The derivatives are not differentiated: at the solution they are multiplied by a residual that is zero.
+    Derivatives are not differentiated again: at the solution they are multiplied by a residual of zero.
     """
     content, slope, _, residual = _properties(law, blood, pressure, ph)
     _, along = jax.linearize(partial(_properties, law, jax.lax.stop_gradient(blood)), pressure, ph)
@@ -310,10 +311,10 @@ def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _LocalBlood:
 
 
 def _streams(network: _Network, content: Array) -> tuple[Array, Array]:
-    """Contents of what leaves and of what enters each exchanger, both (2, exchangers).
+    """Contents of the outflow and of the inflow of each exchanger, both (2, exchangers).
 
-    A lung lets blood past it, so what leaves depends on what enters, and that on what leaves the others:
-    linear, and solved here.
+    With a shunt, a lung's outflow depends on its inflow, and that on the outflows of the others. This linear
+    system is solved here.
     """
     shares = jnp.stack([jnp.asarray(e.exchanging(network.values)) for e in network.exchangers])
     last = content[:, np.array([place.stop - 1 for place in network.places])]
@@ -324,7 +325,7 @@ def _streams(network: _Network, content: Array) -> tuple[Array, Array]:
 
 
 def _small_solved(matrix: Array, right: Array) -> Array:
-    """Gauss' elimination without pivots: rows of `matrix` are 1 less shares that sum to less than 1."""
+    """Solve without pivots: `matrix` is the identity minus shares, which sum to less than 1 per row."""
     rows = [jnp.concatenate(pair) for pair in zip(matrix, right, strict=True)]
     for k in range(len(rows)):
         rows[k] = rows[k] / rows[k][k]
@@ -335,10 +336,10 @@ def _small_solved(matrix: Array, right: Array) -> Array:
 def _residuals(
     network: _Network, pressure: Array, content: Array, slope: Array, ph: Array, expected: Array | None
 ) -> tuple[list[Points], Array, Array]:
-    """Blood inside every exchanger, what by its contents it gained, and what the equations of all miss.
+    """Blood inside every exchanger, gas gained according to its contents, and residuals of all equations.
 
-    Both [mL/min STPD], (2, points). Rates are those at the gas that is expected to be gained, continued to
-    what is gained by their derivatives; at what is gained where nothing is expected.
+    Gas and residuals are in [mL/min STPD], (2, points). Rates are evaluated at the `expected` gained gas and
+    extrapolated linearly to the gas actually gained; without `expected` they are evaluated there directly.
     """
     inlets, points, gains, missed = _streams(network, content)[1], [], [], []
     for k, (e, place) in enumerate(zip(network.exchangers, network.places, strict=True)):
@@ -375,10 +376,10 @@ def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
 def _newton_step(
     network: _Network, pressure: Array, ph: Array, inertia: Array | float, expected: Array | None = None
 ) -> tuple[Array, Array, Array, Array]:
-    """Newton's step for the pressures and for pH, the largest equation not met [mL/dL], and gas gained then.
+    """Newton's step for pressures and pH, the largest residual [mL/dL], and the gas gained after the step.
 
-    The linear equations are not differentiated. With inertia the contents change as in blood that is
-    stored: an implicit step in time.
+    The linear equations are not differentiated. With inertia the contents change as in stored blood: an
+    implicit step in pseudo-time.
     """
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)

@@ -1,19 +1,19 @@
-"""How blood carries what is dissolved in it: balances of well mixed compartments with the beat's mean flows.
+"""Transport of solutes in blood: balances of well-mixed compartments with the beat's mean flows.
 
-Every compartment mixes what flows into it. With the means over a beat of the forward and the backward flow of
-each connection, the steady balance of a content c is
+Every compartment mixes its inflows. With the means over a beat of the forward and the backward flow of each
+connection, the steady balance of a content c is
 
-    sum over what arrives (flow x content it carries) = sum over what leaves (flow x content drawn),
+    sum over inflows (flow x content carried) = sum over outflows (flow x content drawn),
 
-linear in the contents of the compartments. Exchangers change what their connection carries, so the blood of
-every compartment is a mixture of what leaves the exchangers, with shares that follow from the flows alone.
-One solution serves oxygen, carbon dioxide, a tracer and any solute.
+which is linear in the contents of the compartments. Exchangers change the content that their connection
+carries, so the blood of every compartment is a mixture of the outflows of exchangers, with shares that depend
+only on the flows. The same shares serve oxygen, carbon dioxide, a tracer and any solute.
 
 In time, compartments hold blood: an implicit step of length h from contents c to c' is the same balance with
 
-    c' V' / h = what arrives - what leaves + c V / h,
+    c' V' / h = inflows - outflows + c V / h,
 
-in which what a compartment held flows in as V / h and what it comes to hold flows out as V' / h.
+in which the former volume V of a compartment is an inflow V / h and the new volume V' an outflow V' / h.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from eclsim.components.base import Key
 from eclsim.gas.linear_systems import solution
 
 DIFFUSION_L_MIN = 1e-9
-"""Exchange along every connection in both directions, so that standing blood has a content too."""
+"""Exchange flow in both directions along every connection; defines the content of stagnant blood."""
 
 
 @dataclass(frozen=True)
 class Drainage:
-    """A connection that may draw the blood of the veins before it has mixed with that of its compartment.
+    """A connection that may draw venous blood before it has mixed with that of the compartment.
 
     Args:
-        connection: position of the connection.
-        returns: positions of connections that bring blood to the compartment and are no veins.
-        mixing: parameter or number: 1 = the compartment's blood is drawn, 0 = that of the veins. Where
-            drains ask for more venous blood than arrives, the rest is the compartment's.
+        connection: index of the connection.
+        returns: indices of connections that bring blood to the compartment and are not veins.
+        mixing: parameter or number: 1 to draw the compartment's blood, 0 to draw venous blood. If the drains
+            need more venous blood than arrives, the rest is the compartment's.
     """
 
     connection: int
@@ -54,10 +54,10 @@ class Flows(NamedTuple):
     """Compartments joined by flows.
 
     Attributes:
-        leaves: which compartment each connection begins at, (compartments, connections).
-        enters: which it ends at, likewise.
-        forward: mean over the beat of the forward flow of each connection [L/min], (connections,).
-        backward: of its backward flow, positive, likewise.
+        leaves: 1 for the compartment at which each connection begins, (compartments, connections).
+        enters: 1 for the compartment at which each connection ends, (compartments, connections).
+        forward: mean forward flow of each connection over the beat [L/min], (connections,).
+        backward: mean backward flow of each connection over the beat [L/min], positive, (connections,).
     """
 
     leaves: Array
@@ -67,7 +67,7 @@ class Flows(NamedTuple):
 
     @property
     def numbers(self) -> ModuleType:
-        """The library that computes with them: NumPy with its own arrays, where no derivative is needed."""
+        """Array library for these flows: NumPy for NumPy arrays (no derivatives needed), otherwise JAX."""
         return np if all(isinstance(part, np.ndarray) for part in self) else jnp
 
 
@@ -75,9 +75,9 @@ class HeldBlood(NamedTuple):
     """Blood that compartments hold over a step in time.
 
     Attributes:
-        before: volume at its beginning over its length [L/min], (compartments,).
-        after: volume at its end over its length, likewise.
-        contents: at its beginning [mL/dL], (compartments, species).
+        before: volumes at the beginning divided by the step's length [L/min], (compartments,).
+        after: volumes at the end divided by the step's length [L/min], (compartments,).
+        contents: contents at the beginning [mL/dL], (compartments, species).
     """
 
     before: Array
@@ -90,10 +90,10 @@ def _solved(numbers: ModuleType, matrix: Array, offsets: Array) -> Array:
 
 
 def balanced(flows: Flows, held: HeldBlood | None = None) -> Flows:
-    """The nearest flows that leave every compartment as much as they enter it, to rounding.
+    """The nearest flows for which inflow and outflow of every compartment are equal to rounding.
 
-    A beat that is periodic to 1e-9 fills or empties its compartments a little; gas would be made from that.
-    Over a step in time they fill each compartment by what it comes to hold.
+    A beat that is periodic to 1e-9 still fills or empties its compartments slightly, which would create gas.
+    In a step in time the net inflow of each compartment equals its change of volume.
     """
     xp = flows.numbers
     change = flows.enters - flows.leaves
@@ -107,14 +107,14 @@ def balanced(flows: Flows, held: HeldBlood | None = None) -> Flows:
 
 
 class Mixtures(NamedTuple):
-    """Composition of blood, as shares of the blood that leaves each exchanger.
+    """Composition of blood, as shares of the outflow of each exchanger.
 
     Attributes:
         compartments: shares in each compartment, (compartments, exchangers); rows sum to 1.
-        drawn: shares in what each connection draws forward, (connections, exchangers).
-        inlets: shares in what enters each exchanger, (exchangers, exchangers).
+        drawn: shares in the blood that each connection draws forward, (connections, exchangers).
+        inlets: shares in the inflow of each exchanger, (exchangers, exchangers).
         streams: flow through each exchanger [L/min], (exchangers,).
-        kept: over a step in time, what the first three have besides, from blood that compartments held
+        kept: in a step in time, the additional contents of the first three from blood that compartments held
             [mL/dL], each (..., species); shares then sum to less than 1.
     """
 
@@ -131,15 +131,15 @@ def mixtures(
     drainages: Sequence[tuple[Drainage, Array]] = (),
     held: HeldBlood | None = None,
 ) -> Mixtures:
-    """Solve the balances for blood of content 1 behind each exchanger.
+    """Solve the balances for unit content in the outflow of each exchanger.
 
-    An exchanger acts on the larger one of its connection's two streams; the other passes unchanged.
+    An exchanger acts on the larger of its connection's two streams; the other stream passes unchanged.
 
     Args:
-        flows: balanced.
-        exchangers: positions of the connections they sit on, each once.
-        drainages: with the value of each one's mixing.
-        held: what compartments hold over a step in time; left out, the steady balances.
+        flows: balanced flows.
+        exchangers: indices of the connections with an exchanger, each once.
+        drainages: drainages, each with the value of its mixing.
+        held: blood held by compartments over a step in time; None for the steady balances.
     """
     leaves, enters, forward, backward = flows
     xp = flows.numbers
@@ -151,7 +151,7 @@ def mixtures(
     forward_acts, backward_acts = xp.where(ahead, acts, 0.0), xp.where(ahead, 0.0, acts)
     arriving = (forward * forward_acts)[:, None] * sent, (backward * backward_acts)[:, None] * sent
     drawn, drawn_sent = _drawn_blood(flows, forward_acts, backward_acts, arriving, drainages)
-    behind = enters.T  # what a backward stream carries off is the blood of its connection's target
+    behind = enters.T  # a backward stream carries the blood of its connection's target
 
     change = enters - leaves
     taken_forward, taken_backward = enters * (forward * forward_acts), leaves * (backward * backward_acts)
@@ -205,7 +205,7 @@ def _drawn_blood(
 def _allowed_mixing(
     mixing: Array, arriving: Array, flows: Flows, drainages: Sequence[tuple[Drainage, Array]], source: Array
 ) -> Array:
-    """A drain's mixing, with no more blood of the veins than arrives at the compartment of all its drains."""
+    """A drain's mixing, limited so that all drains draw no more venous blood than arrives."""
     xp = flows.numbers
     wanted = sum(
         ((source @ flows.leaves[:, one.connection]) * (1.0 - m) * flows.forward[one.connection])

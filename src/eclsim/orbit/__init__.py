@@ -1,1 +1,1 @@
-"""The steady heartbeat: the search for the beat that repeats itself, its derivatives, an independent path."""
+"""The steady heartbeat: solver of the periodic beat, its derivatives, and an independent solver."""

@@ -24,30 +24,30 @@ from eclsim.orbit.status import NoDerivativesError, Status
 
 Array = np.ndarray | jax.Array
 LARGEST_CONDITION = 1e12
-"""Condition number of the beat's equation from which fewer than four figures of a derivative are right."""
+"""Condition number of the beat's equation above which fewer than four digits of a derivative are correct."""
 SINGULAR = (
     "the equation of the steady beat is singular, so that a small change of a parameter need not change the "
     "beat a little: usually a valve that never opens shuts blood in behind it; change the elastances or the "
     "pump speed until every valve opens"
 )
 DIRECTIONS_PER_VECTOR = 8
-"""Directions are padded to a multiple, so that vector loops have no remainder."""
+"""Number of directions is padded to a multiple of this, so that vector loops have no remainder."""
 LEAST_PARAMETERS = 8
-"""Room for parameters in a beat with tangents: one program, 10 s to compile, serves all questions of few."""
+"""Minimum number of parameter directions of a compiled beat; few parameters then share one program (10 s)."""
 
 
 @dataclass(frozen=True)
 class OrbitDerivatives:
-    """A steady beat to first order.
+    """Derivatives of a steady beat with respect to parameters and states.
 
     Args:
         states: d state / d parameter, shape (states, parameters).
-        sums: d sum / d parameter for each weighted sum of signals, shape (sums, parameters).
+        sums: d sum / d parameter of each weighted sum of signals, shape (sums, parameters).
         sums_of_states: d sum / d state at phase 0, shape (sums, states).
         monodromy: dbeat/dy, shape (states, states).
-        anchor: where the search for an orbit close by may begin.
-        step: of Newton's method from the given state to the orbit, shape (states,).
-        sizes: of the states, what their changes are relative to.
+        anchor: start for the search for a nearby orbit.
+        step: Newton step from the given state to the orbit, shape (states,).
+        sizes: sizes of the states to which their changes are relative, shape (states,).
     """
 
     states: np.ndarray
@@ -59,10 +59,10 @@ class OrbitDerivatives:
     sizes: np.ndarray
 
     def combined(self, count: int, following: np.ndarray) -> OrbitDerivatives:
-        """With respect to the first parameters alone, of which the others are functions.
+        """Derivatives with respect to the first parameters only, if the others are functions of them.
 
         Args:
-            count: of the first parameters.
+            count: number of the first parameters.
             following: d other / d first, shape (others, count).
         """
         states, sums = (table[:, :count] + table[:, count:] @ following for table in (self.states, self.sums))
@@ -76,7 +76,7 @@ class OrbitDerivatives:
 
     @property
     def distance(self) -> float:
-        """Largest change of a state in the step, relative to its size."""
+        """Largest change of a state in the Newton step, relative to its size."""
         return float(np.max(np.abs(self.step) / self.sizes))
 
 
@@ -91,13 +91,13 @@ def orbit_derivatives(
     """Derivatives of one member's steady beat with respect to any parameters.
 
     Args:
-        problem: of one member.
-        state: on its orbit or close to it, shape (states,).
-        parameters: names, among those that the circuit reads and `heart_rate_bpm`; of others the beat does
-            not depend on.
+        problem: problem of one member.
+        state: state on its orbit or close to it, shape (states,).
+        parameters: names of parameters; the beat depends only on `heart_rate_bpm` and on those that the
+            circuit reads.
         volume_slopes: d blood volume / d parameter [mL per unit], shape (parameters,).
         signals: signal of each weighted sum (see `Recorder`).
-        weights: weights of each sum at the end of every step, shape (steps, sums).
+        weights: weight of each step in each sum, shape (steps, sums).
 
     Raises:
         NoDerivativesError: the equation of the beat is singular.
@@ -141,7 +141,7 @@ def exact_jacobian(problem: OrbitProblem, state: np.ndarray) -> np.ndarray:
 
 
 def _inverse(system: np.ndarray) -> np.ndarray:
-    """Inverse of a system; `NoDerivativesError` where it is singular to working accuracy."""
+    """Inverse of a matrix; raises `NoDerivativesError` if it is singular to working accuracy."""
     try:
         inverse = np.linalg.inv(system)
     except np.linalg.LinAlgError:
@@ -155,7 +155,7 @@ def _inverse(system: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Callable[..., tuple[Array, Array, Array]]:
-    """Compiled map (state, parameters, directions, weights) -> end state, its tangents, those of the sums."""
+    """Compiled map (state, parameters, directions, weights) -> end state, its tangents, tangents of sums."""
 
     def run(
         state: Array, packed: Array, of_state: Array, of_packed: Array, weights: Array

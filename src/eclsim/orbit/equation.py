@@ -1,8 +1,8 @@
-"""The steady heartbeat as an equation: y = beat(y) is solved instead of waiting for it.
+"""The steady heartbeat as an equation: y = beat(y) is solved directly instead of simulating until it repeats.
 
-The residual is F(y) = y - beat(y) + u (w . y - c). The last term is the blood volume: the beat conserves it,
-so y - beat(y) says nothing about it, and w . y = c fixes it (w: which compartments are counted, c: their
-stressed volume at phase 0, u: the same amount in every compartment).
+The residual is F(y) = y - beat(y) + u (w . y - c). The last term fixes the blood volume: the beat conserves
+it, so that y - beat(y) does not determine it. w marks the compartments that are counted, c is their stressed
+volume at phase 0, and u distributes blood equally over all compartments.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ from eclsim.circuit.layout import StateLayout
 
 @dataclass(frozen=True)
 class OrbitOptions:
-    """How hard to look for the steady beat.
+    """Accuracy and effort of the search for the steady beat.
 
     Args:
-        tolerance: largest change of a state over a beat, relative to its size (`StateLayout`; of a volume or
+        tolerance: largest change of a state over a beat, relative to its size (`StateLayout`; for a volume or
             flow max(|state|, 1)).
-        error_tolerance: largest estimated distance to the orbit (inverse Jacobian times residual), relative;
-            the state handed back is one step of that size further on, and so much nearer.
+        error_tolerance: largest estimated relative distance to the orbit (inverse Jacobian times residual);
+            the returned state is corrected by that step, so its error is much smaller.
         quasi_newton_beats: beats of Broyden's method before Newton's method takes over.
-        newton_iterations: iterations of Newton's method, one Jacobian by differences each; 0 leaves out both.
-        exact_iterations: further ones with the exact Jacobian, where those end without a steady beat; members
-            that are computed side by side have these alone, unless they are 0.
+        newton_iterations: iterations of Newton's method with a Jacobian by differences; 0 disables Newton's
+            method.
+        exact_iterations: further iterations with the exact Jacobian if those do not converge; members
+            computed side by side use only these, unless this is 0.
     """
 
     tolerance: float = 1e-8
@@ -51,22 +52,22 @@ class OrbitOptions:
 
 @dataclass(frozen=True)
 class Anchor:
-    """Where a search starts: a circuit's nominal orbit, or a guess for each patient.
+    """Start of a search: a circuit's nominal orbit, or a guess for each patient.
 
     Args:
-        state: shape (states,), or (states, patients).
-        inverse: inverse Jacobian of F there, in scaled states, shape (states, states[, patients]).
+        state: start state, shape (states,) or (states, patients).
+        inverse: inverse Jacobian of F at that state, in scaled states, shape (states, states[, patients]).
     """
 
     state: np.ndarray
     inverse: np.ndarray
 
     def states(self, count: int) -> np.ndarray:
-        """State that each of some patients starts from, shape (states, patients)."""
+        """Start states of `count` patients, shape (states, patients)."""
         return self.state if self.state.ndim == 2 else np.repeat(self.state[:, None], count, axis=1)
 
     def take(self, chosen: Any) -> Anchor:
-        """For some of the patients."""
+        """The anchor of selected patients."""
         return self if self.state.ndim == 1 else Anchor(self.state[:, chosen], self.inverse[..., chosen])
 
 
@@ -75,8 +76,8 @@ class Volume:
     """The blood volume condition: weights . state = target.
 
     Args:
-        weights: 1 for each compartment counted, 0 else, shape (states,).
-        target: their stressed volume [mL], shape (patients,).
+        weights: 1 for each counted compartment, else 0, shape (states,).
+        target: total stressed volume of the counted compartments [mL], shape (patients,).
     """
 
     weights: np.ndarray
@@ -85,12 +86,12 @@ class Volume:
 
 @dataclass(frozen=True)
 class Orbits:
-    """Steady states of a batch, patients last.
+    """Steady states of a batch; patients are the last axis.
 
     Args:
-        states: state at phase 0, shape (states, patients).
-        status: `Status` of each, shape (patients,).
-        beats: beats computed for each.
+        states: states at phase 0, shape (states, patients).
+        status: `Status` of each patient, shape (patients,).
+        beats: number of beats computed for each patient.
         residual: largest relative change of a state over a beat.
         drift: largest change of a volume over a beat [mL].
     """
@@ -102,28 +103,28 @@ class Orbits:
     drift: np.ndarray
 
     def put(self, members: np.ndarray, orbits: Orbits) -> None:
-        """Write down other orbits as those of some members, in place."""
+        """Store other orbits as those of selected members, in place."""
         for field in fields(Orbits):
             getattr(self, field.name)[..., members] = getattr(orbits, field.name)
 
 
 def largest_allowed_steps(states: Any, largest_steps: Any) -> Any:
-    """Largest change of each state in one step of a search: half of it more than its layout says."""
+    """Largest change of each state in one solver step: half of its size plus the layout's largest step."""
     return 0.5 * abs(states) + largest_steps
 
 
 @dataclass(frozen=True)
 class Trial:
-    """States and where a beat takes them, patients last.
+    """States and their change over one beat; patients are the last axis.
 
     Args:
         states: states at phase 0, shape (states, patients).
-        moved: states minus states a beat later.
-        size: of the states, what their changes are relative to.
-        residual: F in scaled states; 0 where it is not finite.
+        moved: states minus states one beat later.
+        size: sizes of the states to which their changes are relative.
+        residual: F in scaled states; 0 if it is not finite.
         change: largest change of a state over the beat, relative to its size; shape (patients,).
         drift: largest change of a volume over the beat [mL].
-        finite: whether the beat went well.
+        finite: whether the beat gave finite states, shape (patients,).
     """
 
     states: np.ndarray
@@ -137,11 +138,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class OrbitProblem:
-    """F and its norms for the patients of a batch.
+    """Residual F and its norms for the patients of a batch.
 
     Args:
-        program: a beat of their circuit.
-        packed: their parameters, shape (names, patients).
+        program: beat program of their circuit.
+        packed: parameters, shape (names, patients).
         volume: the blood volume condition.
     """
 
@@ -151,7 +152,7 @@ class OrbitProblem:
 
     @property
     def layout(self) -> StateLayout:
-        """What the states are."""
+        """Layout of the states."""
         return self.program.assembly.layout
 
     @property
@@ -161,21 +162,21 @@ class OrbitProblem:
 
     @property
     def spread(self) -> np.ndarray:
-        """Share of each state in blood that is given, shape (states, 1)."""
+        """Share of each state in added blood, shape (states, 1)."""
         return self.layout.spread[:, None]
 
     @property
     def largest_steps(self) -> np.ndarray:
-        """How far a search may move each state besides half of its size, shape (states, 1)."""
+        """Largest solver step of each state in addition to half of its size, shape (states, 1)."""
         return self.layout.largest_steps[:, None]
 
     def take(self, chosen: Any) -> OrbitProblem:
-        """The same problem for some of the patients."""
+        """The problem of selected patients."""
         volume = Volume(self.volume.weights, self.volume.target[chosen])
         return OrbitProblem(self.program, self.packed[:, chosen], volume)
 
     def trial(self, states: np.ndarray, after: np.ndarray) -> Trial:
-        """What some states and those a beat later say."""
+        """Evaluate states and the states one beat later."""
         moved = states - after
         excess = self.volume.weights @ states - self.volume.target
         size = np.maximum(np.abs(states), self.layout.smallest_sizes[:, None])

@@ -1,4 +1,4 @@
-"""How steady beats are computed: how many side by side in one program, and in how many threads."""
+"""Execution of steady beats: number of members side by side in one program, and number of threads."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 SIDE_BY_SIDE = 32
-"""Members that fill the processor's vectors and its first-level cache."""
+"""Number of members that fills the processor's vectors and its first-level cache."""
 FEWEST_TO_COMPILE = 256
-"""Up to so many members the program for one is quicker: the one for many takes seconds to compile."""
+"""Batch size up to which the program for one member is faster; the one for many takes seconds to compile."""
 
 
 @dataclass(frozen=True)
 class Execution:
-    """How a batch is computed; results differ by rounding at most.
+    """Execution options of a batch; results differ by rounding at most.
 
     Args:
-        threads: that run in parallel; left out, `eclsim.execution.threads()`.
-        width: members that one program computes side by side; left out, one up to `FEWEST_TO_COMPILE` members
-            and `SIDE_BY_SIDE` for more. A member's result has the same bits whatever stands beside it.
+        threads: number of parallel threads; by default `eclsim.execution.threads()`.
+        width: members that one program computes side by side; by default one for up to `FEWEST_TO_COMPILE`
+            members and `SIDE_BY_SIDE` for more. A member's result is the same to the last bit, whatever
+            members are beside it.
     """
 
     threads: int | None = None
@@ -37,13 +38,13 @@ class Execution:
         check_fields(self, threads=WholeNumber(1), width=WholeNumber(1))
 
     def width_for(self, members: int) -> int:
-        """Members side by side in a batch of a given size."""
+        """Number of members side by side for a batch of a given size."""
         if self.width is not None:
             return self.width
         return SIDE_BY_SIDE if members > FEWEST_TO_COMPILE else 1
 
     def thread_count(self) -> int:
-        """Threads that run in parallel."""
+        """Number of parallel threads."""
         return threads() if self.threads is None else self.threads
 
 
@@ -55,7 +56,7 @@ def _pool(size: int) -> ThreadPoolExecutor:
 def in_threads(
     function: Callable[[Job], Result], jobs: Sequence[Job], count: int | None = None
 ) -> list[Result]:
-    """Results of all jobs, in order, in so many threads; left out, as many as `threads` says."""
+    """Run all jobs in `count` threads (by default `threads()`) and return their results in order."""
     count = threads() if count is None else count
     if len(jobs) < 2 or count < 2:
         return [function(job) for job in jobs]

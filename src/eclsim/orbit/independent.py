@@ -1,9 +1,9 @@
-"""The independent path: the circuit's differential equation by Dopri8, adaptive steps, the orbit waited for.
+"""Independent verification solver: the circuit's differential equation by Dopri8 until it is steady.
 
     dV/dt = inflow - outflow,    L dQ/dt = dp - drop(Q),    Q = flow(dp) where there is no inertia
 
-It exists to check the semi-implicit beat and the orbit solver, with which it shares nothing but the laws of
-the components. Steps end at the break points of the activation curves, so that no step straddles a kink.
+It verifies the semi-implicit beat and the orbit solver, with which it shares only the laws of the components.
+Steps are adaptive and end at the break points of the activation curves, so that no step straddles a kink.
 Source of the method: Prince and Dormand 1981, doi 10.1016/0771-050X(81)90010-3, as implemented in Diffrax.
 """
 
@@ -29,15 +29,15 @@ from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, Model
 from eclsim.orbit.steady import start_state
 
 MOST_STEPS = 100_000
-"""Steps of one stretch of a beat; a healthy beat takes about a thousand."""
+"""Largest number of steps between two stops of a beat; a healthy beat takes about a thousand in all."""
 BEATS_COMPARED = 20
 VALVE_SMOOTHING_MMHG = 1e-6
-"""A closed valve leaks CQ s / (2 sqrt(|dp|)): with the component's own 1e-3 mmHg 0.1 % of a weak heart."""
+"""A closed valve leaks CQ s / (2 sqrt(|dp|)); the component's own s = 1e-3 mmHg is 0.1 % of a weak heart."""
 
 
 @dataclass(frozen=True)
 class ExplicitCircuit:
-    """Rates of change of a circuit's states."""
+    """Right-hand side of a circuit's differential equation."""
 
     assembly: Assembly
 
@@ -63,7 +63,7 @@ class ExplicitCircuit:
     def signals(
         self, names: tuple[str, ...], state: Any, phase: Any, constants: Constants, period: Any
     ) -> Any:
-        """Signals of one moment (see `Recorder`), shape (signals,); `period` of the beat in s."""
+        """Signals at one moment (see `Recorder`), shape (signals,); `period` of the beat in s."""
         flows = self.flows(state, self._pressures(state, phase, constants), constants)
         moment = Moment(self.assembly.volumes(state), flows, self._activations(phase), constants, period)
         return Recorder(self.assembly, names).pick(moment)
@@ -96,7 +96,7 @@ class ExplicitCircuit:
 
 
 def explicit_circuit(circuit: Circuit) -> ExplicitCircuit:
-    """A circuit for explicit integration, its valves all but sharp."""
+    """A circuit for explicit integration, with its valves almost sharp."""
     connections = (
         replace(c, component=c.component.sharpened(VALVE_SMOOTHING_MMHG)) for c in circuit.connections
     )
@@ -105,15 +105,15 @@ def explicit_circuit(circuit: Circuit) -> ExplicitCircuit:
 
 @dataclass(frozen=True)
 class AdaptiveOptions:
-    """How accurately to integrate and how long to wait.
+    """Accuracy of the integration and limits of the wait for a steady beat.
 
     Args:
         tolerance: relative and absolute tolerance of a step [mL, mL/s].
         change: the beat is steady once no state changes by more than this, relative to max(|state|, 1), over
-            two beats in a row; at a tolerance of 1e-8 the beat map repeats to about 1e-7. Where valves hang
-            half open it repeats to 1e-5 only; then the means of `BEATS_COMPARED` beats must agree as well as
-            they would if each beat changed by half of this.
-        seconds: simulated time to wait for it at most [s].
+            two consecutive beats. At a tolerance of 1e-8 the beat map repeats to about 1e-7. Where valves
+            stay half open it repeats only to 1e-5; then the means over `BEATS_COMPARED` beats must agree as
+            well as if each beat changed by half of this.
+        seconds: largest simulated time [s].
     """
 
     tolerance: float = 1e-8
@@ -123,14 +123,14 @@ class AdaptiveOptions:
 
 @dataclass(frozen=True)
 class WaitingResult:
-    """Where waiting ended.
+    """Result of integrating beat after beat.
 
     Args:
-        state: at phase 0, shape (states,).
-        beats: beats integrated.
+        state: last state at phase 0, shape (states,).
+        beats: number of integrated beats.
         change: largest relative change of a state over the last beat.
         drift: largest change of a volume over the last beat [mL].
-        steady: whether the change fell below what was asked for.
+        steady: whether the beat became steady.
     """
 
     state: np.ndarray
@@ -141,7 +141,7 @@ class WaitingResult:
 
 
 def _solvers() -> ModuleType:
-    """The package of adaptive solvers, which only verification needs."""
+    """Import the package of adaptive solvers, which only verification needs."""
     try:
         import diffrax
     except ModuleNotFoundError:
@@ -158,19 +158,19 @@ class AdaptiveProgram:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The heart rate, then the circuit's own parameters."""
+        """Order of the packed parameters: the heart rate, then the circuit's own."""
         return (HEART_RATE, *self.explicit.assembly.circuit.parameter_names())
 
     @cached_property
     def break_points(self) -> np.ndarray:
-        """Phases from 0 to 1 where steps end."""
+        """Phases from 0 to 1 at which steps must end."""
         inside = {p for a in self.explicit.assembly.activations for p in a.break_points if 0.0 < p < 1.0}
         return np.array([0.0, *sorted(inside), 1.0])
 
     @cached_property
     def advance(self) -> Any:
-        """Compiled map (state, packed, from phase, to phase) -> state; NaN if it took too many steps."""
-        _solvers()  # also where the program lies on disk: what works must not depend on that
+        """Compiled map (state, packed, start phase, end phase) -> state; NaN if it takes too many steps."""
+        _solvers()  # raise the same error even if the program is stored on disk
         return compiled(self._advance, ("adaptive", self))
 
     def signals(self, names: tuple[str, ...]) -> Any:
@@ -201,7 +201,7 @@ class AdaptiveProgram:
 
 @lru_cache(maxsize=32)
 def adaptive_program(circuit: Circuit, tolerance: float = AdaptiveOptions.tolerance) -> AdaptiveProgram:
-    """The integration of a circuit; compiled on first use and kept."""
+    """The integration of a circuit; compiled on first use and cached."""
     return AdaptiveProgram(explicit_circuit(circuit), tolerance)
 
 
@@ -221,7 +221,7 @@ def _signals(program: AdaptiveProgram, names: tuple[str, ...]) -> Any:
 
 
 class AdaptiveBeats:
-    """One model, integrated beat after beat."""
+    """Integration of one model beat after beat."""
 
     def __init__(self, model: Model, options: AdaptiveOptions | None = None):
         self.model = model
@@ -234,10 +234,10 @@ class AdaptiveBeats:
         return self.record(state, self.program.break_points, ())[0]
 
     def along(self, state: np.ndarray, phases: np.ndarray) -> np.ndarray:
-        """States at increasing phases, the first of them where `state` stands; shape (phases, states)."""
+        """States at increasing phases, beginning with `state` at the first; shape (phases, states)."""
         result = [np.asarray(state)]
         for start, end in pairwise(phases):
-            # A state that is no number any more would cost the most steps and stay so.
+            # A state that is not finite stays so and would cost the largest number of steps.
             failed = not np.isfinite(result[-1]).all()
             after = result[-1] if failed else self.program.advance(result[-1], self.packed, start, end)
             result.append(np.asarray(after))
@@ -258,7 +258,7 @@ class AdaptiveBeats:
         return after, np.asarray(self.program.signals(names)(at_phases, phases, self.packed))
 
     def _regulated(self, phases: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """State at the end of a beat, after the controllers have read it."""
+        """State at the end of a beat, with the controllers' states updated from its readings."""
         controllers, assembly = self.model.circuit.controllers, self.program.explicit.assembly
         if not controllers:
             return states[-1]
@@ -281,10 +281,10 @@ class AdaptiveBeats:
         return after
 
     def wait(self, policy: str = AS_PUBLISHED) -> WaitingResult:
-        """Beat after beat from the published initial state until nothing changes any more.
+        """Integrate beat after beat from the published initial state until the beat is steady.
 
-        With the policy "patient_held" the patient's volumes are scaled after each beat to what the patient
-        started with: what they give to the circuits is primed. On the orbit there is nothing left to scale.
+        With the policy "patient_held" the patient's volumes are scaled after each beat to their initial sum,
+        as if primed circuits took no blood from the patient. In the steady beat the scaling has no effect.
         """
         of_patient = np.array([c.group == "patient" for c in self.model.circuit.compartments])
         state = start_state(self.model)
@@ -309,7 +309,7 @@ class AdaptiveBeats:
 
 
 def _oscillates_about_mean(last: deque[np.ndarray], change: float) -> bool:
-    """Whether the states of the last beats move about a mean that itself stays."""
+    """Whether the states of the last beats oscillate about a constant mean."""
     if len(last) < 2 * BEATS_COMPARED:
         return False
     states = np.stack(last)

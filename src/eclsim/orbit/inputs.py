@@ -1,4 +1,4 @@
-"""Values that a circuit cannot be computed with, each with its key, the value and what is allowed."""
+"""Checks of a circuit's parameter values; each message names the key, the value and what is allowed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eclsim.parameters.regulation import SOLVED_FOR
 
 
 class InvalidInputError(ValueError):
-    """Values that a circuit cannot be computed with; `mistakes` holds one sentence each."""
+    """Raised for values with which a circuit cannot be computed; `mistakes` holds one sentence per value."""
 
     def __init__(self, mistakes: list[str]):
         self.mistakes = mistakes
@@ -27,14 +27,14 @@ class InvalidInputError(ValueError):
 
 @dataclass(frozen=True)
 class Allowed:
-    """What a circuit's parameters may be, besides finite numbers.
+    """Allowed values of a circuit's parameters, in addition to being finite.
 
     Args:
-        circuit: whose parameters.
-        names: of the parameters, in the order of the compiled programs.
-        above_zero: which must be above zero, shape (names,).
-        not_negative: which must be zero or above, shape (names,).
-        sites: sites that a parameter chooses among by their number from 0.
+        circuit: the circuit.
+        names: names of the parameters, in the order of the compiled programs.
+        above_zero: marks parameters that must be above zero, shape (names,).
+        not_negative: marks parameters that must be zero or above, shape (names,).
+        sites: by parameter, the sites that it selects by their index from 0.
     """
 
     circuit: Circuit
@@ -44,7 +44,7 @@ class Allowed:
     sites: dict[str, tuple[str, ...]]
 
     def refused(self, packed: np.ndarray) -> np.ndarray:
-        """Whether a value of each patient is not allowed, from their parameters (names, patients)."""
+        """Whether any value of each patient is not allowed, from parameters of shape (names, patients)."""
         with np.errstate(invalid="ignore"):
             wrong = ~np.isfinite(packed)
             wrong |= self.above_zero[:, None] & (packed <= 0.0)
@@ -55,7 +55,7 @@ class Allowed:
         return result
 
     def reasons(self, values: Mapping[str, Any]) -> list[str]:
-        """One sentence for each value of one patient that is not allowed."""
+        """One sentence for each value of one patient that is not allowed or has no start volume."""
         result = [text for name in self.names if (text := self._reason(name, float(values[name])))]
         return result or unreachable_starts(self.circuit, values)
 
@@ -78,7 +78,7 @@ class Allowed:
 
 @lru_cache(maxsize=256)
 def allowed_values(circuit: Circuit) -> Allowed:
-    """What a circuit's components and sites allow."""
+    """Allowed values of a circuit's parameters, from its components and sites."""
     above, least = {HEART_RATE}, set[str]()
     for part in (*circuit.compartments, *circuit.connections, *circuit.surroundings):
         above.update(part.component.names_of(part.component.above_zero))
@@ -94,7 +94,7 @@ def allowed_values(circuit: Circuit) -> Allowed:
 
 
 def unreachable_starts(circuit: Circuit, values: Mapping[str, Any]) -> list[str]:
-    """One sentence for each compartment that has its start pressure at no volume."""
+    """One sentence for each compartment whose start pressure is reached at no volume."""
     volumes = assemble(circuit).start_volumes(values)
     return [
         f"start pressure of compartment '{c.name}' = {value_of(values, c.start.pressure):g} mmHg: at rest it "

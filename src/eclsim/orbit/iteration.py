@@ -1,9 +1,9 @@
-"""Broyden's method compiled together with the beat, for one member or for several side by side.
+"""Broyden's method, compiled together with the beat, for one member or several side by side.
 
-The inverse Jacobian is the one that the search starts with, changed by a matrix of rank one with every beat
-("good Broyden", Broyden 1965, doi 10.1090/S0025-5718-1965-0198670-6; Kelley 1995, chapter 7). Side by side,
-every member has an entry along the last axis of each array and nothing passes between entries; when a member
-is done, the next one takes its entry.
+The inverse Jacobian is that of the start, updated by a matrix of rank one after every beat ("good Broyden",
+Broyden 1965, doi 10.1090/S0025-5718-1965-0198670-6; Kelley 1995, chapter 7). Members side by side are entries
+along the last axis of each array and do not affect each other; when a member is finished, the next one takes
+its entry.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from eclsim.orbit.equation import OrbitOptions, Volume, largest_allowed_steps
 
 Array = np.ndarray | jax.Array
 SMALLEST_UPDATE_SHARE = 1e-6
-"""Smallest image of a change along its step, as a share of the step's square, that is learnt from."""
+"""Denominator of an update, step . (inverse change), over step . step, below which none is made."""
 SMALLEST_RUNNING_SHARE = 0.8
-"""Share of members side by side that must be running for the next beat to begin before others take over."""
+"""Share of entries that must be running to continue; below it, waiting members replace the finished ones."""
 
 
 class Iterate(NamedTuple):
-    """A search between two beats, with its inverse Jacobian in scaled states, shape (states, states)."""
+    """State of a search between two beats; `inverse` is the inverse Jacobian in scaled states."""
 
     beats: Array
     running: Array
@@ -45,10 +45,10 @@ class Iterate(NamedTuple):
 
 
 class SearchEnd(NamedTuple):
-    """Where searches ended, members last.
+    """Results of searches; members are the last axis.
 
-    `best` is the state nearest to the orbit, `after` the state after the last beat, `change` and `drift` how
-    far `best` moves in a beat (relative to max(|state|, 1); a volume [mL]).
+    `best` is the state nearest to the orbit, `after` the state after the last beat; `change` (relative to
+    max(|state|, 1)) and `drift` (of a volume [mL]) are the changes of `best` over a beat.
     """
 
     best: np.ndarray
@@ -61,11 +61,11 @@ class SearchEnd(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CompiledSearch:
-    """Searches, plain beats and recorded beats of one circuit on one grid.
+    """Compiled searches, plain beats and recorded beats of one circuit on one grid.
 
     Args:
-        program: the beat.
-        width: members side by side.
+        program: beat program.
+        width: number of members side by side.
     """
 
     program: BeatProgram
@@ -73,7 +73,7 @@ class CompiledSearch:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Signals that the program records along the way: all for one member, none side by side."""
+        """Signals that the program records: all at a width of 1, none at larger widths."""
         return self.program.signals if self.width == 1 else ()
 
     def search(
@@ -84,10 +84,10 @@ class CompiledSearch:
         volume: Volume,
         options: OrbitOptions,
     ) -> SearchEnd:
-        """Search for the steady beat of every member by Broyden's method alone.
+        """Search for the steady beat of every member by Broyden's method only.
 
         Args:
-            start: state of each, shape (states, members).
+            start: start states, shape (states, members).
             inverse: inverse Jacobian in scaled states, shape (states, states), or (states, states, members).
             packed: parameters, shape (names, members).
             volume: the blood volume condition.
@@ -97,13 +97,13 @@ class CompiledSearch:
         return self._run(start, inverse, packed, volume.weights, volume.target, np.array(rules))
 
     def wait(self, states: np.ndarray, packed: np.ndarray, beats: int = 1) -> np.ndarray:
-        """States after some plain beats, shape (states, members)."""
+        """States after a number of plain beats, shape (states, members)."""
         n, count = states.shape
         rules = np.array([-1.0, -1.0, float(beats), 1.0])
         return self._run(states, np.zeros((n, n)), packed, np.zeros(n), np.ones(count), rules).after
 
     def beat(self, state: np.ndarray, packed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One plain beat of one member, at a width of 1: state after it, `signals` (steps, signals)."""
+        """One plain beat of one member at a width of 1: state after it, and `signals` (steps, signals)."""
         n, rules = len(state), np.array([-1.0, -1.0, 1.0, 1.0])
         numbers, series = _single(self.program)(state, np.zeros((n, n)), packed, np.zeros(n), 1.0, rules)
         return np.asarray(numbers[n : 2 * n]), np.asarray(series)
@@ -111,7 +111,7 @@ class CompiledSearch:
     def record(
         self, states: np.ndarray, packed: np.ndarray, signals: tuple[str, ...]
     ) -> tuple[tuple[str, ...], np.ndarray]:
-        """Names of recorded signals, at least those wanted, and their values (steps, signals, members)."""
+        """Names of the recorded signals (at least the given ones) and values (steps, signals, members)."""
         count = states.shape[1]
         if self.width == 1:
             series = [self.beat(states[:, k], packed[:, k])[1] for k in range(count)]
@@ -143,7 +143,7 @@ class CompiledSearch:
 
 @lru_cache(maxsize=64)
 def compiled_search(program: BeatProgram, width: int) -> CompiledSearch:
-    """The search of a circuit on a grid; compiled on first use and kept."""
+    """The search of a circuit on a grid; compiled on first use and cached."""
     return CompiledSearch(program, width)
 
 
@@ -156,7 +156,7 @@ def _side_by_side(
     target: np.ndarray,
     rules: np.ndarray,
 ) -> SearchEnd:
-    """All members, `width` at a time; the entry of one that is done is given to the next."""
+    """Search for all members, `width` at a time; a finished member's entry is given to the next."""
     (n, count), run, width = start.shape, _several(search.program), search.width
     result = SearchEnd(
         np.full((n, count), np.nan), np.full((n, count), np.nan), np.zeros(count, dtype=bool),
@@ -189,12 +189,12 @@ def _side_by_side(
 
 @lru_cache(maxsize=64)
 def _idle(n: int, width: int) -> Iterate:
-    """Entries that nothing has begun in."""
+    """Entries without a running search."""
     return jax.device_put(_begin(np.zeros((n, width)), np.zeros(width, dtype=bool), np.zeros((n, n, width))))
 
 
 def _begin(state: Array, running: Array, inverse: Array) -> Iterate:
-    """Iterates of members that have not begun."""
+    """Iterates of members before their first beat."""
     zero, infinite = jnp.zeros_like(state), jnp.full(state.shape[1:], jnp.inf)
     beats, none = jnp.zeros(state.shape[1:], dtype=int), jnp.zeros(state.shape[1:], dtype=bool)
     return Iterate(
@@ -205,7 +205,7 @@ def _begin(state: Array, running: Array, inverse: Array) -> Iterate:
 
 @lru_cache(maxsize=64)
 def _single(program: BeatProgram) -> Callable[..., tuple[Array, Array]]:
-    """Compiled search of one member: (best, after, converged, beats, change, drift) in one array, signals."""
+    """Compiled search of one member: array of (best, after, converged, beats, change, drift), and signals."""
     primary = program.primary
 
     def run(
@@ -227,9 +227,9 @@ def _single(program: BeatProgram) -> Callable[..., tuple[Array, Array]]:
 
 @lru_cache(maxsize=64)
 def _several(program: BeatProgram) -> Callable[..., tuple[Array, ...]]:
-    """Compiled search of several members, from an iterate to one where a member is done.
+    """Compiled search of several members, which stops when enough of them are finished.
 
-    The last argument says that no further member waits: the search then goes on until all are done.
+    The last argument is true if no further member waits; the search then runs until all are finished.
     """
 
     def run(*arguments: Array) -> tuple[Array, ...]:
@@ -265,9 +265,9 @@ def _iterated(
     target: Array,
     rules: Array,
 ) -> tuple[Iterate, Array]:
-    """One beat, and from its residual the next state; the signals of that beat.
+    """Compute one beat and, from its residual, the next state; also return the signals of that beat.
 
-    `rules` are tolerance, error tolerance, most beats, and 1 for plain beats.
+    `rules` holds tolerance, error tolerance, largest number of beats, and 1 for plain beats.
     """
     sides = (slice(None), *(None,) * (now.state.ndim - 1))
     layout = program.assembly.layout
@@ -305,7 +305,7 @@ def _iterated(
 
 
 def _broyden_update(now: Iterate, residual: Array) -> tuple[Array, Array]:
-    """Inverse that maps the observed change of the residual to the step that caused it, and its next step."""
+    """Updated inverse, which maps the observed change of the residual to its step, and the next step."""
     change = residual - now.residual
 
     def products(k: Array, sums: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:

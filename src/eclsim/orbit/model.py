@@ -1,4 +1,4 @@
-"""A model: a circuit and the values of its parameters. What every solver and every study starts from."""
+"""Model: a circuit and the values of its parameters, the input of every solver and study."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 __all__ = ["Model", "UnknownValueError", "as_case", "as_model", "circuit_of", "model_of", "nominal_values"]
 
 CaseSource: TypeAlias = "str | os.PathLike[str] | CaseReading | Case"
-"""What functions take as a case: the path of a case file, what `read_case` returned, or the case itself."""
+"""Case argument of functions: the path of a case file, the result of `read_case`, or the case itself."""
 ModelSource: TypeAlias = "CaseSource | Model"
 VolumePolicy = Literal["as_published", "patient_held"]
 AS_PUBLISHED = "as_published"
 PATIENT_HELD = "patient_held"
 CASE = "case"
-"""Attribute of a result that holds its case, a text of JSON (`case_record`)."""
+"""Attribute of a result that holds its case as JSON text (`case_record`)."""
 POLICIES = (AS_PUBLISHED, PATIENT_HELD)
-"""Who fills the extracorporeal circuits: the patient (as in the published code), or a priming volume of their
-own, so that the patient keeps the stressed volume they started with."""
+"""Source of the blood in extracorporeal circuits: the patient (as in the published code) or a priming volume,
+so that the patient keeps the stressed volume of the start."""
 POLICY_WORDS = {
     AS_PUBLISHED: "as published: the patient's own blood fills the circuits",
     PATIENT_HELD: "patient's volume held: the circuits are primed",
@@ -39,7 +39,7 @@ POLICY_WORDS = {
 
 
 class UnknownValueError(KeyError):
-    """A parameter that the circuit does not read, or one that it reads and that has no value."""
+    """Raised for a parameter that the circuit does not read, or one that it reads and that has no value."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -47,14 +47,14 @@ class UnknownValueError(KeyError):
 
 @dataclass(frozen=True)
 class Model:
-    """A circuit with values.
+    """A circuit with parameter values.
 
     Args:
-        circuit: compartments and connections.
-        values: a number for every parameter of the circuit and for `heart_rate_bpm`.
-        name: what to call it in results.
-        policy: blood volume policy that it is simulated with where no other is asked for.
-        doubts: about the fit that the values come from, repeated with every result (`Case.doubts`).
+        circuit: the circuit.
+        values: value of every parameter of the circuit and of `heart_rate_bpm`.
+        name: name in results.
+        policy: default blood volume policy of its simulations.
+        doubts: cautions about the fit of the values, repeated with every result (`Case.doubts`).
     """
 
     circuit: Circuit
@@ -82,16 +82,16 @@ class Model:
 
     @classmethod
     def published(cls, circuit: Circuit, name: str = "model", policy: str = AS_PUBLISHED) -> Model:
-        """A circuit with the paper's parameters and usual devices, at 90 beats a minute.
+        """Model of a circuit with the paper's parameters and default devices, at 90 beats per minute.
 
         Raises:
-            UnknownValueError: it reads a parameter of its own, which has no published value.
+            UnknownValueError: the circuit reads a parameter without a published value.
         """
         Kind(Circuit)("circuit", circuit)
         return cls(circuit, nominal_values(circuit) or {}, name, policy)
 
     def with_values(self, changes: Mapping[str, float] | None = None, **named: float) -> Model:
-        """The same circuit with some parameters changed; a misspelt name lists its neighbours."""
+        """The same circuit with some parameters changed; an unknown name raises an error with suggestions."""
         if changes is not None and not isinstance(changes, Mapping):
             allowed = 'numbers by parameter, such as {"Rmc": 0.8}, or Rmc=0.8'
             raise TypeError(f"{article(type(changes).__name__)} names no parameter; allowed: {allowed}")
@@ -101,7 +101,7 @@ class Model:
         return replace(self, values={**self.values, **numbers})
 
     def refuse_unknown(self, parameters: Iterable[str]) -> None:
-        """Refuse names of parameters that the circuit does not have; a misspelt name lists its neighbours."""
+        """Raise an error, with suggested spellings, for names that are no parameters of the circuit."""
         names = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
         for name in parameters:
             if not isinstance(name, str):
@@ -115,16 +115,16 @@ def model_of(case: CaseSource) -> Model:
     """The model of a case: its circuit with its parameter values and its blood volume policy.
 
     Args:
-        case: path of a case file, what `read_case` returned, or a case.
+        case: path of a case file, result of `read_case`, or a case.
     """
     case = as_case(case)
     return Model(circuit_of(case), values_of(case), case.patient.id, case.volume_policy, case.doubts)
 
 
 def values_of(case: Case) -> dict[str, float]:
-    """A number for every parameter of a case; set points of reflexes that it leaves open are its own.
+    """Value of every parameter of a case; open set points of reflexes are computed at rest.
 
-    NaN for what answers to gases: it is solved for with the beat (`eclsim.outputs.coupling`).
+    Parameters that respond to gases are NaN: they are solved for with the beat (`eclsim.outputs.coupling`).
     """
     values, regulation = resolve_parameters(case), case.regulation
     if regulation is None:
@@ -143,12 +143,12 @@ def values_of(case: Case) -> dict[str, float]:
 
 
 def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
-    """The case of a result as a mapping, from which `Case.model_validate` makes one that repeats it.
+    """The case of a result as a mapping; `Case.model_validate` of it gives a case that repeats the result.
 
     Args:
-        case: that was computed. Of one whose pump flow is not solved for there are no numbers to repeat, and
-            set points that it leaves open stay open.
-        policy: blood volume policy that it was computed with; left out, the case's.
+        case: the computed case. If its speed is not yet solved for a target flow, open set points stay open,
+            as there are no numbers to repeat.
+        policy: blood volume policy of the computation; by default the case's.
     """
     from eclsim.cases.sections import POLICY_KEY
     from eclsim.cases.writing import as_file
@@ -159,15 +159,15 @@ def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
 
 
 def as_case(source: CaseSource, *, or_model: bool = False) -> Case:
-    """The case of a file, of what `read_case` returned, or the case itself.
+    """Return the case of a file, of the result of `read_case`, or the case itself.
 
     Args:
-        source: of the case.
-        or_model: whether the function that was called takes a model, too, as its message says.
+        source: source of the case.
+        or_model: whether the error message should mention that a model is allowed as well.
 
     Raises:
-        CaseError: the file is no case; with everything that is wrong.
-        TypeError: no case at all, such as a `Model`.
+        CaseError: the file is no valid case; lists all mistakes.
+        TypeError: `source` is no case, such as a `Model`.
     """
     from eclsim.cases.case import Case
     from eclsim.cases.reading import CaseReading, read_case
@@ -185,5 +185,5 @@ def as_case(source: CaseSource, *, or_model: bool = False) -> Case:
 
 
 def as_model(source: ModelSource) -> Model:
-    """The model of a case, or the model itself; raises as `as_case` does."""
+    """Return the model of a case, or the model itself; raises the same errors as `as_case`."""
     return source if isinstance(source, Model) else model_of(as_case(source, or_model=True))

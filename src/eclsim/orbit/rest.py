@@ -1,4 +1,4 @@
-"""The pressures and gases of a patient at rest, at which their reflexes have nothing to do."""
+"""Pressures and gases of a patient at rest, which are the set points of the reflexes."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 MEASURED_SET_POINTS = {SET_POINT: "Pao", VENOUS_SET_POINT: "Pra"}
-"""Set points, and the waveforms whose means they are; of the atrium less the pressure around it."""
+"""Set points and the waveforms whose means define them; that of the atrium is a transmural pressure."""
 
 
 def resting_pressures(case: Case) -> Mapping[str, float]:
-    """Mean pressures [mmHg] of a case's steady beat without regulation, by the set point that they are.
+    """Mean pressures [mmHg] of a case's steady beat without regulation, by set point.
 
-    Of the case as it was written, with its devices, before settings were put over it and without extra
-    volume. NaN where it has no steady beat, which no reflex can be computed with.
+    Computed for the case as written, with its devices, without changed settings and without extra volume. NaN
+    if it has no steady beat; regulation then cannot be computed.
     """
     model = model_of(case.at_rest())
     return _means(model.circuit, tuple(model.values.items()), model.policy)
 
 
 def resting_gases(case: Case) -> Mapping[str, float]:
-    """What answers to gases refer to, of a case's steady beat at rest, by key.
+    """Set points of the responses to blood gases, from a case's steady beat at rest, by key.
 
-    PO2 and PCO2 of the blood that chemoreceptors get, oxygen content and PCO2 of each bed, and the lung's
-    resistance relative to that without hypoxia. NaN where there is no steady beat or gas state.
+    They are PO2 and PCO2 of the blood at the chemoreceptors, oxygen content and PCO2 of each bed, and the
+    lung's resistance relative to that without hypoxia. NaN if there is no steady beat or gas state.
     """
     model = model_of(case.at_rest())
     return _gases(model.circuit, tuple(model.values.items()), model.policy)
@@ -88,12 +88,12 @@ def _flows(orbits: SolvedOrbits, connections: tuple[str, ...]) -> tuple[np.ndarr
 
 
 def _recorded(orbits: SolvedOrbits, signals: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Signals of the only patient's steady beat, and their weights in a mean; both (steps, signals)."""
+    """Signals of a single patient's steady beat and their weights in a mean, both (steps, signals)."""
     circuit = orbits.batch.circuit
     program = beat_program(circuit, int(orbits.resolution[0]))
     moved = [has_mean(circuit, name) for name in signals]
     names = tuple(name + (MEAN if is_mean else "") for name, is_mean in zip(signals, moved, strict=True))
-    # By the program that found the beat: one that records these signals alone takes seconds to compile.
+    # Reuse the program that found the beat: a program for these signals takes seconds to compile.
     state, packed = orbits.states[:, :1], orbits.batch.packed(program)[:, :1]
     recorded_names, recorded = orbits.search(0).record(state, packed, names)
     columns = [recorded_names.index(name) for name in names]

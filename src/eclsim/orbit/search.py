@@ -1,10 +1,10 @@
-"""The search for steady heartbeats.
+"""Search for steady heartbeats by Broyden's and Newton's methods.
 
-Broyden's method starts from the inverse Jacobian of a known orbit; a member it does not settle is handed to
-Newton's method with a Jacobian of its own, by differences if it is alone, and where that fails with the exact
-one. Where blood drifts towards the lungs until a valve opens, neither lowers the residual at first: implicit
-steps of many beats then follow the drift (pseudo-transient continuation, Kelley and Keyes 1998,
-doi 10.1137/S0036142996304796). Nothing here depends on the other members of a batch.
+Broyden's method starts from the inverse Jacobian of a known orbit. A member for which it does not converge is
+solved by Newton's method with a Jacobian by differences if the member is alone, and with the exact Jacobian
+if that fails. Where blood shifts towards the lungs until a valve opens, neither method lowers the residual at
+first: implicit steps of many beats then follow the drift (pseudo-transient continuation, Kelley and Keyes
+1998, doi 10.1137/S0036142996304796). No member's result depends on the other members of a batch.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from eclsim.orbit.status import Status
 WAITING_BEATS = 30
 """Plain beats after a search that did not converge."""
 DAMPING = (1.0, 0.5, 0.25, 0.1)
-"""Shares of a step of Newton's method, tried until the residual falls."""
+"""Shares of a Newton step that are tried in turn until the residual falls."""
 EXACT_DAMPING = (1.0, 0.5, 0.25)
-"""With the exact Jacobian."""
+"""Shares of a Newton step with the exact Jacobian."""
 FIRST_EULER_BEATS, MOST_EULER_BEATS = 16.0, 4096.0
-"""Beats of the first and of the longest implicit Euler step, where no share of Newton's step lowers the
+"""Beats of the first and of the longest implicit Euler step, used if no share of a Newton step lowers the
 residual."""
 LARGEST_RESIDUAL_GROWTH = 2.0
-"""Growth of the residual over an implicit Euler step above which the next one is shorter."""
+"""Growth of the residual over an implicit Euler step above which the next step is shorter."""
 BEATS_AFTER_EXACT_STEP = 5
-"""Plain beats behind a step with the exact Jacobian: what decays fast hides how far what is slow has come."""
+"""Plain beats after a step with the exact Jacobian, as fast modes would hide the progress of slow ones."""
 LARGEST_MULTIPLIER = 1.0 + 1e-4
-"""Floquet multiplier of a stable beat at most; 1 is that of conserved blood, rounding splits several."""
+"""Largest Floquet multiplier of a stable beat; 1 belongs to conserved blood, rounding splits several."""
 RANK_TOLERANCE, RANK_TOLERANCE_IN_COLLAPSE = 1e-13, 1e-10
-"""Share of the largest singular value below which a direction is taken for noise of the differences: where
-veins collapse, the right heart is shut in and the beat repeats, which the smaller share does not see."""
+"""Shares of the largest singular value below which a direction is taken for noise of the differences. Where
+veins collapse, the right heart is trapped and the beat repeats, which the smaller share does not detect."""
 
 
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions, width: int = 1) -> Orbits:
-    """Steady states of all members of a problem, `width` of them side by side."""
+    """Solve for the steady states of all members of a problem, `width` of them side by side."""
     search = compiled_search(problem.program, width)
     start = anchor.states(problem.packed.shape[1])
     result = search.search(start, anchor.inverse, problem.packed, problem.volume, options)
@@ -58,10 +58,10 @@ def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions, w
 def _by_newton(
     problem: OrbitProblem, options: OrbitOptions, state: np.ndarray, by_differences: bool
 ) -> Orbits:
-    """Steady beat of one member from a state of shape (states, 1), whose beats run alone.
+    """Solve for the steady beat of one member, on its own, from a state of shape (states, 1).
 
-    Differences spare a single patient the seconds that compiling the exact Jacobian takes; in a batch that
-    is nothing, and the exact one is quicker.
+    For a single patient, differences avoid the seconds of compiling the exact Jacobian; in a batch that time
+    is negligible and the exact Jacobian is faster.
     """
     search, beats = compiled_search(problem.program, 1), 0
     if by_differences or not options.exact_iterations:
@@ -76,7 +76,7 @@ def _by_newton(
 
 @dataclass(frozen=True)
 class _Newton:
-    """Damped Newton's method for one member, its Jacobian by differences or exact."""
+    """Damped Newton's method for one member, with a Jacobian by differences or exact."""
 
     search: CompiledSearch
     problem: OrbitProblem
@@ -84,7 +84,7 @@ class _Newton:
     exact: bool = False
 
     def solve(self, states: np.ndarray) -> Orbits:
-        """From a state of shape (states, 1)."""
+        """Solve from a state of shape (states, 1)."""
         result, after, euler_beats = _no_orbit(len(states)), self._wait(states), FIRST_EULER_BEATS
         for _ in range(self.options.exact_iterations if self.exact else self.options.newton_iterations):
             trial = self.problem.trial(states, after)
@@ -114,7 +114,7 @@ class _Newton:
 
     @property
     def rank_tolerance(self) -> float:
-        """Share of the largest singular value from which on a direction counts."""
+        """Share of the largest singular value above which a direction counts."""
         collapses = not self.exact and bool(self.problem.program.assembly.narrowing)
         return RANK_TOLERANCE_IN_COLLAPSE if collapses else RANK_TOLERANCE
 
@@ -129,7 +129,7 @@ class _Newton:
         return (values[:, :n] - values[:, n:]) / (2.0 * shift) * scale
 
     def _attracts(self, jacobian: np.ndarray) -> bool:
-        """Whether plain beats lead back to the orbit that an exact Jacobian is of."""
+        """Whether the orbit is stable, from the exact Jacobian at it: plain beats lead back to it."""
         scale, weights = self.problem.scale, self.problem.volume.weights
         volume = self.problem.spread * weights * scale[:, 0] / scale
         multipliers = np.linalg.eigvals(np.eye(len(scale)) + volume - jacobian)
@@ -139,12 +139,12 @@ class _Newton:
         return self.search.wait(states, np.repeat(self.problem.packed, states.shape[1], axis=1), beats)
 
     def _after_beats(self, states: np.ndarray, beats: int) -> tuple[np.ndarray, np.ndarray]:
-        """States after some plain beats, and after one more."""
+        """States after a number of plain beats, and after one more."""
         states = self._wait(states, beats) if beats else states
         return states, self._wait(states)
 
     def _damped_step(self, trial: Trial, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """States a share of Newton's moves on, and a beat later; None where the residual does not fall."""
+        """States after a share of the Newton step, and one beat later; None if the residual does not fall."""
         size = np.linalg.norm(trial.residual)
         share = float(allowed_share(moves, trial.states, self.problem.largest_steps)[0])
         for fraction in EXACT_DAMPING if self.exact else DAMPING:
@@ -162,9 +162,9 @@ class _Newton:
     def _implicit_euler_step(
         self, trial: Trial, jacobian: np.ndarray, beats: float
     ) -> tuple[tuple[np.ndarray, np.ndarray] | None, float]:
-        """Where some plain beats lead, by one implicit step of Euler's method, and how many to step next.
+        """States after many plain beats, approximated by one implicit Euler step, and the next step's beats.
 
-        No states where these are not finite. While blood drifts, a step that ends beyond the opening of a
+        Returns no states if they are not finite. While blood shifts, a step that ends after the opening of a
         valve raises the residual.
         """
         step = -np.linalg.lstsq(np.eye(len(jacobian)) / beats + jacobian, trial.residual, rcond=None)[0]
@@ -177,7 +177,7 @@ class _Newton:
         return (states, after) if next_trial.finite[0] else None, beats / 4.0
 
     def _result_after_waiting(self, result: Orbits, states: np.ndarray) -> Orbits:
-        """No orbit: where plain beats lead, not an iterate of the search."""
+        """Result without an orbit: the state after plain beats, not an iterate of the search."""
         before = self._wait(states, WAITING_BEATS - 1)
         after = self._wait(before)
         if not np.isfinite(after).all():
@@ -189,9 +189,9 @@ class _Newton:
 
 
 def anchor_at(problem: OrbitProblem, state: np.ndarray, beats: int, width: int = 1) -> Anchor:
-    """Steady state of a problem's one member and its inverse Jacobian, found from a state after some beats.
+    """Steady state and inverse Jacobian of a problem's only member, found after a number of plain beats.
 
-    The start `state` itself without convergence.
+    Returns the start `state` itself, with a unit matrix, if the states are not finite.
     """
     search, unchanged = compiled_search(problem.program, width), Anchor(state, np.eye(len(state)))
     states = search.wait(state[:, None], problem.packed, beats)
@@ -207,13 +207,13 @@ def anchor_at(problem: OrbitProblem, state: np.ndarray, beats: int, width: int =
 
 
 def inverse_at(problem: OrbitProblem, states: np.ndarray, width: int = 1) -> np.ndarray:
-    """Inverse Jacobian in scaled states at the orbit of a problem's one member, shape (states, states)."""
+    """Inverse Jacobian in scaled states at the orbit of a problem's only member, shape (states, states)."""
     newton = _Newton(compiled_search(problem.program, width), problem, OrbitOptions())
     return np.linalg.pinv(newton.jacobian(states[:, None]))
 
 
 def allowed_share(moves: np.ndarray, states: np.ndarray, largest_steps: np.ndarray) -> np.ndarray:
-    """Share of a step that moves no state further than is allowed; shape (members,)."""
+    """Largest share of a step that moves no state further than allowed; shape (members,)."""
     return 1.0 / np.maximum((np.abs(moves) / largest_allowed_steps(states, largest_steps)).max(axis=0), 1.0)
 
 
@@ -225,5 +225,5 @@ def _no_orbit(n: int) -> Orbits:
 
 
 def _store(result: Orbits, trial: Trial) -> None:
-    """Keep a member's trial as the best so far."""
+    """Store a member's trial as the best result so far."""
     result.states[:], result.residual[:], result.drift[:] = trial.states, trial.change, trial.drift

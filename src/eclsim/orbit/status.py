@@ -1,4 +1,4 @@
-"""How a solve ended: a typed value with a message on what to do."""
+"""Outcome of a solve as an enumeration, with messages that say what to do."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class Status(IntEnum):
 
     @property
     def message(self) -> str:
-        """What it means and what to do."""
+        """Meaning of the status, and what to do."""
         return _MESSAGES[self]
 
     @property
     def word(self) -> str:
-        """The name in lower case, as results and files have it."""
+        """Name in lower case, as used in results and files."""
         return self.name.lower()
 
 
@@ -48,13 +48,13 @@ _MESSAGES = {
 
 
 class NoDerivativesError(ValueError):
-    """A patient has no derivatives: no steady beat was found, or its equation is singular.
+    """Raised if a patient has no derivatives: no steady beat was found, or its equation is singular.
 
     Attributes:
-        status: how the search for the steady beat ended; `CONVERGED` where the equation is singular.
-        name: of the patient; empty where it has none.
-        reason: why, and what to do.
-        gases: how the search for the steady gas state ended, in lower case; empty where that is not what is
+        status: outcome of the search for the steady beat; `CONVERGED` if the equation is singular.
+        name: name of the patient; empty if there is none.
+        reason: cause, and what to do.
+        gases: outcome of the search for the steady gas state, in lower case; empty unless that is what is
             missing.
     """
 
@@ -68,7 +68,7 @@ class NoDerivativesError(ValueError):
 
     @property
     def word(self) -> str:
-        """The status in lower case, that of the gases, or "singular" for a steady beat whose equation is."""
+        """The status of the gases or of the beat in lower case, or "singular" if the equation is singular."""
         if self.gases:
             return self.gases
         return "singular" if self.status in (Status.CONVERGED, Status.ONE_OF_MANY) else self.status.word

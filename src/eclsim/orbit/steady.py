@@ -1,4 +1,4 @@
-"""Steady beats of one or of thousands of patients: the batch, where its searches start, and its orbits."""
+"""Steady beats of one or thousands of patients: the batch, the starts of its searches and its orbits."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ SOLVERS = (SEMI_IMPLICIT, ADAPTIVE)
 SETTLING_BEATS = 20
 COMPLEX_STEP = 1e-30
 MEMBERS_PER_THREAD = 4
-"""Fewer members, one after the other, are not worth a thread of their own."""
+"""Smallest number of members, computed one after the other, that justifies a thread."""
 Values = Mapping[str, float] | Mapping[str, np.ndarray] | Mapping[str, float | np.ndarray]
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Patients that share a circuit and differ in any parameter.
+    """Patients that share a circuit and may differ in any parameter.
 
     Args:
         circuit: the circuit.
-        values: a number or an array (members,) for every parameter.
+        values: value of every parameter, a number or an array (members,).
         count: number of members.
         policy: blood volume policy.
     """
@@ -54,11 +54,11 @@ class Batch:
 
     @classmethod
     def of(cls, model: Model, policy: str | None = None) -> Batch:
-        """A model as a batch of one; policy: blood volume policy, left out, the model's."""
+        """A model as a batch of one; `policy` is the blood volume policy, by default the model's."""
         return cls(model.circuit, model.values, 1, policy or model.policy)
 
     def packed(self, program: BeatProgram) -> np.ndarray:
-        """Parameters in the order of a program, shape (names, members); not to be written to."""
+        """Parameters in the order of a program, shape (names, members), read-only."""
         if program.names not in self._packed:
             packed = np.empty((len(program.names), self.count))
             for row, name in zip(packed, program.names, strict=True):
@@ -72,34 +72,34 @@ class Batch:
         return {}
 
     def take(self, members: np.ndarray) -> Batch:
-        """Some of the members."""
+        """A batch of selected members."""
         values = {n: v if np.ndim(v) == 0 else np.asarray(v)[members] for n, v in self.values.items()}
         return replace(self, values=values, count=len(members))
 
     def member(self, which: int) -> dict[str, float]:
-        """Parameters of one member."""
+        """Values of the parameters that the beat of one member reads."""
         return {name: self.value_of(name, which) for name in (HEART_RATE, *self.circuit.parameter_names())}
 
     def all_values_of(self, which: int) -> Mapping[str, float]:
-        """All values of one member, also those that its beat does not read."""
+        """All values of one member, including those that its beat does not read."""
         return _Member(self, which)
 
     def value_of(self, name: str, which: int) -> float:
-        """One value of one member."""
+        """Value of one parameter of one member."""
         value = self.values[name]
         return float(value if np.ndim(value) == 0 else np.asarray(value)[which])
 
     def read_by_outputs(self, parameters: Sequence[str], members: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of the parameters among these that have one, for some members, each of shape (members,)."""
+        """Values of those given parameters that have one, for selected members, each of shape (members,)."""
         columns = {n: np.asarray(self.values[n], float) for n in parameters if n in self.values}
         return {n: np.full(len(members), v) if v.ndim == 0 else v[members] for n, v in columns.items()}
 
     def numbers_for(self, parameters: Sequence[str], member: int = 0) -> dict[str, float]:
-        """Values of the parameters among these that have one, for one member."""
+        """Values of those given parameters that have one, for one member."""
         return {name: float(v[0]) for name, v in self.read_by_outputs(parameters, np.array([member])).items()}
 
     def volume(self) -> Volume:
-        """The blood volume condition of the policy."""
+        """Blood volume condition of the policy."""
         return self._volume
 
     @cached_property
@@ -118,7 +118,7 @@ class Batch:
         return Volume(weights, np.broadcast_to(target, (self.count,)).astype(float))
 
     def volume_slopes(self, parameters: Sequence[str], member: int = 0) -> np.ndarray:
-        """d blood volume / d parameter of one member [mL per unit], by a complex step; (parameters,)."""
+        """d blood volume / d parameter of one member [mL per unit] by a complex step; shape (parameters,)."""
         counted = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
         values = {name: self.value_of(name, member) for name in parameters} | self.member(member)
         shifts = 1j * COMPLEX_STEP * np.eye(len(parameters))
@@ -130,7 +130,7 @@ class Batch:
         return np.broadcast_to(total, (len(parameters),)) / COMPLEX_STEP
 
     def resolutions(self) -> np.ndarray:
-        """Resolution of the grid that each member needs, shape (members,)."""
+        """Grid resolution that each member needs, shape (members,)."""
         return self._resolutions
 
     @cached_property
@@ -141,7 +141,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class _Member(Mapping[str, float]):
-    """Values of one member, each read from its batch when it is asked for."""
+    """Values of one member, each read from the batch on access."""
 
     batch: Batch
     which: int
@@ -161,10 +161,10 @@ class SolvedOrbits(Orbits):
     """Orbits of a batch.
 
     Args:
-        batch: the members.
-        resolution: of the grid that each was solved on, shape (members,).
-        width: members side by side in the programs that solved it.
-        adaptive_tolerance: of the adaptive steps that were waited with; None where the orbit was solved.
+        batch: the batch.
+        resolution: resolution of the grid on which each member was solved, shape (members,).
+        width: number of members side by side in the programs that solved it.
+        adaptive_tolerance: tolerance of the adaptive solver that found it; None for the orbit solver.
     """
 
     batch: Batch
@@ -173,17 +173,17 @@ class SolvedOrbits(Orbits):
     adaptive_tolerance: float | None = None
 
     def take(self, members: np.ndarray) -> SolvedOrbits:
-        """The orbits of some of the members."""
+        """The orbits of selected members."""
         parts = {field.name: getattr(self, field.name)[..., members] for field in fields(Orbits)}
         batch, resolution = self.batch.take(members), self.resolution[members]
         return replace(self, batch=batch, resolution=resolution, **parts)
 
     def search(self, member: int) -> CompiledSearch:
-        """The program that a member was solved with."""
+        """The program with which a member was solved."""
         return compiled_search(beat_program(self.batch.circuit, int(self.resolution[member])), self.width)
 
     def wait(self, members: np.ndarray, states: np.ndarray, beats: int = 1) -> np.ndarray:
-        """States of some members after some plain beats, shape (states, members)."""
+        """States of selected members after a number of plain beats, shape (states, members)."""
         after = np.empty_like(states)
         for level in np.unique(self.resolution[members]):
             of_level = self.resolution[members] == level
@@ -193,7 +193,7 @@ class SolvedOrbits(Orbits):
         return after
 
     def grid_warning(self, member: int = 0) -> str | None:
-        """A sentence where the grid is too coarse for what oscillates in a member; None where it is fine."""
+        """Warning if the grid is too coarse for the oscillations of a member's circuit, otherwise None."""
         if self.status[member] == Status.INVALID_INPUT or self.adaptive_tolerance is not None:
             return None
         if self._grid_is_fine[member]:
@@ -209,7 +209,7 @@ class SolvedOrbits(Orbits):
 
     @cached_property
     def _grid_is_fine(self) -> np.ndarray:
-        """Members whose grid is as fine as they need; what needs the finest may need one finer still."""
+        """Whether each grid is certainly fine enough; False where even the finest may be too coarse."""
         needed = self.batch.resolutions()
         return (needed <= self.resolution) & (needed < RESOLUTIONS[-1])
 
@@ -224,16 +224,16 @@ def solve(
 ) -> SolvedOrbits:
     """Solve for the steady beat of every member of a batch.
 
-    A member's result depends on its own values and these arguments alone.
+    A member's result depends only on its own values and these arguments.
 
     Args:
-        batch: the members.
+        batch: the batch.
         options: accuracy and effort.
-        start: parameter values at whose steady beat every search begins, or where to begin for each member;
-            those who find nothing from there begin as they do where it is left out: at the circuit's nominal
-            parameters, and in a circuit without any at their own values.
-        resolution: of the grid; left out, each member gets what its own time constants need.
-        execution: how the batch is computed.
+        start: parameter values at whose steady beat every search begins, or an `Anchor` for each member.
+            Members that do not converge from an `Anchor` begin again as by default: at the circuit's nominal
+            parameters, or, in a circuit without nominal parameters, at their own values.
+        resolution: resolution of the grid; by default as each member's time constants need.
+        execution: execution options.
     """
     options, execution = options or OrbitOptions(), execution or Execution()
     width = execution.width_for(batch.count)
@@ -257,7 +257,7 @@ def solve(
 
 
 def _empty_orbits(batch: Batch) -> Orbits:
-    """Orbits to be filled in; members with values that are not allowed are marked."""
+    """Empty orbits to be filled in; members with values that are not allowed are marked."""
     n, count = assemble(batch.circuit).layout.size, batch.count
     packed = batch.packed(beat_program(batch.circuit))
     refused = allowed_values(batch.circuit).refused(packed) | ~np.isfinite(batch.volume().target)
@@ -269,7 +269,7 @@ def _empty_orbits(batch: Batch) -> Orbits:
 
 @dataclass(frozen=True)
 class _Level:
-    """The search for steady beats on one grid; `orbits` is filled in."""
+    """Search for steady beats on one grid; the results are stored in `orbits`."""
 
     batch: Batch
     level: int
@@ -278,7 +278,7 @@ class _Level:
     orbits: Orbits
 
     def solve(self, members: np.ndarray, start: Anchor, options: OrbitOptions) -> None:
-        """Solve some members of the batch, spread over the threads."""
+        """Solve selected members of the batch in several threads."""
         program = beat_program(self.batch.circuit, self.level)
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take(members)
         worth = len(members) // MEMBERS_PER_THREAD if self.width == 1 else -(-len(members) // self.width)
@@ -292,13 +292,13 @@ class _Level:
 
 
 def anchor(batch: Batch, level: int, values: Mapping[str, float], width: int = 1) -> Anchor:
-    """Steady beat at some parameter values and its inverse Jacobian, for searches to begin at."""
+    """Steady beat at given parameter values and its inverse Jacobian, as a start for searches."""
     names = beat_program(batch.circuit, level).names
     return _anchor(batch.circuit, level, batch.policy, tuple(float(values[n]) for n in names), width)
 
 
 def inverse_jacobian(orbits: SolvedOrbits, member: int) -> np.ndarray:
-    """Inverse Jacobian at a member's orbit in scaled states, with which searches near it begin."""
+    """Inverse Jacobian in scaled states at a member's orbit, as a start for searches near it."""
     program = orbits.search(member).program
     problem = OrbitProblem(program, orbits.batch.packed(program), orbits.batch.volume()).take([member])
     return inverse_at(problem, orbits.states[:, member], orbits.width)
@@ -307,14 +307,15 @@ def inverse_jacobian(orbits: SolvedOrbits, member: int) -> np.ndarray:
 def inverses_near(
     orbits: SolvedOrbits, start: Mapping[str, float] | None, options: OrbitOptions
 ) -> np.ndarray:
-    """Inverse Jacobians with which searches near orbits begin, in scaled states, (states, states, members).
+    """Inverse Jacobians to start searches near orbits, in scaled states, (states, states, members).
 
-    That which a member's own search began with where it led there, else that at its orbit.
+    Uses the one with which a member's own search began if that search converged by Broyden's method,
+    otherwise the one at its orbit.
 
     Args:
-        orbits: all of them finite.
-        start: of their searches, see `solve`.
-        options: of their searches.
+        orbits: orbits, all finite.
+        start: start of their searches (see `solve`).
+        options: options of their searches.
     """
     batch, n = orbits.batch, len(orbits.states)
     values = nominal_values(batch.circuit) if start is None else start
@@ -329,7 +330,7 @@ def inverses_near(
 
 @lru_cache(maxsize=256)
 def _anchor(circuit: Circuit, level: int, policy: str, packed: tuple[float, ...], width: int) -> Anchor:
-    """Settle for some beats, then solve."""
+    """Compute `SETTLING_BEATS` plain beats, then solve."""
     program = beat_program(circuit, level)
     values = dict(zip(program.names, packed, strict=True))
     batch = Batch(circuit, values, 1, policy)

@@ -1,4 +1,4 @@
-"""The course in time from the published initial state, beat after beat."""
+"""Simulation in time from the published initial state, beat after beat."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Course:
     """Signals over time.
 
     Args:
-        time: from 0, shape (points,) [s].
-        signals: shape (points, signals).
-        state: at the end of the last whole beat that was computed, shape (states,).
-        steps_per_beat: points recorded in a beat.
+        time: time from 0 [s], shape (points,).
+        signals: values of the signals, shape (points, signals).
+        state: state at the end of the last computed beat, shape (states,).
+        steps_per_beat: number of recorded points per beat.
     """
 
     time: np.ndarray
@@ -37,7 +37,7 @@ class Course:
 
 
 Recording = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""One recorded beat: state -> state after it, signals after each step of the grid, shape (steps, signals)."""
+"""Map of one recorded beat: state -> state after it, signals after each step, shape (steps, signals)."""
 
 
 def follow(
@@ -49,18 +49,18 @@ def follow(
     solver: str = SEMI_IMPLICIT,
     start: np.ndarray | None = None,
 ) -> Course:
-    """Follow a model for some seconds.
+    """Simulate a model in time.
 
     Args:
         model: circuit and values.
-        seconds: how long [s].
-        signals: what to record (see `Recorder`).
+        seconds: duration [s].
+        signals: signals to record (see `Recorder`).
         policy: blood volume policy; "patient_held" starts with primed circuits (`primed_start`).
         solver: "semi-implicit" or "adaptive".
-        start: state at time 0; left out, the published initial state.
+        start: state at time 0; by default the published initial state.
 
     Raises:
-        InvalidInputError: a value that the circuit cannot be computed with.
+        InvalidInputError: the circuit cannot be computed with a value.
     """
     if solver not in SOLVERS:
         raise ValueError(f"solver '{solver}'; allowed: {', '.join(SOLVERS)}")
@@ -74,7 +74,7 @@ def follow(
     times, pieces = [np.zeros(1)], [_at_start(model, state, signals)]
     grid, record = _recorder(model, signals, solver)
     while elapsed < seconds * (1.0 - 1e-12):
-        # A controller may act on the heart rate, so that beats differ in length.
+        # A controller may change the heart rate, so that beats differ in length.
         period = 60.0 / float(assembly.in_effect(model.values, state)[HEART_RATE])
         state, recorded = record(state)
         times.append(elapsed + grid.phases[1:] * period)
@@ -86,9 +86,10 @@ def follow(
 
 
 def primed_start(model: Model, policy: str = AS_PUBLISHED) -> np.ndarray:
-    """The published initial state; with "patient_held" the circuits hold what they hold in the steady beat.
+    """The published initial state; with "patient_held", circuits hold their volumes of the steady beat.
 
-    So the patient's blood need not fill them, and the course ends at the steady beat of that policy.
+    The patient's blood then need not fill the circuits, and the simulation ends at the steady beat of that
+    policy.
     """
     state, assembly = start_state(model), assemble(model.circuit)
     batch = Batch(model.circuit, model.values, 1, policy)
@@ -125,7 +126,7 @@ def _recorder(model: Model, signals: tuple[str, ...], solver: str) -> tuple[Phas
 
 
 def _at_start(model: Model, state: np.ndarray, signals: tuple[str, ...]) -> Any:
-    """Signals at time 0, where flows without inertia follow from the pressures; shape (1, signals)."""
+    """Signals at time 0, with flows without inertia computed from the pressures; shape (1, signals)."""
     program = adaptive_program(model.circuit)
     packed = np.array([float(model.values[name]) for name in program.names])
     return np.asarray(program.signals(signals)(state[None], np.zeros(1), packed))

@@ -1,6 +1,6 @@
-"""Parameters of the patient: values with unit, meaning, origin and allowed range.
+"""Parameters of the patient: values with unit, meaning, source and allowed range.
 
-Those of a device stand with it. One module per published set, named author and year.
+Those of a device are in its module. There is one module per published set, named by author and year.
 """
 
 from __future__ import annotations
@@ -12,6 +12,6 @@ __all__ = ["Bounds", "Parameter", "patient_parameters"]
 
 
 def patient_parameters() -> dict[str, Parameter]:
-    """All that a case file may set of the patient: the paper's tables, then what goes beyond them."""
+    """All parameters of the patient that a case file may set: the paper's tables, then extensions."""
     tables = (thiel2025, physiology, regulation, fluid, gas)
     return {key: parameter for table in tables for key, parameter in table.PARAMETERS.items()}

@@ -1,10 +1,10 @@
-"""Ranges of what a beat of an adult shows: in health, from the literature, and in the severest illness.
+"""Ranges of outputs of an adult's beat: healthy ones from the literature, and those of severest illness.
 
-The range of health is the source's, or mean +- 2 standard deviations. The wider one is a convention of this
-program, chosen to catch gross errors alone: a ventricle holds at least a third of the smallest and at most
-twice the largest healthy volume at the end of diastole; pressures reach those of the worst shock and of the
-worst congestion or pulmonary hypertension. Atria are left out: the model's have no volume at zero pressure,
-so they cannot be compared with imaging.
+The healthy range is that of the source, or mean +- 2 standard deviations. The wider, plausible range is a
+convention of this program that detects only gross errors: end-diastolic ventricular volumes are between a
+third of the smallest and twice the largest healthy one; pressures extend to those of the worst shock and of
+the worst congestion or pulmonary hypertension. Atria are omitted: those of the model have no volume at zero
+pressure, so they cannot be compared with imaging.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class AdultRange:
 
     Args:
         output: name in the registry of outputs.
-        description: what it is.
-        unit: of the numbers.
+        description: description of the output.
+        unit: unit of the numbers.
         healthy: smallest and largest value in health.
-        plausible: smallest and largest value that an ill adult can have; infinite where none is set.
-        source: of the range of health.
+        plausible: smallest and largest value possible in an ill adult; infinite if not limited.
+        source: source of the healthy range.
     """
 
     output: str
@@ -79,7 +79,7 @@ _OTHERS = (
 
 
 def adult_ranges(sex: Sex) -> dict[str, AdultRange]:
-    """Ranges of a woman or a man, by output."""
+    """Ranges for a woman or a man, by output."""
     result = []
     for output, (description, by_sex) in _DIASTOLIC.items():
         low, high = _two_deviations(by_sex[sex])

@@ -1,7 +1,7 @@
-"""Parameters of fluid and of solutes in time: the blood, the interstitium and the wall between them.
+"""Parameters of fluid and solutes in time: blood, interstitium and capillary wall.
 
-At a circuit's start they change nothing: the haematocrit is the one at which resistances were measured or
-fitted, and filtration, refill and lymph are in balance.
+At the start they change nothing in a circuit: the haematocrit is the one at which resistances were measured
+or fitted, and filtration, refill and lymph are in balance.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ SECTION, SOLUTES = "fluid", "solutes"
 HAEMATOCRIT, REFERENCE = f"{SECTION}.haematocrit", f"{SECTION}.reference_haematocrit"
 USUAL_HAEMATOCRIT = 0.30
 FCELLS = 0.9
-"""Haematocrit of all blood over that of large vessels, 0.9 +- 0.05 (Hemodial Int, PMC4937455), abstract."""
+"""Whole-body to large-vessel haematocrit, 0.9 +- 0.05 (Hemodial Int, PMC4937455, abstract)."""
 INTERSTITIUM_TO_BLOOD = (1.0 - FCELLS * 0.45) / 0.230
-"""Normal interstitial volume over blood volume: plasma over interstitium is 0.230 in 10 healthy men (Moore
+"""Ratio of normal interstitial to blood volume: plasma over interstitium is 0.230 in 10 healthy men (Moore
 1966, bromide, abstract), here at a haematocrit of 0.45."""
 TISSUES = ("tissue", "upper_tissue", "lower_tissue")
-"""Exchanges of a patient's tissues, where a circuit has them."""
+"""Names of the exchanges of tissues that a circuit may have."""
 PERICAPILLARY = f"{SECTION}.pericapillary_share"
 SOLUTES_FOLLOWED, CARBON_DIOXIDE_STORES_HOLD = f"{SOLUTES}.followed", f"{SOLUTES}.stores_hold"
 _PATIENT = "of the patient; default assumed (intensive care)"
@@ -92,7 +92,7 @@ _TABLE = (
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(
     {f"{row[0]}.{row[1]}": Parameter(f"{row[0]}.{row[1]}", *row[2:], row[0]) for row in _TABLE}
 )
-"""All parameters by key; those of [fluid] and [solutes] of a case file."""
+"""All parameters of [fluid] and [solutes] of a case file, by key."""
 
 STARTS = frozenset(
     f"{SECTION}.{name}"
@@ -108,10 +108,10 @@ STARTS = frozenset(
         "bicarbonate_space_ml",
     )
 ) | {"gas.haemoglobin_g_dl"}  # fmt: skip
-"""Keys of a case file that say how a course starts, besides the haematocrit at a filter. What crosses the
-capillary wall is balanced at the start, with the wall of the start."""
+"""Keys of a case file that set the start of a course, besides the haematocrit at a filter. Exchange across
+the capillary wall is in balance at the start, with the constants of the wall at the start."""
 
 
 def sets_initial_value(key: str) -> bool:
-    """Whether a key of a case file sets the start of a course, from where its quantity is followed."""
+    """Whether a key of a case file sets only the initial value of a quantity that a course follows."""
     return key in STARTS or key.endswith(".haematocrit_in")

@@ -1,7 +1,7 @@
-"""Parameters of gas exchange: blood, metabolism, lungs and ventilator; those of a device stand with it.
+"""Parameters of gas exchange: blood, metabolism, lungs and ventilator; a device has its own.
 
-Those of the section [gas] are keys of a case file; the others stand in [parameters]. The defaults are those
-of an adult on protective ventilation; nothing was fitted.
+Those of the section [gas] are keys of that section in a case file; the others are set in [parameters]. The
+defaults are those of an adult on protective ventilation; nothing was fitted.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _BOUNDS = MappingProxyType(
         "gas.alveolar_ventilation_l_min": Bounds(2.0, 0.2, 20.0),
     }
 )  # fmt: skip
-"""Wide on purpose: intervals that end here say that the measurements leave it open."""
+"""Bounds, wide on purpose: an interval that ends at one shows that the measurements do not determine it."""
 _HALF_WIDTHS = MappingProxyType(
     {
         "gas.base_excess_mmol_l": 5.0, "gas.temperature_c": 1.5, "gas.respiratory_quotient": 0.1,
@@ -70,4 +70,4 @@ PARAMETERS = MappingProxyType(
         for row in _TABLE
     }
 )
-"""By name, keys of case files among them."""
+"""All parameters by name, including keys of case files."""

@@ -1,4 +1,4 @@
-"""Model parameters: a number with its unit, meaning, origin and allowed range."""
+"""Model parameters: a value with its unit, meaning, source and allowed range."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from eclsim.units import quantity_of
 
 DEFAULT_LOG_RANGE = math.log(100.0)
-"""Length of the allowed range of a parameter on a linear scale, in its coordinate."""
+"""Width of the allowed range of a linear-scale parameter in its scaled coordinate."""
 
 
 class Bounds(NamedTuple):
@@ -25,18 +25,18 @@ class Parameter:
     """One parameter of the model.
 
     Attributes:
-        key: The name users write, as in the paper's tables (`Rmc`, `Emaxlv`).
+        key: Name in case files, as in the paper's tables (`Rmc`, `Emaxlv`).
         value: The default, in `unit`.
         unit: Unit of the value, the minimum and the maximum.
-        description: What it is, in words.
-        source: Where the default comes from, and whether it was measured, fitted or assumed.
+        description: Description in words.
+        source: Source of the default, and whether it was measured, fitted or assumed.
         minimum: Smallest value a case may give.
         maximum: Largest value a case may give.
         group: Part of the model: blood, systemic, pulmonary, heart, initial, or the section of a case file.
-        bounds: Where a fit looks; None for a parameter without usual ones.
-        half_width: What stands for 25 % in an analysis, where a share of the value says nothing, as of a base
-            excess.
-        clipped: Whether a range of an analysis ends where the allowed one does.
+        bounds: Start and bounds of a fit; None if there are no usual ones.
+        half_width: Change that is used in place of 25 % in an analysis, where a relative change is not
+            meaningful, as of a base excess; else None.
+        clipped: Whether the range of an analysis is limited to the allowed range.
     """
 
     key: str
@@ -63,16 +63,16 @@ class Parameter:
 
     @property
     def is_linear(self) -> bool:
-        """Whether it is sought itself and not by its logarithm: it may be negative, or no part of 1."""
+        """Whether a fit uses the value, not its logarithm: for ranges below 0, and fractions from 0."""
         return self.minimum < 0.0 or (self.minimum == 0.0 and self.unit == "1")
 
     @property
     def linear_unit(self) -> float:
-        """The change that stands for 100 % where a share of the value says nothing; else 0."""
+        """Change used in place of 100 % if a relative change is not meaningful; else 0."""
         return (self.maximum - self.minimum) / DEFAULT_LOG_RANGE if self.is_linear else 0.0
 
     def varied(self, value: float, share: float) -> tuple[float, float]:
-        """Range of an analysis around a value; `share` is its half width as a share of it, such as 0.25."""
+        """Range of an analysis around a value; `share` is the relative half width, such as 0.25."""
         if self.half_width is None:
             low, high = sorted((value * (1.0 - share), value * (1.0 + share)))
         else:

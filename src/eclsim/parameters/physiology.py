@@ -1,18 +1,18 @@
 """Parameters of the patient beyond the published model: regions, shunts, valves, veins, pericardium.
 
-What is measured, fitted or assumed:
+Origin of the values (measured, fitted or assumed):
 
-- Shares of vessels: how the totals of Table S-1 of Thiel et al. (2025) are distributed over regions, from the
+- Shares of vessels: distribution of the totals of Table S-1 of Thiel et al. (2025) over regions, from the
   volumes at zero pressure of Heldt (2004), those of an average man: a literature synthesis. Compliances are
   divided as the volumes are (vessels of one wall); Heldt's own compliances would put 16 % into the descending
   aorta, and 9 % of the veins' into the superior cava, and change the published patient by up to 9 %.
 - Upper body's share of flow: measured, the superior vena cava's share of systemic flow by Doppler; 35 % from
   the age of six on (Salim et al. 1995).
-- Collapsible veins: the thoracic vena cava of Lu et al. (2001), a literature synthesis. What it takes of the
+- Collapsible veins: the thoracic vena cava of Lu et al. (2001), a literature synthesis. Its part of the
   published veins follows from Lu's numbers and the published ones: at 4 mmHg it holds 154 mL, has a
-  compliance of 6.67 mL/mmHg and a resistance of 0.005 mmHg s/mL. How the right heart empties is assumed.
-- Pericardium: Smith et al. (2004); that its volume counts the atria too is assumed.
-- Bronchial return, areas of valves: whatever the patient has; the values here are only where a search starts.
+  compliance of 6.67 mL/mmHg and a resistance of 0.005 mmHg s/mL. The law of the empty right heart is assumed.
+- Pericardium: Smith et al. (2004); that its volume includes the atria is assumed.
+- Bronchial return, areas of valves: the patient's own; the values here are only starting values of a search.
 
 The keys that begin with `physiology.` are set in the section [physiology] of a case file, the others in
 [parameters].
@@ -26,7 +26,7 @@ from eclsim.parameters.parameter import Parameter
 
 SECTION = "physiology"
 VALVES = MappingProxyType({"tricuspid": "ra", "pulmonary": "rv", "mitral": "la", "aortic": "lv"})
-"""Valves, and the chamber that each lets blood out of."""
+"""Valves, and the chamber that each drains."""
 UPPER_SHARE, BRONCHIAL = f"{SECTION}.upper_share", f"{SECTION}.bronchial_fraction"
 
 _HELDT = "Heldt 2004 (doctoral thesis, MIT), parameters of the circulation"
@@ -93,7 +93,7 @@ NEEDS = MappingProxyType(
     | dict.fromkeys((row[0] for row in _VEINS), "collapsible_veins")
     | dict.fromkeys((row[0] for row in _PERICARDIUM), "pericardium")
 )
-"""Parameters outside of the section, and the key of the section that they need."""
+"""Parameters outside the section, and the key of the section that they require."""
 
 
 def _all_parameters() -> dict[str, Parameter]:
@@ -109,4 +109,4 @@ def _all_parameters() -> dict[str, Parameter]:
 
 
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(_all_parameters())
-"""All parameters by key; every one has its effect only where [physiology] asks for it."""
+"""All parameters by key; each has an effect only if [physiology] enables it."""

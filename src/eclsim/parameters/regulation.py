@@ -1,8 +1,8 @@
 """Parameters of regulation, drugs and fluid.
 
-All are settings of a patient's regulation and of their treatment, none is a property of the published model:
-at the values here a circuit that has them is the published one, but for the reflex, which then answers to
-every departure from its set point.
+All are settings of a patient's regulation and treatment, not properties of the published model. At these
+values a circuit is the published one, except for the reflex, which then responds to any deviation from its
+set point.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ PAO2_SET_POINT = f"{REGULATION}.set_point_pao2_mmHg"
 PACO2_SET_POINT = f"{REGULATION}.set_point_paco2_mmHg"
 VENOUS_O2_SET_POINT = f"{REGULATION}.set_point_venous_o2_ml_dl"
 BEDS = ("sart", "upper", "lower")
-"""Vascular beds that supply organs: of the whole body, or of its regions."""
+"""Vascular beds of organs: of the whole body, or of its regions."""
 SENSED_PAO2, SENSED_PACO2 = f"{REGULATION}.sensed_pao2_mmHg", f"{REGULATION}.sensed_paco2_mmHg"
 LUNG_RESISTANCE = f"{REGULATION}.hypoxic_resistance"
 LUNG_AT_REST = f"{REGULATION}.hypoxic_resistance_at_rest"
 UNSTRESSED = "unstressed_volume_ml"
 EXTRA_VOLUME = f"{FLUID}.extra_volume_ml"
 MODELS = ("ursino1998", "heldt2004", "heldt2010")
-"""Published reflexes, by the name in a case file."""
+"""Names of the published reflexes in case files."""
 
 
 class DoseRange(NamedTuple):
-    """Doses of an infused drug.
+    """Range of doses of an infused drug.
 
     Attributes:
-        most: the largest that a case may give.
-        usual: the largest usual one.
-        unit: of both.
+        most: largest dose that a case may set.
+        usual: largest usual dose.
+        unit: unit of both.
     """
 
     most: float
@@ -56,16 +56,16 @@ DRUG_DOSES = {
     "levosimendan": DoseRange(0.6, 0.2),
     "nitroprusside": DoseRange(10.0, 3.0),
 }
-"""Drugs that are infused, by name."""
+"""Infused drugs and their doses, by name."""
 
 
 def of_bed(key: str, bed: str) -> str:
-    """Key of one bed's own number: that of all organs has none added."""
+    """Key of a bed's own parameter; the bed of all organs ("sart") uses the key unchanged."""
     return key if bed == "sart" else key.replace(".", f".{bed}_", 1)
 
 
 def paco2_set_point(bed: str) -> str:
-    """Key of the set point of the PCO2 of the blood that a bed gets; chemoreceptors have the upper body's."""
+    """Key of the set point of a bed's arterial PCO2; chemoreceptors have that of the upper body."""
     return of_bed(PACO2_SET_POINT, "lower") if bed == "lower" else PACO2_SET_POINT
 
 
@@ -73,7 +73,7 @@ CHEMOREFLEX_SET_POINTS = (PAO2_SET_POINT, PACO2_SET_POINT)
 DILATION_SET_POINTS = tuple(
     dict.fromkeys(key for bed in BEDS for key in (paco2_set_point(bed), of_bed(VENOUS_O2_SET_POINT, bed)))
 )
-"""Values at rest that answers to gases refer to; that of the lung is `LUNG_AT_REST`."""
+"""Set points (values at rest) of the responses to gases; that of the lung is `LUNG_AT_REST`."""
 
 
 def local_resistance(bed: str) -> str:
@@ -82,7 +82,7 @@ def local_resistance(bed: str) -> str:
 
 
 def local_factor(resistance: str) -> str:
-    """Output with the value of such a factor in the beat."""
+    """Name of the output that holds such a factor's value in the beat."""
     return resistance.partition(".")[2] + "_factor"
 
 
@@ -92,12 +92,12 @@ def dose(drug: str) -> str:
 
 
 def sensitivity(drug: str) -> str:
-    """Key of what a patient's dose is multiplied by: 2 for one who needs half of it."""
+    """Key of the factor of a patient's dose: 2 for a patient who needs half of the usual dose."""
     return f"{DRUGS}.{drug}_sensitivity"
 
 
 SOLVED_FOR = (SENSED_PAO2, SENSED_PACO2, *map(local_resistance, BEDS), LUNG_RESISTANCE)
-"""Parameters that answer to gases: NaN in a case, and solved for with its beat."""
+"""Parameters that respond to gases: NaN in a case, solved for together with its beat."""
 _BED_WORDS = {"sart": "", "upper": ", upper body", "lower": ", lower body"}
 # key, value, unit, description, source, minimum, maximum, group
 _TABLE = (
@@ -148,15 +148,15 @@ _TABLE = (
 )  # fmt: skip
 
 NORADRENALINE_SPREAD, OTHER_SPREAD = 1.64, 0.5
-"""Standard deviation of the logarithm of a patient's sensitivity: of noradrenaline that of the half dose in
-Beloeil 2005 (Br J Anaesth 95:782), read in a public program; of other drugs not verified."""
+"""Standard deviation of the logarithm of a patient's sensitivity: for noradrenaline that of the half dose in
+Beloeil 2005 (Br J Anaesth 95:782), read in a public program; for other drugs not verified."""
 _BOUNDS = {GAIN: Bounds(0.5, 0.0, 1.2)} | {
     sensitivity(drug): Bounds(1.0, math.exp(-2.0 * spread), math.exp(2.0 * spread))
     for drug in DRUG_DOSES
     for spread in (NORADRENALINE_SPREAD if drug == "noradrenaline" else OTHER_SPREAD,)
 }
-"""Two standard deviations to either side, which a log-normal prior takes them for."""
+"""Bounds at two standard deviations to either side, as a log-normal prior interprets them."""
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(
     {row[0]: Parameter(*row, bounds=_BOUNDS.get(row[0]), clipped=True) for row in _TABLE}
 )
-"""All parameters by key; each has its effect only where the section of a case file asks for it."""
+"""All parameters by key; each has an effect only if the section of a case file enables it."""

@@ -1,9 +1,9 @@
 """Parameters of the Shi and Hose (2009) CellML circulation, after Korakianitis and Shi (2006).
 
 A code-verification case: the published CellML model fixes every number, so two programs can be
-compared digit by digit. It is no healthy adult (its pulmonary artery mean is 40 mmHg). Its
-chambers follow P = p0 + E(phase) (V - v0), E = Emin + (Emax - Emin) activation(phase), which is
-another law than that of Thiel et al. (2025). All values are assumed by its authors. The pulmonary
+compared digit by digit. It is not a healthy adult (its pulmonary artery mean is 40 mmHg). Its
+chambers follow P = p0 + E(phase) (V - v0), E = Emin + (Emax - Emin) activation(phase), a different
+law from that of Thiel et al. (2025). All values are assumed by its authors. The pulmonary
 vein's resistance of 0.006 follows the CellML file; the printed paper is known to differ there.
 Units: mmHg, mL, s; valve coefficients in mL/(s mmHg^1/2).
 """

@@ -1,13 +1,13 @@
 """Parameters published with the model of Thiel et al. (2025), Tables S-1 to S-4.
 
-What is measured, fitted or assumed:
+Origin of the values (measured, fitted or assumed):
 
 - Table S-1 (circulation): assumed. Literature values of a healthy adult, most of them those of
   Shi, Lawford and Hose (2011) and Korakianitis and Shi (2006); none was measured in the patients.
 - Table S-2 (ECMO): tube dimensions as installed, the oxygenator's resistance from its data sheet
   taken as linear; the compliances of tubes, cannulae and oxygenator are assumed. The printed
   diameter of 0.9625 cm is used although 3/8 inch is 0.9525 cm.
-- Table S-3 (CRRT): the same; the dialyzer's resistance stands for a data sheet that the paper
+- Table S-3 (CRRT): the same; the dialyzer's resistance is from a data sheet of a filter that the paper
   calls Prismaflex M180 and the published parameter file M100.
 - Table S-4: fitted, to one patient on veno-arterial ECMO with right heart failure.
 - Initial pressures and volume fractions: assumed, from the published code. They fix how much
@@ -81,7 +81,7 @@ BOUNDS: MappingProxyType[str, Bounds] = MappingProxyType(
         "Rsvn": Bounds(0.01, 0.001, 0.1),
     }
 )
-"""The seven parameters that are fitted to a patient, selected by the paper's global sensitivity analysis.
+"""Bounds of the seven parameters fitted to a patient, selected by the paper's global sensitivity analysis.
 
 The bounds of the published code run from a tenth to ten times the start value.
 """
@@ -114,7 +114,7 @@ def _all_parameters() -> dict[str, Parameter]:
 
 
 def circuit_parameters(group: str, table: str, rows: Iterable[Sequence[Any]]) -> tuple[Parameter, ...]:
-    """The parameters of a table of the circuit of a device.
+    """Parameters of a table of a device's circuit.
 
     Args:
         group: section of the device.
@@ -129,10 +129,10 @@ def circuit_parameters(group: str, table: str, rows: Iterable[Sequence[Any]]) ->
 
 
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(_all_parameters())
-"""Table S-1 and the initial state, by key; Tables S-2 and S-3 stand with their devices."""
+"""Table S-1 and the initial state, by key; Tables S-2 and S-3 are in the modules of their devices."""
 
 ALIASES: MappingProxyType[str, str] = MappingProxyType({"ηB": "etaB", "ρB": "rhoB"})
-"""Printed spellings that a case file may use as well."""
+"""Spellings of the printed paper that case files may also use."""
 
 VOLUME_FRACTIONS: tuple[str, ...] = tuple(f"volume_fraction_{row[0]}" for row in _INITIAL)
 """Keys of the initial shares of the blood volume; they add to 1."""

@@ -1,8 +1,8 @@
 """Height, weight and blood volume of an adult.
 
-Height and weight by sex and age are the means of Germany in 2021 as published with the code of
-Thiel et al. (2025); they stand in for a patient whose own are not known. Blood volume is the
-regression on age, sex, body mass index and weight that the same code uses.
+Height and weight by sex and age are means of Germany in 2021, as published with the code of Thiel et al.
+(2025); they are used if a patient's own are not known. Blood volume is the regression on age, sex, body mass
+index and weight that the same code uses.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Literal
 
 Sex = Literal["female", "male"]
 SIZE: tuple[str, str] = ("patient.height_cm", "patient.weight_kg")
-"""Names among the values of a case of the patient's own height and weight, where gases are computed."""
+"""Names of the patient's height and weight among the values of a case, if gases are computed."""
 
 # age from, age to [years], height [cm], weight [kg]
 _MEAN_HEIGHT_WEIGHT: dict[str, tuple[tuple[float, float, float, float], ...]] = {
@@ -81,7 +81,7 @@ def total_blood_volume_ml(sex: Sex, age_years: float, height_cm: float, weight_k
     """Total blood volume [mL], ((90 - 5 [female]) - 0.4 age) / sqrt(BMI / 22) * weight.
 
     Source: published code of Thiel et al. (2025). The result scales the initial volumes of the
-    heart chambers and gives absolute volumes for plots.
+    heart chambers and is used for absolute volumes in plots.
     """
     per_kg = (85.0 if sex == "female" else 90.0) - 0.4 * age_years
     return per_kg / (body_mass_index(height_cm, weight_kg) / 22.0) ** 0.5 * weight_kg
@@ -90,20 +90,20 @@ def total_blood_volume_ml(sex: Sex, age_years: float, height_cm: float, weight_k
 def oxygen_consumption(height_cm: float, weight_kg: float) -> float:
     """Oxygen consumption at rest [mL/min STPD], 126 mL/min per m2 of body surface.
 
-    Source: Dehmer, Firth and Hillis 1982 (doi 10.1002/clc.4960050803), 126 +- 26 in 108 adults, whatever
-    their age and sex; 121 +- 22 in those who were mildly sedated.
+    Source: Dehmer, Firth and Hillis 1982 (doi 10.1002/clc.4960050803), 126 +- 26 in 108 adults, independent
+        of age and sex; 121 +- 22 in those who were mildly sedated.
     """
     return 126.0 * body_surface(height_cm, weight_kg)
 
 
 def delivery_limits(height_cm: float, weight_kg: float) -> tuple[float, float] | None:
-    """Oxygen delivery that is low and that is critical in a patient of this size [mL/min STPD].
+    """Limits of low and of critical oxygen delivery for a patient's size [mL/min STPD].
 
     Sources: 280 mL/min/m2 (Ranucci et al. 2005) and 4.5 mL/min/kg (Ronco et al. 1993), as in the table of
-    limits, which holds them for 1.8 m2 and 67 kg.
+    limits, which states them for 1.8 m2 and 67 kg.
 
     Returns:
-        Both, as whole numbers; None where surface and weight are within 15 % of those of the table.
+        Both, rounded to whole numbers; None if surface and weight are within 15 % of those of the table.
     """
     surface = body_surface(height_cm, weight_kg)
     if all(abs(share - 1.0) <= 0.15 for share in (surface / 1.8, weight_kg / 67.0)):
@@ -112,7 +112,7 @@ def delivery_limits(height_cm: float, weight_kg: float) -> tuple[float, float] |
 
 
 def body_water_ml(sex: Sex, age_years: float, height_cm: float, weight_kg: float) -> float:
-    """Water of the body [mL] (Watson, Watson and Batt 1980, Am J Clin Nutr 33:27)."""
+    """Total body water [mL] (Watson, Watson and Batt 1980, Am J Clin Nutr 33:27)."""
     if sex == "female":
         return 1000.0 * (-2.097 + 0.1069 * height_cm + 0.2466 * weight_kg)
     return 1000.0 * (2.447 - 0.09516 * age_years + 0.1074 * height_cm + 0.3362 * weight_kg)

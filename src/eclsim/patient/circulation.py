@@ -1,12 +1,11 @@
-"""The patient: heart, systemic and pulmonary circulation as two tables.
+"""The patient: heart, systemic and pulmonary circulation as tables of compartments and connections.
 
       +--> la --MV--> lv --AV--> ao ==> sart ==> svn --> ra --TV--> rv --PV--> pas ==> part ==> pvn --+
       +------------------------------------------------------------------------------------------------+
       ==> flow with inertia, --> without
 
-What else a patient may have is an `Anatomy`: other regions (`eclsim.patient.regional`), bronchial return,
-valves of a given area, valves that leak, veins that collapse, a pericardium. Without it the tables are the
-published ones.
+An `Anatomy` adds to it: regions (`eclsim.patient.regional`), bronchial return, valves of a given area,
+leaking valves, collapsible veins, a pericardium. Without it the tables are the published ones.
 
 Sources: Thiel et al., section 2.2 and Table S-1; Shi et al. 2009 for `shi_hose_circulation`.
 """
@@ -56,7 +55,7 @@ FLOW_COEFFICIENTS = {"tricuspid": "CQtri", "pulmonary": "CQpa", "mitral": "CQmi"
 """Published flow coefficient of each valve."""
 
 SHI_HOSE_NAMES = {"pas": "pas", "part": "pat", "pvn": "pvn", "ao": "sas", "sart": "sat", "svn": "svn"}
-"""Our name of a vessel and the one in the parameter set of Shi and Hose."""
+"""Name of each vessel in eclsim, and in the parameter set of Shi and Hose."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +63,13 @@ class Anatomy:
     """Parts of a patient beyond the published circulation.
 
     Args:
-        regional: upper and lower body, aortic arch, descending aorta and two venae cavae.
-        bronchial: a path from the systemic arteries to the pulmonary veins.
+        regional: whether it has upper and lower body, aortic arch, descending aorta and two venae cavae.
+        bronchial: whether it has a path from systemic arteries to pulmonary veins.
         regurgitant: valves that leak ("aortic", "mitral", "tricuspid", "pulmonary").
-        stenosed: valves that open to an area of their own in place of the published coefficient.
-        collapsible_veins: a thoracic vena cava that collapses where drained, a right heart that empties.
-        pericardium: one that adds its pressure to all four chambers.
+        stenosed: valves with an orifice area of their own in place of the published coefficient.
+        collapsible_veins: whether the thoracic vena cava collapses when drained and the right heart can be
+            empty.
+        pericardium: whether a pericardium adds its pressure to all four chambers.
     """
 
     regional: bool = False
@@ -80,7 +80,7 @@ class Anatomy:
     pericardium: bool = False
 
     def valve(self, name: str) -> Path:
-        """The law of a valve."""
+        """Law of a valve."""
         published, area = FLOW_COEFFICIENTS[name], f"{SECTION}.{name}_{{}}_cm2"
         coefficient = Orifice(area.format("stenosis")) if name in self.stenosed else published
         if name in self.regurgitant:
@@ -89,10 +89,10 @@ class Anatomy:
 
 
 def circulation(anatomy: Anatomy | None = None) -> Circuit:
-    """The cardiovascular system of Thiel et al.: ten compartments, ten connections, 14 states.
+    """Circulation of Thiel et al.: ten compartments, ten connections, 14 states.
 
     Args:
-        anatomy: what the patient has beyond it.
+        anatomy: parts of the patient beyond the published circulation.
     """
     anatomy = anatomy or Anatomy()
     body = regional.systemic(anatomy.bronchial) if anatomy.regional else _systemic(anatomy.bronchial)
@@ -103,7 +103,7 @@ def circulation(anatomy: Anatomy | None = None) -> Circuit:
 
 
 def _pericardium() -> Surrounding:
-    """Around the four chambers; other vessels within it are left out."""
+    """Pericardium around the four chambers; vessels within it are neglected."""
     law = Pericardium("pericardium_mmHg", "pericardium_ml", "pericardium_scale_ml")
     return Surrounding("pericardium", law, ("ra", "rv", "la", "lv"))
 
@@ -152,11 +152,11 @@ def _heart_and_lungs(anatomy: Anatomy) -> Circuit:
 
 
 def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circuit:
-    """Exchangers of oxygen and carbon dioxide in the patient, to be joined to the circulation.
+    """Exchanges of oxygen and carbon dioxide in the patient, to be added to the circulation.
 
     Args:
-        anatomy: what the patient has beyond the published circulation.
-        stores: whether stores of carbon dioxide can hold the tissues' PCO2.
+        anatomy: parts of the patient beyond the published circulation.
+        stores: whether stores of carbon dioxide can fix the tissues' PCO2.
     """
     upper = f"{SECTION}.upper_share"
     places: dict[str, tuple[str, Key]] = {"tissue": ("sart", 1.0)}
@@ -172,7 +172,7 @@ def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circu
 
 
 def shi_hose_circulation() -> Circuit:
-    """The circulation of Shi et al. 2009 (CellML): linear chambers with rest volume and pressure.
+    """Circulation of Shi et al. 2009 (CellML): linear chambers with rest volume and pressure.
 
     A code-verification case (its pulmonary pressure is not that of a healthy adult). Parameters:
     `eclsim.parameters.shi_hose2009`.
@@ -223,21 +223,21 @@ def _vessel(name: str) -> Compartment:
 
 
 PUBLISHED_VENOUS_MMHG = 4.0
-"""Start pressure of the published veins, at which the vena cava has the resistance of its parameter."""
+"""Start pressure of the published veins [mmHg], at which `caval_resistance_share` holds."""
 _RESISTANCE = "caval_resistance_share"
 _RIGHT_HEART = ("ra", "rv")
 
 
 def with_collapsible_veins(circuit: Circuit) -> Circuit:
-    """A patient whose veins next to the heart collapse and whose right heart holds no less than nothing.
+    """Make the veins next to the heart collapsible and keep right heart volumes above zero.
 
         svn ----> tvc --[ R(V) ]--> ra          svc, ivc ----> tsvc, tivc --[ R(V) ]--> ra
         (veins)   (thoracic vena cava)          (in regions)
 
-    The vena cava takes its compliance and its resistance from the published veins, so that a vein filled to
-    the published 4 mmHg has with it the compliance, the blood above zero pressure and the resistance that it
-    has without it. Below, it collapses, and the right heart empties, whose published laws go on to volumes
-    below zero. Devices that are connected to the veins draw from the vena cava, through its resistance.
+    The vena cava takes its compliance and its resistance from the published veins. Veins filled to the
+    published 4 mmHg then have the same total compliance, stressed blood and resistance as without it. Below
+    that pressure it collapses, and the right heart can be empty, whereas the published laws continue to
+    negative volumes. Devices that are connected to the veins draw from the vena cava, through its resistance.
 
     Sources of the values: `eclsim.parameters.physiology`.
     """
@@ -255,12 +255,12 @@ def with_collapsible_veins(circuit: Circuit) -> Circuit:
 
 
 def _scaled(total: Key, share: Key) -> Scaled:
-    """A share of a key that may be a share itself."""
+    """A share of a key, which may itself be a share."""
     return replace(total, by=(*total.by, share)) if isinstance(total, Scaled) else Scaled(total, (share,))
 
 
 def _split_vein(vein: Compartment, path: Connection) -> tuple[Compartment, Compartment]:
-    """The veins without the vena cava, and the vena cava."""
+    """Split veins into the veins without the vena cava, and the vena cava."""
     law, inlet = vein.component, path.component
     assert isinstance(law, ElasticVessel)
     assert isinstance(inlet, Resistance)
@@ -279,7 +279,7 @@ def _split_vein(vein: Compartment, path: Connection) -> tuple[Compartment, Compa
 
 
 def _split_outlet(path: Connection) -> tuple[Connection, Connection]:
-    """From the veins into the vena cava, and from there to where the veins led."""
+    """Split the outlet of veins into a path to the vena cava and one from there to the former target."""
     assert isinstance(path.component, Resistance)
     inlet = Resistance(_scaled(path.component.ohmic, Complement(_RESISTANCE)))
     cava = DRAINED[path.name]

@@ -1,19 +1,20 @@
-"""The body in regions: aortic arch, descending aorta, upper and lower body, two venae cavae.
+"""Regional circulation: aortic arch, descending aorta, upper and lower body, two venae cavae.
 
                        +==> upper ==> svc --+
     lv --AV--> ao ==> arch                  +--> ra
                        +==> descending ==> lower ==> ivc --+
     ==> flow with inertia, --> without
 
-The parameters of the published circulation keep their meaning as totals. With s the upper body's share of
-flow, a path that serves one region has 1/s or 1/(1 - s) of the published resistance and inertance, so that
-both regions side by side have the published ones and, at equal pressures, shares s and 1 - s of the flow. Of
-the aorta's own (Rao, Lao) a part lies before the arch branches and carries all flow, the rest behind it and
-is divided likewise: from the root to either body the drop is the published one. Compliances are divided by
-fixed shares that add to 1, so that in steady flow the stressed volumes are the published ones too.
+The parameters of the published circulation keep their meaning as totals. With the upper body's share s of the
+flow, a path that serves one region has 1/s or 1/(1 - s) times the published resistance and inertance, so that
+both regions in parallel have the published ones and, at equal pressures, shares s and 1 - s of the flow. Part
+of the aorta's resistance and inertance (Rao, Lao) is before the branches of the arch and carries all flow;
+the rest is after them and divided likewise, so that the pressure drop from the root to either body is the
+published one. Compliances are divided by fixed shares that add to 1, so that in steady flow the stressed
+volumes are also the published ones.
 
-What differs from the published patient is that the vessels of a total no longer share one pressure: the
-ripple of a beat, and whatever a device does to one region.
+The difference from the published patient is that the parts of a vessel no longer share one pressure, which
+affects the pulsation within a beat and the effect of a device on one region.
 
 Sources of the shares: `eclsim.parameters.physiology`.
 """
@@ -32,10 +33,10 @@ _ARTERIES = tuple(f"{name}_vessel_share" for name in _IN_ARTERIES)
 
 
 def systemic(bronchial: bool = False) -> Circuit:
-    """Seven compartments and the connections between them and to the right atrium.
+    """Systemic circulation in regions: seven compartments and their connections up to the right atrium.
 
     Args:
-        bronchial: whether the bronchial arteries leave the descending aorta.
+        bronchial: whether bronchial arteries branch off the descending aorta.
     """
     organs = (Complement(BRONCHIAL),) if bronchial else ()
     connections = (
@@ -66,7 +67,7 @@ def systemic(bronchial: bool = False) -> Circuit:
 
 
 def bronchial_return(artery: str) -> Connection:
-    """Share of the systemic conductance that is bronchial arteries, which bypass the right heart."""
+    """Bronchial arteries, with their share of the systemic conductance, which bypass the right heart."""
     return Connection("bronchial", Resistance(Scaled(("Rsart", "Rmc"), (), (BRONCHIAL,))), artery, "pvn")
 
 

@@ -1,4 +1,4 @@
-"""Compartments of the patient that a device can be connected to, in words."""
+"""Compartments of the patient to which a device can be connected, with labels."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _REGIONAL = {
     "ivc": "inferior vena cava",
 }
 SAME_IN_REGIONS: Mapping[str, str] = MappingProxyType({"sart": "upper", "svn": "ivc"})
-"""Where a device stands in the regional patient that is connected to a vessel which is divided there: at the
-right radial artery, and at the cava that has most of the veins."""
+"""Site in the regional patient of a device connected to a vessel that is divided there: the right radial
+artery, and the cava that holds most of the venous blood."""
 DRAINED: Mapping[str, str] = MappingProxyType({"svn": "tvc", "svc": "tsvc", "ivc": "tivc"})
-"""The part of a vein next to the heart in a patient whose veins collapse, where a cannula at its site is."""
+"""Collapsible part of each vein next to the heart; a cannula at the vein's site is in this part."""
 
 PATIENT_SITES: Mapping[str, str] = MappingProxyType(_PUBLISHED | _HEART_AND_LUNGS | _REGIONAL)
-"""Names of all sites and what they are, those of the regional patient last."""
+"""Names and labels of all sites, those of the regional patient last."""
 ONLY_REGIONAL = tuple(_REGIONAL)
 
 ARTERIAL_SITES = ("ao", "sart", "arch", "descending", "upper", "lower")
@@ -40,7 +40,7 @@ LEFT_HEART = ("pvn", "la", "lv")
 
 
 def patient_sites(regional: bool = False) -> dict[str, str]:
-    """Sites of the published or of the regional patient in words."""
+    """Names and labels of the sites of the published or of the regional patient."""
     if not regional:
         return _PUBLISHED | _HEART_AND_LUNGS
     return {"ao": _PUBLISHED["ao"]} | _HEART_AND_LUNGS | _REGIONAL

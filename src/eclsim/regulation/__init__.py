@@ -1,1 +1,1 @@
-"""Regulation of the circulation: reflexes, drugs and fluid, and how they act on a circuit's parameters."""
+"""Regulation of the circulation: reflexes and responses to gases that act on a circuit's parameters."""

@@ -1,4 +1,4 @@
-"""Published regulation in a circuit's tables: controllers, and veins whose unstressed volume can change."""
+"""Adds published reflexes to a circuit: controllers, and veins whose unstressed volume can change."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ REFLEXES: dict[str, ReflexModel] = {model.name: model for model in (URSINO_1998,
 """Published reflexes by name."""
 RIGHT_ATRIUM = "ra"
 SYSTEMIC_VEINS = "Csvn"
-"""Compliance of the systemic veins, which take up whatever blood comes, goes or is shifted."""
+"""Compliance of the systemic veins, which take up all blood that is given, removed or shifted."""
 
 
 def with_volume_offset(circuit: Circuit) -> Circuit:
-    """The circuit with systemic veins that have an unstressed volume and may be given blood.
+    """The circuit with systemic veins that have an unstressed volume and can be given blood.
 
     P = (V - Vu) / C, where V is the published stressed volume at Vu = 0. Blood given (`EXTRA_VOLUME`) changes
-    the sum of all V, a change of Vu does not: it shifts blood between what makes pressure and what does not.
+    the sum of all V. A change of Vu does not: it shifts blood between stressed and unstressed volume.
     """
     return replace(circuit, compartments=tuple(map(_with_offset, circuit.compartments)))
 
@@ -38,7 +38,7 @@ def _with_offset(compartment: Compartment) -> Compartment:
     def key_of(total: str) -> Key:
         if not isinstance(law.compliance, Scaled):
             return total
-        # The vena cava has a part of the compliance but takes up no blood that is given.
+        # The vena cava has part of the compliance but receives none of the blood given.
         shares = tuple(share for share in law.compliance.by if share != Complement(CAVAL_SHARE))
         return replace(law.compliance, of=total, by=shares) if shares else total
 
@@ -50,9 +50,9 @@ def _with_offset(compartment: Compartment) -> Compartment:
 
 
 def with_reflex(circuit: Circuit, model: ReflexModel) -> Circuit:
-    """A circuit with volume offset, regulated by a published reflex.
+    """Add a published reflex to a circuit with volume offset.
 
-    Where a pericardium lies around the right atrium, its transmural pressure is read.
+    If a pericardium encloses the right atrium, the reflex reads the atrium's transmural pressure.
     """
     outside = next((s.name for s in circuit.surroundings if RIGHT_ATRIUM in s.members), None)
     law, reads = Reflex(model), model.reads

@@ -1,4 +1,4 @@
-"""Effects of controllers once the circulation is steady, as a function of what they read."""
+"""Effects of controllers in the steady state as a function of their readings."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from eclsim.regulation.reflex import Reflex, ReflexModel, SteadyController
 
 
 def steady_controls(circuit: Circuit) -> tuple[Control, ...]:
-    """Controllers whose effect follows from what they read."""
+    """Controllers whose steady effect is a function of their readings."""
     return tuple(c for c in circuit.controllers if isinstance(c.component, SteadyController))
 
 
 def readings_of(controls: Sequence[Control]) -> tuple[Reading, ...]:
-    """Inputs of controllers, one after the other."""
+    """Readings of controllers, one after the other."""
     return tuple(reading for control in controls for reading in control.reads)
 
 
 def parameters_of(controls: Sequence[Control]) -> tuple[str, ...]:
-    """Parameters that what is in effect follows from."""
+    """Parameters on which the values in effect depend."""
     names = (n for c in controls for n in (*c.parameter_names(), *c.acts_on))
     return tuple(dict.fromkeys((HEART_RATE, *names)))
 
 
 @dataclass(frozen=True, eq=False)
 class EffectLaw:
-    """From readings and parameters, in the order of the functions above, to the values in effect.
+    """Function from readings and parameters, in the order of the functions above, to the values in effect.
 
     Args:
         controls: controllers.
@@ -44,7 +44,7 @@ class EffectLaw:
     wanted: tuple[str, ...]
 
     def __call__(self, numbers: Array) -> Array:
-        """The values in effect."""
+        """Return the values in effect."""
         count, names = len(readings_of(self.controls)), parameters_of(self.controls)
         remaining, values = list(numbers[:count]), dict(zip(names, numbers[count:], strict=True))
         acted: dict[str, Number] = dict(values)
@@ -60,33 +60,33 @@ class EffectLaw:
 
 @lru_cache(maxsize=64)
 def effect_law(controls: tuple[Control, ...], parameters: tuple[str, ...]) -> EffectLaw:
-    """The law of some controllers, the same object each time: its programs are kept by it."""
+    """The law of given controllers; the same object each time, as compiled programs are cached by it."""
     return EffectLaw(controls, parameters)
 
 
 @dataclass(frozen=True, eq=False)
 class ReflexUseLaw:
-    """From arterial pressure, set point and gain to the share of a reflex's range in use, -100 to 100 %.
+    """Function from arterial pressure, set point and gain to the share of a reflex's range in use [%].
 
     Args:
-        model: of the reflex.
+        model: model of the reflex.
     """
 
     model: ReflexModel
 
     def __call__(self, n: Array) -> Array:
-        """The share."""
+        """Return the share, -100 to 100 %."""
         return jnp.stack([jnp.where(n[2] > 0.0, 100.0 * self.model.share_in_use(n[0] - n[1]), 0.0)])
 
 
 @lru_cache(maxsize=8)
 def reflex_use_law(control: Control) -> ReflexUseLaw:
-    """The law of a reflex, the same object each time."""
+    """The law of a reflex; the same object each time."""
     reflex = control.component
     assert isinstance(reflex, Reflex)
     return ReflexUseLaw(reflex.model)
 
 
 def reflex_of(circuit: Circuit) -> Control | None:
-    """The circuit's reflex."""
+    """The circuit's reflex; None if it has none."""
     return next((c for c in circuit.controllers if c.name == REGULATION), None)

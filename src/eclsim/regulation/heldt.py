@@ -1,12 +1,12 @@
-"""Arterial baroreflex and cardiopulmonary reflex of Heldt: of his thesis, and of the program CVSim.
+"""Arterial baroreflex and cardiopulmonary reflex of Heldt: versions of his thesis and of the program CVSim.
 
     arterial         e = 18 arctan((P - P_n) / 18)           P mean arterial pressure [mmHg]
     cardiopulmonary  e = 5 arctan((P_ra - P_ra,n) / 5)       P_ra transmural right atrial pressure [mmHg]
     effector         theta + gain * e
 
-A rise of either pressure withdraws tone: resistance falls and veins widen. Gains of resistance are those of
-each bed, in PRU (mmHg s/mL) per mmHg. Values at rest (resistances, end-systolic compliances, heart rate,
-blood volume) are those of CVSim in both sets.
+A rise of either pressure reduces tone: resistance falls and venous unstressed volume rises. Gains of
+resistance are per bed, in PRU (mmHg s/mL) per mmHg. Values at rest (resistances, end-systolic compliances,
+heart rate, blood volume) are those of CVSim in both versions.
 
 `heldt2004`: gains of the doctoral thesis (MIT), tables 3.1 to 3.3; the sign of the cardiopulmonary gain of
 resistance is that of the program. `heldt2010`: gains of CVSim 1.0 with 21 compartments (Heldt, Mukkamala,
@@ -25,25 +25,25 @@ from eclsim.components.base import Number
 from eclsim.regulation.reflex import Effector, Pathway, ReflexModel
 
 ARTERIAL_SCALE, VENOUS_SCALE = 18.0, 5.0
-"""Pressure over which each reflex saturates [mmHg]."""
+"""Pressure scale over which each reflex saturates [mmHg]."""
 RESISTANCES = (4.9, 4.1, 3.0, 4.5)
-"""Upper body, kidneys, splanchnic organs, legs [mmHg s/mL]."""
+"""Resistances of upper body, kidneys, splanchnic organs and legs [mmHg s/mL]."""
 COMPLIANCES = {"Emaxlv": 0.40, "Emaxrv": 1.30}
-"""End-systolic compliance at rest [mL/mmHg]."""
+"""End-systolic compliance at rest [mL/mmHg] of the ventricle with each elastance."""
 PERIOD = 60.0 / 70.0
 """Heart period at rest [s]."""
 
 
 class Gains(NamedTuple):
-    """Gains of a set, by mmHg of effective deviation.
+    """Gains of a version, per mmHg of effective deviation.
 
     Attributes:
-        resistance: of each bed, arterial and cardiopulmonary [mmHg s/mL].
-        compliance: end-systolic, of the left and of the right ventricle [mL/mmHg].
-        least_compliance: shares of the compliance at rest below which it does not fall.
-        least_resistance: share of its resistance at rest below which no bed opens.
-        period: sympathetic and vagal branch [s].
-        veins: arterial and cardiopulmonary gain of venous unstressed volume [mL].
+        resistance: gains of each bed's resistance, arterial and cardiopulmonary [mmHg s/mL].
+        compliance: gains of end-systolic compliance, left and right ventricle [mL/mmHg].
+        least_compliance: lower limits of the compliances, as shares of those at rest.
+        least_resistance: lower limit of each bed's resistance, as a share of that at rest.
+        period: gains of the heart period, sympathetic and vagal branch [s].
+        veins: gains of venous unstressed volume, arterial and cardiopulmonary [mL].
         lags: onset, peak and end of the triangular responses [s] of contractility and sympathetic period,
             resistance (arterial, cardiopulmonary) and veins (likewise).
     """
@@ -66,18 +66,18 @@ CVSIM = Gains(
     (5.3 + 1.3 + 13.3 + 6.7, 13.5 + 2.7 + 64.0 + 30.0),
     ((2.5, 3.5, 15.0), (2.5, 3.5, 30.0), (2.5, 5.5, 35.0), (5.0, 10.0, 42.0), (5.0, 9.0, 40.0)),
 )  # fmt: skip
-"""The least resistance is ours; without it those of CVSim become negative at a high pressure."""
+"""The lower limit of resistance is not published; without it resistances are negative at high pressure."""
 VAGAL = (0.59, 0.70, 1.0)
 """Onset, peak and end of the vagal branch of the period [s]."""
 
 
 def arterial_error(deviation: Number) -> Number:
-    """Effective deviation of arterial pressure [mmHg]."""
+    """Effective deviation of arterial pressure from its set point [mmHg]."""
     return ARTERIAL_SCALE * jnp.arctan(deviation / ARTERIAL_SCALE)
 
 
 def venous_error(deviation: Number) -> Number:
-    """Effective deviation of right atrial pressure [mmHg]."""
+    """Effective deviation of right atrial pressure from its set point [mmHg]."""
     return VENOUS_SCALE * jnp.arctan(deviation / VENOUS_SCALE)
 
 

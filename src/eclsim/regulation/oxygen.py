@@ -1,8 +1,8 @@
-"""Chemoreflex, and the organs' own answer to oxygen and carbon dioxide (Magosso and Ursino 2001).
+"""Chemoreflex, and local responses of organs to oxygen and carbon dioxide (Magosso and Ursino 2001).
 
 Am J Physiol Heart Circ Physiol 281:H2036, after Ursino and Magosso 2000 (Am J Physiol 279:H149, H166). The
-numbers were read in public programs that rebuilt the models and give the articles' tables, not in the
-articles.
+numbers are from public programs that reimplement the models and reproduce the articles' tables, not from the
+articles themselves.
 
 Chemoreceptors, at the arterial PO2 and PCO2 of the carotid bodies [mmHg]:
 
@@ -15,23 +15,22 @@ Hypoxia and hypercapnia of the brain lower the offset of sympathetic nerves to h
     sympathetic firing  f_inf + (f_0 - f_inf) e^(k_es (-f_cs + W f_ac - theta)),  at most 60
     vagal firing        as in the baroreflex + 0.2 f_ac
 
-Organs, whose blood leaves with the oxygen content C [mL/dL]:
+Conductances of organs relative to those at the set point, with venous oxygen content C [mL/dL]:
 
     brain           1 + x_O2 + F(PCO2) / F(PCO2_n) - 1,  F = 20.9 + 92.8 / (1 + 10570 e^(-5.251 log10 PCO2))
     heart, muscle   (1 + x_O2) / (1 - tanh((PCO2 - PCO2_n) / 2 K)),  x_O2 = -g (C - C_n)
 
-are their conductances relative to those at the set point. K of the programs falls to 1.4 below 40 mmHg, which
-jumps; 4.6 is what joins. Their F has the natural logarithm, with which it does not depend on PCO2; with that
-of base 10 it is the curve of Reivich 1964.
+In the programs K falls to 1.4 below 40 mmHg, which makes it discontinuous; 4.6 makes it continuous. Their F
+has the natural logarithm, with which it does not depend on PCO2; with log10 it is the curve of Reivich 1964.
 
-In people the nerves' published answer to carbon dioxide has the wrong signs. `carbon_dioxide_response` s lets
-it, and that of the organs, give way to the net one that was measured in sedated, ventilated patients:
+In humans the published response of the nerves to carbon dioxide has the wrong sign. `carbon_dioxide_response`
+s replaces it, and that of the organs, by the net response measured in sedated, ventilated patients:
 
     factor of all resistances  e^(-s a L tanh((PCO2 - PCO2_n) / L)),  L = 40 mmHg
-    published answers at the PCO2  PCO2_n + (1 - s) (PCO2 - PCO2_n)
+    PCO2 in the published responses  PCO2_n + (1 - s) (PCO2 - PCO2_n)
 
-a is such that with half of the baroreflex, in sedation, resistance falls by 25 % from 40 to 59 mmHg (Thorens
-1996, 11 patients). Resistance of the lung stays: it did in three studies of patients.
+a is chosen so that with a baroreflex gain of one half (sedation) resistance falls by 25 % from 40 to 59 mmHg
+(Thorens 1996, 11 patients). Resistance of the lung is unchanged, as in three studies of patients.
 """
 
 from __future__ import annotations
@@ -56,28 +55,28 @@ from eclsim.regulation.ursino1998 import URSINO_1998
 MOST_FIRING, LEAST_FIRING, MIDDLE_MMHG, SLOPE_MMHG = 12.3, 0.835, 45.0, 29.27
 NORMAL_PCO2, GAIN_HIGH, CARBON_DIOXIDE_BASE = 40.0, 3.0, 1.4
 LARGEST_SYMPATHETIC = 60.0
-"""Firing that sympathetic nerves do not exceed [1/s]; 80 in one of the programs."""
+"""Upper limit of sympathetic firing [1/s]; 80 in one of the programs."""
 VAGAL_WEIGHT = 0.2
 RECEPTORS_S, ORGANS_OXYGEN_S, ORGANS_CARBON_DIOXIDE_S = 2.0, 10.0, 20.0
-"""Time constants of chemoreceptors and of the organs' answers to both gases [s]."""
+"""Time constants of chemoreceptors and of the organs' responses to both gases [s]."""
 MEASURED_PER_MMHG, MEASURED_RANGE_MMHG = 0.022, 40.0
-"""a, and L, at which it has hardly more to give: twice what was studied."""
+"""a [1/mmHg], and L [mmHg], at which the response saturates: twice the range studied."""
 LEAST_CONDUCTANCE = 0.05
-"""Share of its conductance below which a bed does not close, so that it stays above zero."""
+"""Lower limit of a bed's conductance as a share of that at rest, to keep it above zero."""
 CORONARY_RESERVE = 5.0
-"""Times its conductance at rest that the heart has at most (textbook: four to five, not verified). Its
-published law rises without end with PCO2; the brain's ends by itself, and muscle's hardly rises."""
+"""Upper limit of the heart's conductance relative to rest (textbook: four to five, not verified). Its
+published law rises without limit with PCO2; the brain's is bounded, and muscle's hardly rises."""
 
 
 class Outflow(NamedTuple):
-    """Sympathetic nerves to some organs.
+    """Sympathetic outflow to a group of organs.
 
     Attributes:
-        chemoreceptors: weight of their firing.
-        most: largest effect of the brain's hypoxia [1/s].
-        middle: PO2 of half of it [mmHg].
-        slope: of it [mmHg].
-        per_mmhg: effect of the brain's PCO2 [1/s per mmHg].
+        chemoreceptors: weight of the chemoreceptors' firing.
+        most: largest effect of cerebral hypoxia [1/s].
+        middle: PO2 of half of that effect [mmHg].
+        slope: width of its PO2 dependence [mmHg].
+        per_mmhg: effect of cerebral PCO2 [1/s per mmHg].
     """
 
     chemoreceptors: float
@@ -91,7 +90,7 @@ HEART = Outflow(1.0, 53.0, 45.0, 6.0, 1.0)
 VESSELS = Outflow(1.716, 6.0, 30.0, 2.0, 1.5)
 VEINS = Outflow(1.716, 6.0, 30.0, 2.0, 0.0)
 OUTFLOWS = (HEART, VESSELS, VEINS, HEART)
-"""In the order of the sympathetic pathways of `ursino1998`."""
+"""Outflows in the order of the sympathetic pathways of `ursino1998`."""
 
 
 class Gases(NamedTuple):
@@ -111,14 +110,14 @@ def chemoreceptor_firing(gases: Gases) -> Number:
 
 
 def sympathetic_input(outflow: Outflow, gases: Gases) -> Number:
-    """Input of sympathetic nerves that gases add [1/s]."""
+    """Input from gases to sympathetic nerves [1/s]."""
     central = outflow.most / (1.0 + jnp.exp((gases.oxygen - outflow.middle) / outflow.slope))
     central = central + outflow.per_mmhg * (gases.carbon_dioxide - NORMAL_PCO2)
     return outflow.chemoreceptors * chemoreceptor_firing(gases) + central
 
 
 def sympathetic_effect(deviation: Number, added: Number) -> Number:
-    """Factor of the gains of sympathetic effectors, with an input that gases add [1/s]."""
+    """Factor of the gains of sympathetic effectors with an added input from gases [1/s]."""
     least = ursino1998.SYMPATHETIC_AT_HIGH_PRESSURE
     span = ursino1998.sympathetic_firing(ursino1998.carotid_firing(deviation)) - least
     firing = jnp.minimum(least + span * jnp.exp(ursino1998.SYMPATHETIC_RATE * added), LARGEST_SYMPATHETIC)
@@ -126,7 +125,7 @@ def sympathetic_effect(deviation: Number, added: Number) -> Number:
 
 
 def gas_drives(deviation: Number, strength: Number, now: Gases, rest: Gases) -> list[Number]:
-    """Change by gases of the drive along each pathway of `ursino1998` at an arterial pressure."""
+    """Change of the drive along each pathway of `ursino1998` by gases at an arterial pressure deviation."""
     before = sympathetic_effect(deviation, 0.0)
     added = [strength * (sympathetic_input(o, now) - sympathetic_input(o, rest)) for o in OUTFLOWS]
     vagal = VAGAL_WEIGHT * strength * (chemoreceptor_firing(now) - chemoreceptor_firing(rest))
@@ -134,7 +133,7 @@ def gas_drives(deviation: Number, strength: Number, now: Gases, rest: Gases) -> 
 
 
 class ChemoreflexConstants(NamedTuple):
-    """The baroreflex at a gain of 1; its own gain, strength of the chemoreflex, gases now and at rest."""
+    """Baroreflex constants at a gain of 1; its own gain, chemoreflex strength, gases now and at rest."""
 
     gain: Number
     set_points: tuple[Number, ...]
@@ -146,23 +145,23 @@ class ChemoreflexConstants(NamedTuple):
 
 
 def _published_pco2(pco2: Number, rest: Number, response: Number) -> Number:
-    """PCO2 at which published answers are taken, beside a measured one of some share."""
+    """PCO2 [mmHg] in the published responses if the share `response` is replaced by the measured one."""
     return rest + (1.0 - response) * (pco2 - rest)
 
 
 @dataclass(frozen=True)
 class Chemoreflex(Reflex):
-    """The baroreflex of Ursino 1998 whose nerves get input from chemoreceptors and the brain's gases too.
+    """Baroreflex of Ursino 1998 with further nerve input from chemoreceptors and cerebral gases.
 
-    With a baroreflex of gain 0 pressure counts as the set point.
+    With a baroreflex gain of 0, pressure is taken to be at the set point.
 
     Args:
         strength: 1 as published, 0 none.
         sensed_oxygen: arterial PO2 [mmHg].
         sensed_carbon_dioxide: arterial PCO2 [mmHg].
-        oxygen_set_point: PO2 at which it does nothing [mmHg].
-        carbon_dioxide_set_point: PCO2 at which it does nothing [mmHg].
-        carbon_dioxide_response: share of the measured answer to PCO2, which is not that of these nerves.
+        oxygen_set_point: PO2 without effect [mmHg].
+        carbon_dioxide_set_point: PCO2 without effect [mmHg].
+        carbon_dioxide_response: share of the measured response to PCO2, which these nerves do not mediate.
     """
 
     strength: Key = CHEMOREFLEX
@@ -173,7 +172,7 @@ class Chemoreflex(Reflex):
     carbon_dioxide_response: Key = keys.CARBON_DIOXIDE
 
     def constants(self, values: Values) -> ReflexConstants:
-        """Constants of the baroreflex, and gases."""
+        """Constants of the baroreflex and chemoreflex, and gases."""
         constants = super().constants(values)
         now, rest = (
             Gases(value_of(values, oxygen), value_of(values, carbon_dioxide))
@@ -191,7 +190,7 @@ class Chemoreflex(Reflex):
         return cast(ReflexConstants, more)
 
     def steady_states(self, readings: Sequence[Number], constants: ReflexConstants) -> Sequence[Number]:
-        """Drives of the pressure read, and of the gases at that pressure."""
+        """Drives due to the pressure read, and to the gases at that pressure."""
         c = cast(ChemoreflexConstants, constants)
         deviation = readings[0] - c.set_points[0]
         pressure = super().steady_states(readings, constants)
@@ -200,12 +199,12 @@ class Chemoreflex(Reflex):
 
 
 class Organ(NamedTuple):
-    """An organ's vessels.
+    """Vascular bed of an organ.
 
     Attributes:
-        share: of the systemic conductance.
-        per_content: g, relative conductance per content of oxygen [dL/mL].
-        scale_mmhg: K of its answer to PCO2; None for the brain's curve.
+        share: share of the systemic conductance.
+        per_content: g, change of relative conductance per oxygen content [dL/mL].
+        scale_mmhg: K of its response to PCO2 [mmHg]; None for the brain's curve.
         most: largest conductance relative to that at rest.
     """
 
@@ -226,7 +225,7 @@ ORGANS = (
 
 
 def brain_flow(pco2: Number) -> Number:
-    """Flow through the brain at a PCO2 [mmHg], of no unit that matters (Reivich 1964)."""
+    """Cerebral flow at a PCO2 [mmHg] in arbitrary units (Reivich 1964)."""
     return 20.9 + 92.8 / (1.0 + 10570.0 * jnp.exp(-5.251 * jnp.log10(pco2)))
 
 
@@ -234,10 +233,10 @@ def organ_conductance(organ: Organ, content: Number, pco2: Number, rest: tuple[N
     """Conductance of an organ relative to that at rest.
 
     Args:
-        organ: which.
-        content: of oxygen in the blood that leaves [mL/dL].
-        pco2: of the blood that it gets [mmHg].
-        rest: both at the set point.
+        organ: the organ.
+        content: oxygen content of its venous blood [mL/dL].
+        pco2: arterial PCO2 [mmHg].
+        rest: content and PCO2 at the set point.
     """
     oxygen = 1.0 - organ.per_content * (content - rest[0])
     if organ.scale_mmhg is None:
@@ -248,53 +247,53 @@ def organ_conductance(organ: Organ, content: Number, pco2: Number, rest: tuple[N
 
 
 def local_factor(content: Number, pco2: Number, rest: tuple[Number, Number], strength: Number) -> Number:
-    """Factor of the resistance of all organs side by side; arguments as of `organ_conductance`."""
+    """Factor of the resistance of all organs in parallel; arguments as of `organ_conductance`."""
     others = 1.0 - sum(organ.share for organ in ORGANS)
     conductances = (organ.share * organ_conductance(organ, content, pco2, rest) for organ in ORGANS)
     return jnp.exp(-strength * jnp.log(sum(conductances, start=others)))
 
 
 def measured_factor(pco2: Number, rest: Number, response: Number) -> Number:
-    """Factor of all resistances by carbon dioxide [mmHg], as ventilated patients had it.
+    """Factor of all resistances at a PCO2 [mmHg], as measured in ventilated patients.
 
     Thorens, Jolliet, Ritz and Chevrolet 1996 (Intensive Care Med 22:182, PMID 8727430): 11 patients with
-    acute respiratory distress, sedated, PaCO2 40 to 59 mmHg. Above or below, it is extrapolated.
+    acute respiratory distress, sedated, PaCO2 40 to 59 mmHg. Outside this range it is extrapolated.
     """
     change = MEASURED_RANGE_MMHG * jnp.tanh((pco2 - rest) / MEASURED_RANGE_MMHG)
     return jnp.exp(-response * MEASURED_PER_MMHG * change)
 
 
 def local_settings(bed: str) -> tuple[str, str, str, str]:
-    """Parameters that a bed's factor follows from besides gases, in the order of `local_law`."""
+    """Parameters, other than gases, of a bed's factor, in the order of `local_law`."""
     set_points = keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)
     return keys.DILATION, *set_points, keys.CARBON_DIOXIDE
 
 
 def local_law(n: Array) -> Array:
-    """From arterial content, oxygen supplied and gained, PCO2 and `local_settings` to the factor."""
+    """Factor from arterial content, oxygen supplied and gained, PCO2 and `local_settings`."""
     published = _published_pco2(n[3], n[6], n[7])
     factor = local_factor(venous_content(n[0], n[1], n[2]), published, (n[5], n[6]), n[4])
     return jnp.stack([factor * measured_factor(n[3], n[6], n[7])])
 
 
 def venous_content(arterial: Number, supplied: Number, gained: Number) -> Number:
-    """Oxygen content of the blood that leaves organs [mL/dL]: what was gained is below zero."""
+    """Venous oxygen content of organs [mL/dL]; `gained` is negative."""
     return arterial * (1.0 + gained / supplied)
 
 
 def with_chemoreflex(circuit: Circuit) -> Circuit:
-    """A circuit with volume offset, with chemoreflex and a baroreflex whose gain may be 0."""
+    """Add a chemoreflex, and a baroreflex whose gain may be 0, to a circuit with volume offset."""
     control = Control(REGULATION, Chemoreflex(URSINO_1998), URSINO_1998.reads, URSINO_1998.acts_on)
     return circuit + Circuit(controllers=(control,))
 
 
 def with_local_control(circuit: Circuit) -> Circuit:
-    """A circuit whose organs answer to oxygen and carbon dioxide, each bed to its own."""
+    """Add local responses of each bed to its own oxygen and carbon dioxide."""
     return _with_factor(circuit, "Rmc", keys.local_resistance, local_settings, keys.BEDS)
 
 
 def with_hypoxic_vasoconstriction(circuit: Circuit) -> Circuit:
-    """A circuit whose lung answers to hypoxia."""
+    """Add hypoxic pulmonary vasoconstriction to a circuit."""
     settings = (keys.HYPOXIA, keys.LUNG_AT_REST)
     return _with_factor(circuit, "Rpmc", lambda _: keys.LUNG_RESISTANCE, lambda _: settings, ("part",))
 

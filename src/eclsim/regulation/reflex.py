@@ -1,8 +1,8 @@
-"""A reflex: pressures read off a beat, pathways to organs, and what each of them does there.
+"""Reflexes: pressures read from a beat, pathways to organs, and their effects there.
 
-What is published is data (`ReflexModel`); `Reflex` is the controller that any such data make. All curves are
-used around a set point: an effector is multiplied by what its published curve does on the way from the set
-point to the pressure read, so that a patient at the set point is as without the reflex.
+A published reflex is data (`ReflexModel`); `Reflex` is the controller of any such data. All curves are used
+relative to a set point: an effector is multiplied by the change of its published curve from the set point to
+the pressure read, so that a patient at the set point is the same as without the reflex.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ from eclsim.components.base import Constants, Controller, ControlState, Key, Num
 from eclsim.parameters.regulation import GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
 
 EXTREME_DEVIATION_MMHG = 1000.0
-"""Deviation of pressure by which a reflex has saturated."""
+"""Deviation of pressure [mmHg] at which a reflex is saturated."""
 AT_REST_MMHG = 1e-5
 """Deviation of pressure that a search for the steady beat may leave of none."""
 
 
 class SteadyController(Controller[Constants], ABC):
-    """A controller whose states at rest follow from what it reads; it multiplies or shifts parameters."""
+    """A controller whose steady states are a function of its readings; it scales or shifts parameters."""
 
     relative: ClassVar = True
 
     @abstractmethod
     def steady_states(self, readings: Sequence[Number], constants: Constants) -> Sequence[Number]:
-        """States that the readings leave as they are."""
+        """States that are stationary at the given readings."""
 
 
 class Pathway(NamedTuple):
-    """A nerve's way to some organs.
+    """Nerve pathway to a group of organs.
 
     Attributes:
-        name: of the pathway, and of the controller's state.
-        lag_s: delay and time constant together [s]: the mean time by which the effect is late. The beat at
-            rest does not depend on it.
+        name: name of the pathway and of the controller's state.
+        lag_s: sum of delay and time constant [s]: the mean lag of the effect. The steady beat does not depend
+            on it.
         scale: typical change of the drive along it, in the drive's unit.
     """
 
@@ -51,15 +51,15 @@ class Pathway(NamedTuple):
 
 @dataclass(frozen=True)
 class Effector:
-    """Effect of pathways on one parameter: theta_i + sum over pathways of gain * drive, of beds in parallel.
+    """Effect of pathways on one parameter: theta_i + sum over pathways of gain * drive, for parallel beds i.
 
     Args:
-        parameter: it acts on.
-        reference: published value theta_i of each bed at the set point; one for what has no beds.
-        gains: of each bed, one for each pathway.
-        inverse: whether the published quantity is the inverse of the parameter: the period of the heart rate,
-            the end-systolic compliance of the elastance.
-        least: share of theta_i below which the published quantity of a bed does not fall; 0 for no limit.
+        parameter: parameter that it acts on.
+        reference: published value theta_i of each bed at the set point; one value if there are no beds.
+        gains: gains of each bed, one per pathway.
+        inverse: whether the published quantity is the inverse of the parameter: heart period for heart rate,
+            end-systolic compliance for elastance.
+        least: lower limit of a bed's published quantity as a share of theta_i; 0 for no limit.
     """
 
     parameter: str
@@ -81,19 +81,19 @@ class Effector:
 
 @dataclass(frozen=True)
 class ReflexModel:
-    """A published set of reflexes.
+    """A published model of reflexes.
 
     Args:
-        name: as in a case file.
-        source: where its numbers come from.
-        reads: pressures, the arterial one first, then the right atrial one where it is read.
-        published_set_points: of the pressures read [mmHg].
-        pathways: in the order of drives.
-        drives: from the deviations of the pressures from their set points [mmHg] to the drive along each
-            pathway, 0 at the set point.
-        effectors: what the pathways act on, but for the veins.
-        venous_gains_ml: change of venous unstressed volume per unit of drive, of each pathway [mL].
-        blood_volume_ml: of the published subject [mL]; a patient's veins change in proportion to theirs.
+        name: name in case files.
+        source: source of its numbers.
+        reads: readings of the arterial pressure and, if used, of the right atrial pressure.
+        published_set_points: set points of the pressures read [mmHg].
+        pathways: pathways, in the order of drives.
+        drives: function from the deviations of the pressures from their set points [mmHg] to the drive along
+            each pathway, 0 at the set point.
+        effectors: effectors of the pathways other than the veins.
+        venous_gains_ml: change of venous unstressed volume per unit of drive, per pathway [mL].
+        blood_volume_ml: blood volume of the published subject [mL]; venous changes scale with the patient's.
     """
 
     name: str
@@ -108,11 +108,11 @@ class ReflexModel:
 
     @property
     def acts_on(self) -> tuple[str, ...]:
-        """Parameters in the order of `effects`."""
+        """Parameters that it acts on, in the order of `effects`."""
         return (*(effector.parameter for effector in self.effectors), UNSTRESSED)
 
     def effects(self, drives: Sequence[Number], blood_volume_ml: Number) -> list[Number]:
-        """Factor of each effector's parameter, and last the change of unstressed volume [mL]."""
+        """Factor of each effector's parameter, then the change of unstressed volume [mL]."""
         share = blood_volume_ml / self.blood_volume_ml
         veins = sum((g * d for g, d in zip(self.venous_gains_ml, drives, strict=True) if g), start=0.0)
         return [*(effector.factor(drives) for effector in self.effectors), share * veins]
@@ -120,7 +120,7 @@ class ReflexModel:
     def steady_effects(
         self, deviations: Sequence[Number], gain: Number, blood_volume_ml: Number
     ) -> list[Number]:
-        """The same where pressures have been so for long; deviations from the set points in mmHg."""
+        """Effects in the steady state at deviations [mmHg] of the pressures from their set points."""
         return self.effects([gain * drive for drive in self.drives(deviations)], blood_volume_ml)
 
     def share_in_use(self, arterial_deviation: Number) -> Number:
@@ -150,18 +150,18 @@ class ReflexConstants(NamedTuple):
 
 @dataclass(frozen=True)
 class Reflex(SteadyController[ReflexConstants]):
-    """The controller of a published reflex; its states are the drives along the pathways.
+    """Controller of a published reflex; its states are the drives along the pathways.
 
         pressures --> [ curves ] --> drives --> [ lags ] --> gain * drive --> factors of parameters
 
-    A drive follows that of the last beat's mean pressures with its pathway's lag, as a first-order filter.
+    A drive follows that of the last beat's mean pressures as a first-order filter with the pathway's lag.
 
     Args:
-        model: what is published.
+        model: published model.
         gain: 1 for the published reflex, less in sedation, 0 for none.
-        set_point: arterial pressure at which it does nothing [mmHg].
-        venous_set_point: right atrial pressure at which it does nothing [mmHg], where it is read.
-        blood_volume: the patient's blood [mL].
+        set_point: arterial pressure without effect [mmHg].
+        venous_set_point: right atrial pressure without effect [mmHg], if it is read.
+        blood_volume: the patient's blood volume [mL].
     """
 
     model: ReflexModel
@@ -183,17 +183,17 @@ class Reflex(SteadyController[ReflexConstants]):
         return ReflexConstants(value_of(values, self.gain), points, value_of(values, self.blood_volume))
 
     def start(self, constants: ReflexConstants) -> Sequence[Number]:
-        """At the set point."""
+        """Zero drives: the state at the set point."""
         return [0.0] * len(self.model.pathways)
 
     def steady_states(self, readings: Sequence[Number], constants: ReflexConstants) -> Sequence[Number]:
-        """Drives of the pressures read."""
+        """Drives at the pressures read."""
         return self.model.drives([r - point for r, point in zip(readings, constants.set_points, strict=True)])
 
     def in_effect(
         self, states: Sequence[Number], values: Sequence[Number], constants: ReflexConstants
     ) -> Sequence[Number]:
-        """Parameters times their factors, and the unstressed volume shifted."""
+        """Parameters times their factors, and the shifted unstressed volume."""
         drives = [constants.gain * state for state in states]
         *factors, shift = self.model.effects(drives, constants.blood_volume_ml)
         *usual, unstressed = values
@@ -202,7 +202,7 @@ class Reflex(SteadyController[ReflexConstants]):
     def next_states(
         self, states: Sequence[Number], readings: Sequence[Number], period: Number, constants: ReflexConstants
     ) -> Sequence[Number]:
-        """Each drive a beat's part of the way towards that of the pressures read."""
+        """Drives one beat later, relaxed towards those at the pressures read."""
         target = self.steady_states(readings, constants)
         return [
             state - jnp.expm1(-period / pathway.lag_s) * (drive - state)
@@ -212,12 +212,13 @@ class Reflex(SteadyController[ReflexConstants]):
 
 @dataclass(frozen=True)
 class TransmuralReflex(Reflex):
-    """A reflex whose receptors in the right atrium feel its pressure less that of the pericardium around it.
+    """Reflex whose right atrial receptors sense the transmural pressure inside a pericardium.
 
-    It reads the pericardium's pressure after those of its model; the right atrial set point is transmural.
+    It reads the pericardium's pressure after those of its model; the right atrial set point is transmural as
+    well.
     """
 
     def steady_states(self, readings: Sequence[Number], constants: ReflexConstants) -> Sequence[Number]:
-        """Drives of the pressures felt."""
+        """Drives at arterial and transmural right atrial pressure."""
         arterial, atrial, outside = readings
         return super().steady_states([arterial, atrial - outside], constants)

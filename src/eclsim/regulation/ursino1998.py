@@ -6,9 +6,9 @@
     sympathetic effect  G ln(f_es - f_es,min + 1) above the threshold f_es,min, else 0
     vagal effect        G f_ev
 
-The numbers were read in two repositories that rebuilt the model, not in the article itself. The published
-baroreceptor also answers to the rate of pressure, whose mean over a beat is zero; its curve sees the mean
-pressure here, so that what pulsatility does to the firing is left out.
+The numbers are from two repositories that reimplement the model, not from the article itself. The published
+baroreceptor also responds to the rate of change of pressure, whose mean over a beat is zero. Here its input
+is the mean pressure, so that the effect of pulsatility on the firing is omitted.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ VAGAL_AT_LOW_PRESSURE, VAGAL_AT_HIGH_PRESSURE, VAGAL_MIDDLE, VAGAL_SLOPE = 3.2, 
 
 
 def carotid_firing(deviation: Number, xp: ModuleType = jnp) -> Number:
-    """Firing of the carotid sinus [1/s] at a pressure that far above the set point [mmHg].
+    """Firing of the carotid sinus nerve [1/s] at a deviation of pressure from the set point [mmHg].
 
-    `xp` is the array module, here and below: with NumPy nothing is compiled for a single number.
+    `xp` is the array module, here and below: with NumPy, single numbers need no compilation.
     """
     rise = xp.exp(deviation / SLOPE_MMHG)
     return (LEAST_FIRING + MOST_FIRING * rise) / (1.0 + rise)
@@ -75,11 +75,11 @@ PATHWAYS = (
     Pathway("sinus_sympathetic", 2.0 + 2.0, 1.0),
     Pathway("sinus_vagal", 0.2 + 1.5, 1.0),
 )
-"""Delay plus time constant of each [s]."""
+"""Pathways, with the sum of delay and time constant of each [s]."""
 
 
 def _sympathetic(pathway: str, theta: float, gain: float) -> tuple[float, tuple[float, ...]]:
-    """Value at the set point, and gains of all pathways, of an effector theta + gain * effect."""
+    """Value at the set point and gains of all pathways of an effector theta + gain * effect."""
     return theta + gain * _AT_REST, tuple(gain if p.name == pathway else 0.0 for p in PATHWAYS)
 
 

@@ -1,4 +1,4 @@
-// What the bands of the views are, and whether they can be trusted; seen only where there is a posterior.
+// Explanation and reliability of the bands of the views; visible only if there is a posterior.
 import { fill, leftOut, listening, timeOf } from "eclsim-page";
 
 const TOPICS = { monitor: "bands", loops: "bands", gases: "bands", outputs: "bands", ramp: "ramp_bands" };
@@ -60,7 +60,7 @@ export default {
       const text = this.view === "loops" ? this.texts.bands_loops : this.texts.bands_what;
       return fill(text, { count: fewest, loops, all: count });
     },
-    // What the band does not tell: draws that have no beat, or one that no patient has.
+    // Draws not in the band: those without a beat, or with one that is impossible in a patient.
     without() {
       const bands = this[this.topic];
       const shown = this.on && bands?.of === this.beat && !(this.time && this.topic === "bands");

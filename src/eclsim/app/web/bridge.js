@@ -2,12 +2,12 @@
 import { markRaw } from "vue";
 import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
 
-const ANSWER_TIMEOUT = 5000; // ms that the server may take to answer
-const ASK_AFTER = 1500; // ms without an answer after which the server is asked whether it is there
-const PALE_AFTER = 400; // ms after which numbers that do not know of a turn or of another state are pale
-const REPORT_TIMEOUT = 2000; // ms without a report of what runs, after which the server is asked as well
+const ANSWER_TIMEOUT = 5000; // ms within which the server must answer
+const ASK_AFTER = 1500; // ms without an answer after which the server is pinged
+const PALE_AFTER = 400; // ms after which numbers that do not yet include a change are dimmed
+const REPORT_TIMEOUT = 2000; // ms without a progress report after which the server is pinged as well
 const ANNOUNCE_AFTER = 1000; // ms without another outcome after which a screen reader announces it
-const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
+const HANDSHAKE = 1000; // ms after a new connection; if the server refuses it, the page is reloaded
 const SHORTCUTS = [
   ["z", "ctrl", "undo"],
   ["y", "ctrl", "redo"],
@@ -16,7 +16,7 @@ const SHORTCUTS = [
   ["r", "alt", "reset"],
 ];
 const TYPED = /^(text|search|password|number)$/;
-// A beat is shown and never changed: Vue need not watch every number of it.
+// A beat is never modified: Vue need not track every number of it.
 const shownOnly = (beat) => {
   for (const part of Object.values(beat)) if (part && typeof part === "object") markRaw(part);
   return markRaw(beat);
@@ -33,7 +33,7 @@ export default {
   props: { texts: Object },
   data: () => ({ message: "", kind: "busy", cut: "", late: false, warnings: "", announced: "" }),
   computed: {
-    // A beat that is long in coming is announced: its numbers are not there, whatever the last ones were.
+    // Announce a delayed beat: its numbers are not there, whatever the last ones were.
     isLate() {
       return this.late && this.kind !== "busy";
     },
@@ -48,7 +48,7 @@ export default {
     },
   },
   watch: {
-    // A screen reader hears the outcome once, when it has come to rest, and not every beat of a turn.
+    // A screen reader announces the outcome once, when it is stable, not every beat of a change.
     spoken(words) {
       clearTimeout(this.speaking);
       this.speaking = setTimeout(() => (this.announced = words), this.cut ? 0 : ANNOUNCE_AFTER);
@@ -121,14 +121,14 @@ export default {
     publish(topic, data) {
       bus.publish(topic, topic === "beat" ? shownOnly(data) : data);
     },
-    // What this tab was opened with and what it kept: a page that is loaded again goes on.
+    // The link and the stored state of this tab, from which a reloaded page continues.
     hello() {
       const [snapshot, last, view] = ["tab", "last", "view"].map((name) => tab.read(name));
       const again = performance.getEntriesByType("navigation")[0]?.type === "reload";
       const newer = last && last.of !== snapshot?.of ? last.link : "";
       this.$emit("hello", { link: this.takeLink(), tab: snapshot?.tab ?? "", last: newer, again, view });
     },
-    // The link in the address, which is taken out of it.
+    // The link in the address, which is then removed from it.
     takeLink() {
       const link = linkIn(location.hash);
       if (location.hash) history.replaceState(null, "", location.pathname + location.search);
@@ -146,14 +146,14 @@ export default {
       window.socket.on("connect_error", () => this.cut && this.askSignIn());
       window.socket.onAnyOutgoing((event) => event === "event" && this.expect());
     },
-    // Whatever is sent has an answer, if only that the server is there.
+    // Every message has an answer, if only that the server is alive.
     expect() {
       if (this.cut) return;
       this.waiting ??= setTimeout(() => this.lost("silent"), ANSWER_TIMEOUT);
       this.asking ??= setTimeout(() => this.$emit("ask"), ASK_AFTER);
     },
-    // The server does not answer: knobs go back to where the numbers that are shown belong, and what was
-    // changed since does not happen later either.
+    // The server does not answer: controls return to the settings of the displayed numbers, and later
+    // changes are discarded.
     lost(why) {
       clearTimeout(this.returning);
       const beat = bus.last("beat");
@@ -170,7 +170,7 @@ export default {
       this.connect(false);
       if (why === "silent" && this.takeBack) this.$emit("take_back", this.takeBack);
     },
-    // A server that was started again, or 12 hours later, asks for the password: only a new page can do that.
+    // A restarted server, or one after 12 hours, asks for the password, which requires a new page.
     async askSignIn() {
       try {
         const answer = await fetch(location.pathname, { redirect: "manual", method: "HEAD" });
@@ -180,7 +180,7 @@ export default {
         // the server is gone: announced already
       }
     },
-    // There is a connection again.
+    // The connection is restored.
     returned() {
       if (this.takeBack) this.$emit("take_back", this.takeBack);
       else this.answered();
@@ -197,7 +197,7 @@ export default {
       }
       if (this.isLate) this.expect();
     },
-    // Without a connection nothing can be pressed that would be done later.
+    // Without a connection, actions are disabled so that none is carried out later.
     connect(on) {
       bus.publish("connected", on);
       bus.publish("cut", this.cut);
@@ -206,7 +206,7 @@ export default {
         one.inert = !on;
       this.markStale();
     },
-    // Numbers that do not belong to where the knobs stand are pale, those of no patient are struck through.
+    // Numbers that do not belong to the present settings are dimmed; impossible ones are struck through.
     markStale(late = false, wait = late ? 0 : PALE_AFTER) {
       const beat = bus.last("beat");
       const { of } = bus.last("state") ?? {};
@@ -218,12 +218,12 @@ export default {
       if (stale && of !== this.failed) this.lagging ??= setTimeout(() => this.lag(), wait);
       else this.isThere();
     },
-    // A beat that is long in coming: from a server that computes, or from none.
+    // A delayed beat: the server is computing or unreachable.
     lag() {
       this.late = true;
       if (this.isLate) this.expect();
     },
-    // What runs for minutes reports all the time: where it does not, the server is asked whether it is there.
+    // Long computations report continually: if they do not, ping the server.
     hearFrom(within) {
       clearTimeout(this.silence);
       if (within) this.silence = setTimeout(() => this.expect(), within);
@@ -253,11 +253,11 @@ export default {
       this.kind = kind;
       this.message = message;
     },
-    // Nothing changes behind a dialog, not by the browser's own undo either.
+    // Nothing changes behind a dialog, not even by the browser's undo.
     key(event) {
       const isCovered = !!document.querySelector(".q-dialog__inner");
       const field = event.target;
-      // In the field of a knob only what is not yet entered is undone by the browser.
+      // In a control's field, the browser's undo applies only to text not yet entered.
       const isEntered = !!field?.matches?.(".ecl-knob input:not([data-typed])");
       const typing = !isEntered && (TYPED.test(field?.type ?? "") || field?.tagName === "TEXTAREA");
       for (const [key, modifier, action] of SHORTCUTS) {

@@ -1,4 +1,4 @@
-// Saved states side by side: what differs in the knobs, the main outputs, arterial pressure and loops.
+// Saved states side by side: differences in settings, main outputs, arterial pressure and loops.
 import {
   clock,
   compact,
@@ -14,7 +14,7 @@ import {
 } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
-const STORAGE_KEY = "names"; // of the saved states of this tab, by what they were computed from
+const STORAGE_KEY = "names"; // names of the saved states of this tab, by their inputs
 const format = (value) => (typeof value === "number" ? compact(value) : (value ?? "–"));
 
 export default {
@@ -176,7 +176,7 @@ export default {
     nameLabel(state) {
       return fill(this.texts.compare_name, { number: state.number });
     },
-    // A state that was saved twice has two names.
+    // A state saved twice has two names.
     slot(k) {
       const { of } = this.saved[k];
       return `${of}-${this.saved.slice(0, k).filter((s) => s.of === of).length}`;

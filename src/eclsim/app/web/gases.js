@@ -1,4 +1,4 @@
-// Blood gases by site, what each exchanger exchanges, supply and demand, upper and lower body.
+// Blood gases by site, transfer of each exchanger, oxygen supply and demand, upper and lower body.
 import { SIGNS, bandsOf, fill, fixed, gravest, seenIn } from "eclsim-page";
 
 const COLUMNS = [
@@ -138,7 +138,7 @@ export default {
     },
   },
   methods: {
-    // A number with the sign of the limit that it breaks, and its 90 % band.
+    // A number with a sign for the limit that it exceeds, and its 90 % band.
     cell(name, value, digits, output) {
       const level = output ? gravest(this.beat.levels, [output]) : "ok";
       const sides = (output && this.bands && bandsOf(this.beat)?.outputs[output]) || [];

@@ -2,7 +2,7 @@
 import { compact, fill, fixed, listening, logShare, remember, signed, tab } from "eclsim-page";
 
 const MOST_KEPT = 6;
-const [DOUBTFUL, POOR] = [2.5, 4]; // standard uncertainties, as in the verdict of a fit
+const [DOUBTFUL, POOR] = [2.5, 4]; // residuals in standard uncertainties, as in the verdict of a fit
 const PROGRESS = `
   <span class="progress" role="progressbar" :aria-label="label" :aria-valuenow="Math.round(100 * share)"
     aria-valuemin="0" aria-valuemax="100" :aria-valuetext="message">
@@ -175,7 +175,7 @@ export default {
     connected: true,
   }),
   computed: {
-    // What can be measured of the devices and gases that are switched on, and whatever was typed.
+    // Quantities of the devices and gases that are enabled, and all entered values.
     asked() {
       const { measurable, typed, mistakes } = this;
       const isThere = ({ symbol }) => !symbol || !measurable.length || measurable.includes(symbol);
@@ -185,7 +185,7 @@ export default {
       const own = new Set(this.fields.map((f) => f.key));
       return Object.fromEntries(Object.entries(this.mistakes).filter(([key]) => !own.has(key)));
     },
-    // Whether the form or the devices are no longer those of the fit that is shown.
+    // Whether the form or the devices differ from those of the fit that is shown.
     isOutdated() {
       if (!this.sent) return false;
       const text = (values, key) => String(values[key] ?? "").trim();
@@ -237,7 +237,7 @@ export default {
       const value = symbol && this.outputs[symbol];
       return Number.isFinite(value) ? fill(this.texts.fit_now, { value: compact(value) }) : "";
     },
-    // What the field has of the preset is nobody's: it is said until another value is typed.
+    // Values of a preset are no patient's: the page says so until another value is entered.
     beside(field) {
       const { key } = field;
       const left =
@@ -275,7 +275,7 @@ export default {
       const away = this.away(name);
       return away === undefined ? "" : fill(this.texts.fit_off, { count: fixed(away, 1) });
     },
-    // What was typed and fitted is kept for each patient, in this tab: another patient has another form.
+    // Entries and fits are stored per patient in this tab; another patient has another form.
     kept(what) {
       return tab.read(what) ?? {};
     },
@@ -298,7 +298,7 @@ export default {
       this.keep("running", undefined);
       this.ask();
     },
-    // The fit as it is judged now that the posterior's intervals are known.
+    // The fit, judged again with the intervals of the posterior.
     judgedAgain(judged) {
       if (!judged) return this.result;
       const parameters = { ...this.result.parameters };

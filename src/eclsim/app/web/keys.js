@@ -1,7 +1,7 @@
-// The numbers that matter most, always in sight: where the page scrolls, in a strip below its head.
+// Key figures, always visible: if the page scrolls, in a strip below its header.
 import { MISSING, SIGNS, fill, fixed, gravest, isPossible, listening, signed } from "eclsim-page";
 
-const FIGURES_IN_STRIP = 8; // figures of the strip, and those that break a limit
+const FIGURES_IN_STRIP = 8; // figures of the strip, in addition to those that exceed a limit
 
 export default {
   template: `
@@ -62,7 +62,7 @@ export default {
     brief() {
       return this.seen.filter(({ level }, k) => k < FIGURES_IN_STRIP || level !== "ok");
     },
-    // The limits that are broken, in a few words, the gravest first.
+    // Short text of the exceeded limits, the most serious first.
     broken() {
       const words = this.limits.map(([kind, text]) => SIGNS[kind] + text.split(": ")[0]);
       return (this.beat?.possible === false ? [this.texts.impossible, ...words] : words).join("; ");

@@ -1,12 +1,12 @@
-// The panel of knobs: a slider and a typed number each, a list for each choice.
+// Panel of controls: a slider with a number field for each value, a list for each choice.
 import { bus, clock, fill, latency, listening, positionOf, positions, valueAt } from "eclsim-page";
 
-const SEND_AFTER = 400; // ms after which a turn is sent although the last one is not yet drawn
+const SEND_AFTER = 400; // ms after which a change is sent even if the last one is not yet drawn
 let seq = 0;
 
 const written = (value) => (typeof value === "number" ? String(Number(value.toPrecision(4))) : value);
 
-// One of them, drawn again when something of it changed: a beat changes few, and there are dozens.
+// A single control, redrawn only when it changes: a beat changes few of the dozens.
 const Knob = {
   template: `
   <div v-if="knob.options" class="ecl-pick" :class="{ bad: error }">
@@ -33,7 +33,7 @@ const Knob = {
       :disabled="!connected" @input="$emit('move', knob, Number($event.target.value))" />
     <p v-if="error" :id="id + '-error'" role="alert">{{ error }}</p>
   </div>`,
-  // `refusals` counts them: one more puts the field back although the reason is the same.
+  // `refusals` counts refusals: a further one resets the field even if the reason is the same.
   props: ["knob", "id", "value", "error", "refusals", "connected", "typed"],
   emits: ["send", "enter", "move", "type", "left"],
   computed: {
@@ -140,7 +140,7 @@ export default {
     recording: false,
   }),
   computed: {
-    // A later minute is shown, and the knobs do not stand as they do then.
+    // Note that a later minute is shown, in which settings may differ from the controls.
     later() {
       if (!this.minute || this.recording) return "";
       return fill(this.texts.knobs_of_start, { time: clock(this.minute, this.transient) });
@@ -156,14 +156,14 @@ export default {
       this.typed = { key: knob.key, text, entered: true };
       this.send(knob.key, text);
     },
-    // What is turned here stays as it is until the server has caught up with it.
+    // A changed control keeps its value until the server has processed it.
     move(knob, position) {
       if (this.typed?.key === knob.key) this.typed = undefined;
       this.values[knob.key] = valueAt(knob, position);
       this.send(knob.key, this.values[knob.key]);
       this.held = { key: knob.key, seq };
     },
-    // Only the newest turn waits while one is on its way.
+    // While a change is being processed, only the newest one waits.
     send(key, value) {
       seq += 1;
       latency.start(seq);
@@ -184,7 +184,7 @@ export default {
       if (this.held && drawn >= this.held.seq) this.held = undefined;
       if (!this.away) this.flush();
     },
-    // Without a connection the knobs stand where the numbers that are shown belong, and cannot be turned.
+    // Without a connection, controls show the settings of the displayed numbers and are disabled.
     connect(on) {
       this.connected = on;
       const shown = on ? bus.last("state") : bus.last("beat");

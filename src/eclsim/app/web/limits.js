@@ -1,4 +1,4 @@
-// The limits that the beat breaks, the gravest first, in sight in every view; and how to read its numbers.
+// The limits that the beat exceeds, the most serious first, visible in every view; and cautions.
 import { SIGNS, fill, limitsOf, listening, sized } from "eclsim-page";
 
 export default {
@@ -42,14 +42,14 @@ export default {
     hidden: 0,
   }),
   methods: {
-    // Other limits are broken than before: the gravest are in sight again, wherever the list was scrolled to.
+    // If the exceeded limits change, scroll the list back to the most serious ones.
     toTop() {
       const which = limitsOf(this.broken);
       if (which !== this.which) this.$refs.list?.scrollTo({ top: 0 });
       this.which = which;
       this.measure();
     },
-    // How many limits are below the edge of the list.
+    // Number of limits hidden below the edge of the list.
     measure() {
       const { list } = this.$refs;
       if (!list) return;
@@ -62,7 +62,7 @@ export default {
     more() {
       return fill(this.texts.alarms_more, { hidden: this.hidden, all: this.broken.length });
     },
-    // Symbols of the paper as they are, other outputs by the name on their tile, if they have one.
+    // Symbols of the paper unchanged; other outputs by the label of their tile, if they have one.
     heading() {
       const short = (name) => (name === name.toUpperCase() ? name : this.labels[name]);
       const names = new Set(this.concerned.map(short).filter(Boolean));

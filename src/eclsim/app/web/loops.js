@@ -58,7 +58,7 @@ export default {
         this.layout(bands),
       );
     },
-    // The loops of the posterior's draws: one trace for all, with gaps.
+    // Loops of the posterior's draws: one trace for all, with gaps.
     members(side, loops) {
       const joined = (k) => loops.flatMap((loop) => [...loop[k], null]);
       return line(joined(0), joined(1), this.texts.bands_column, ink(side.ink), {

@@ -85,7 +85,7 @@ export default {
         this.observer.observe(this.$refs.canvas);
       }
     },
-    // Frames are asked for while something moves alone: each costs the browser several ms, seen or not.
+    // Request frames only while something moves: each costs the browser several ms, visible or not.
     run() {
       cancelAnimationFrame(this.frame);
       const frame = (now) => {
@@ -107,7 +107,7 @@ export default {
       this.spoken = this.traces.map((t) => `${t.label} ${t.big} ${t.small}`).join(", ");
       this.repaint();
     },
-    // Whose shadow it is; a fit that is not to be relied on is called so.
+    // Label of the shadow trace; it says if the fit is not reliable.
     nameOf({ name, badge, level }) {
       const doubt = level === "ok" || badge === this.texts.badge_changed ? "" : ` (${badge})`;
       return fill(this.texts.pinned_of, { name: name + doubt });

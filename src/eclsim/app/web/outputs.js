@@ -109,7 +109,7 @@ export default {
         caution: this.beat.cautions[name] ?? "",
       };
     },
-    // No beat that is impossible is compared with anything.
+    // An impossible beat is compared with nothing.
     changeOf(name, value) {
       const before = this.pinned ?? this.base;
       return isPossible(this.beat) && isPossible(before) ? change(value, before?.outputs[name]) : "";

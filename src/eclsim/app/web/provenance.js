@@ -1,4 +1,4 @@
-// Where the numbers come from: patient or preset, changed or not, fitted or not. Always in sight.
+// Origin of the numbers: patient or preset, changed or not, fitted or not. Always visible.
 import { fill, listening, onPrint } from "eclsim-page";
 
 export default {
@@ -18,7 +18,7 @@ export default {
     }),
   ],
   data: () => ({ provenance: null, printed: "" }),
-  // What is filed says when it was printed, and by what.
+  // A printed page says when and by which program it was printed.
   mounted() {
     const { printed, version } = this.texts;
     const now = () => new Date().toLocaleString("sv-SE", { timeZoneName: "short" });

@@ -1,4 +1,4 @@
-// What the speed of a pump does: pressures, flows and pressures in the circuits over its whole range.
+// Speed ramp: pressures, flows and pressures in the circuits over the whole range of a pump's speed.
 import {
   FONT,
   bandsOf,
@@ -20,7 +20,7 @@ const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
 const ROWS = { 2: [[0.54, 1], [0, 0.46]], 3: [[0.78, 1], [0.52, 0.72], [0, 0.45]] }; // prettier-ignore
 const LETTER_HEIGHT = 11; // px
 const TITLE = 12; // px of an axis
-const NAME_SPACE = 18; // px beyond the last limit, for its name
+const NAME_SPACE = 18; // px after the last limit, for its label
 const MARGIN = { l: 56, r: 14, t: 24, b: 66 };
 const overhead = { yref: "paper", y: 1, yanchor: "bottom", showarrow: false };
 
@@ -83,7 +83,7 @@ export default {
         line(bands.speeds, side, "", colour, { ...quiet, line: { width: 0 }, ...(k ? filled : {}) }),
       );
     },
-    // Limits as lines of the curve's colour, each with its name; those far from all curves are left out.
+    // Limits as labelled lines in the colour of the curve; those far from all curves are omitted.
     limits() {
       const limited = this.study.curves.filter((curve) => curve.panel === "circuit");
       const curves = limited.map((curve) => this.study.outputs[curve.name]);
@@ -151,7 +151,7 @@ export default {
       font: { size: LETTER_HEIGHT, color: colour },
       borderpad: 0,
     }),
-    // An upright axis: where a low panel has no room for its title, the unit alone.
+    // A vertical axis; if a low panel has no room for the title, only the unit.
     upright(title, settings) {
       const [bottom, top] = settings.domain;
       const room = (this.chart.size.height - MARGIN.t - MARGIN.b) * (top - bottom);

@@ -1,4 +1,4 @@
-// The circuit, live: mean pressures coloured by limits, mean flows, and lines of devices that can be moved.
+// Live schematic: mean pressures coloured by limits, mean flows, and movable lines of devices.
 import {
   FONT,
   SIGNS,
@@ -19,8 +19,8 @@ const FONTS = {
   saturation: { size: LETTER_HEIGHT, weight: 700 },
   pressure: { size: 5.4, weight: 700 },
 };
-const LEAST_LETTER = 11; // px: where letters would be smaller, the circuit does not fit its pane
-const WHOLE_LETTER = 8.5; // px: down to these the whole circuit is shown unasked
+const LEAST_LETTER = 11; // px: with smaller letters the circuit does not fit its pane
+const WHOLE_LETTER = 8.5; // px: down to this size the whole circuit is shown by default
 const EMPTY = { view: [0, 0, 180, 120], frames: [], boxes: [], wires: [], lines: [] };
 const SYMBOLS = {
   valve: '<path d="M-2.4-2.2 2.4 0-2.4 2.2Z"/><path d="M2.4-2.2V2.2"/>',
@@ -139,7 +139,7 @@ export default {
     isSmall() {
       return this.fitted < LEAST_LETTER;
     },
-    // The whole circuit is shown as long as it can be read, or as somebody chose.
+    // The whole circuit is shown if it is legible, or as the user chose.
     isWhole() {
       return this.isSmall && (this.chosen ?? this.fitted >= WHOLE_LETTER);
     },
@@ -149,7 +149,7 @@ export default {
       const px = (mm) => `${Math.ceil((LEAST_LETTER / LETTER_HEIGHT) * mm)}px`;
       return { minWidth: px(width), minHeight: px(height) };
     },
-    // Boxes that a line can be moved to.
+    // Boxes to which a line can be moved.
     positions() {
       return this.drawing.boxes.filter((b) => b.position).map((b) => b.name);
     },
@@ -158,7 +158,7 @@ export default {
     },
   },
   methods: {
-    // How large letters are in the whole circuit, and whether a part of it is beyond the edge of its pane.
+    // Size of letters in the whole circuit, and whether part of it is outside its pane.
     measure() {
       const { sheet } = this.$refs;
       if (!sheet) return;
@@ -166,7 +166,7 @@ export default {
       const tall = getComputedStyle(this.$el).getPropertyValue("--tall").trim(); // of a page that scrolls
       const room = tall ? parseFloat(tall) || Infinity : sheet.clientHeight;
       const fitted = LETTER_HEIGHT * Math.min(sheet.clientWidth / width, room / height);
-      // What stands below takes room: in one pane the smaller letters count, or the circuit never rests.
+      // Text below takes room: use the smaller letter size, otherwise the layout never settles.
       const pane = `${this.$el.clientWidth} ${this.$el.clientHeight}`;
       this.fitted = pane === this.pane ? Math.min(fitted, this.fitted) : fitted;
       this.pane = pane;
@@ -176,23 +176,23 @@ export default {
     polyline,
     placed,
     ink: (item) => `--ink-of: var(--${item.ink}, var(--soft))`,
-    // Where a text is wider than its room in the letters of this browser, it is drawn narrower.
+    // Condense texts that are too wide in the browser's font.
     squeezed(text, { size, weight }, room) {
       const width = (textWidth(text, `${weight} 100px ${FONT}`) * size) / 100;
       return width > room ? { textLength: room, lengthAdjust: "spacingAndGlyphs" } : {};
     },
-    // Blood that stands still has no saturation that could be measured.
+    // Stagnant blood has no measurable saturation.
     isFlowing(box) {
       return !!this.gases[box.name] && !this.gases[box.name].standing;
     },
-    // What the saturation leaves of a box.
+    // Width of a box that the saturation leaves free.
     room(box) {
       return this.isFlowing(box) ? box.w - 14.5 : box.w;
     },
     marked(box) {
       return this.signs[this.level(box)] + this.pressure(box);
     },
-    // What flows through a line has the colour of where it comes from; nothing flows into a balloon.
+    // Flow in a line has the colour of its source; nothing flows into a balloon.
     blood({ name, ends }) {
       if (!ends.every((end) => this.gases[end])) return {};
       const { colour } = this.gases[ends[this.means[`Q${name}`] < 0 ? 1 : 0]] ?? {};
@@ -214,7 +214,7 @@ export default {
     level(box) {
       return this.places[box.name] ?? "ok";
     },
-    // How the flow of a pump stands to its limits: backwards is an alarm.
+    // Level of a pump's flow relative to its limits; backward flow is an alarm.
     flowLevel(wire) {
       return this.levels[wire.output] ?? "ok";
     },

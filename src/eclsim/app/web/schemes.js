@@ -1,4 +1,4 @@
-// The nine schemes of the paper as small multiples; one press connects the lines that way.
+// The nine schemes of the paper as small multiples; a click connects the lines in that way.
 import { SIGNS, bus, extent, fill, fixed, niceRange, studied, studyNotes, ticks } from "eclsim-page";
 
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [164, 112, 40, 4, 9, 7];
@@ -48,7 +48,7 @@ export default {
   data: () => ({ cells: [], heading: "", device: "", values: {} }),
   methods: {
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,
-    // Why a scheme has no numbers.
+    // Reason why a scheme has no numbers.
     whyNot({ converged, steady }) {
       if (converged) return "impossible_column";
       return steady ? "scheme_undetermined" : "not_converged";

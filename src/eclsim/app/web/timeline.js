@@ -1,4 +1,4 @@
-// Hours of the case under the monitor: play, jump, events; the whole page shows the minute of the cursor.
+// Timeline of the course below the monitor: play, jump, events; the page shows the cursor's minute.
 import {
   MISSING,
   SIGNS,
@@ -20,8 +20,8 @@ import {
 
 const SPEEDS = [1, 10, 60, 600, 3600];
 const [WIDTH, LANE] = [1000, 40];
-const SHORTEST_INTERVAL = 250; // ms between two minutes that are asked for
-const STORAGE_KEY = "timeline"; // of this tab: how long a course, and which minute of it
+const SHORTEST_INTERVAL = 250; // ms between two requests for a minute
+const STORAGE_KEY = "timeline"; // stored in this tab: length of the course, and minute of the cursor
 const STEPS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
 
 export default {
@@ -200,29 +200,29 @@ export default {
         { label: this.texts.timeline_set, items: of(false) },
       ];
     },
-    // The beat of the cursor, once the page shows it.
+    // The beat of the cursor if the page shows it, else null.
     beat() {
       return this.shownBeat?.minute === this.minute && this.shownBeat.of === this.of ? this.shownBeat : null;
     },
-    // The course is that of a state before, or nobody knows of which.
+    // Whether the course belongs to an earlier state, or may do so (while busy or without a connection).
     isOld() {
       return this.busy || !this.connected || (!!this.course && this.course.of !== this.of);
     },
-    // Behind it nothing is known, where the course stopped early.
+    // End of the known part if the course stopped early.
     end() {
       return Math.min(this.course ? (this.course.time.at(-1) ?? 0) : this.length, this.length);
     },
     beatByBeat() {
       return this.length < 60;
     },
-    // The minute of the numbers on the page, which follow the cursor.
+    // Minute of the numbers on the page, which follow the cursor with a delay.
     shown() {
       const { minute = 0 } = this.shownBeat ?? {};
       const words = this.recording && minute ? "timeline_at_recorded" : "timeline_at";
       const at = fill(this.texts[words], { time: this.time(minute) });
       return this.course?.message && minute >= this.end ? `${at} ${this.texts.timeline_ended}` : at;
     },
-    // A patient of a link or a file may bring events: closed, the timeline says that they are there.
+    // A patient from a link or file may have events: the closed timeline indicates them.
     openLabel() {
       const { length: count } = this.events;
       const words = count ? (count > 1 ? "timeline_open_events" : "timeline_open_event") : "timeline_open";
@@ -281,7 +281,7 @@ export default {
       const words = minutes < 60 ? "timeline_beats" : "timeline_hours";
       return fill(this.texts[words], { minutes, hours: minutes / 60 });
     },
-    // Where this tab is, so that one that is loaded again, or whose server was started again, goes on there.
+    // Position of this tab, restored when the page is reloaded or the server restarted.
     keepPlace() {
       const { of, length, minute, recording } = this;
       tab.keep(STORAGE_KEY, this.isOpen ? { of, length, minute, recording } : null);
@@ -312,7 +312,7 @@ export default {
       this.$emit("open", { number: this.isOpen ? this.length : 0 });
       this.keepPlace();
     },
-    // A minute that somebody saved, of a course of that length.
+    // A saved minute of a course of that length.
     follow(minute, length) {
       this.stop();
       if (!this.isOpen || this.length !== length) {
@@ -329,7 +329,7 @@ export default {
       this.jump(Math.min(this.minute, length));
       this.$emit("open", { number: length });
     },
-    // Play stops where an alarm is first seen, and goes on when it is pressed again.
+    // Play stops where an alarm first appears, and continues when pressed again.
     pauseAt({ minute, alarms }) {
       this.stop();
       const words = { time: this.time(minute), alarms: alarms.map(briefly).join("; ") };
@@ -393,11 +393,11 @@ export default {
       event.preventDefault();
       this.jump(this.minute + (steps * this.length) / 360);
     },
-    // The second click of a double click is not another event.
+    // Ignore the second click of a double click.
     onlyOnce(click) {
       if (click.detail > 1) click.preventDefault();
     },
-    // What was typed goes as it is: the server reads it, and asks where it may mean two numbers.
+    // Send the typed text unchanged: the server parses it, and asks if it is ambiguous.
     add() {
       const at = { at_min: Math.floor(1000 * this.minute) / 1000 };
       const [kind, minutes] = this.chosen.give ? ["give", "over_min"] : ["set", "ramp_min"];

@@ -7,7 +7,7 @@ export function makeBus() {
       latest.set(topic, data);
       for (const listener of listeners.get(topic) ?? []) listener(data);
     },
-    // Calls `listener` with every message of a topic, the last one at once; returns how to stop that.
+    // Calls `listener` with every message of a topic, and at once with the last; returns a function to stop.
     on(topic, listener) {
       if (!listeners.has(topic)) listeners.set(topic, new Set());
       listeners.get(topic).add(listener);
@@ -24,14 +24,14 @@ export const bandsFor = (bands, shown) =>
 
 const MOST_TIMES = 2000;
 
-// Times from the turn of a knob to the repainted page [ms].
+// Times from the change of a control to the repainted page [ms].
 export function makeLatency(clock, nextFrame) {
   const sent = new Map();
   const times = [];
   return {
     times,
     start: (seq) => sent.set(seq, clock()),
-    // The beat of a turn is drawn: turns before it were overtaken and have no time of their own.
+    // The beat of a change is drawn: earlier changes were superseded and have no time of their own.
     drawn(seq) {
       for (const [turn, since] of sent) {
         if (turn > seq) continue;

@@ -1,4 +1,4 @@
-// Charts by Plotly, which comes with the page; drawn only while their view is seen.
+// Charts by Plotly, which is part of the page; drawn only while their view is visible.
 import { FONT, bus, dark, ink, onPrint } from "eclsim-page";
 
 const PAPER = { width: 680, height: 460 }; // px, as in the style sheet for paper
@@ -24,7 +24,7 @@ const plotly = () => (loading ??= load());
 bus.on("beat", () => {
   if (!loading) setTimeout(plotly, LOAD_AFTER);
 });
-// Another preference of the reader draws the charts anew.
+// Redraw the charts when the colour preference changes.
 dark.addEventListener("change", () => {
   for (const topic of ["beat", "ramp"])
     if (bus.last(topic) !== undefined) bus.publish(topic, bus.last(topic));
@@ -66,7 +66,7 @@ const common = () => ({
   legend: { orientation: "h", x: 0, y: -0.16, font: { size: 11.5 } },
 });
 
-// Where a beat moves nothing but points, axes are not drawn again: that takes half of Plotly's time.
+// If a beat only moves points, axes are not redrawn: that takes half of Plotly's time.
 const AT_ONCE = { mode: "immediate", transition: { duration: 0 }, frame: { duration: 0, redraw: false } };
 const pointsOf = (traces) => ({
   data: traces.map((trace) => ({ x: trace.x, y: trace.y })),
@@ -76,7 +76,7 @@ const looksOf = (traces, layout) =>
   JSON.stringify([layout, traces.map((trace) => ({ ...trace, x: 0, y: 0 }))]);
 
 export class Chart {
-  // `again` draws anew what depends on the size; without it the same curves are drawn in another size.
+  // `again` recomputes what depends on the size; without it the same curves are drawn in a new size.
   constructor(element, view, again) {
     this.element = element;
     this.again = again ?? (() => this.draw(...this.drawn));
@@ -109,7 +109,7 @@ export class Chart {
     const looks = looksOf(traces, whole);
     const moved = looks === this.looks;
     this.looks = looks;
-    // One that is overtaken by the next is refused.
+    // A drawing superseded by the next one is rejected.
     if (moved) await Plotly.animate(this.element, pointsOf(traces), AT_ONCE).catch(() => undefined);
     else await Plotly.react(this.element, traces, whole, CONFIG);
     this.drawn = [traces, layout];

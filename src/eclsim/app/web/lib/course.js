@@ -1,7 +1,7 @@
-// Time in a course: clock words, where a time stands, and values between moments.
+// Time in a course: clock texts, position of a time, and interpolation between moments.
 import { GRAVEST } from "./format.js";
 
-// Hours and minutes, such as 03:12, or 00:03:12 with seconds; days in front where there are any.
+// Hours and minutes, such as 03:12, or 00:03:12 with seconds; preceded by days if any.
 export function clock(minute, seconds = false) {
   const all = Math.floor(60 * minute + 1e-3);
   const whole = Math.floor(all / 60);
@@ -11,7 +11,7 @@ export function clock(minute, seconds = false) {
   return `${day ? `${day} d ` : ""}${pad(hour)}:${pad(rest)}${end}`;
 }
 
-// The time that a beat is of, as on a clock; empty where it is that of the start.
+// Clock time of a beat; empty for the start.
 export const timeOf = (beat) => (beat?.minute ? clock(beat.minute, beat.transient) : "");
 
 // Minute after some milliseconds of play, never beyond the end.
@@ -20,14 +20,14 @@ export const playedTo = (minute, ms, speed, end) => Math.min(minute + (ms / 60_0
 // The first moment of a course at which an alarm is seen: between two moments its beginning is an estimate.
 export const seenAt = ({ at_min: at }, times) => times.find((time) => time >= at - 1e-9) ?? times.at(-1);
 
-// Alarms that are seen first behind a minute and not behind another, and when; warnings do not count.
+// The first alarms after one minute and not later than another, and when; warnings do not count.
 export function alarmsBetween(alarms, times, from, to) {
   const grave = alarms.filter(({ kind }) => kind === "alarm" || kind === "collapse");
   const minute = Math.min(...grave.map((one) => seenAt(one, times)).filter((at) => at > from + 1e-6));
   return minute <= to ? { minute, alarms: grave.filter((one) => seenAt(one, times) === minute) } : null;
 }
 
-// What an alarm of a course is of, without its times and its reason.
+// Subject of an alarm of a course, without its times and its reason.
 const TIMES = /(^| )at (\d+ d )?[\d:]+\d(, until (\d+ d )?[\d:]+\d)?( \([^)]*\))?/;
 export const briefly = ({ sentence }) => sentence.replace(TIMES, "").replace(/^: /, "").split(": ")[0];
 
@@ -42,7 +42,7 @@ export function momentAt(times, minute) {
   return low;
 }
 
-// Value at a time, on the straight line between two moments; undefined beyond the ends.
+// Value at a time by linear interpolation between moments; undefined beyond the ends.
 export function valueIn(times, values, minute) {
   const left = momentAt(times, minute);
   if (left < 0 || minute > times.at(-1) + 1e-9) return undefined;
@@ -70,7 +70,7 @@ export function curvePath(times, values, { end, width, height, low, high }) {
   return parts.join("");
 }
 
-// Where the limits of a lane are broken, on 0..width; the gravest last, so that nothing is painted over it.
+// Intervals in which limits of a lane are exceeded, on 0..width; the most serious last, to be drawn on top.
 export function brokenSpans(alarms, { last, end, width }) {
   const x = (minute) => (minute / end) * width;
   return alarms

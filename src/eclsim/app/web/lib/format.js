@@ -1,20 +1,20 @@
 // Numbers and limits as text.
 export const MINUS = "\u2212";
 export const MISSING = "–";
-// Signs of how a number stands to its limits, the gravest kind first.
+// Signs for exceeded limits, the most serious kind first.
 export const GRAVEST = ["collapse", "alarm", "warning"];
 export const SIGNS = { ok: "", warning: "! ", alarm: "▲ ", collapse: "✕ " };
 
 const isMissing = (value) => value === null || value === undefined || !Number.isFinite(value);
 
-// A number with so many decimals; a typographic minus, and none before zero.
+// A number with a given number of decimals, a typographic minus, and no minus before zero.
 export function fixed(value, digits) {
   if (isMissing(value)) return MISSING;
   const text = value.toFixed(digits);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 
-// A number with about three significant digits. Below one in 100 000 there is nothing but what a search left.
+// A number with about three significant digits; values below 1e-5 are residuals of a search and shown as 0.
 export function compact(value) {
   if (isMissing(value)) return MISSING;
   const size = Math.abs(value);
@@ -30,7 +30,7 @@ export function change(value, before) {
   return (difference > 0 ? "+" : "") + compact(difference);
 }
 
-// What is said above something that is computed for the start of a course alone.
+// Text above results that are computed only for the start of a course.
 export const laterThanStart = (texts, shown, pinned) =>
   [
     [texts.of_start, shown],
@@ -39,10 +39,10 @@ export const laterThanStart = (texts, shown, pinned) =>
     .filter(([, time]) => time)
     .map(([text, time]) => fill(text, { time }));
 
-// Whether the numbers of a beat, or of something computed from one, mean anything in a patient.
+// Whether the numbers of a beat, or of results computed from it, are possible in a patient.
 export const isPossible = (beat) => beat?.possible !== false;
 
-// The draws of a posterior that are not in its bands, and why.
+// Numbers of posterior draws that are not in its bands, and the reasons.
 export const leftOut = (texts, { lost, impossible }) =>
   [
     [texts.bands_lost, lost],
@@ -52,7 +52,7 @@ export const leftOut = (texts, { lost, impossible }) =>
     .map(([text, count]) => fill(text, { count }))
     .join(", ");
 
-// Some of an ordered list of speeds as text: "1000, 3000–5000" where neighbours are among them.
+// Selected speeds of an ordered list as text, with ranges for neighbours: "1000, 3000–5000".
 export function speedsText(some, all) {
   const runs = [];
   for (const speed of some) {
@@ -64,24 +64,24 @@ export function speedsText(some, all) {
   return runs.map((run) => ends(run).join("–")).join(", ");
 }
 
-// A difference with its sign, and none before zero.
+// A difference with its sign; zero has none.
 export function signed(value, digits) {
   const text = fixed(value, digits);
   return Number(text) === 0 || value < 0 || isMissing(value) ? text : `+${text}`;
 }
 
-// Which limits are broken, and how gravely, whatever the numbers are.
+// Exceeded limits and their levels, without their numbers.
 export const limitsOf = (notes) =>
   notes.map(([kind, text]) => kind + text.replace(/[\d.\u2212-]+/g, "#")).join();
 
-// The gravest of the levels of some outputs.
+// The most serious of the levels of some outputs.
 export const gravest = (levels, outputs) =>
   GRAVEST.find((kind) => outputs.some((name) => levels[name] === kind)) ?? "ok";
 
-// A number with all its digits, as a limit or a setting is given: 7.65 is neither 8 nor 7.7.
+// A number with all its digits, as for a limit or a setting: 7.65, not 8 or 7.7.
 export const exact = (value) => (isMissing(value) ? MISSING : String(value).replaceAll("-", MINUS));
 
-// Settings of a knob side by side: four digits as beside it, all where these do not tell them apart.
+// Values of a setting side by side: four digits, or all digits if four do not distinguish them.
 export function settingsText(values) {
   const written = (digits) =>
     values.map((v) => (typeof v === "number" ? exact(Number(v.toPrecision(digits))) : (v ?? MISSING)));
@@ -89,7 +89,7 @@ export function settingsText(values) {
   return count(written(4)) === count(values) ? written(4) : written(15);
 }
 
-// "! < 65, > 107" and below it "▲ < 55, > 133": what lies beyond a bound has the sign.
+// "! < 65, > 107" and below it "▲ < 55, > 133": values beyond a bound get its sign.
 export function limitLines(limits) {
   const bounds = (kind) =>
     limits
@@ -99,6 +99,6 @@ export function limitLines(limits) {
   return kinds.map((kind) => SIGNS[kind] + bounds(kind).join(", ")).join("\n");
 }
 
-// A sentence with named gaps: fill("{a} of {b}", { a: 1, b: 2 }).
+// Fill a sentence with named placeholders: fill("{a} of {b}", { a: 1, b: 2 }).
 export const fill = (text, values) =>
   Object.entries(values).reduce((filled, [name, value]) => filled.replace(`{${name}}`, () => value), text);

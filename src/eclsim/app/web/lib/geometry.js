@@ -1,10 +1,10 @@
 // Geometry of the schematic [mm, y downwards].
-const DROP_DISTANCE = 14; // around a position, in which a line is dropped on it
+const DROP_DISTANCE = 14; // distance from a position within which a dropped line is attached to it
 const HANDLE_DISTANCE = 2.6; // from the end of a line to its round handle
 
 export const polyline = (path) => path.map((point) => point.join(",")).join(" ");
 
-// The piece of a path that a symbol stands on.
+// Segment of a path on which a symbol is placed.
 export function pieceAt(path, at) {
   for (let k = 1; k < path.length; k += 1) {
     const [a, b] = [path[k - 1], path[k]];
@@ -14,7 +14,7 @@ export function pieceAt(path, at) {
   return path.slice(0, 2);
 }
 
-// How the symbol of a line is placed and turned: arrows of tubes with the flow; tips of cannulae point to
+// Position and rotation of a line's symbol: arrows of tubes along the flow; tips of cannulae towards
 // the patient.
 export function placed({ path, more, at, symbol }, flow = 0) {
   const [a, b] = more ? more.slice(0, 2) : pieceAt(path, at);
@@ -23,7 +23,7 @@ export function placed({ path, more, at, symbol }, flow = 0) {
   return `translate(${at[0]} ${at[1]}) rotate(${symbol === "cannula" ? 90 : turned})`;
 }
 
-// Where the handle of a line is: a little away from the site at its end.
+// Position of a line's handle: at a short distance from the site at its end.
 export function handleOf({ path, end }) {
   const fromSite = path[0][0] === end[0] && path[0][1] === end[1] ? path : path.toReversed();
   const [[x0, y0], [x1, y1]] = fromSite;
@@ -32,7 +32,7 @@ export function handleOf({ path, end }) {
 
 const outside = (at, middle, size) => Math.max(Math.abs(at - middle) - size / 2, 0);
 
-// The box nearest to a place, if it is within reach.
+// The box nearest to a point, if it is close enough.
 export function nearest(boxes, x, y) {
   let best = { name: null, distance: DROP_DISTANCE };
   for (const { name, ...box } of boxes) {

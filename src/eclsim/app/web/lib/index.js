@@ -1,4 +1,4 @@
-// What all views share in the browser: the bus, texts, colours of the style sheet, and the measured latency.
+// Shared by all views in the browser: the bus, texts, colours of the style sheet, and measured latency.
 import { bandsFor, makeBus, makeLatency } from "./bus.js";
 import { timeOf } from "./course.js";
 import { laterThanStart } from "./format.js";
@@ -31,7 +31,7 @@ export function setTexts(all) {
 // A colour of the style sheet, light or dark as the reader prefers.
 export const ink = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 export const dark = window.matchMedia("(prefers-color-scheme: dark)");
-// Calls `listener` with true before something is printed and with false after it; returns how to stop that.
+// Calls `listener` with true before printing and false after it; returns a function to stop.
 export function onPrint(listener) {
   const print = window.matchMedia("print");
   const change = () => listener(print.matches);
@@ -47,7 +47,7 @@ export function onPrint(listener) {
 }
 export const stroke = (number) => strokeOf(number, dark.matches);
 
-// What all components do: they know the texts, and listen to topics of the bus while they are on the page.
+// Common part of all components: texts, and subscriptions to topics of the bus while mounted.
 // A component's own `setUp` is called before the first message.
 export const listening = (topics) => ({
   data: () => ({ texts }),
@@ -61,7 +61,7 @@ export const listening = (topics) => ({
   },
 });
 
-// The same for a view whose `beat` is set while it is seen, since to draw it takes long.
+// The same for a view whose `beat` is set only while it is visible, as drawing takes long.
 export const seenIn = (name, topics) =>
   listening({
     beat(beat) {
@@ -75,7 +75,7 @@ export const seenIn = (name, topics) =>
     ...topics,
   });
 
-// For a view with `measure`: again whenever an element of it, by its name, has another size.
+// For a view with `measure`: called again whenever the element with that `ref` changes its size.
 export const sized = (name) => ({
   mounted() {
     this.observer = new ResizeObserver(() => this.measure());
@@ -94,7 +94,7 @@ function keepPinned(beat) {
   this.show();
 }
 
-// The same for a view that is drawn by `show`: again where a beat was pinned, and at these topics.
+// The same for a view drawn by `show`: drawn again when a beat is pinned, and at these topics.
 export const drawing = (again, topics) =>
   listening({ pinned: keepPinned, ...Object.fromEntries(again.map((topic) => [topic, redraw])), ...topics });
 
@@ -129,7 +129,7 @@ export const studied = (topic, again, topics = {}) => ({
     },
   },
 });
-// What such a view says above its numbers.
+// Text that such a view shows above its numbers.
 export const studyNotes = (none) => `
   <p v-if="failed" class="ecl-caution bad" role="alert">{{ failed }}</p>
   <p v-else-if="empty" class="ecl-empty">{{ texts.${none} }}</p>

@@ -1,9 +1,9 @@
-// How wide texts are, and where the names of limits stand in a chart, so that they lie on no curve, line or
-// other name.
+// Widths of texts, and placement of the labels of limits in a chart, so that they overlap no curve, line or
+// other label.
 export const FONT = 'system-ui, "Segoe UI", Roboto, sans-serif';
 const LABEL_HEIGHT = 13; // px
-const STEPS = 40; // places along a line that are tried, from the right
-const SAMPLES = 12; // of a curve along a name
+const STEPS = 40; // positions along a line that are tried, from the right
+const SAMPLES = 12; // points of a curve checked along a label
 
 // Width [px] of a text in a font as CSS has it.
 let pen;
@@ -15,7 +15,7 @@ export function textWidth(text, font) {
 
 const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 
-// Value of a curve at a place, on the straight line between its points; NaN in a gap.
+// Value of a curve at a position, interpolated between its points; NaN in a gap.
 function valueAtPlace(xs, ys, x) {
   const right = xs.findIndex((place) => place >= x);
   if (right < 0) return NaN;

@@ -1,19 +1,19 @@
-// Links to a state of the page, and what a tab keeps. What is behind # in an address reaches no log.
+// Links to a state of the page, and storage of a tab. The part of an address after # reaches no log.
 const LONGEST = 9000;
 
-// The link in the part of an address behind #; longer ones are cut, and refused by the server.
+// The link in the part of an address after #; longer ones are cut, and refused by the server.
 export const linkIn = (hash) => hash.slice(1, LONGEST);
 
 export const addressOf = ({ origin, pathname }, link) => `${origin}${pathname}#${link}`;
 
-// Entries by key with one set anew (undefined: without it); of more than `most` the oldest are let go.
+// Entries by key with one set (undefined: removed); beyond `most` entries, the oldest are dropped.
 export function remember(entries, key, value, most) {
   const { [key]: _, ...others } = entries;
   const kept = Object.entries(others).slice(1 - most);
   return Object.fromEntries(value === undefined ? kept : [...kept, [key, value]]);
 }
 
-// Storage of this tab, as plain data; nothing is kept where storage is blocked or full.
+// Storage of this tab, as plain data; nothing is stored if storage is blocked or full.
 export function makeTabStorage(storage, prefix = "eclsim-") {
   return {
     read(name) {
@@ -27,7 +27,7 @@ export function makeTabStorage(storage, prefix = "eclsim-") {
       try {
         storage().setItem(prefix + name, JSON.stringify(data));
       } catch {
-        // the page goes on without
+        // the page continues without storage
       }
     },
   };

@@ -1,6 +1,6 @@
 // Scales of axes, traces and sliders.
 
-// Round places between two numbers, about `count` of them.
+// Round values between two numbers, about `count` of them.
 export function ticks(low, high, count = 4) {
   const raw = (high - low) / count;
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -48,7 +48,7 @@ export function extent(values, least = 0) {
   return [low - missing, high + missing];
 }
 
-// Where a value stands between two bounds, from 0 to 1: on a logarithmic scale if both are positive.
+// Position of a value between two bounds, from 0 to 1: on a logarithmic scale if both are positive.
 export const logShare = (value, [low, high]) => {
   const share = low > 0 ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
   return Math.min(Math.max(share, 0), 1);

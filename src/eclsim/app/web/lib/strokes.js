@@ -1,4 +1,4 @@
-// Colours and dashes of curves: no two alike, on a light and on a dark ground.
+// Colours and dashes of curves: all distinct, on light and dark backgrounds.
 const CURVES = [
   ["#17202a", "#e6ebf0", "solid"],
   ["#c24f00", "#ff9a5c", "dash"],

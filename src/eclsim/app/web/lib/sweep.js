@@ -1,15 +1,15 @@
-// The sweep of the monitor: where its head is, and which samples of a periodic waveform are seen where.
+// Sweep of the monitor: position of its head, and positions of the samples of a periodic waveform.
 export const SECONDS = 6; // from the left to the right edge
 export const LEFT = 40; // px of the axis
 
-// Where the head is after some time [s], on a border of device pixels, so that pieces meet without a seam.
+// Position of the head after a time [s], on a device pixel boundary, so that pieces join without a seam.
 export function headAt(time, width, ratio) {
   const x = LEFT + ((time % SECONDS) * (width - LEFT)) / SECONDS;
   return Math.floor(x * ratio) / ratio;
 }
 
-// The samples of a waveform between two places [px], each at its own time, two beyond either end.
-// Every sample is drawn where it belongs, between pixels too, so that all beats of a steady beat look alike.
+// Samples of a waveform between two positions [px], each at its own time, two beyond either end.
+// Samples are drawn at their exact positions, also between pixels, so that repeated beats look identical.
 export function samples(wave, period, width, from, to) {
   const step = (((width - LEFT) / SECONDS) * period) / wave.length;
   const first = Math.max(0, Math.floor((from - LEFT) / step) - 2);
