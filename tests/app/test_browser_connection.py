@@ -69,7 +69,7 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     expect(knob(page, "ecmo.speed_rpm")).to_have_value("4444")
     page.wait_for_function("eclsim.bus.last('beat').values['ecmo.speed_rpm'] === 4444")
     expect(page.locator(".ecl-stale")).to_have_count(0)
-    status(page).not_to_contain_text("numbers are of")
+    status(page).not_to_contain_text("numbers are for")
 
     page.keyboard.press("Alt+p")
     page.keyboard.press("Alt+s")
@@ -145,7 +145,7 @@ def test_a_session_that_cannot_be_restored_is_called_lost(open_page):
     page.wait_for_function("eclsim.bus.last('keep')")
     page.evaluate("sessionStorage.setItem('eclsim-tab', JSON.stringify({ tab: 'damaged', of: '' }))")
     page.reload()
-    expect(page.get_by_text("The session of this tab is lost")).to_contain_text("Healthy adult")
+    expect(page.get_by_text("The session of this tab was lost")).to_contain_text("Healthy adult")
     expect(page.locator(".ecl-provenance")).to_contain_text("Healthy adult")
 
 

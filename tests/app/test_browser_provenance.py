@@ -103,7 +103,7 @@ def test_undo_then_reset_stays_with_the_patient(open_page):
     wait_for(page, "!('Qlvadpump' in beat.waves)")
     page.get_by_role("button", name="Reset").click()
     wait_for(page, "Math.abs(beat.period - 60 / 70) < 1e-3")
-    provenance(page).to_contain_text("Healthy adult A preset, made up: nobody was measured.")
+    provenance(page).to_contain_text("Healthy adult A made-up preset: no patient was measured.")
 
 
 def test_a_link_pasted_into_an_open_page_is_opened_and_a_damaged_one_changes_nothing(open_page):

@@ -48,7 +48,7 @@ def test_a_file_with_a_pump_flow_opens_at_the_speed_that_gives_it():
         ("large.csv", b"x" * (LARGEST_FILE + 1), "larger than"),
         ("large.toml", b"#" * 2_000_000, "too large"),
         ("utf16.toml", "format = 1".encode("utf-16"), "UTF-16"),
-        ("broken.toml", b"format = = 1", "no valid TOML"),
+        ("broken.toml", b"format = = 1", "not valid TOML"),
         ("header.csv", (",".join(HEADER) + "\n").encode(), "no"),
         ("binary.csv", bytes(range(256)) * 20, "."),
     ],

@@ -127,7 +127,7 @@ def test_a_shunt_that_the_page_assumed_is_named_with_the_fit(preset, value, said
     ("changes", "key", "message"),
     [
         ({"measurements__SP": "70"}, "measurements.SP", "below diastolic"),
-        ({"measurements__SP": "1,200"}, "measurements.SP", "1,200 may be 1.200 or 1200"),
+        ({"measurements__SP": "1,200"}, "measurements.SP", "1,200 may mean 1.200 or 1200"),
         ({"measurements__SP": "120/80"}, "measurements.SP", "two pressures"),
         ({"measurements__CO": "3400"}, "measurements.CO", "mL/min"),
         ({"measurements__MAP": "15 cmH2O"}, "measurements.MAP", "mmHg"),

@@ -67,9 +67,9 @@ def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        ("3,425", "3,425 may be 3.425 or 3425: write one of the two"),
-        ("3.425", "3.425 may be 3.4250 or 3425: write one of the two"),
-        ("1.000", "1.000 may be 1 or 1000: write one of the two"),
+        ("3,425", "3,425 may mean 3.425 or 3425: type one of the two"),
+        ("3.425", "3.425 may mean 3.4250 or 3425: type one of the two"),
+        ("1.000", "1.000 may mean 1 or 1000: type one of the two"),
         ("1.234,5", "decimal point"),
         ("1,234,500", "thousands separator"),
         ("120/80", "two"),
@@ -106,7 +106,7 @@ def test_typed_digits_count_as_a_number():
 
 @pytest.mark.parametrize("key", ["patient.id", "parameters.Rao", "lvad.speed_rpm", "__class__", ""])
 def test_what_is_no_knob_of_the_case_cannot_be_turned(key):
-    with pytest.raises(CaseError, match="cannot be turned"):
+    with pytest.raises(CaseError, match="cannot be changed here"):
         turn(CASES["paper"], key, 1.0)
 
 
@@ -128,7 +128,7 @@ def test_devices_are_connected_and_taken_away(key, device):
     case = CASES[key]
     there = getattr(case, device) is not None
     if device == "renox" and case.ecmo is None:
-        with pytest.raises(CaseError, match="RenOx stands in an ECMO circuit"):
+        with pytest.raises(CaseError, match="RenOx replaces the oxygenator"):
             connect(case, device)
         return
     changed = connect(case, device)
@@ -140,7 +140,7 @@ def test_renox_is_switched_on_and_its_fluids_are_turned():
     slow, fast = (compute_beat(PageState(turn(case, "renox.dialysate_ml_h", flow))) for flow in (1500, 3000))
     assert fast.outputs["renox_clearance_urea"] == pytest.approx(50, rel=0.01), "all of 3000 mL/h"
     assert slow.outputs["renox_clearance_urea"] == pytest.approx(25, rel=0.01)
-    with pytest.raises(CaseError, match="RenOx stands in an ECMO circuit"):
+    with pytest.raises(CaseError, match="RenOx replaces the oxygenator"):
         connect(case, "ecmo")
     assert connect(case, "renox") == CASES["paper"]
 

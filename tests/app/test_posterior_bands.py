@@ -291,7 +291,7 @@ def test_what_is_no_posterior_is_refused(tmp_path, change, message):
 def test_draws_of_gas_keys_go_with_a_patient_that_has_gases(tmp_path):
     shares = np.linspace(0.0, 0.6, 48)
     result = read_posterior("p.nc", written(tmp_path, "gas.shunt_fraction", shares))
-    with pytest.raises(CaseError, match="open the patient first"):
+    with pytest.raises(CaseError, match="first open the patient"):
         result.centred(CASE)
     case = result.centred(connect(CASE, "gas"))
     assert case.gas is not None

@@ -77,14 +77,14 @@ OTHER = PageState(PRESETS["lvad"].case(), origin="file", source="mine.toml").as_
 @pytest.mark.parametrize(
     ("forged", "reason"),
     [
-        ({"origin": "a preset of another version"}, "of a patient that this version does not have"),
+        ({"origin": "a preset of another version"}, "for a patient that this version does not have"),
         ({"origin": ["file"]}, "damaged"),
         ({"verdict": "good"}, "damaged"),  # of a fit that nobody made
         ({"source": "mine\u202e.toml"}, "damaged"),
         ({"source": "x" * 300}, "damaged"),
-        ({"later": 1}, "of another version"),
-        ({"opened": OTHER}, "of two patients"),
-        ({"opened": {**FILED, "source": "yours.toml"}}, "of two patients"),
+        ({"later": 1}, "from another version"),
+        ({"opened": OTHER}, "inconsistent: it holds two patients"),
+        ({"opened": {**FILED, "source": "yours.toml"}}, "inconsistent: it holds two patients"),
     ],
 )
 def test_a_forged_link_is_refused_in_one_sentence(forged, reason):
@@ -119,7 +119,7 @@ def test_link_with_a_flow_that_no_speed_was_solved_for_is_refused():
     case = PRESETS["paper"].case().as_mapping()
     case["ecmo"]["flow_l_min"] = 3.0
     del case["ecmo"]["speed_rpm"]
-    with pytest.raises(CaseError, match="pump flow in place of a speed"):
+    with pytest.raises(CaseError, match="pump flow instead of a speed"):
         state_of(packed({"v": 1, "policy": "as_published", "case": case}))
 
 

@@ -186,7 +186,7 @@ class Guard:
                 raise
         except _TooSlowError:
             if not started:
-                await _answer(send, 408, "the request did not come in time")
+                await _answer(send, 408, "the request took too long")
 
     async def _sign_in(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]) -> None:
         signed_in = self.rules.signed_in
@@ -310,11 +310,11 @@ def read_password(path: str) -> str:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
         raise PasswordFileError(f"{path}: cannot be read: {reason}") from None
     if mode & 0o077 and os.name == "posix":  # on other systems the mode does not tell who may read the file
-        raise PasswordFileError(f"{path}: others may read it; allowed: chmod 600")
+        raise PasswordFileError(f"{path}: other users can read it; protect it with chmod 600")
     password = written.split("\n")[0].rstrip("\r")
     if len(password) < SHORTEST_PASSWORD:
         raise PasswordFileError(
-            f"{path}: the first line is no password of at least {SHORTEST_PASSWORD} characters"
+            f"{path}: the first line must be a password of at least {SHORTEST_PASSWORD} characters"
         )
     return password
 

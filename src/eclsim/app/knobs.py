@@ -232,7 +232,7 @@ def turned_value(case: Case, key: str, value: object) -> object:
         CaseError: There is no such knob, or the value could be two different numbers.
     """
     if key not in {control.key for control in controls(case)}:
-        raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
+        raise CaseError([Mistake(str(key)[:64], "cannot be changed here")])
     if suggestion := ambiguous_comma(value) or ambiguous_point(value, is_whole(case, key)):
         raise CaseError([Mistake(key, suggestion)])
     section, name = section_and_name(key)

@@ -138,7 +138,7 @@ def state_of(link: str) -> PageState:
     if result.get("v") == 1:  # links of earlier versions did not contain the patient as opened
         return read_state({key: value for key, value in result.items() if key != "v"})
     if result.get("v") != VERSION:
-        raise refused_link("of another version")
+        raise refused_link("from another version")
     return read_state(result.get("state"))
 
 
@@ -151,10 +151,10 @@ def read_state(data: object) -> PageState:
     if not isinstance(data, dict):
         raise refused_link("damaged")
     if data.get("policy") not in POLICIES:
-        raise refused_link("with an unknown blood volume policy")
+        raise refused_link("invalid: its blood volume policy is unknown")
     case = read_mapping(data.get("case"), "link").case
     if case.targets():  # the page itself writes only speeds
-        raise refused_link("with a pump flow in place of a speed")
+        raise refused_link("invalid: it sets a pump flow instead of a speed")
     names = _read_names(data)
     state = replace(PageState(case, data["policy"]), **names)
     if state.origin in PRESETS:
@@ -166,7 +166,7 @@ def read_state(data: object) -> PageState:
         raise refused_link("damaged")
     start = read_state(opened)
     if start.case.patient.id != case.patient.id or any(getattr(start, n) != names[n] for n in names):
-        raise refused_link("of two patients")
+        raise refused_link("inconsistent: it holds two patients")
     return replace(state, opened=start)
 
 
@@ -177,13 +177,13 @@ def _read_names(data: dict[str, Any]) -> dict[str, str]:
         CaseError: A text is unknown to this page.
     """
     if data.keys() - {"case", "policy", "opened", *_NAMES}:
-        raise refused_link("of another version")
+        raise refused_link("from another version")
     names = {name: data.get(name, "") for name in _NAMES}
     words = [name for name in names.values() if isinstance(name, str)]
     if len(words) < len(names) or not all(w.isprintable() and len(w) <= LONGEST_NAME for w in words):
         raise refused_link("damaged")
     if names["origin"] not in ORIGINS:
-        raise refused_link("of a patient that this version does not have")
+        raise refused_link("for a patient that this version does not have")
     if names["verdict"] not in (VERDICTS if names["origin"] == "fit" else ("",)):
         raise refused_link("damaged")
     return names
@@ -346,7 +346,7 @@ def read_snapshot(text: str) -> Snapshot:
     content = unpacked(text, LONGEST_SNAPSHOT, LARGEST_SNAPSHOT)
     plain = content.get("states")
     if content.get("v") != SNAPSHOT_VERSION or not isinstance(plain, list) or len(plain) > MOST_STATES:
-        raise refused_link("of another version")
+        raise refused_link("from another version")
     states = [read_state(state) for state in plain]
 
     def state(number: object) -> PageState:

@@ -27,43 +27,43 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "help": "Help",
         "undo_hint": "Undo the last change (Ctrl+Z)",
         "redo_hint": "Redo (Ctrl+Y)",
-        "reset_hint": "Back to the patient as loaded (Alt+R)",
-        "pin_hint": "Keep the beat that is shown as a grey shadow for comparison (Alt+P)",
-        "save_hint": "Keep what is shown for the comparison (Alt+S)",
-        "link_hint": "Copy a link that restores this state; it holds the state, nothing is stored",
-        "link_copied": "Link copied: it holds the whole state, patient's values included.",
-        "link_shown": "Copy this link: it holds the whole state, patient's values included.",
-        "link_opened": "Opened from the link: {name}. Undo leads back.",
+        "reset_hint": "Return to the patient as loaded (Alt+R)",
+        "pin_hint": "Keep this beat as a grey shadow for comparison (Alt+P)",
+        "save_hint": "Keep the state shown for comparison (Alt+S)",
+        "link_hint": "Copy a link that restores this state; the link itself holds the state, nothing is "
+        "stored",
+        "link_copied": "Link copied: it holds the whole state, including the patient's values.",
+        "link_shown": "Copy this link: it holds the whole state, including the patient's values.",
+        "link_opened": "Opened from the link: {name}. Undo goes back.",
         "link_refused": "{reason}. Still shown: {name}.",
-        "tab_restored": "Restored from this tab: {name}; steps of undo: {steps}, saved states: {saved}, "
-        "pinned: {pinned}. A new tab starts with the patient of the server.",
-        "tab_lost": "The session of this tab is lost: what it showed could not be restored. Shown now: "
-        "{name}.",
+        "tab_restored": "Restored from this tab: {name}; undo steps: {steps}, saved states: {saved}, "
+        "pinned: {pinned}. A new tab starts with the server's patient.",
+        "tab_lost": "The session of this tab was lost and could not be restored. Shown now: {name}.",
         "state_saved": "State saved: see Compare.",
         "states_full": "{most} states are saved: remove one under Compare first.",
         # where the numbers come from
-        "ambiguous_comma": "{typed} may be {point} or {whole}: write one of the two",
+        "ambiguous_comma": "{typed} may mean {point} or {whole}: type one of the two",
         "provenance": "Where these numbers come from",
         "printed": "Printed {time} (clock of this device) · eclsim {version} · simulated, not measured",
         "provenance_title_changed": "{name}, changed",
-        "provenance_preset": "A preset, made up: nobody was measured.",
+        "provenance_preset": "A made-up preset: no patient was measured.",
         "provenance_paper": "A preset: parameters as printed for the patient of Thiel et al. 2025, "
         "Table S-4.",
         "provenance_unfitted": "Read from {source} and NOT FITTED: every number is simulated with published "
         "parameters and is not this patient's. Fit it under Identify.",
-        "provenance_parameters": "Simulated with the parameters that {source} gives.",
+        "provenance_parameters": "Simulated with the parameters in {source}.",
         "provenance_fit": "Simulated with parameters fitted to this patient's measurements.",
-        "provenance_posterior": "Simulated with the central draw of {source}; that file names no patient: "
-        "make sure that it belongs to this one.",
+        "provenance_posterior": "Simulated with the central draw of {source}; that file does not name a "
+        "patient: make sure that it belongs to this one.",
         "provenance_changed": "Changed by hand since: {what}.",
         "provenance_verdict": "Fit: {verdict}.",
-        "provenance_held": "Not fitted, but as set: {what}.",
+        "provenance_held": "Not fitted, kept as set: {what}.",
         "provenance_read": "Read from {source}.",
-        "provenance_not_stated": "Whether they were fitted to the measurements in it, it does not say.",
+        "provenance_not_stated": "It does not say whether they were fitted to its measurements.",
         "provenance_changed_before": "Changed by hand before it was saved.",
         "provenance_no_file": "the case",
         "provenance_connected": "{device} connected",
-        "provenance_removed": "{device} taken away",
+        "provenance_removed": "{device} disconnected",
         "provenance_switched_on": "{device} switched on",
         "provenance_switched_off": "{device} switched off",
         "provenance_more": "{count} more",
@@ -99,7 +99,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "switch_on": "{device}: switch on",
         "switch_off": "{device}: switch off",
         "knobs": "Knobs",
-        "knobs_of_start": "Knobs of 00:00; the page shows {time}.",
+        "knobs_of_start": "These knobs are for 00:00; the page shows {time}.",
         # knobs
         "patient.heart_rate_bpm": "Heart rate",
         "parameters.Emaxlv": "LV contractility",
@@ -108,9 +108,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "parameters.Rpmc": "Pulm. resistance",
         "parameters.Csart": "Arterial compliance",
         "volume_ml": "Blood given",
-        "volume_hint": "Blood in the veins beyond that of the published patient (0 mL); each preset has its "
-        "own",
-        "physiology.regional": "Upper and lower body apart",
+        "volume_hint": "Blood in the veins in addition to that of the published patient (0 mL); each preset "
+        "has its own value",
+        "physiology.regional": "Separate upper and lower body",
         "physiology.upper_share": "Upper body's share of flow",
         "physiology.bronchial_fraction": "Bronchial return",
         "physiology.collapsible_veins": "Veins that collapse",
@@ -140,7 +140,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "regulation.hypoxic_vasoconstriction": "Hypoxic constriction, lung",
         "regulation.chemoreflex": "Chemoreflex gain",
         "regulation.hypoxic_vasodilation": "Hypoxic dilation, organs",
-        "regulation.carbon_dioxide_response": "Measured answer to CO2",
+        "regulation.carbon_dioxide_response": "Measured response to CO2",
         "regulation.set_point_pao2_mmHg": "Set point, PaO2",
         "regulation.set_point_paco2_mmHg": "Set point, PaCO2",
         "regulation.lower_set_point_paco2_mmHg": "Set point, PaCO2 of lower body",
@@ -167,7 +167,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "drugs.nitroprusside_sensitivity": "Nitroprusside, sensitivity",
         "fluid.capillary_refill": "Refill (courses)",
         "fluid.haematocrit": "Haematocrit",
-        "fluid.reference_haematocrit": "Haematocrit of the tables",
+        "fluid.reference_haematocrit": "Reference haematocrit",
         "fluid.interstitial_protein_g_dl": "Interstitial protein",
         "fluid.interstitial_volume_ml": "Interstitial volume",
         "fluid.plasma_protein_g_dl": "Plasma protein",
@@ -182,10 +182,10 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "solutes.body_water_ml": "Body water",
         "solutes.bicarbonate_space_ml": "Bicarbonate space",
         "solutes.carbon_dioxide_store_ml_mmHg": "CO2 store of tissues",
-        "solutes.urea_generation_mmol_h": "Urea made",
-        "solutes.creatinine_generation_umol_h": "Creatinine made",
+        "solutes.urea_generation_mmol_h": "Urea production",
+        "solutes.creatinine_generation_umol_h": "Creatinine production",
         "solutes.potassium_generation_mmol_h": "Potassium given",
-        "solutes.acid_generation_mmol_h": "Acid made",
+        "solutes.acid_generation_mmol_h": "Acid production",
         "solutes.fluid_potassium_mmol_l": "Potassium of fluids",
         "solutes.potassium_store_l": "Potassium store of cells",
         "solutes.kidney_clearance_ml_min": "Kidney clearance",
@@ -214,10 +214,10 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "sweep_pause": "Pause",
         "autoscale": "Autoscale",
         "autoscale_on": "stretched: heights cannot be compared",
-        "autoscale_hint": "Stretch every trace to its lane; without it the scales are fixed, so that heights "
+        "autoscale_hint": "Stretch every trace to fill its lane; when off, the scales are fixed and heights "
         "can be compared",
-        "no_alarms": "The simulated numbers break no limit.",
-        "alarms": "Limits that are broken",
+        "no_alarms": "The simulated values break no limit.",
+        "alarms": "Broken limits",
         "alarms_more": "{hidden} more of {all}: scroll",
         "cautions": "How to read {names}",
         "caution": "read with care: {why}",
@@ -225,7 +225,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "impossible": "Impossible beat",
         "impossible_column": "✕ impossible",
         "impossible_pinned": "✕ The pinned beat is impossible: nothing is compared with it.",
-        "impossible_long": "No patient has such a beat: do not read its numbers. Change what is named here.",
+        "impossible_long": "No patient can have such a beat: ignore its numbers. Change what is named here.",
         "limit_broken": "Steady beat, limit broken",
         # key numbers
         "key_MAP": "Arterial",
@@ -241,22 +241,21 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         # state of the computation
         "ready": "Steady beat",
         "computing": "Computing …",
-        "offline": "Not connected: the numbers are of {what}",
-        "silent": "No answer from the server: the numbers are of {what}; what was changed since is taken "
-        "back",
-        "taken_back": "The server answers again. What was changed while it did not was taken back; Redo "
-        "makes it.",
-        "signed_out": "Signed out: the numbers are of {what}. Load this page again to sign in; it goes on "
+        "offline": "Not connected: the numbers are for {what}",
+        "silent": "No answer from the server: the numbers are for {what}; later changes are undone",
+        "taken_back": "The server answers again. Changes made while it did not were undone; Redo repeats "
+        "them.",
+        "signed_out": "Signed out: the numbers are for {what}. Reload this page to sign in; it continues "
         "where it was.",
-        "study_old": "Not yet of what the knobs show.",
-        "compiling": "Preparing this circuit (seconds, with gases and reflexes a minute; once) …",
+        "study_old": "Not yet updated to the knobs.",
+        "compiling": "Preparing this circuit (once; seconds, or a minute with gases and reflexes) …",
         "not_converged": "No steady beat",
         "failed": "This beat could not be computed. Undo the last change.",
         # schematic
         "schematic": "Circuit with mean pressures [mmHg] and flows",
-        "schematic_below": "more of the circuit beyond the edge: scroll",
+        "schematic_below": "the circuit continues beyond the edge: scroll",
         "schematic_whole": "Whole circuit",
-        "schematic_larger": "Larger letters",
+        "schematic_larger": "Larger text",
         "schematic_drag": "{letters} can be dragged",
         "schematic_hint": "Drag the round end of a line to another position, or choose it among the knobs.",
         "schematic_line": "{device} {line} at {{site}}: arrow keys move it to another position",
@@ -289,19 +288,21 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "pinned": "pinned",
         "pinned_of": "grey, pinned: {name}",
         # ramp
-        "ramp_impossible": "✕ Impossible at {speeds} rpm: no patient has such a beat, so it has no numbers.",
+        "ramp_impossible": "✕ Impossible at {speeds} rpm: no patient can have such a beat, so no numbers "
+        "are shown.",
         "ramp_closed": "The aortic valve stays closed at {speeds} rpm.",
-        "ramp_undetermined": "† Read no pressures at {speeds} rpm: heart valves stay closed, and how much "
-        "blood they shut in is not determined.",
+        "ramp_undetermined": "† Ignore the pressures at {speeds} rpm: heart valves stay closed, and how "
+        "much blood they trap is not determined.",
         "ramp_none": "A speed ramp needs a device whose pump has a speed.",
         "ramp_speed": "Pump speed [rpm]",
         "ramp_pressure": "Pressure [mmHg]",
         "ramp_flow": "Flow [L/min]",
-        "study_failed": "This could not be computed; the log of the server says why.",
+        "study_failed": "This could not be computed; the server log says why.",
         "ramp_lost": "No steady beat at {speeds} rpm.",
         # schemes
-        "schemes_none": "The nine schemes need oxygenator and rotary pump, and no CRRT with a name.",
-        "schemes_flow": "The lines carry {flow} mL/min. Choose a scheme to connect it.",
+        "schemes_none": "The nine schemes need an oxygenator, a rotary pump and a single CRRT without a "
+        "name ([crrt]).",
+        "schemes_flow": "The lines carry {flow} mL/min. Choose a scheme to connect them.",
         "scheme_access": "access",
         "scheme_return": "return",
         "scheme_limits": "alarm limits",
@@ -322,25 +323,25 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_length": "Length",
         "timeline_hours": "{hours} h",
         "timeline_beats": "{minutes} min, beat by beat",
-        "timeline_at": "{time} is shown. Knobs are those of the start.",
-        "timeline_at_recorded": "{time} is shown. A knob that is turned is an event of this time.",
-        "of_start": "This is of 00:00, the start of the course; the page shows {time}.",
-        "pinned_later": "What is pinned is of {time} and is not drawn here.",
+        "timeline_at": "{time} is shown. Knobs apply at the start.",
+        "timeline_at_recorded": "{time} is shown. Turning a knob adds an event at this time.",
+        "of_start": "This is for 00:00, the start of the course; the page shows {time}.",
+        "pinned_later": "The pinned beat is from {time} and is not drawn here.",
         "at_minute": "{name}, at {time}",
-        "timeline_ended": "Here the course stopped: nothing is known of later.",
+        "timeline_ended": "The course stopped here: later times were not computed.",
         "timeline_record": "Record knobs",
-        "timeline_record_hint": "A knob that is turned becomes an event at the time that is shown; else the "
-        "knobs are those of the start.",
-        "timeline_volume": "is given at the start; later, add an event to the timeline",
-        "timeline_of_start": "would hold from 00:00, not from the minute that is shown: go to the start, or "
-        "stop recording knobs",
-        "timeline_late": "an event at {times} is not before the end of the timeline at {end}: choose a "
+        "timeline_record_hint": "Turning a knob adds an event at the time shown; when off, the knobs apply "
+        "at the start.",
+        "timeline_volume": "is given at the start; to give it later, add an event to the timeline",
+        "timeline_of_start": "would apply from 00:00, not from the minute shown: go to the start, or stop "
+        "recording knobs",
+        "timeline_late": "an event at {times} is at or after the end of the timeline at {end}: choose a "
         "longer length, or remove the event",
         "timeline_end": "{time} is the end of the timeline: choose a longer length, or an earlier time",
         "timeline_lanes": "Curves",
-        "moment_failed": "The beat of {time} could not be computed: what is shown is of the minute before.",
+        "moment_failed": "The beat at {time} could not be computed: the minute before is shown.",
         "timeline_passing": "Not steady",
-        "gases_passing": "beat by beat the gases of each compartment are not listed",
+        "gases_passing": "in a beat-by-beat course, the gases of each compartment are not listed",
         "lane_blood_volume": "Blood volume",
         "lane_drug": "{drug} in effect",
         "lane_heart_rate": "Heart rate",
@@ -361,26 +362,26 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "lane_fluid.interstitium_ml": "Interstitium",
         "lane_fluid.refilled_ml": "From the tissues",
         "lane_fluid.removed_ml": "Taken",
-        "timeline_again": "Opened again at {time}, where this tab was: the course is that of the events and "
-        "knobs that were restored, computed anew.",
-        "timeline_computing": "computing the course (longer once for each circuit) …",
-        "timeline_cursor": "Minute that is shown",
+        "timeline_again": "Reopened at {time}, where this tab was: the course was computed again from the "
+        "restored events and knobs.",
+        "timeline_computing": "computing the course (longer the first time for each circuit) …",
+        "timeline_cursor": "Minute shown",
         "timeline_add": "Add at {time}",
         "timeline_what": "Event",
         "timeline_amount": "Amount",
         "timeline_over": "over",
-        "timeline_no_amount": "there is no amount: type how much",
-        "timeline_no_minutes": "there are no minutes: type over how many, 0 for at once",
+        "timeline_no_amount": "the amount is missing: type how much",
+        "timeline_no_minutes": "the minutes are missing: type how many, 0 for at once",
         "timeline_minutes": "min",
         "timeline_give": "Give or take",
         "timeline_set": "Set",
         "timeline_remove": "Remove",
         "timeline_events": "Events",
-        "timeline_alarms": "What was broken",
+        "timeline_alarms": "Broken limits",
         "timeline_no_alarms": "No limit is broken.",
         "timeline_balance": "Blood {start} to {end} mL: given {given}, taken {removed}, from the tissues "
         "{refilled} mL; balance off by {error} mL. Computed in {seconds} s.",
-        "course_full": "an event at a minute, at most {most} of them",
+        "course_full": "one event at a time, at most {most} in a course",
         "course_failed": "The course could not be computed.",
         "course_events": "events of the course",
         "give_crystalloid_ml": "Crystalloid",
@@ -396,7 +397,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "gases_site": "Site",
         "gases_backwards": "blood runs backwards",
         "gases_standing": "no blood flows",
-        "gases_exchange": "What is exchanged [mL/min STPD]",
+        "gases_exchange": "Gas exchange [mL/min STPD]",
         "gases_where": "Where",
         "gases_uptake": "O2 into blood",
         "gases_removal": "CO2 out of blood",
@@ -441,19 +442,19 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "kind_collapse": "impossible",
         "above": "above",
         # identify
-        "identify_intro": "Type what was measured; leave empty what was not. Fields of devices and gases "
-        "are here when these are switched on. The seven parameters of the paper are fitted, and the blood "
-        "volume where CVP was measured, lines and filter of the CRRT where their pressures were; with blood "
-        "gases, shunt, oxygen consumption, mixing, oxygenator, and of the others what these tell apart. What "
-        "is simulated now stands beside a field and is not a measurement.",
+        "identify_intro": "Type what was measured; leave the rest empty. Fields of devices and gases appear "
+        "once these are switched on. The fit finds the seven parameters of the paper, the blood volume if "
+        "CVP was measured, and lines and filter of the CRRT if their pressures were; with blood gases, it "
+        "finds shunt, oxygen consumption, mixing, oxygenator, and those of the other parameters that can be "
+        "told apart. The value now simulated stands beside a field; it is not a measurement.",
         "fit": "Fit",
         "cancel": "Cancel",
-        "fit_preparing": "Preparing the fit (takes longer once for each circuit) …",
+        "fit_preparing": "Preparing the fit (takes longer the first time for each circuit) …",
         "fit_waiting": "Waiting for another fit …",
         "fit_failed": "The fit failed. Check the measurements, or change the circuit and try again.",
         "fit_cancelled": "Cancelled.",
-        "fit_lost": "What was being computed here was lost with the server, or when the page was loaded "
-        "again: start it again.",
+        "fit_lost": "This computation was lost because the server stopped or the page was reloaded: start "
+        "it again.",
         "fit_use": "Use this patient",
         "fit_use_poor": "Show it although the fit is poor",
         "fit_reasons": "Why",
@@ -464,10 +465,10 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_bounds_elsewhere": "bounds (possible with eclsim identify)",
         "fit_option_elsewhere": "(an option of eclsim identify)",
         "fit_ended_with": "search: {message}",
-        "fit_old": "The form, devices or what else is set were changed since this fit ({of}). Its results "
-        "and the measurements beside them are the older ones: press Fit for those in the form.",
+        "fit_old": "The form, devices or other settings were changed after this fit ({of}). Its results and "
+        "the measurements beside them are the earlier ones: press Fit to fit those in the form.",
         "fit_off": "{count} standard uncertainties",
-        "fit_used": "The fitted patient is in all views now.",
+        "fit_used": "All views now show the fitted patient.",
         "fit_fitted": "fitted",
         "fit_measured": "measured",
         "fit_interval": "90 % interval",
@@ -480,18 +481,18 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_parameter": "Parameter",
         "fit_clear": "Empty the form",
         "fit_nobody": "your own patient (a preset has none)",
-        "fit_of_preset": "of the preset: overwrite it",
+        "fit_of_preset": "from the preset: overwrite it",
         "fit_form_of": "Measurements of {name}",
-        "fit_circuit": "Fitted with what is set now: {circuit}. What is neither fitted nor named here has "
-        "its published value, whatever a preset and the knobs of heart and vessels say.",
+        "fit_circuit": "Fitted with the current settings: {circuit}. What is neither fitted nor named here "
+        "has its published value, regardless of preset and knobs of heart and vessels.",
         "fit_now": "simulated {value}",
-        "fit_typed_kept": "What was typed for this patient was kept in this tab.",
+        "fit_typed_kept": "The values typed for this patient were kept in this tab.",
         "fit_of": "Fit of {name} with {circuit}",
         # uncertainty
         "posterior_find": "Uncertainty",
-        "posterior_hint": "Which other parameters the measurements leave possible: a posterior, from "
-        "weighted draws. It gives 90 % bands in the views once this patient is used.",
-        "posterior_preparing": "Approximating (takes longer once for each circuit) …",
+        "posterior_hint": "Which other parameter values the measurements leave possible: a posterior, from "
+        "weighted draws. Once this patient is used, the views show its 90 % bands.",
+        "posterior_preparing": "Approximating (takes longer the first time for each circuit) …",
         "posterior_draws": "{count} weighted draws …",
         "posterior_failed": "The uncertainty could not be computed.",
         "posterior_found": "{method}: {draws} draws, {effective} effective (at least 400), Pareto k {shape} "
@@ -504,13 +505,13 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "posterior_trusted": "diagnostics: trusted",
         "posterior_doubted": "NOT TO BE TRUSTED",
         "posterior_without": "no diagnostics: an approximation",
-        "posterior_unchecked": "the file does not call it trusted",
+        "posterior_unchecked": "the file does not mark it as trusted",
         "posterior_damaged": "not a posterior of eclsim identify --posterior, or damaged",
-        "posterior_unknown": "its draws are of a parameter that no case file has",
-        "posterior_foreign": "draws of this, which {name} does not have",
-        "posterior_own": "open the patient first that the posterior was found for, with devices and sections",
-        "posterior_long": "more draws than this page takes",
-        "posterior_range": "{parameter} has values outside of its range",
+        "posterior_unknown": "it has draws of a parameter that no case file has",
+        "posterior_foreign": "the posterior has draws of this, but {name} does not have it",
+        "posterior_own": "first open the patient of this posterior, with its devices and sections",
+        "posterior_long": "more draws than this page accepts",
+        "posterior_range": "{parameter} has values outside its range",
         "posterior_opened": "The posterior is in use: its central draw gives the parameters.",
         "bands_label": "Bands of the posterior",
         "bands_what": "90 % band of {count} of {all} draws",
@@ -521,7 +522,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "bands_show": "Show bands",
         "bands_hide": "Hide bands",
         "bands_computing": "computing bands …",
-        "bands_start": "bands are of 00:00 and not shown at {time}",
+        "bands_start": "bands are for 00:00 and not shown at {time}",
         "bands_column": "90 % band",
         "bands_value": "Now, 90 % band",
         # compare
@@ -540,13 +541,13 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "export_study": "Connection schemes (HTML report)",
         "export_course": "Course with its events (ZIP: case, CSV, NetCDF, JSON, figure)",
         "export_failed": "The export failed: {reason}",
-        "exporting_start": "Preparing the file. It is of 00:00, the start, not of the minute shown.",
+        "exporting_start": "Preparing the file. It is for 00:00, the start, not for the minute shown.",
         "exporting": "Preparing the file …",
         # opening
         "open_title": "Open a case or a cohort",
-        "open_text": "A case file (TOML), a cohort (CSV, one row a data point), or the posterior.nc of "
-        "the patient that is open, up to {size}. It is checked on the machine that runs this page and kept "
-        "there only while the page is open.",
+        "open_text": "A case file (TOML), a cohort (CSV, one row per data point), or the posterior.nc of "
+        "the open patient, up to {size}. It is checked on the machine that runs this page and kept there "
+        "only while the page is open.",
         "open_drop": "Choose a file, or drop it here",
         "open_reading": "Reading {name} …",
         "open_rows": "Data point",
@@ -563,15 +564,14 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "refused": "This cannot be used:",
         "warnings": "Please check:",
         # sessions and sign-in
-        "full": "This page is open {most} times already, which is as often as this server allows. Please try "
-        "again later.",
+        "full": "This page is already open {most} times, the most that this server allows. Please try again "
+        "later.",
         "sign_in": "Sign in",
         "password": "Password",
-        "wrong_password": "This is not the password.",
+        "wrong_password": "Wrong password.",
         "too_many": "Too many attempts. Wait a minute.",
-        "help_model": "What is shown is the steady beat of a lumped model of the circulation (Thiel et "
-        "al. 2025); blood gases, reflexes and regions are there where they are switched on. Pressures are in "
-        "mmHg.",
+        "help_model": "The page shows the steady beat of a lumped model of the circulation (Thiel et al. "
+        "2025), with blood gases, reflexes and regions where these are switched on. Pressures are in mmHg.",
         "help_text": "Drag a knob or type a number; everything follows at once. Tab moves between knobs, "
         "arrow keys turn them. Ctrl+Z undoes, Ctrl+Y redoes, Alt+P pins, Alt+S saves, Alt+R resets, "
         "Alt+1 to Alt+8 open the views.",
