@@ -81,4 +81,4 @@ def test_demo_refuses_a_file_in_place_of_a_folder(shell):
     target.write_text("mine")
     done = shell.run("demo", "--out", target)
     assert done.exit_code == 2
-    assert "a folder belongs here" in done.stderr
+    assert "is a file; give a folder" in done.stderr

@@ -48,7 +48,7 @@ def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
         (("course", case, "--until", "1.5", "--json", "-"), "after the end of the course at 1.5 min"),
         (("course", case, "--beats", "--json", "-"), "--beats: 1440 min; allowed: up to 120 min"),
         (("course", case, "--every", "0.01", "--json", "-"), "144000 moments; allowed: up to 20000"),
-        (("plan", case), "--remove-ml or --wean: give one of them"),
+        (("plan", case), "--remove-ml, --wean: give exactly one"),
         (("plan", case, "--remove-ml", "500"), "--remove-ml needs --keep"),
         (("plan", case, "--remove-ml", "500", "--keep", "MAPP > 60"), "did you mean MAP"),
         (("plan", case, "--remove-ml", "500", "--keep", "SaO2 > 90"), "it needs [gas] in the case file"),

@@ -83,7 +83,7 @@ def test_reproduce_keeps_results_that_stand(shell):
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
-    [((), "no folder to write to"), (("paper", "--out", "other"), "two folders; give one of them")],
+    [((), "no output folder"), (("paper", "--out", "other"), "two folders; give only one")],
 )
 def test_reproduce_needs_one_folder(shell, arguments, text):
     result = shell.run("reproduce", *arguments)
@@ -126,7 +126,7 @@ def test_a_cohort_is_checked_before_anything_is_computed(shell):
     result = shell.run("crrt-study", table, "--set", "ecmo.speed_rpm=3000", "--schemes", "q", "--resume")
     assert result.exit_code == 2
     for message in (
-        "--set: for a case file",
+        "--set: works for one case file only",
         "--schemes 'q' is no scheme",
         "--resume and --shard need --out DIR",
     ):

@@ -73,7 +73,7 @@ def test_an_interrupted_command_says_how_to_go_on(number):
     )
     done = subprocess.run([sys.executable, "-c", code, str(int(number))], capture_output=True, text=True)
     assert done.returncode == 128 + number
-    assert "out: what is finished is kept; the same command with --resume goes on" in done.stderr
+    assert "out: finished results are kept; the same command with --resume goes on" in done.stderr
 
 
 def test_a_command_that_ends_by_itself_says_nothing_of_going_on(capsys):

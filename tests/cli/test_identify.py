@@ -165,11 +165,11 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
         (("--bounds", "Rmc=5"), "NAME=LOWER:UPPER"),
         (("--uncertainty", "XY=3"), "no measurement"),
         (("--uncertainty", "PCWP=3"), "error: --uncertainty: PCWP: not measured, so its"),
-        (("--resume",), "for cohorts"),
-        (("--draws", "60"), "--chains, --warmup, --draws: of --posterior"),
-        (("--prior", "log-normal"), "--prior: of --posterior and --predict"),
-        (("--predict-with", "gaussian"), "--predict-with: of --predict"),
-        (("--posterior-method", "importance"), "without --posterior"),
+        (("--resume",), "work for cohorts only"),
+        (("--draws", "60"), "--chains, --warmup, --draws: need --posterior"),
+        (("--prior", "log-normal"), "--prior: needs --posterior or --predict"),
+        (("--predict-with", "gaussian"), "--predict-with: needs --predict"),
+        (("--posterior-method", "importance"), "--posterior-method: needs --posterior"),
         (("--predict", "Rmc=0.4"), "Rmc is free, so every draw has its own"),
         (("--predict", "ecmo.rpm=4000"), "--predict: ecmo.rpm = "),
         (("--predict", "measurements.SP=90"), "no output depends on measurements.SP"),
@@ -217,7 +217,7 @@ def test_no_command_writes_over_what_it_reads(shell, tmp_path, command):
     out = ("--out", str(tmp_path / "out"))
     done = shell.run(command, case, *out, "--json", case, "--force")
     assert (done.exit_code, Path(case).read_bytes()) == (2, before)
-    assert "an input of this command; it would be overwritten" in done.stderr
+    assert "is an input of this command and would be overwritten" in done.stderr
 
 
 def test_a_parameter_that_some_rows_have_not_is_refused_with_their_lines(shell, tmp_path):

@@ -78,4 +78,6 @@ def test_shards_are_of_commands_with_many_tasks(shell):
         )
     result = shell.run("validate", "--shard", "1/2", "--out", shell.folder / "b")
     assert result.exit_code == 2
-    assert "--shard: with one part made of tasks, --only robustness or --only adaptive" in result.stderr
+    assert (
+        "--shard: needs exactly one part made of tasks: --only robustness or --only adaptive" in result.stderr
+    )

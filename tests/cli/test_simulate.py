@@ -77,12 +77,12 @@ def test_exit_status_1_if_one_did_not_converge(shell, instant):
 def test_settings_and_options_reach_the_computation(shell, instant):
     arguments = ["--set", "ecmo.speed_rpm=3000", "--set", "Rmc=0.8", "--solver", "adaptive"]
     done = shell.run("simulate", shell.case(more=shell.ecmo), *arguments, "--volume-policy", "patient_held")
-    assert "wins over" not in done.stderr.partition("--volume-policy")[2]
+    assert "overrides" not in done.stderr.partition("--volume-policy")[2]
     ((case, options),) = instant
     assert case.ecmo.speed_rpm == 3000
     assert case.parameters == {"Rmc": 0.8}
     assert (options["solver"], case.volume_policy) == ("adaptive", "patient_held")
-    assert "note: --set: ecmo.speed_rpm = 3000: wins over 3425 of" in done.stderr
+    assert "note: --set: ecmo.speed_rpm = 3000: overrides 3425 of" in done.stderr
 
 
 def test_nothing_is_computed_if_anything_is_wrong(shell, instant):
@@ -131,21 +131,21 @@ def test_the_course_in_time_is_stored_beside_the_beat(shell, instant, monkeypatc
     [
         (["--out", "{folder}/none/x.nc"], "the folder {folder}/none does not exist"),
         (["--json", "{folder}/none/x.json"], "the folder {folder}/none does not exist"),
-        (["--json", "{folder}"], "a folder; a file name belongs here"),
-        (["--json", "{folder}/old"], "exists already; --force overwrites it"),
+        (["--json", "{folder}"], "is a folder; give a file name"),
+        (["--json", "{folder}/old"], "already exists; --force overwrites it"),
         (["--json", ""], "--json: an empty name"),
         (["--json", "{folder}/" + "x" * 300], "File name too long"),
         (["--out", "{folder}/x.csv"], "ends in .nc"),
-        (["--csv", "{folder}/old"], "a file; a folder belongs here"),
+        (["--csv", "{folder}/old"], "is a file; give a folder"),
         (["--figures", "{folder}/none/deep"], "the folder {folder}/none does not exist"),
         (["--csv", "{folder}/full"], "holds results of these cases (outputs.csv); --force"),
-        (["--json", "{folder}/case.toml", "--force"], "it would be overwritten"),
+        (["--json", "{folder}/case.toml", "--force"], "and would be overwritten"),
         (["--json", "{folder}/x.nc", "--out", "{folder}/x.nc"], "name the same file"),
         (["--transient", "5"], "--transient needs --out"),
         (["--transient", "-5"], "--transient"),
         (["--transient", "nan"], "--transient"),
         (["--save", "Pao,Qlvv"], "--save Qlvv: no such waveform; did you mean Qlv?"),
-        (["--save", ","], "--save: no names"),
+        (["--save", ","], "--save: empty"),
         (["--solver", "magic"], "semi-implicit"),
         (["--volume-policy", "held"], "patient_held"),
         (["--set", "Rmcc=1"], "Rmc"),

@@ -81,7 +81,7 @@ def test_a_refused_row_between_others_keeps_its_time(shell, table):
     assert result.exit_code == 1
     points = json.loads(result.stdout)["series"][0]["points"]
     assert [(p["id"], p["hours_since_last"]) for p in points] == [("1", None), ("3", 48.0)]
-    assert "=A: 1 refused between others, for which 24 h each are counted all the same" in result.stderr
+    assert "=A: refused rows between used ones: 1; each still counts as 24 h of elapsed time" in result.stderr
 
 
 VALUES = "[measurements]\nMAP = 80\nCO = 4.0\nSP = 100\n"
@@ -103,7 +103,7 @@ def test_the_collision_warning_is_for_ids_that_differ(shell):
     for files, warned in ((same, False), (alike, True)):
         result = shell.run("track", *files, "--out", shell.folder / "out", "--parameters", "Rmd")
         assert result.exit_code == 2
-        assert ("in case, spaces or Unicode form alone" in result.stderr) == warned
+        assert ("only in case, spaces or Unicode form" in result.stderr) == warned
         assert "files of 2 patients" not in result.stderr
 
 
@@ -133,7 +133,7 @@ def test_the_same_file_is_no_second_measurement(shell):
     case = shell.case(more=MEASURED)
     result = shell.run("track", case, case, "--out", shell.folder / "out")
     assert result.exit_code == 2
-    assert "given 2 times; a measurement counts once" in result.stderr
+    assert "given 2 times; give each measurement once" in result.stderr
 
 
 def test_results_are_not_overwritten(shell, table):
@@ -148,7 +148,7 @@ def test_results_are_not_overwritten(shell, table):
 def test_tables_and_case_files_do_not_mix(shell, table):
     result = shell.run("track", table, shell.case(), "--out", shell.folder / "out")
     assert result.exit_code == 2
-    assert "one table alone" in result.stderr
+    assert "allowed: one table, or case files" in result.stderr
 
 
 MEASURED = "[measurements]\nSP = 110\nDP = 75\nMAP = 88\nCO = 4.0\n"
@@ -247,8 +247,8 @@ def test_what_gases_and_cvp_tell_of_is_free_unasked(shell, capsys):
     assert each["=A"].fit.parameters == ("gas.shunt_fraction", *BOUNDS)
     assert each["=B"].fit.parameters == ("fluid.extra_volume_ml", *BOUNDS)
     assert (
-        "=A: blood gases, CVP or pressures of the CRRT were measured: free are gas.shunt_fraction"
-        in capsys.readouterr().err
+        "=A: blood gases, CVP or pressures of the CRRT were measured: the free parameters are "
+        "gas.shunt_fraction" in capsys.readouterr().err
     )
     _check_points(series, each)
     chosen = TrackOptions(files=[str(file)], out="out", parameters="Rmc", bounds="Rmc=0.1:2")

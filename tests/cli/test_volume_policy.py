@@ -35,10 +35,10 @@ def beat(shell, *arguments):
 def test_the_file_s_policy_is_used_and_the_option_wins_with_a_word(shell, patient_held_case):
     own, message = beat(shell, patient_held_case)
     assert own["blood_volume_policy"] == "patient_held"
-    assert "wins over" not in message
+    assert "overrides" not in message
     other, message = beat(shell, patient_held_case, "--volume-policy", "as_published")
     assert other["blood_volume_policy"] == "as_published"
-    wins = f'blood_volume_policy = "as_published": wins over "patient_held" of {patient_held_case}'
+    wins = f'blood_volume_policy = "as_published": overrides "patient_held" of {patient_held_case}'
     assert f"--volume-policy: {wins}" in message
     assert own["outputs"]["MAP"] > other["outputs"]["MAP"] + 2.0
     plain, _ = beat(shell, shell.case(more=shell.ecmo))

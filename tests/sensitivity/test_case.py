@@ -352,7 +352,7 @@ def test_a_patient_without_a_steady_beat_is_not_ranked(tmp_path, capsys):
     assert result["id"] == "va_ecmo_default"
     assert result["status"] in ("singular", "no_ejection")
     assert result.keys() == {"made_by", "id", "status", "message"}
-    assert "nothing is ranked, because there are no derivatives" in result["message"]
+    assert "parameters cannot be ranked: there are no derivatives" in result["message"]
     assert result["message"] in message.err
     assert json.loads((tmp_path / "out" / "identifiability.json").read_text()) == result
     assert not (tmp_path / "out" / "figures").exists()

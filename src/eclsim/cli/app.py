@@ -20,7 +20,9 @@ class AppOptions:
 
     case_file: str | None = argument(None, "[CASE.toml]", "Case to start with; default: a healthy adult.")
     port: int = option(8080, "Port to listen on.", minimum=1, maximum=65535)
-    host: str = option("127.0.0.1", "Address to listen on; others than this machine need --password-file.")
+    host: str = option(
+        "127.0.0.1", "Address to listen on; any other than this machine's own needs --password-file."
+    )
     root_path: str = option("", "Path under which a proxy serves the page.", "--root-path", metavar="/PATH")
     password_file: str | None = option(
         None, "File with the password in its first line (chmod 600).", metavar="FILE"
@@ -41,7 +43,7 @@ def app(options: AppOptions) -> None:
     password = _password(options.password_file)
     host = options.host
     if host not in _THIS_MACHINE and password is None:
-        fail(f"--host {host}: others can reach the page then; give --password-file too")
+        fail(f"--host {host}: other machines can then reach the page; add --password-file")
     try:
         from eclsim.app.server import Options, serve
     except ModuleNotFoundError as error:

@@ -144,12 +144,13 @@ def _options(
         typer.Option(
             metavar="FILE.py",
             callback=_load_devices,
-            help="Python file that registers a device of your own; it is run. May be given more than once.",
+            help="Python file that registers your own device; the file is executed. May be given more than "
+            "once.",
         ),
     ] = None,
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave."),
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
     ] = False,
 ) -> None:
     """Process the options that precede the command."""

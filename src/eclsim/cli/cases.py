@@ -132,7 +132,7 @@ def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
         known = first.setdefault(plain_id(name), reading)
         if known.case.patient.id != name:
             lines.append(
-                f"{reading.file}: patient.id '{name}' differs from '{known.case.patient.id}' in {known.file} "
-                "in case, spaces or Unicode form alone"
+                f"{reading.file}: patient.id '{name}' differs from '{known.case.patient.id}' in "
+                f"{known.file} only in case, spaces or Unicode form"
             )
     return lines

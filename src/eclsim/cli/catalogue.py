@@ -32,10 +32,11 @@ class ParameterSet:
 class ListOptions(ParameterSet):
     """Options of `eclsim parameters list`."""
 
-    set_name: SetName = option("all", "Set of parameters; all: those that a case file may set.", "--set")
+    set_name: SetName = option("all", "Set of parameters; all: every one that a case file may set.", "--set")
 
     group: str | None = option(
-        None, "Only this group, such as systemic, heart or the section of a device; a wrong one lists all."
+        None,
+        "Only this group, such as systemic, heart or the section of a device; an unknown one lists them all.",
     )
 
 
@@ -51,7 +52,7 @@ class ExportOptions(ParameterSet):
     """Options of `eclsim parameters export`."""
 
     format_name: Literal["csv", "toml", "json"] = option(
-        "csv", "Format that is written to standard output.", "--format"
+        "csv", "Format written to standard output.", "--format"
     )
 
 
@@ -131,7 +132,7 @@ def _set(name: str) -> Mapping[str, Parameter]:
 class DevicesOptions:
     """Options of `eclsim devices`."""
 
-    name: str | None = argument(None, "[NAME]", "Show all that is known of this device.")
+    name: str | None = argument(None, "[NAME]", "Show everything known about this device.")
 
 
 def devices(options: DevicesOptions) -> None:

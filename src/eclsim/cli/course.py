@@ -46,7 +46,7 @@ class CourseOptions(CaseChanges, Distributed):
     )
     every: float | None = option(
         None,
-        "Minutes between the moments shown; default: about 144 moments.",
+        "Minutes between the moments shown; default: such that about 144 are shown.",
         metavar="MINUTES",
         minimum=0.01,
     )
@@ -68,8 +68,8 @@ class CourseOptions(CaseChanges, Distributed):
     )
     steady_only: bool = option(
         False,
-        "Steady beats throughout. Without this option every beat after a large sudden change is computed "
-        "until the circulation has settled.",
+        "Compute steady beats throughout. Without this option, every beat after a large sudden change is "
+        "computed until the circulation has settled.",
         "--steady-only",
     )
     out: str | None = option(None, "Folder for the course as CSV and NetCDF.", metavar="DIR")
@@ -111,7 +111,10 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
 
     tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
     if tables and len(o.files) > 1:
-        fail(f"{tables[0]}: a table stands alone; allowed: one table, one folder, or case files")
+        fail(
+            f"{tables[0]}: a table cannot be combined with other files; allowed: one table, one folder, or "
+            "case files"
+        )
     if tables:
         reading = read_table(o.files[0])
         cases, refused = [with_name(p.case, p.name) for p in reading.points], bool(reading.refused)
@@ -187,17 +190,22 @@ def _destinations(o: CourseOptions) -> Destinations:
         )
     if o.beats and o.minutes > LONGEST_MIN:
         places.mistakes.append(
-            f"--beats: {o.minutes:g} min; allowed: up to {LONGEST_MIN:g} min (--until), hours without it"
+            f"--beats: {o.minutes:g} min; allowed: up to {LONGEST_MIN:g} min (--until), or longer without "
+            "--beats"
         )
     if o.beats and tasks:
-        places.mistakes.append("--beats: of one patient, without --posterior")
+        places.mistakes.append("--beats: works for one patient only, without --posterior")
     if o.has_several_patients and o.posterior is not None:
-        places.mistakes.append("--posterior: for a case file; it has the draws of one patient")
+        places.mistakes.append(
+            "--posterior: works for one case file only; it contains the draws of one patient"
+        )
     if not tasks and (o.continues or o.dask):
-        places.mistakes.append("--resume, --shard, --dask: for several patients or --posterior")
+        places.mistakes.append(
+            "--resume, --shard, --dask: work only for several patients or with --posterior"
+        )
     if o.out is None and o.json is None and o.figures is None:
         places.mistakes.append(
-            "--out DIR, --json FILE or --figures DIR: give one, where the course is written"
+            "--out DIR, --json FILE or --figures DIR: give at least one, to write the course to"
         )
     return places
 
@@ -383,9 +391,9 @@ def _text(result: xr.Dataset) -> str:
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
     if any(impossible):
-        words = f"* a beat {IMPOSSIBLE_BEAT}: its numbers are not to be read\n\n{words}"
+        words = f"* a beat {IMPOSSIBLE_BEAT}: ignore its numbers\n\n{words}"
     if spans:
-        words += f"\n{spans}, where an event left the circulation no time to settle"
+        words += f"\n{spans}, where an event followed before the circulation had settled"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
 
 

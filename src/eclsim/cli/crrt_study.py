@@ -72,7 +72,8 @@ class CrrtStudyOptions(Distributed):
     )
     posterior: str | None = option(
         None,
-        "Samples of the patient's parameters, a column each, to show how certain it is that limits are kept.",
+        "Samples of the patient's parameters, one per column, to show how certain it is that limits are "
+        "kept.",
         metavar="FILE.csv",
     )
     out: str | None = option(
@@ -83,9 +84,7 @@ class CrrtStudyOptions(Distributed):
         "Parameter sets explored per free parameter in the fits of COHORT.csv; `eclsim identify` uses 1000.",
         minimum=2,
     )
-    resume: bool = option(
-        False, "Keep the fits of COHORT.csv and the studies that --out holds already.", "--resume"
-    )
+    resume: bool = option(False, "Keep the fits of COHORT.csv and the studies already in --out.", "--resume")
 
 
 def crrt_study(options: CrrtStudyOptions) -> None:
@@ -152,7 +151,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     from eclsim.crrt_study.schemes import BOTH
 
     if o.continues or o.dask:
-        fail("--resume, --shard, --dask: for a cohort; the study of one case is done in one go")
+        fail("--resume, --shard, --dask: work for cohorts only; the study of one case runs as a whole")
     readings = read_all([o.file], o.settings, None if o.volume_policy == BOTH else o.volume_policy)
     (reading,) = with_speeds(readings, _first_policy(o))
     target, samples = _check_case(o, reading.case)
@@ -245,9 +244,13 @@ def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
     places.folder("--out", o.out, (*FILES, FITS))
     distribution = o.distribution(places.mistakes)
     if o.settings:
-        places.mistakes.append("--set: for a case file; change the table or the case files instead")
+        places.mistakes.append(
+            "--set: works for one case file only; change the table or the case files instead"
+        )
     if o.posterior is not None:
-        places.mistakes.append("--posterior: for a case file; it has the samples of one patient")
+        places.mistakes.append(
+            "--posterior: works for one case file only; it contains the samples of one patient"
+        )
     places.mistakes += _check_options(
         o, {"--crrt-flow:": lambda: None if o.crrt_flow is None else check_flow(o.crrt_flow)}
     )

@@ -55,7 +55,7 @@ class Destinations:
         self._collect(option, written, lambda: self._wrong_file(path))
         if suffixes and path.suffix.lower() not in suffixes:
             self.mistakes.append(
-                f"{option} {path}: NetCDF is written; allowed: a name that ends in {suffixes[0]}"
+                f"{option} {path}: the output is NetCDF; allowed: a name that ends in {suffixes[0]}"
             )
         self.mistakes += [
             f"{other} and {option} name the same file: {path}"
@@ -100,18 +100,18 @@ class Destinations:
 
     def _wrong_file(self, path: Path) -> str:
         if path.is_dir():
-            return "a folder; a file name belongs here"
+            return "is a folder; give a file name"
         if not path.parent.is_dir():
             return f"the folder {path.parent} does not exist"
         if any(_is_same(path, file) for file in self.inputs):
-            return "an input of this command; it would be overwritten"
+            return "is an input of this command and would be overwritten"
         if path.exists() and not self.overwrites:
-            return "exists already; --force overwrites it"
+            return "already exists; --force overwrites it"
         return _unwritable(path.parent)
 
     def _wrong_folder(self, path: Path, names: Sequence[str], stems: Sequence[str], parents: bool) -> str:
         if path.exists() and not path.is_dir():
-            return "a file; a folder belongs here"
+            return "is a file; give a folder"
         if not path.exists():
             above = path.absolute().parent
             if not parents and not above.is_dir():
@@ -168,7 +168,7 @@ def explaining_resume(folder: str | os.PathLike[str] | None) -> Iterator[None]:
     except (KeyboardInterrupt, SystemExit) as stopped:
         signalled = isinstance(stopped, KeyboardInterrupt) or stopped.code in (130, 143)
         if folder is not None and signalled:
-            say(f"{folder}: what is finished is kept; the same command with --resume goes on")
+            say(f"{folder}: finished results are kept; the same command with --resume goes on")
         raise
 
 

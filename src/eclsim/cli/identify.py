@@ -44,7 +44,9 @@ ROWS_NAMED = 5
 class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
     """Options of `eclsim identify`."""
 
-    file: str = argument(..., "CASE.toml|COHORT.csv", "A case with measurements, or a table of them.")
+    file: str = argument(
+        ..., "CASE.toml|COHORT.csv", "A case file with measurements, or a table of measurements."
+    )
     out: str = option(..., "Write fitted case files, tables, JSON and figures here.", "--out", metavar="DIR")
     weights: Literal["relative", "uncertainty"] = option(
         "relative",
@@ -57,7 +59,7 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
     )
     posterior_method: Literal["nuts", "importance"] = option(
         "nuts",
-        "For --posterior. nuts: chains with exact derivatives; importance: weighted draws, in seconds.",
+        "Method of --posterior. nuts: chains with exact derivatives; importance: weighted draws, in seconds.",
     )
     predict: list[str] = option(
         [],
@@ -67,8 +69,8 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
     )
     predict_with: Literal["importance", "gaussian"] = option(
         "importance",
-        "For --predict without --posterior. importance: draws weighted by the exact posterior, with a check "
-        "of the weights (seconds); gaussian: the Gaussian approximation, unchecked.",
+        "Method of --predict without --posterior. importance: draws weighted by the exact posterior, with a "
+        "check of the weights (seconds); gaussian: the Gaussian approximation, unchecked.",
     )
     prior: Prior = option(
         "log-uniform", "Prior of --posterior and --predict: what is known before any measurement."
@@ -114,21 +116,23 @@ def _checked_json(o: IdentifyOptions, cohort: bool) -> tuple[Target, Distributio
     places.folder("--out", o.out, [SUMMARY])
     wrong = places.mistakes
     if cohort and o.settings:
-        wrong.append("--set: for case files; change the table of a cohort instead")
+        wrong.append("--set: works for case files only; change the table of the cohort instead")
     if cohort and o.samples:
-        wrong.append("--posterior, --predict: for case files; `eclsim identify` of a cohort gives intervals")
+        wrong.append(
+            "--posterior, --predict: work for case files only; `eclsim identify` of a cohort gives intervals"
+        )
     if not cohort and o.shared is not None:
-        wrong.append("--shared: for cohorts; a case is one data point")
+        wrong.append("--shared: works for cohorts only; a case is one data point")
     if not cohort and (o.continues or o.dask):
-        wrong.append("--resume, --shard, --dask: for cohorts; a case is fitted in one go")
+        wrong.append("--resume, --shard, --dask: work for cohorts only; a case is fitted as a whole")
     if (o.chains, o.warmup, o.draws) != CHAINS and not (o.posterior and o.posterior_method == "nuts"):
-        wrong.append("--chains, --warmup, --draws: of --posterior with --posterior-method nuts")
+        wrong.append("--chains, --warmup, --draws: need --posterior with --posterior-method nuts")
     if o.posterior_method != "nuts" and not o.posterior:
-        wrong.append("--posterior-method: without --posterior nothing is sampled by it")
+        wrong.append("--posterior-method: needs --posterior")
     if o.prior != "log-uniform" and not o.samples:
-        wrong.append("--prior: of --posterior and --predict; the fit itself has none")
+        wrong.append("--prior: needs --posterior or --predict; the fit itself uses no prior")
     if o.predict_with != "importance" and (o.posterior or not o.predict):
-        wrong.append("--predict-with: of --predict without --posterior")
+        wrong.append("--predict-with: needs --predict without --posterior")
     distribution = o.distribution(wrong)
     places.check()
     return target, distribution
@@ -211,7 +215,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
         result = _with_profiles(result, folder, progress) if result.simulated else result
         content, page = _write_fit(folder, result, settings, {})
         if o.samples and result.simulated:
-            say(f"report: {page}, as yet without what is sampled now")
+            say(f"report: {page}, the posterior will be added when it is sampled")
             result, posterior = _with_posterior(o, result, predictions, folder, progress)
             content, page = _write_fit(folder, result, settings, posterior)
     say(f"report: {page}")
@@ -243,7 +247,12 @@ def _with_informed_parameters(case: Case, settings: FitSettings) -> FitSettings:
     case = case_to_fit(case, replace(settings, parameters=usual))
     names = free_parameters(case, usual, settings.volume_policy)
     if names != settings.parameters:
-        note([f"{REASON_FOR_FURTHER_FREE}: free are {', '.join(names)} (--parameters names others)"])
+        note(
+            [
+                f"{REASON_FOR_FURTHER_FREE}: the free parameters are {', '.join(names)} (--parameters "
+                "chooses others)"
+            ]
+        )
     return replace(settings, parameters=names)
 
 
@@ -265,7 +274,7 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
     from eclsim.devices.registry import example_setting
 
     if o.posterior and o.posterior_method == "nuts" and find_spec("numpyro") is None:
-        fail("--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
+        fail("--posterior needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
     cases: list[tuple[str, Case]] = []
     wrong = [
         f"--predict {written}: given {o.predict.count(written)} times; leave all but one of them out"
@@ -298,12 +307,12 @@ def _mistakes_of_prediction(
     for section, key in changes:
         if (name := names.get((section, key))) is not None:
             wrong.append(
-                f"{name} is free, so every draw has its own; predict a setting, or fix it with --bounds"
+                f"{name} is free, so every draw has its own value; predict a setting, or fix it with --bounds"
             )
         elif section == "measurements" or (section, key) == ("patient", "id"):
             wrong.append(f"no output depends on {section}.{key}; predict a setting")
     wrong += [
-        f"a target flow; predictions hold {instance.key}.{target.setting}"
+        f"a target flow cannot be predicted; give {instance.key}.{target.setting} instead"
         for instance, target in case.targets()
     ]
     return [f"--predict {written}: {sentence}" for sentence in wrong]
@@ -377,7 +386,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     say(f"report: {write_fit_page(folder, content, drawings=folder / 'figures')}")
     changed = digest_of(o.file) != reading.digest
     if changed:
-        say(f"error: {o.file}: changed or deleted meanwhile; these are results of the file as it was")
+        say(f"error: {o.file}: changed or deleted during the fit; the results are those of the original file")
     return content, changed or bool(reading.refused)
 
 
@@ -430,11 +439,11 @@ class ImportOptions(Force):
     out: str = option(..., "The cohort to write.", "--out", metavar="COHORT.csv")
     base: str | None = option(
         None,
-        "Case file with the devices, and with sex, age, size and heart rate if the data have none.",
+        "Case file with the devices, and with sex, age, size and heart rate if missing in the data.",
         metavar="CASE.toml",
     )
     within: float = option(
-        5.0, "Values within this time after the first form one point.", metavar="MINUTES", minimum=0.0
+        5.0, "Values within this time after the first form one data point.", metavar="MINUTES", minimum=0.0
     )
 
 

@@ -186,16 +186,16 @@ class FreeParameters:
     parameters: str | None = option(
         None,
         "Free parameters. Default: the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn; with measured blood "
-        "gases those that they determine; with CVP also the blood volume (fluid.extra_volume_ml), with "
-        "pressures of a CRRT its lines and filter (Dcrrttuin,Dcrrttuout,Rcrrtfil).",
+        "gases, those that these determine; with CVP, also the blood volume (fluid.extra_volume_ml); with "
+        "pressures of a CRRT, also its lines and filter (Dcrrttuin,Dcrrttuout,Rcrrtfil).",
         "--parameters",
         "--free",
         metavar="NAMES",
     )
     bounds: str | None = option(
         None,
-        "Bounds in the parameter's unit; equal bounds fix it. Default: the table in the documentation, "
-        "else the published value / 10 to * 10. A value of the case outside them gives a warning.",
+        "Bounds in the parameter's unit; equal bounds fix it. Default: the table in the documentation, else "
+        "from a tenth to ten times the published value. A case value outside the bounds gives a warning.",
         metavar="NAME=LOWER:UPPER,...",
     )
     uncertainty: str | None = option(

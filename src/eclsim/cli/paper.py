@@ -92,13 +92,13 @@ def _checked(o: ReproduceOptions) -> tuple[Path, Target, Sequence[str], Distribu
     from eclsim.paper.reproduction import RUNS, file_names
 
     if o.folder is not None and o.out is not None:
-        fail(f"{o.folder} and --out {o.out}: two folders; give one of them")
+        fail(f"{o.folder} and --out {o.out}: two folders; give only one")
     places = Destinations(force=o.force, resume=o.continues)
     folder = places.folder("--out", o.locked_folder[0], (*file_names(), RUNS))
     target = places.target("--json", o.json)
     distribution = o.distribution(places.mistakes)
     if folder is None:
-        fail("no folder to write to; give one, such as --out reproduction")
+        fail("no output folder; give one, such as --out reproduction")
     parts = tuple(dict.fromkeys(names_of(o.parts) or ()))
     places.mistakes += [
         f"--parts '{name[:40]}': allowed: {', '.join(PARTS)}{spelling_hint(name, PARTS)}"
@@ -139,7 +139,7 @@ _TITLE = (
 )
 _NOTE = """\
 Psart, Psvn: arterial and venous pressure; Pcrrttuin, Pcrrttuout: CRRT access and return pressure;
-means over the beat. The paper does not print this patient's sex, age, size and cannulae: the
+means over the beat. The paper does not print this patient's sex, age, size and cannulae; the
 published code was run with, and eclsim takes, a woman of 70 years, 165 cm, 60 kg, 21 and 17 Fr."""
 
 

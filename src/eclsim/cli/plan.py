@@ -37,8 +37,8 @@ class PlanOptions(CaseChanges, Json):
     )
     vary: str | None = option(
         None,
-        "With --wean, setting that may change to keep the goals: drugs.noradrenaline=0..1. Left out, "
-        "only the speeds that keep them are named.",
+        "With --wean, setting that may change to keep the goals: drugs.noradrenaline=0..1. Without it, only "
+        "the speeds that keep them are named.",
         metavar="NAME",
     )
     hours: float = option(72.0, "With --remove-ml, longest time allowed [h].", minimum=0.5, maximum=744.0)
@@ -52,7 +52,7 @@ def plan(options: PlanOptions) -> None:
     status: 0 goals are kept, 1 not, 2 bad input.
     """
     if (options.remove_ml is None) == (options.wean is None):
-        fail("--remove-ml or --wean: give one of them")
+        fail("--remove-ml, --wean: give exactly one")
     if options.remove_ml is not None and options.keep is None:
         fail("--remove-ml needs --keep GOALS, such as 'MAP > 60, drainage_pressure > -80'")
     target, reading = _read(options)
@@ -126,7 +126,7 @@ def _speeds(text: str) -> list[float]:
         return [float(value) for value in parse_sweep(f"{example_setting()}={text}")[1]]
     except (SweepError, ValueError):
         fail(
-            f"--wean {text}: allowed: FIRST:LAST:STEP, such as 3500:1500:-500, or speeds with commas between"
+            f"--wean {text}: allowed: FIRST:LAST:STEP, such as 3500:1500:-500, or speeds separated by commas"
         )
 
 

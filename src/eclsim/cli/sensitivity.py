@@ -35,7 +35,9 @@ class SensitivityOptions(CaseChanges, Distributed):
 
     case_file: str = argument(..., "CASE.toml", "Case file.")
     out: str | None = option(None, "Folder for samples, indices and figures.", metavar="DIR")
-    samples: int = option(2048, "Rows N of Saltelli's design, a power of two: N (2 D + 2) runs.", minimum=2)
+    samples: int = option(
+        2048, "Rows N of Saltelli's design, a power of two; N (2 D + 2) runs for D inputs.", minimum=2
+    )
     perturbation: float = option(25.0, "Half width of the range of each input [%].", metavar="PERCENT")
     parameters: str | None = option(
         None, "Parameters to vary: Rmc,Emaxlv ...; default: the paper's 24.", metavar="NAMES"
@@ -52,7 +54,7 @@ class SensitivityOptions(CaseChanges, Distributed):
     outputs: str | None = option(None, "Outputs; default: SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
     second_order: bool | None = option(
         None,
-        "Show the indices of pairs, or omit the runs that they need (leaving N (D + 2)). Default: pairs in "
+        "Show the indices of pairs, or omit the runs that they need (N (D + 2) remain). Default: pairs in "
         "the files only.",
         "--second-order/--no-second-order",
         show_default=False,
@@ -61,12 +63,12 @@ class SensitivityOptions(CaseChanges, Distributed):
     states: str | None = option(
         None,
         "Analyse around these states instead of the case's values: normal,hypertensive,hypotensive (mean "
-        "arterial pressure 79, 102, 60 mmHg, set by Rmc), in a folder each.",
+        "arterial pressure 79, 102, 60 mmHg, set by Rmc), each in its own folder.",
         metavar="NAMES",
     )
     until: float | None = option(
         None,
-        "Stop at 64, 128, 256 ... rows when every total order is known to +- this (95 %).",
+        "Stop at 64, 128, 256 ... rows once every total order is known to within +- this (95 %).",
         metavar="WIDTH",
     )
     figures: bool = option(True, "Write figures to --out.")
@@ -103,9 +105,9 @@ def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
     target = places.target("--json", o.json)
     places.folder("--out", o.out, parents=True)
     if o.out is None and o.case_file == MERGE:
-        places.mistakes.append("merge: --out DIR names the folder of the shards")
+        places.mistakes.append("merge: give the folder of the shards as --out DIR")
     if o.shard and (o.until is not None or o.states):
-        places.mistakes.append("--shard: without --until and --states, which look at all runs")
+        places.mistakes.append("--shard: cannot be combined with --until or --states, which need all runs")
     if o.until is not None and not 0.0 < o.until < math.inf:
         places.mistakes.append(f"--until {o.until:g}: allowed: above 0, such as 0.02")
     distribution = o.distribution(places.mistakes)
@@ -224,7 +226,9 @@ class IdentifiabilityOptions(CaseChanges, Json):
         "SP=4,DP=4,MAP=3,MPAP=2,PCWP=2,CVP=2 mmHg, CO=10 %, PF=5 %.",
         metavar="NAME=VALUE,...",
     )
-    limit: float = option(10.0, "Largest collinearity index of a set that can be told apart.", minimum=1.0)
+    limit: float = option(
+        10.0, "Largest collinearity index of parameters that count as distinguishable.", minimum=1.0
+    )
     threshold: float = option(
         1.0,
         "Smallest effect that counts: change of the measurements, in uncertainties, if a parameter changes "
@@ -257,7 +261,7 @@ def identifiability(options: IdentifiabilityOptions) -> None:
     except InputError as error:
         fail(*error.mistakes)
     except NoDerivativesError as error:
-        reason = f"nothing is ranked, because there are no derivatives ({error.word}): {error.reason}"
+        reason = f"parameters cannot be ranked: there are no derivatives ({error.word}): {error.reason}"
         _write_json({"id": error.name, "status": error.word, "message": reason}, target, folder)
         warn([f"{reading.file}: {reason}"])
         raise typer.Exit(INCOMPLETE) from None

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from eclsim.simulation.sweep import Value
 
 Solver = Literal["semi-implicit", "adaptive"]
-_COMPARED = "one case file with --set or --volume-policy (as in the file, and as set), or two case files"
+_COMPARED = "one case file with --set or --volume-policy (compared with the file as it is), or two case files"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class SimulateOptions(CaseChanges, Json):
     )
     compare: bool = option(
         False,
-        "Compare the case as in its file with the case after --set, or two case files; show the change.",
+        "Compare the case before and after --set, or two case files, and show the change.",
         "--compare",
     )
     out: str | None = option(None, "Write waveforms and outputs as NetCDF.", metavar="FILE.nc")
@@ -59,10 +59,10 @@ class SimulateOptions(CaseChanges, Json):
         maximum=3600.0,
     )
     save: str | None = option(
-        None, "Only these waveforms in --out and --csv: Pao,Qlv,Vlv ...", metavar="NAMES"
+        None, "Write only these waveforms to --out and --csv: Pao,Qlv,Vlv ...", metavar="NAMES"
     )
     check_grid: bool = option(
-        False, "Solve again with half the step and show how much outputs change [%].", "--check-grid"
+        False, "Solve again with half the time step and show how much outputs change [%].", "--check-grid"
     )
 
 
@@ -100,13 +100,16 @@ def _check_modes(o: SimulateOptions) -> None:
     """Check that a sweep varies one key of one case, without options that apply to a single beat."""
     wrong = []
     if o.sweep and o.compare:
-        wrong.append("--sweep and --compare: give one of them")
+        wrong.append("--sweep, --compare: give only one")
     if len(o.sweep) > 1:
         wrong.append(f"--sweep: given {len(o.sweep)} times; one key is varied at a time")
     if o.sweep and len(o.case_files) > 1:
         wrong.append(f"--sweep: {len(o.case_files)} case files; one case is swept at a time")
     if o.sweep and (o.solver != "semi-implicit" or o.transient or o.check_grid or o.save):
-        wrong.append("--sweep: without --solver, --transient, --check-grid and --save, which are of one beat")
+        wrong.append(
+            "--sweep: cannot be combined with --solver, --transient, --check-grid or --save, which apply to "
+            "one beat"
+        )
     refuse(wrong)
 
 
@@ -166,11 +169,11 @@ def _waveforms(o: SimulateOptions, cases: Sequence[Case]) -> tuple[str, ...] | N
     wanted = names_of(o.save) or ()
     wrong = [f"--save {n}: no such waveform{spelling_hint(n, known)}" for n in wanted if n not in known]
     if not wanted:
-        wrong.append("--save: no names; allowed: waveforms such as Pao,Qlv,Vlv")
+        wrong.append("--save: empty; allowed: waveforms such as Pao,Qlv,Vlv")
     if wrong:
         fail(*wrong, f"--save allowed: {', '.join(known)}")
     if o.out is None and o.csv is None:
-        fail("--save: without --out or --csv no waveform is written; give one of them")
+        fail("--save: waveforms are written only with --out or --csv; give at least one")
     return wanted
 
 
@@ -313,7 +316,7 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
     if (section, name) == ("patient", "id") or section == "measurements":
         fail(f"--sweep {key}: changes nothing that the simulation reads; sweep a setting or a parameter")
     if (section, name) in _set_keys(settings):
-        fail(f"--sweep {key}: --set gives it a value too; leave one of the two out")
+        fail(f"--sweep {key}: is also given by --set; remove one of the two")
     note(remarks_on_last_values(text))
     readings = _swept(file, settings, key, texts, policy)
     cases = {_value(reading.case, section, name): reading.case for reading in readings}

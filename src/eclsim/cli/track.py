@@ -39,21 +39,21 @@ class TrackOptions(ResultsFolder, FreeParameters, Json):
     files: list[str] = argument(
         ...,
         "SERIES.csv|CASE.toml...",
-        "A table with a row for each time, or case files of one patient in order of time. Names such as "
-        "2024-03-01T08:00 (files: 2024-03-01T08-00.toml) give the time between them.",
+        "A table with one row per time, or case files of one patient in order of time. Names such as "
+        "2024-03-01T08:00 (files: 2024-03-01T08-00.toml) give the times.",
     )
     out: str = option(..., "Write JSON, tables and figures here.", "--out", metavar="DIR")
     prior: Prior = option("log-uniform", "What is known of the parameters before the first measurement.")
     drift: float | None = option(
         None,
-        "Drift of the parameters in a day: 0.1 is about 18 %. Default: three rates, weighted by the "
+        "Drift of the parameters per day: 0.1 is about 18 %. Default: three rates, weighted by the "
         "measurements.",
         minimum=0.001,
         maximum=0.9,
     )
     interval: float = option(
         24.0,
-        "Time between measurements if their names are not times [h].",
+        "Time between measurements whose names are not times [h].",
         metavar="HOURS",
         minimum=0.01,
         maximum=8760.0,
@@ -122,7 +122,7 @@ def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
         _check_one_patient([(r.file, r.case.patient.id) for r in readings])
         return {readings[0].case.patient.id: [(Path(r.file).stem, r.case) for r in readings]}, [], {}
     if len(o.files) > 1:
-        fail(f"{tables[0]}: one table alone, or case files alone")
+        fail(f"{tables[0]}: a table cannot be combined with other files; allowed: one table, or case files")
     reading = read_table(tables[0])
     series: dict[str, list[tuple[str, Case]]] = {}
     lines: dict[str, list[int]] = {}
@@ -142,7 +142,7 @@ def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
 def _refuse_duplicates(files: Sequence[str]) -> None:
     """Refuse files given twice: a measurement counted twice would make the filter overconfident."""
     repeated = [file for file in dict.fromkeys(files) if files.count(file) > 1]
-    refuse([f"{file}: given {files.count(file)} times; a measurement counts once" for file in repeated])
+    refuse([f"{file}: given {files.count(file)} times; give each measurement once" for file in repeated])
 
 
 def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
@@ -155,8 +155,8 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
     if len(by_id) > 1:
         listed = "; ".join(f"'{same[0][1]}' in {', '.join(f for f, _ in same)}" for same in by_id.values())
         fail(
-            f"patient.id: files of {len(by_id)} patients: {listed}. Give the case files of one patient, or a "
-            "table with a row for each time, which distinguishes patients"
+            f"patient.id: files of {len(by_id)} patients: {listed}. Give the case files of one patient, or "
+            "a table with one row per time, which distinguishes patients"
         )
 
 
@@ -174,9 +174,9 @@ def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
 def _note_assumed(patients: Sequence[str], interval: float) -> None:
     if patients:
         line = (
-            f"{', '.join(patients)}: not all names of the measurements are times such as 2024-03-01T08:00, "
-            "all with a time zone or all without; each is taken as "
-            f"{interval:g} h after the one before (--interval)"
+            f"{', '.join(patients)}: not all names of the measurements are times such as 2024-03-01T08:00 "
+            f"(all with a time zone or all without); each is taken as {interval:g} h after the one before "
+            "(--interval)"
         )
         note([line])
 
@@ -184,7 +184,8 @@ def _note_assumed(patients: Sequence[str], interval: float) -> None:
 def _note_refused_rows(rows: Mapping[str, int], interval: float) -> None:
     """Note that refused rows still count as elapsed time."""
     note(
-        f"{patient}: {count} refused between others, for which {interval:g} h each are counted all the same"
+        f"{patient}: refused rows between used ones: {count}; each still counts as {interval:g} h of "
+        "elapsed time"
         for patient, count in rows.items()
         if count
     )
@@ -211,7 +212,12 @@ def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) 
     result = {}
     for patient, own in names.items():
         if own != usual:
-            note([f"{patient}: {REASON_FOR_FURTHER_FREE}: free are {', '.join(own)} (--parameters)"])
+            note(
+                [
+                    f"{patient}: {REASON_FOR_FURTHER_FREE}: the free parameters are {', '.join(own)} "
+                    "(--parameters chooses others)"
+                ]
+            )
         bounds = {n: limits for n, limits in settings.fit.bounds.items() if n in own or n not in free}
         result[patient] = replace(settings, fit=replace(settings.fit, parameters=own, bounds=bounds))
     return result

@@ -37,12 +37,12 @@ class ValidateOptions(Distributed):
 
     quick: bool = option(False, "One case of each kind of circuit and 64 points of the sweep.", "--quick")
     full: bool = option(
-        False, "10,000 points a configuration in the robustness sweep instead of 512.", "--full"
+        False, "10,000 points per configuration in the robustness sweep instead of 512.", "--full"
     )
     only: list[str] = option(
-        [], f"Only these parts, with commas between or repeated: {PARTS}.", "--only", metavar="PART"
+        [], f"Only these parts, separated by commas, or option repeated: {PARTS}.", "--only", metavar="PART"
     )
-    every_row: bool = option(False, "Show every row, also of tables with hundreds of them.", "--all")
+    every_row: bool = option(False, "Show every row, even of tables with hundreds of rows.", "--all")
     json: str | None = option(
         None, "Write every row as JSON; - writes to standard output.", "--json", metavar="FILE"
     )
@@ -61,12 +61,14 @@ def validate(options: ValidateOptions) -> None:
     places.folder("--out", options.out, parents=True)
     distribution = options.distribution(places.mistakes)
     if options.shard and (len(options.only) != 1 or options.only[0] not in SWEEPS):
-        places.mistakes.append(f"--shard: with one part made of tasks, --only {' or --only '.join(SWEEPS)}")
+        places.mistakes.append(
+            f"--shard: needs exactly one part made of tasks: --only {' or --only '.join(SWEEPS)}"
+        )
     if wrong := [name for name in options.only if name not in PARTS.split()]:
         hint = spelling_hint(wrong[0], PARTS.split())
         places.mistakes.append(f"--only {wrong[0]!r}: no such part; allowed: {PARTS}{hint}")
     if options.quick and options.full:
-        places.mistakes.append("--quick and --full exclude each other")
+        places.mistakes.append("--quick, --full: give only one")
     if target == page == "-":
         places.mistakes.append("--json and --markdown name the same file: -")
     places.check()
