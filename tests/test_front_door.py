@@ -37,7 +37,7 @@ def test_what_is_no_series_of_names_and_cases_is_refused(points):
     ],
 )
 def test_settings_of_another_kind_are_refused(ask, kind):
-    with pytest.raises(TypeError, match=rf"a dict is no {kind}; allowed: eclsim\.{kind}\(\.\.\.\)"):
+    with pytest.raises(TypeError, match=rf"a dict is not a {kind}; allowed: eclsim\.{kind}\(\.\.\.\)"):
         ask({"parameters": ("Rmc",)})
 
 
@@ -75,7 +75,7 @@ def test_one_text_is_one_name():
 
 @pytest.mark.parametrize("names", [None, 5, [5]])
 def test_what_is_no_name_is_refused(names):
-    with pytest.raises(TypeError, match="is no name; allowed: names such as"):
+    with pytest.raises(TypeError, match="is not a name; allowed: names such as"):
         eclsim.derivatives(CASE, ["MAP"], names)
 
 
@@ -99,7 +99,11 @@ MODEL = eclsim.model_of(CASE)
         ),
         (lambda: eclsim.simulate(MODEL, resolution=0), ValueError, "resolution = 0; allowed: 1 to 32"),
         (lambda: eclsim.simulate(MODEL, resolution=1.5), TypeError, "resolution = 1.5: no whole number"),
-        (lambda: eclsim.simulate(MODEL, options={"tolerance": 1}), TypeError, "a dict is no OrbitOptions"),
+        (
+            lambda: eclsim.simulate(MODEL, options={"tolerance": 1}),
+            TypeError,
+            "a dict is not an OrbitOptions",
+        ),
         (lambda: eclsim.simulate(MODEL, check_grid="no"), TypeError, 'check_grid = "no"; allowed: True or'),
         (
             lambda: eclsim.simulate(MODEL, resolution=2, solver=ADAPTIVE),
@@ -111,7 +115,7 @@ MODEL = eclsim.model_of(CASE)
         (
             lambda: eclsim.simulate_many(MODEL, {"Rmc": [0.8]}, execution=2),
             TypeError,
-            "an int is no Execution",
+            "an int is not an Execution",
         ),
         (
             lambda: eclsim.simulate(MODEL.circuit),
@@ -123,8 +127,8 @@ MODEL = eclsim.model_of(CASE)
         (lambda: MODEL.with_values(["Rmc"]), TypeError, "a list names no parameter"),
         (lambda: eclsim.Model(CASE, {}), TypeError, "circuit = a Case; allowed: a Circuit"),
         (lambda: MODEL.circuit + None, TypeError, "unsupported operand"),
-        (lambda: eclsim.read_case(3), TypeError, "3 is no path; allowed: the path of a case file"),
-        (lambda: eclsim.read_case("x.toml", {"Rmc": 1}), TypeError, "a dict is no list of settings"),
+        (lambda: eclsim.read_case(3), TypeError, "3 is not a path; allowed: the path of a case file"),
+        (lambda: eclsim.read_case("x.toml", {"Rmc": 1}), TypeError, "a dict is not a list of settings"),
         (lambda: eclsim.draw_circuit(CASE), TypeError, "circuit = a Case; allowed: a Circuit, such as"),
         (
             lambda: eclsim.plot_waveforms(None),

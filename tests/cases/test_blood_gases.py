@@ -52,8 +52,8 @@ def test_a_pressure_in_kilopascal_is_betrayed_by_its_saturation():
     with pytest.raises(CaseError) as caught:
         read(SaO2=99, PaO2=20)
     assert [str(m) for m in caught.value.mistakes] == [
-        "measurements.PaO2 = 20: SaO2 = 99 % does not go with it, which is one of about 32 %; allowed: mmHg; "
-        "did you mean 20 kPa = 150 mmHg?"
+        "measurements.PaO2 = 20: SaO2 = 99 % does not match it; about 32 % would; allowed: mmHg; did you "
+        "mean 20 kPa = 150 mmHg?"
     ]
     doubtful = read(SaO2=70, PaO2=90).warnings
     assert [w.key for w in doubtful] == ["measurements.PaO2"]

@@ -230,7 +230,7 @@ def test_an_extra_column_is_not_read(write):
 def test_an_extra_column_that_tells_who_it_is_is_named_but_not_shown(write):
     reading = read_cohort(write(HEAD + ",name", ROW + ",Erika Mustermann"))
     (warning,) = reading.warnings
-    assert "take it out" in str(warning)
+    assert "remove it" in str(warning)
     assert "Mustermann" not in str(warning)
 
 
@@ -327,7 +327,7 @@ def test_a_missing_header_is_one_mistake_and_a_unit_in_a_column_name_is_understo
     with pytest.raises(CaseError) as error:
         read_cohort(write("# my cohort", HEAD, ROW))
     (mistake,) = error.value.mistakes
-    assert "its first line names no column of a cohort: # my cohort" in str(mistake)
+    assert "its first line contains no column name of a cohort: # my cohort" in str(mistake)
     with pytest.raises(CaseError) as error:
         read_cohort(write(HEAD.replace(",MAP", ",MAP [mmHg]"), ROW))
     assert error_text(error).endswith("did you mean MAP for MAP [mmHg]?")

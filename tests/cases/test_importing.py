@@ -185,9 +185,9 @@ def test_all_mistakes_are_said_at_once(tmp_path):
     messages = [str(m) for m in caught.value.mistakes]
     for text in (
         ":2: MAP = 80: no unit",
-        ":3: SP = 120: unit 'L/min' is no unit of a pressure",
+        ":3: SP = 120: unit 'L/min' is not a unit of pressure",
         ':4: DP = "03/04/2024"',
-        ':6: CO = "high": no number',
+        ':6: CO = "high": not a number',
         ":8: A 2024-03-01T09:00 MPAP = 20 and 25",
         ":9: patient: empty",
     ):
@@ -197,8 +197,8 @@ def test_all_mistakes_are_said_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("resource", "text"),
     [
-        (observation("8478-0", "80", "mm[Hg]"), "no number"),
-        (observation("8478-0", 80, "mg/dL"), "no unit of a pressure"),
+        (observation("8478-0", "80", "mm[Hg]"), "not a number"),
+        (observation("8478-0", 80, "mg/dL"), "not a unit of pressure"),
         (observation("8478-0", 80, "mm[Hg]", ""), "no time"),
         (observation("8478-0", 80, "mm[Hg]", subject={}), "no subject"),
         (
@@ -208,8 +208,8 @@ def test_all_mistakes_are_said_at_once(tmp_path):
             "limit",
         ),
         ({"resourceType": "Patient", "id": "P01", "gender": "unknown", "birthDate": "1955"}, "female, male"),
-        (observation("8478-0", 10**400, "mm[Hg]"), "no number"),
-        (observation("8478-0", float("inf"), "mm[Hg]"), "no number"),
+        (observation("8478-0", 10**400, "mm[Hg]"), "not a number"),
+        (observation("8478-0", float("inf"), "mm[Hg]"), "not a number"),
         (observation("8478-0", 80, "mm[Hg]", component=3), "component: not a list"),
         (observation("", 80, "mm[Hg]") | {"code": {"coding": {"code": "8478-0"}}}, "coding: not a list"),
         (observation("", 80, "mm[Hg]") | {"code": {"coding": 8478}}, "coding: not a list"),
@@ -223,10 +223,10 @@ def test_what_a_bundle_may_have_wrong(tmp_path, resource, text):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("{", "no valid JSON"),
-        ("[]", "no FHIR bundle"),
+        ("{", "not valid JSON"),
+        ("[]", "not a FHIR bundle"),
         ('{"resourceType": "Bundle"}', "with entries"),
-        ('{"resourceType": "Patient"}', "no FHIR bundle"),
+        ('{"resourceType": "Patient"}', "not a FHIR bundle"),
         ("[" * 100_000, "deeply"),
     ],
 )
@@ -330,7 +330,7 @@ def test_a_patient_is_one_whether_called_by_address_or_by_id(tmp_path, named):
         ([TWO[0] | {"effectiveDateTime": "1950-01-01"}], "birthDate = 1955-04-17: after the first"),
         (
             [TWO[1] | {"valueQuantity": {"value": 10.7, "unit": "kPa", "code": "mm[Hg]"}}],
-            "10.7 mm[Hg], 10.7 kPa: its unit is coded as one and written as another",
+            "10.7 mm[Hg], 10.7 kPa: its code and its text give different units",
         ),
     ],
 )

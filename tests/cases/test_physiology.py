@@ -21,11 +21,11 @@ def read(physiology, **sections):
     ("physiology", "sections", "line"),
     [
         ({"regional": True, "upper_share": 35}, {},
-         "physiology.upper_share = 35: outside the allowed range; allowed: 0.1 to 0.6, a share and no "
+         "physiology.upper_share = 35: outside the allowed range; allowed: 0.1 to 0.6, a fraction, not a "
          "percentage"),
         ({"bronchial_fraction": 1.5}, {},
-         "physiology.bronchial_fraction = 1.5: outside the allowed range; allowed: 0 to 0.3, a share and no "
-         "percentage"),
+         "physiology.bronchial_fraction = 1.5: outside the allowed range; allowed: 0 to 0.3, a fraction, "
+         "not a percentage"),
         ({"regional": "true"}, {},
          'physiology.regional = "true": true or false belongs here, without quotes; allowed: true, false; '
          "did you mean true?"),

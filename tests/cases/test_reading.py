@@ -64,7 +64,7 @@ def test_an_empty_file_says_what_is_needed(tmp_path, data):
         ("note = hello there", 'note = "hello there" (text in quotes)'),
         ('id = "P02"', "case.toml:7"),
         ("x = " + "[" * 5000, "nested too deeply"),
-        ("x = 2024-13-45", "no valid TOML"),
+        ("x = 2024-13-45", "not valid TOML"),
     ],
 )
 def test_syntax_errors_name_the_line_and_the_usual_slip(tmp_path, line, message):
@@ -80,7 +80,7 @@ def test_missing_files_and_folders_are_named(tmp_path):
         read_case(tmp_path / "none.toml")
     with pytest.raises(CaseError, match="a folder, not a case file"):
         read_case(tmp_path)
-    with pytest.raises(CaseError, match="no path"):
+    with pytest.raises(CaseError, match="not a path"):
         read_case("a\0b")
     with pytest.raises(CaseError, match="cannot be read: File name too long"):
         read_case("x" * 300)
@@ -110,7 +110,7 @@ def test_another_format_is_refused(tmp_path, format_line):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("heart_rate_bpm = true", "= true: true and false are no numbers"),
+        ("heart_rate_bpm = true", "= true: true and false are not numbers"),
         ("heart_rate_bpm = [80]", "= [a list of 1]: a list where a number belongs"),
         ("heart_rate_bpm = {a = 1}", "= {a}: a table where a number belongs"),
         ("heart_rate_bpm = 1979-05-27", "= 1979-05-27: a date value"),
@@ -230,5 +230,5 @@ def test_an_lvad_that_drains_the_right_heart_into_the_arteries_is_doubted():
 def test_a_key_given_twice_is_said_in_plain_words(tmp_path):
     file = tmp_path / "twice.toml"
     file.write_text('format = 1\n[patient]\nsex = "male"\nsex = "female"\n', encoding="utf-8")
-    with pytest.raises(CaseError, match="this key is there already"):
+    with pytest.raises(CaseError, match="this key already has a value"):
         read_case(file)

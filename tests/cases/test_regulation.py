@@ -62,7 +62,7 @@ def read(**sections):
          "fluid.plasma_protein_g_dl = 60: outside the allowed range; allowed: 2 to 10 g/dL; did you mean "
          "60 g/L = 6 g/dL?"),
         ("fluid", {"plasma_protein_g_dl": 4, "interstitial_protein_g_dl": 4.5},
-         "fluid.interstitial_protein_g_dl = 4.5: no less than that of the plasma, 4 g/dL: nothing would hold "
+         "fluid.interstitial_protein_g_dl = 4.5: not below that of the plasma, 4 g/dL: nothing would hold "
          "water in the vessels; allowed: below 4 g/dL"),
         ("solutes", {"potassium_mmol_l": 45},
          "solutes.potassium_mmol_l = 45: outside the allowed range; allowed: 1.5 to 10 mmol/L"),
@@ -122,7 +122,7 @@ def test_base_that_is_stated_twice_is_said_to_be():
     """A bicarbonate and a base excess are the same number in other words."""
     acid, plain = {"bicarbonate_mmol_l": 18}, {"haemoglobin_g_dl": 9}
     message = [str(note) for note in read(solutes=acid, gas=plain).notes]
-    assert any("base_excess_mmol_l is -8.5, which goes with it" in note for note in message)
+    assert any("base_excess_mmol_l is set to -8.5, its equivalent" in note for note in message)
     assert not any("assumed" in note and "base_excess" in note for note in message)
     assert any("base_excess_mmol_l = 0" in str(note) for note in read(gas=plain).notes)
     agreeing, apart = (
@@ -131,8 +131,11 @@ def test_base_that_is_stated_twice_is_said_to_be():
     )
     assert agreeing == []
     (warning,) = apart
-    assert "bicarbonate_mmol_l = 18: gas.base_excess_mmol_l = 2 states another base, 26.1" in warning
-    assert "take the base excess" in warning
+    assert (
+        "bicarbonate_mmol_l = 18: gas.base_excess_mmol_l = 2 corresponds to another bicarbonate, 26.1"
+        in warning
+    )
+    assert "use the base excess" in warning
     assert "write base_excess_mmol_l = -8.5" in warning
     values = values_of(read(solutes=acid, gas=plain | {"base_excess_mmol_l": 2.0}).case)
     assert (values["gas.base_excess_mmol_l"], values["solutes.bicarbonate_mmol_l"]) == (2.0, 18.0)

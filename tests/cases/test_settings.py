@@ -49,7 +49,7 @@ def test_a_device_can_be_connected_and_a_roller_pump_chosen(case):
         ("Rmc=nan", "not a number"),
         ("Rmc=abc", "not a number"),
         ("Rmc=", "this value is needed"),
-        ("patient.heart_rate_bpm=90 bpm", "the unit is bpm anyway"),
+        ("patient.heart_rate_bpm=90 bpm", "write only the number [bpm]"),
         ("lvad.speed_rpm=3000", "lvad.pump: missing"),
     ],
 )
@@ -90,7 +90,7 @@ def test_the_command_line_wins_over_the_file_and_says_so(tmp_path):
     assert reading.case.parameters == {"Rmc": 0.9, "Csart": 1.0}
     twice, note = [note for note in reading.notes if note.file == "--set"]
     assert "given more than once" in str(twice)
-    assert str(note) == f"--set: parameters.Rmc = 0.9: wins over 0.5 of {file}"
+    assert str(note) == f"--set: parameters.Rmc = 0.9: overrides 0.5 of {file}"
 
 
 def test_a_setting_given_twice_is_said(tmp_path):
@@ -102,5 +102,5 @@ def test_a_setting_given_twice_is_said(tmp_path):
     reading = read_case(file, ["Rmc=0.5", "Rmc=0.7"])
     assert reading.case.parameters["Rmc"] == 0.7
     (note,) = [str(n) for n in reading.notes if "Rmc" in str(n)]
-    assert note == "--set: parameters.Rmc = 0.7: given more than once: wins over the earlier 0.5"
+    assert note == "--set: parameters.Rmc = 0.7: given more than once: overrides the earlier 0.5"
     assert not [n for n in read_case(file, ["Rmc=0.5", "Rmc=0.5"]).notes if "Rmc" in str(n)]

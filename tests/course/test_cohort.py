@@ -86,7 +86,7 @@ def test_nothing_is_followed_of_a_poor_fit(tmp_path):
     lost = results[1]
     assert lost.sizes["time_min"] == 0
     assert "POOR fit" in lost.attrs["message"]
-    assert "nothing is studied of such a fit" in lost.attrs["message"]
+    assert "studies leave such a fit out" in lost.attrs["message"]
     assert write_courses(results, tmp_path / "out")["failed"] == 1
 
 

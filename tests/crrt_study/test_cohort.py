@@ -54,7 +54,7 @@ def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     assert "POOR fit" in fitted.not_fitted["poor"]
     study = crrt_cohort(fitted, StudyOptions(schemes="d", speeds="3425", volume_policy="as_published"))
     assert [point.name for point in study.points] == ["doubtful"]
-    assert "nothing is studied of such a fit" in study.lost["poor"]
+    assert "studies leave such a fit out" in study.lost["poor"]
     assert list(study.doubts) == ["doubtful"]
     (row,) = json.loads(cohort_json(study))["points"]
     assert "a DOUBTFUL fit" in row["doubts"]

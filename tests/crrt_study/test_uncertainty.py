@@ -26,7 +26,7 @@ def test_samples_at_the_patient_give_certainty_and_wide_ones_do_not():
 @pytest.mark.parametrize(
     ("samples", "said"),
     [
-        ({"Rmcc": [0.4, 0.5]}, "Rmcc: no parameter that this study reads; did you mean Rmc"),
+        ({"Rmcc": [0.4, 0.5]}, "Rmcc: not a parameter that this study uses; did you mean Rmc"),
         ({"Rmc": [0.4, 0.5], "Emaxlv": [1.0]}, "numbers of samples; allowed"),
         ({"Rmc": [0.4, float("nan")]}, "Rmc = nan: sample 2 is out of range; allowed"),
         ({"Rmc": [0.4, 800.0]}, "Rmc = 800: sample 2 is out of range; allowed"),

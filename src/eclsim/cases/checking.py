@@ -100,8 +100,8 @@ def _blood_ml(values: Raw) -> float:
 
 
 _WITHOUT_DATA = {
-    "impella": "no section: no pressure-flow curves of these pumps are openly published; "
-    "with curves of your own it is a device of your own"
+    "impella": "not available: no pressure-flow curves of these pumps are openly published; with your own "
+    "curves, register it as your own device"
 }
 """Requested sections that the package cannot offer, with the reason."""
 
@@ -118,7 +118,7 @@ def _check_devices(raw: Raw, checked: Checked) -> dict[str, Raw]:
         key = instance_key(device.key, name)
         if name and not is_instance_name(name):
             allowed = f"letters, digits, _ and -, such as [{device.key}.left]"
-            checked.error(short(key), "no name for one of several devices", allowed=allowed)
+            checked.error(short(key), "not a valid name for one of several devices", allowed=allowed)
             continue
         values = check_section(device.section, section, key, checked, other_place)
         connected[key] = values
@@ -134,7 +134,7 @@ def _check_format(raw: Raw, checked: Checked) -> None:
     if written is None:
         checked.error("format", "missing", allowed=f"format = {FORMAT} at the top of the file")
     elif isinstance(written, bool) or written != FORMAT:
-        message = "a format of case files that this version does not read"
+        message = "a case file format that this version does not read"
         checked.error("format", message, shown(written), str(FORMAT))
     checked.values["format"] = FORMAT
 
@@ -157,7 +157,7 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     """
     values: dict[str, float] = {}
     if not isinstance(raw, Mapping):
-        allowed = "[parameters] and its keys on lines below"
+        allowed = "[parameters] and its keys on the lines below"
         remarks.error("parameters", "a section belongs here", shown(raw), allowed)
         return values
     for written, value in _flat(raw):

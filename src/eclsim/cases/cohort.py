@@ -168,7 +168,7 @@ class _Rows:
         if not any(name in known for name in header):
             result = ", ".join(header)
             shortened = result if len(result) <= 60 else result[:57] + "..."
-            message = f"its first line names no column of a cohort: {shortened}"
+            message = f"its first line contains no column name of a cohort: {shortened}"
             allowed = f"a header such as {ID},{MEASUREMENT},sex,age_years,..."
             raise CaseError([Mistake("", message, allowed=allowed, file=self.table.file)])
         for name in (ID, MEASUREMENT, *(c for c in COLUMNS if c != ID)):
@@ -188,7 +188,7 @@ class _Rows:
         cells = (row[place] for _, row in self.table.rows[:50] if place < len(row))
         private = any(looks_identifiable(cell) for cell in cells)
         message = "an extra column; it is not read" + (
-            "; it looks like names, birth dates or record numbers: take it out" if private else ""
+            "; it looks like names, birth dates or record numbers: remove it" if private else ""
         )
         self.warnings.append(Mistake(name[:60] or "(no name)", message))
 
@@ -217,9 +217,9 @@ class _Rows:
         if wrong:
             text = ", ".join(f"{k} in {v}" for k, v in wrong.items())
             expected = ", ".join(f"{k} in {(expected_unit(k, v) or ('',))[0]}" for k, v in wrong.items())
-            message = f"a row of units says {text}"
+            message = f"the row of units gives {text}"
             raise CaseError([Mistake("", message, allowed=expected, file=self.table.file, line=line)])
-        self.notes.append(Mistake("", "a row of units, the usual ones; no patient", line=line))
+        self.notes.append(Mistake("", "a row of units, the expected ones; not read as a patient", line=line))
 
     def point(self, line: int, row: dict[str, str]) -> CohortPoint | None:
         """Return the data point of a row; None if the row is unusable, after recording the reasons."""
@@ -264,7 +264,7 @@ def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
         if not text or column == ID:
             continue
         if _SPREADSHEET_ERROR.fullmatch(text):
-            wrong.append(Mistake(column, "an error of the spreadsheet it comes from", shown(text)))
+            wrong.append(Mistake(column, "an error value of a spreadsheet", shown(text)))
             continue
         section, _, name = key.partition(".")
         number = column not in _TEXT_COLUMNS and _NUMBER.fullmatch(text)
@@ -281,7 +281,7 @@ def _label_mistakes(label: str) -> list[Mistake]:
     if not label:
         return [Mistake(MEASUREMENT, "empty", allowed=allowed)]
     if len(label) > MAXIMUM_ID_LENGTH or not unicodedata.normalize("NFC", label).isprintable():
-        return [Mistake(MEASUREMENT, "too long, or cannot be printed", shown(label), allowed)]
+        return [Mistake(MEASUREMENT, "too long, or contains unprintable characters", shown(label), allowed)]
     if re.fullmatch(r"\d{4}-\d\d-\d\d([T ].*)?", label) and when(label) is None:
         return [
             Mistake(MEASUREMENT, "no such date or time", shown(label), "2024-03-01T08:00, or a plain name")

@@ -65,9 +65,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         raise file_error(file, "empty: no patients")
     lines, delimiter = _delimited(lines)
     if not lines.strip():
-        raise file_error(
-            file, "the first line says how columns are separated, and nothing follows: no patients"
-        )
+        raise file_error(file, "the first line states the column separator, and nothing follows: no patients")
     table = Table(file, [], [], hashlib.sha256(data).hexdigest())
     if delimiter != ",":
         table.notes.append(Mistake("", f"columns are separated by {_DELIMITERS[delimiter]}", file=file))
@@ -117,7 +115,7 @@ def _read_rows(text: str, delimiter: str, table: Table) -> None:
             table.rows.append((line, cells))
     except csv.Error as error:
         unclosed = "unexpected end" in str(error)
-        message = "a quote that is opened here is never closed" if unclosed else f"no valid CSV: {error}"
+        message = "a quote opened here is never closed" if unclosed else f"not valid CSV: {error}"
         if not table.header:
             raise file_error(table.file, message) from None
         table.mistakes.append(
@@ -246,7 +244,9 @@ def _warn_of_similar_ids(rows: Mapping[int, Mapping[str, str]], remarks: RowRema
         known, where = first.setdefault(plain_id(name), (name, line))
         if known != name and name not in text:
             text.add(name)
-            message = f"differs from the id in line {where} in case, spaces or form alone; two patients"
+            message = (
+                f"differs from the id in line {where} only in case, spaces or Unicode form: two patients"
+            )
             remarks.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
 
 

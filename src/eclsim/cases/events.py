@@ -28,8 +28,8 @@ LARGEST_ML = 20_000.0
 OPPOSITE = {"blood_ml": "bleed_ml", "bleed_ml": "blood_ml"}
 _TIMES = {
     "at_min": number("When it begins, in minutes from the start", "min", 0, LONGEST_MIN, 60),
-    "ramp_min": number("In which the settings change, linearly; 0: at once", "min", 0, LONGEST_MIN, 5),
-    "over_min": number("In which it is given", "min", 0.1, LONGEST_MIN, 30),
+    "ramp_min": number("Time over which the settings change linearly; 0: at once", "min", 0, LONGEST_MIN, 5),
+    "over_min": number("Time over which it is given", "min", 0.1, LONGEST_MIN, 30),
 }
 _AMOUNT = number("Volume", "mL", 0, LARGEST_ML, 500)
 KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
@@ -141,7 +141,9 @@ class _EventChecker:
             self.remarks.error(place, "nothing happens", allowed="set = { ... } or give = { ... }")
         for key, owner in (("ramp_min", "set"), ("over_min", "give")):
             if key in raw and owner not in raw:
-                self.remarks.error(f"{place}.{key}", f"goes with {owner} = {{ ... }}", shown(raw[key]))
+                self.remarks.error(
+                    f"{place}.{key}", f"is allowed only with {owner} = {{ ... }}", shown(raw[key])
+                )
 
     def _number(self, place: str, value: object, field: Field, values: dict[str, Any], key: str) -> None:
         try:
@@ -181,9 +183,9 @@ class _EventChecker:
                 mistake = unknown_key(written, shown(value))
                 self.remarks.error(key, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
             elif path[0] == "measurements" or path == ("patient", "id"):
-                self.remarks.error(key, "changes nothing that a course reads", shown(value))
+                self.remarks.error(key, "has no effect on a course", shown(value))
             elif sets_initial_value(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):
-                message = "is a value at the start of the course, which computes how it goes on"
+                message = "is a value at the start of the course, which computes its later values"
                 self.remarks.error(key, message, shown(value), "give = { ... } changes blood and fluid")
             elif path[1] == "flow_l_min" and "speed_rpm" in keys_replaced_by(*path):
                 self.remarks.error(
@@ -273,7 +275,9 @@ def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> No
         bled = gifts.get("bleed_ml", 0.0)
         available += sum(ml for kind, ml in gifts.items() if kind != "bleed_ml")
         if bled >= available:
-            key, message = f"{event['place']}.give.bleed_ml", "more blood than there is"
-            remarks.error(key, message, shown(bled), f"below {available:.0f} mL, what the patient has then")
+            key, message = f"{event['place']}.give.bleed_ml", "more blood than the patient has"
+            remarks.error(
+                key, message, shown(bled), f"below {available:.0f} mL, the blood volume at that time"
+            )
         else:  # a refused bleeding is not subtracted: later events are checked without it
             available -= bled

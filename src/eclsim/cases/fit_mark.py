@@ -28,7 +28,7 @@ DOUBTS = "doubts"
 """Column with the reason why no number of a table can be trusted; present only if there is such a reason."""
 POSTERIOR = "posterior: "
 """Prefix of a result's warnings about the posterior from which it was computed."""
-NOT_STUDIED = "nothing is studied of such a fit"
+NOT_STUDIED = "studies leave such a fit out"
 _HEAD = 40
 """Number of lines in which a mark is searched for."""
 

@@ -64,7 +64,7 @@ class Fluid(Section):
         inside, outside = values.get("plasma_protein_g_dl", 6.0), values.get("interstitial_protein_g_dl")
         if isinstance(outside, float) and isinstance(inside, float) and outside >= inside:
             message = (
-                f"no less than that of the plasma, {inside:g} g/dL: nothing would hold water in the vessels"
+                f"not below that of the plasma, {inside:g} g/dL: nothing would hold water in the vessels"
             )
             remarks.error(
                 f"{key}.interstitial_protein_g_dl", message, shown(outside), f"below {inside:g} g/dL"
@@ -112,15 +112,15 @@ class Solutes(Section):
         grams = gas.get("haemoglobin_g_dl", GAS["gas.haemoglobin_g_dl"].value)
         stated, meant = gas.get("base_excess_mmol_l", 0.0), float(standard_base_excess(bicarbonate, grams))
         if stated == 0.0:
-            message = f"so gas.base_excess_mmol_l is {meant:.1f}, which goes with it at a PCO2 of 40 mmHg"
+            message = f"gas.base_excess_mmol_l is set to {meant:.1f}, its equivalent at a PCO2 of 40 mmHg"
             remarks.note(key, message, shown(bicarbonate))
         elif abs(stated - meant) > SAME_BASE:
             other = standard_bicarbonate(stated, grams)
             message = (
-                f"gas.base_excess_mmol_l = {stated:g} states another base, {other:.1f} mmol/L at a PCO2 of "
-                "40 mmHg: the blood's gases and the filter take the base excess, and a course adds to it "
-                "only what the bicarbonate changes by; leave one out, or write "
-                f"base_excess_mmol_l = {meant:.1f}"
+                f"gas.base_excess_mmol_l = {stated:g} corresponds to another bicarbonate, {other:.1f} "
+                "mmol/L at a PCO2 of 40 mmHg: blood gases and filter use the base excess, and a course "
+                "adds to it only the change of the bicarbonate; leave one out, or write base_excess_mmol_l "
+                f"= {meant:.1f}"
             )
             remarks.warning(key, message, shown(bicarbonate))
 

@@ -183,7 +183,7 @@ def _observation(row: dict[str, str], line: int, result: Imported) -> list[Obser
     is_number = _NUMBER.fullmatch(row["value"])
     if not is_number and row["code"] in BY_CODE:
         allowed, key = "a number with a decimal point", BY_CODE[row["code"]].column
-        result.mistakes.append(Mistake(key, "no number", shown(row["value"]), allowed, line=line))
+        result.mistakes.append(Mistake(key, "not a number", shown(row["value"]), allowed, line=line))
         return []
     value = float(row["value"]) if is_number else 0.0
     return [Observation(row["patient"], row["time"], row["code"], value, row["unit"], line=line)]
@@ -231,12 +231,12 @@ def read_bundle(
 def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
     """Yield warnings if a bundle is one page of several, or contains fewer entries than its total."""
     if any(_mapping(link).get("relation") == "next" for link in _list(bundle.get("link"))):
-        message = "one page of several: the patients and values of the pages after it are not here"
+        message = "one page of several: the patients and values of the following pages are missing"
         yield Mistake("link", message, "next", "all pages in one bundle")
     matches = [e for e in bundle["entry"] if _mapping(_mapping(e).get("search")).get("mode") != "include"]
     total = bundle.get("total")
     if isinstance(total, int) and total > len(matches):
-        yield Mistake("total", f"{len(matches)} entries are here: the others are missing", str(total))
+        yield Mistake("total", f"{len(matches)} entries are here; the others are missing", str(total))
 
 
 def _patients(
@@ -276,7 +276,7 @@ def _subject(resource: Mapping[str, Any], names: Mapping[str, str]) -> tuple[str
         return "", "no subject: whose value is it?"
     kind = reference.split("/")[-2] if "/" in reference else str(subject.get("type") or "Patient")
     if kind != "Patient":
-        return "", f"the subject is a {kind}; allowed: a Patient (take out what is of no patient)"
+        return "", f"the subject is a {kind}; allowed: a Patient (remove what does not belong to a patient)"
     contained = {f"#{_mapping(c).get('id')}" for c in _list(resource.get("contained"))}
     if reference in contained:
         return "", f"the subject {reference} is inside the Observation; allowed: one Patient entry for all"
@@ -288,7 +288,7 @@ def _json_of(file: str) -> Mapping[str, Any]:
     content = json_of(decoded(data, file, "JSON in UTF-8"), file)
     kind = content.get("resourceType") if isinstance(content, dict) else type(content).__name__
     if kind != "Bundle" or not isinstance(content.get("entry"), list) or not content["entry"]:
-        message = "no FHIR bundle with entries" if kind == "Bundle" else "no FHIR bundle"
+        message = "not a FHIR bundle with entries" if kind == "Bundle" else "not a FHIR bundle"
         raise CaseError([Mistake("resourceType", message, shown(str(kind)), "Bundle with entry", file=file)])
     return content
 
@@ -331,7 +331,9 @@ def _observations(
         if code not in BY_CODE:
             read.append(Observation(patient, str(when), code, 0.0, "", place))
         elif "dataAbsentReason" in part:
-            result.notes.append(Mistake(place, f"{BY_CODE[code].column}: absent, with a reason; missing"))
+            result.notes.append(
+                Mistake(place, f"{BY_CODE[code].column}: absent, with a reason: treated as missing")
+            )
         else:
             read += _value(patient, str(when), code, quantity, place, result)
     return read
@@ -342,14 +344,14 @@ def _value(
 ) -> list[Observation]:
     value, key = quantity.get("value"), f"{place} {BY_CODE[code].column}"
     if not is_number(value):
-        result.mistakes.append(Mistake(key, "no number", shown(value) if value is not None else ""))
+        result.mistakes.append(Mistake(key, "not a number", shown(value) if value is not None else ""))
         return []
     if quantity.get("comparator"):
         result.mistakes.append(Mistake(key, "a limit, not a value", f"{quantity['comparator']}{value}"))
         return []
     coded, written = str(quantity.get("code") or ""), str(quantity.get("unit") or "")
     if are_different_units(coded, written):
-        message = "its unit is coded as one and written as another: which one is right?"
+        message = "its code and its text give different units: which one is right?"
         result.mistakes.append(Mistake(key, message, f"{value:g} {coded}, {value:g} {written}"))
         return []
     return [Observation(patient, when, code, float(value), coded or written, place)]
@@ -359,9 +361,9 @@ def _misshapen(resource: Mapping[str, Any]) -> str:
     """Describe what is not a list of objects although FHIR requires one; empty if there is nothing."""
     components = resource.get("component") or []
     if not _are_objects(components):
-        return "component: not a list of objects, as FHIR has it"
+        return "component: not a list of objects, as FHIR requires"
     codings = (_mapping(part.get("code")).get("coding") or [] for part in (resource, *components))
-    return "" if all(map(_are_objects, codings)) else "code.coding: not a list of objects, as FHIR has it"
+    return "" if all(map(_are_objects, codings)) else "code.coding: not a list of objects, as FHIR requires"
 
 
 def _are_objects(value: object) -> bool:

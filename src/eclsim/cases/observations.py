@@ -98,7 +98,7 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
         return value, ""
     known = _known(unit)
     if known is None or quantity_of(known) != quantity:
-        raise UnitError(f"unit {unit!r} is no unit of a {quantity}; {kind.column} is in {kind.unit}")
+        raise UnitError(f"unit {unit!r} is not a unit of {quantity}; {kind.column} is in {kind.unit}")
     if known == kind.unit:
         return value, ""
     converted = float(f"{convert(value, known, kind.unit):.6g}")
@@ -203,7 +203,7 @@ def _checked(record: Observation, kind: Measurable, result: Imported) -> tuple[d
     if wrong:
         result.mistakes.append(Mistake(key, wrong, shown(record.time), "2024-03-01T08:00", line=record.line))
     if not math.isfinite(record.value):
-        result.mistakes.append(Mistake(key, "no finite number", f"{record.value}", line=record.line))
+        result.mistakes.append(Mistake(key, "not a finite number", f"{record.value}", line=record.line))
         return None
     try:
         value, converted = in_unit_of(record.value, record.unit, kind)
@@ -221,7 +221,7 @@ def _time(text: str) -> tuple[datetime | None, str]:
     try:
         when = datetime.fromisoformat(text.strip())
     except ValueError:
-        return None, "no time in ISO 8601" if text.strip() else "no time"
+        return None, "not a time in ISO 8601" if text.strip() else "no time"
     # Times without a zone are compared with each other; a mixture cannot be ordered.
     return when, ""
 
@@ -236,7 +236,8 @@ def _rows_of(
     with_zone = {when.tzinfo is not None: record.time.strip() for when, record, *_ in entries}
     if len(with_zone) > 1:
         both = f"{with_zone[True]} and {with_zone[False]}"
-        result.mistakes.append(Mistake(patient, "times with and without a zone: they have no order", both))
+        message = "times with and without a time zone cannot be put in order"
+        result.mistakes.append(Mistake(patient, message, both))
         return
     first: datetime | None = None
     row: dict[str, str] = {}

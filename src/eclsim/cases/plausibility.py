@@ -78,7 +78,7 @@ def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
         if doubt < _LARGEST_SATURATION_DIFFERENCE:
             continue
         usual = f"{_saturation(mmhg):.0f} %"
-        message = f"{saturation} = {percent:g} % does not go with it, which is one of about {usual}"
+        message = f"{saturation} = {percent:g} % does not match it; about {usual} would"
         if abs(_saturation(converted) - percent) < 0.25 * doubt:
             hint = f"{mmhg:g} kPa = {converted:.4g} mmHg"
             remarks.error(f"measurements.{pressure}", message, shown(mmhg), "mmHg", hint)
@@ -134,7 +134,7 @@ def _check_patient(patient: Raw, refused: Collection[str], remarks: Remarks) -> 
         lacking, present = ("weight_kg", "height_cm") if weight is None else ("height_cm", "weight_kg")
         if f"patient.{lacking}" not in refused:
             allowed = "both, or neither (then the mean of sex and age is taken)"
-            remarks.error(f"patient.{lacking}", f"missing, while {present} is there", allowed=allowed)
+            remarks.error(f"patient.{lacking}", f"missing, although {present} is given", allowed=allowed)
     elif patient and not {"patient.height_cm", "patient.weight_kg"} & set(refused):
         remarks.note("patient.height_cm", "height and weight: the mean of sex and age is taken")
 
@@ -180,7 +180,7 @@ def _check_arterial_pressures(case: CaseValues, remarks: Remarks) -> None:
     above = systolic is not None and mean > systolic
     if below or above:
         stated = [f"{name} {measured[name]:g}" for name in ("SP", "DP", "MAP") if name in measured]
-        message = f"mean pressure outside of diastolic to systolic pressure: {', '.join(stated)} mmHg"
+        message = f"mean pressure is not between diastolic and systolic pressure: {', '.join(stated)} mmHg"
         remarks.error("measurements.MAP", message, shown(mean), "DP <= MAP <= SP")
     elif systolic is not None and diastolic is not None:
         expected = diastolic + (systolic - diastolic) / 3.0
@@ -203,7 +203,10 @@ def _check_blood(case: CaseValues, stated: Mapping[str, float], remarks: Remarks
     message = f"the stressed volume is {total_stressed:.0f} mL of a blood volume of {total:.0f} mL"
     if total_stressed > total:
         remarks.error(
-            f"parameters.{key}", f"{message}: more than there is", shown(stated[key]), "less than all of it"
+            f"parameters.{key}",
+            f"{message}: more than the patient has",
+            shown(stated[key]),
+            "less than the blood volume",
         )
     elif total_stressed > _LARGEST_SHARE * total:
         message += f", {100.0 * total_stressed / total:.0f} %; about 25 to 30 % is usual"

@@ -69,7 +69,7 @@ def read_case(
         TypeError: `path` is not a path.
     """
     if not isinstance(path, (str, os.PathLike)):
-        raise TypeError(f"{written(path)} is no path; allowed: the path of a case file")
+        raise TypeError(f"{written(path)} is not a path; allowed: the path of a case file")
     file = os.fsdecode(path)
     settings = texts_of(settings)
     text = _text_of(file)
@@ -98,7 +98,7 @@ def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake
     merged[POLICY_KEY] = policy
     if of_file in (None, policy):
         return []
-    message = f"wins over {shown(of_file)} of {file}, which the case may have been fitted with"
+    message = f"overrides {shown(of_file)} of {file}, with which the case may have been fitted"
     return [Mistake(POLICY_KEY, message, shown(policy), file=POLICY_PLACE)]
 
 
@@ -161,13 +161,11 @@ def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
     place = re.search(r"\(at (?:line (\d+), column \d+|(end of document))\)", reason)
     if "integer string conversion" in reason:
         return Mistake(
-            "", "a whole number of thousands of digits: no quantity of a case has so many", file=file
+            "", "a whole number with thousands of digits: no quantity of a case has so many", file=file
         )
     if "Cannot overwrite a value" in reason:
-        reason = reason.replace(
-            "Cannot overwrite a value", "this key is there already, with another line's value"
-        )
-    message = f"no valid TOML: {re.sub(r' *[(]at .*[)]$', '', reason)}"
+        reason = reason.replace("Cannot overwrite a value", "this key already has a value, on another line")
+    message = f"not valid TOML: {re.sub(r' *[(]at .*[)]$', '', reason)}"
     if place is None or place[1] is None:
         return Mistake("", message, file=file, line=text.count("\n") + 1 if place else None)
     number = int(place[1])

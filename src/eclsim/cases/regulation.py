@@ -133,7 +133,7 @@ class Regulation(_Settings):
         for name in GAS_RESPONSES:
             stated = sections.get(cls.section, {}).get(name)
             if stated is not None and "gas" not in sections:
-                message = "without effect: no gases are computed that it could answer to; add a section [gas]"
+                message = "without effect: blood gases are not computed; add a section [gas]"
                 remarks.warning(f"{cls.section}.{name}", message, shown(stated))
 
 
@@ -193,6 +193,6 @@ class Drugs(_Settings):
             if not (isinstance(given, float) and isinstance(sensitivity, float)):
                 continue
             if given * sensitivity > usual:
-                felt = "" if sensitivity == 1.0 else f"felt as {given * sensitivity:.3g}, "
+                felt = "" if sensitivity == 1.0 else f"equivalent to {given * sensitivity:.3g}, "
                 message = f"{felt}beyond the usual {usual:g} {unit}: its effect is extrapolated"
                 remarks.warning(f"{key}.{drug}", message, shown(given))

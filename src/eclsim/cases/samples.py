@@ -24,7 +24,7 @@ def as_samples(samples: Mapping[str, Sequence[float]]) -> Mapping[str, Sequence[
         if isinstance(values, str) or not (isinstance(values, Iterable) and isinstance(values, Sized)):
             raise TypeError(f"samples of {name}: {written(values)}; allowed: {allowed}")
         if wrong := [one for one in values if isinstance(one, str) or not hasattr(one, "__float__")]:
-            raise TypeError(f"samples of {name}: {written(wrong[0])} is no number; allowed: {allowed}")
+            raise TypeError(f"samples of {name}: {written(wrong[0])} is not a number; allowed: {allowed}")
     return samples
 
 
@@ -49,7 +49,7 @@ def _mistakes(samples: Mapping[str, Sequence[float]], known: Collection[str]) ->
         yield Mistake("samples", "numbers of samples", text, "the same for every parameter, at least one")
     for name, values in samples.items():
         if name not in known:
-            message = "no parameter that this study reads"
+            message = "not a parameter that this study uses"
             yield Mistake(name, message, suggestion=did_you_mean(name, known))
             continue
         parameter = quantity(name)

@@ -84,7 +84,7 @@ class Gas(Section):
 
 POLICY_KEY = "blood_volume_policy"
 POLICY = Field(
-    "Whose blood fills the circuits: the patient's, or patient_held: they are primed", "name",
+    "Filling of the circuits: as_published: with the patient's blood; patient_held: primed", "name",
     required=False, names=("as_published", "patient_held"), name=POLICY_KEY,
 )  # fmt: skip
 """The blood volume policy, written above the sections; "as_published" if omitted."""
@@ -144,7 +144,7 @@ class Measurements(Section):
         float | None, measured("Mean pressure in the return line of the CRRT", "mmHg", -150, 600, 150)
     ] = None
     crrt_filter_pressure_drop: Annotated[
-        float | None, measured("Fall of pressure along the filter of the CRRT", "mmHg", 0, 500, 60)
+        float | None, measured("Pressure drop across the filter of the CRRT", "mmHg", 0, 500, 60)
     ] = None
     SaO2: Annotated[float | None, _saturation("of the right radial artery", 95)] = None
     PaO2: Annotated[float | None, measured("PO2 of the right radial artery", "mmHg", 15, 700, 90)] = None
@@ -160,7 +160,7 @@ class Measurements(Section):
 
 def _share(name: str) -> Field:
     parameter = physiology.PARAMETERS[f"{physiology.SECTION}.{name}"]
-    return setting(parameter, f"{parameter.minimum:g} to {parameter.maximum:g}, a share and no percentage")
+    return setting(parameter, f"{parameter.minimum:g} to {parameter.maximum:g}, a fraction, not a percentage")
 
 
 class Physiology(Section):

@@ -29,11 +29,11 @@ def texts_of(settings: Iterable[str]) -> list[str]:
     """
     allowed = 'texts such as ["ecmo.speed_rpm=3000", "Rmc=0.8"]'
     if isinstance(settings, Mapping) or not isinstance(settings, Iterable):
-        raise TypeError(f"settings: {written(settings)} is no list of settings; allowed: {allowed}")
+        raise TypeError(f"settings: {written(settings)} is not a list of settings; allowed: {allowed}")
     listed = [settings] if isinstance(settings, str) else list(settings)
     for one in listed:
         if not isinstance(one, str):
-            raise TypeError(f"settings: {written(one)} is no setting; allowed: {allowed}")
+            raise TypeError(f"settings: {written(one)} is not a setting; allowed: {allowed}")
     return listed
 
 
@@ -55,13 +55,13 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
         path = section_and_key(name.strip())
         if not equals or not name.strip():
             allowed = f"KEY=VALUE, such as {example_setting()}=3000 or Rmc=0.8"
-            mistakes.append(Mistake("", "no setting", shown(setting), allowed, file=SETTING_SOURCE))
+            mistakes.append(Mistake("", "not a setting", shown(setting), allowed, file=SETTING_SOURCE))
         elif path is None:
             mistakes.append(unknown_key(name.strip(), text))
         else:
             value = _value_of(text.strip())
             if path in result and result[path] != value:
-                message = f"given more than once: wins over the earlier {shown(result[path])}"
+                message = f"given more than once: overrides the earlier {shown(result[path])}"
                 notes.append(Mistake(".".join(path), message, shown(value), file=SETTING_SOURCE))
             result[path] = value
     if mistakes:
@@ -90,10 +90,10 @@ def put_in(
             continue
         for other in keys_replaced_by(section, key):
             if other in target and (section, other) not in values:
-                message = f"takes the place of {other} = {shown(target.pop(other))} of {file}"
+                message = f"replaces {other} = {shown(target.pop(other))} of {file}"
                 notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
         if key in target and target[key] != value:
-            message = f"wins over {shown(target[key])} of {file}"
+            message = f"overrides {shown(target[key])} of {file}"
             notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
         target[key] = value
     return merged, notes

@@ -49,7 +49,7 @@ def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") 
     except CaseError:  # CaseError is a ValueError with a message of its own
         raise
     except ValueError as error:
-        raise file_error(file, f"no path: {error}") from None
+        raise file_error(file, f"not a path: {error}") from None
     if len(data) > most:
         allowed = f"at most {_size(most)}" + (f"; {too_large}" if too_large else "")
         raise file_error(file, f"too large for {kind}", allowed)
@@ -65,7 +65,7 @@ def decoded(data: bytes, file: str, expected: str = "text in UTF-8") -> str:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise file_error(file, "encoded as UTF-16", expected)
     if b"\x00" in data:
-        raise file_error(file, "holds zero bytes: UTF-16, or no text at all", expected)
+        raise file_error(file, "contains zero bytes: UTF-16, or not a text file", expected)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -94,10 +94,10 @@ def json_of(text: str, file: str) -> Any:
     except RecursionError:
         raise file_error(file, "nested too deeply") from None
     except _DoubleKeyError as error:
-        raise file_error(file, f"the key {error} stands twice in one object", "each key once") from None
+        raise file_error(file, f"the key {error} occurs twice in one object", "each key once") from None
     except ValueError as error:
         line = getattr(error, "lineno", None)
-        raise CaseError([Mistake("", f"no valid JSON: {error}", file=file, line=line)]) from None
+        raise CaseError([Mistake("", f"not valid JSON: {error}", file=file, line=line)]) from None
 
 
 def file_error(file: str, message: str, allowed: str = "") -> CaseError:
@@ -124,15 +124,17 @@ def _refuse_links_to_other_folders(file: str) -> None:
         return
     folder, target = os.path.realpath(os.path.dirname(file) or "."), os.path.realpath(file)
     if os.path.commonpath([folder, target]) != folder:
-        raise file_error(file, f"a symbolic link out of its folder, to {target}", "the file itself: name it")
+        raise file_error(
+            file, f"a symbolic link out of its folder, to {target}", "the path of the file itself"
+        )
 
 
 def _refuse_other_kinds(mode: int, file: str, kind: str) -> None:
     if stat.S_ISDIR(mode):
         raise IsADirectoryError
     if not stat.S_ISREG(mode):
-        what = next((words for test, words in _KINDS.items() if test(mode)), "no regular file")
-        raise file_error(file, f"{what}, not {kind}", "a regular file; save what it gives to one first")
+        what = next((words for test, words in _KINDS.items() if test(mode)), "not a regular file")
+        raise file_error(file, f"{what}, not {kind}", "a regular file; save the data to one first")
 
 
 def _size(count: int) -> str:

@@ -144,7 +144,7 @@ def as_names(given: Sequence[str], what: str) -> tuple[str, ...]:
     names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
     for name in names:
         if not isinstance(name, str):
-            raise TypeError(f'{what}: {shown(name)} is no name; allowed: names such as ["MAP", "CO"]')
+            raise TypeError(f'{what}: {shown(name)} is not a name; allowed: names such as ["MAP", "CO"]')
     return names
 
 
@@ -167,7 +167,6 @@ def as_settings(given: Settings | None, kind: type[Settings], what: str = "setti
     if isinstance(given, kind):
         return given
     raise TypeError(
-        f"{what}: {article(type(given).__name__)} is no {kind.__name__}; allowed: "
-        f"eclsim.{kind.__name__}(...), "
-        f"whose arguments are the {what if what == 'options' else 'settings'}"
+        f"{what}: {article(type(given).__name__)} is not {article(kind.__name__)}; allowed: "
+        f"eclsim.{kind.__name__}(...), whose arguments are the {what if what == 'options' else 'settings'}"
     )

@@ -82,7 +82,7 @@ def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[floa
 
 def _finite(value: object, field: Field) -> float:
     if isinstance(value, bool):
-        raise RefusedValueError("true and false are no numbers", field.allowed)
+        raise RefusedValueError("true and false are not numbers", field.allowed)
     if isinstance(value, str):
         return _number_in_text(value, field)
     if not isinstance(value, (int, float)):
@@ -96,7 +96,7 @@ def _finite(value: object, field: Field) -> float:
     if math.isinf(number):
         raise RefusedValueError("infinite" if not _digits(value) else "too large", field.allowed)
     if number == 0 and _digits(value):
-        raise RefusedValueError("too small to be told from 0", field.allowed)
+        raise RefusedValueError("too small to be distinguished from 0", field.allowed)
     return number
 
 
@@ -126,7 +126,7 @@ def _number_with_unit(text: str, number: float, unit: str, field: Field) -> floa
         return read_number(number, field)
     if known == field.unit:
         raise RefusedValueError(
-            f"a text with a unit; the unit is {known} anyway", field.allowed, f"{number:g}"
+            f"text with a unit; write only the number [{known}]", field.allowed, f"{number:g}"
         )
     if known is not None and quantity_of(known) == quantity_of(field.unit):
         converted = convert(number, known, field.unit)

@@ -188,7 +188,7 @@ def _read_text(value: object, field: Field) -> str:
     if len(name) > MAXIMUM_ID_LENGTH:
         raise RefusedValueError(f"too long: {len(name)} characters", field.allowed)
     if not name.isprintable():
-        raise RefusedValueError("holds line breaks or other characters that cannot be printed", field.allowed)
+        raise RefusedValueError("contains line breaks or other unprintable characters", field.allowed)
     return name
 
 
@@ -206,7 +206,7 @@ def read_name(value: object, field: Field) -> str:
         hint = did_you_mean(name, (*field.names, *field.aliases))
         raise RefusedValueError("unknown name", field.allowed, hint)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        message = "a number; only names are read, as lists of devices and sites differ"
+        message = "a number; a name is needed, as lists of devices and sites differ"
         raise RefusedValueError(message, field.allowed)
     raise RefusedValueError("a name belongs here", field.allowed)
 
@@ -249,8 +249,8 @@ def short(key: object) -> str:
 
 def _refuse_section(key: str, raw: object, remarks: Remarks) -> None:
     if isinstance(raw, (list, tuple)):
-        times = f"given {len(raw)} times" if len(raw) != 1 else "written as one of a list"
+        times = f"given {len(raw)} times" if len(raw) != 1 else "written as an element of a list"
         allowed = f"one [{key}] section, in single brackets"
         remarks.error(key, f"{times}; a case has one at most", allowed=allowed)
     else:
-        remarks.error(key, "a section belongs here", shown(raw), f"[{key}] and its keys on lines below")
+        remarks.error(key, "a section belongs here", shown(raw), f"[{key}] and its keys on the lines below")
