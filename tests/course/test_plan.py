@@ -172,7 +172,7 @@ def test_the_fastest_rate_is_that_of_the_device(own):
     key = f"crrt.{ULTRAFILTRATION}"
     fastest = _fastest(own, key, 100.0)
     apply_settings(own, [f"{key}={fastest!r}"])
-    with pytest.raises(CaseError, match="the water taken out"):
+    with pytest.raises(CaseError, match="the water removed"):
         apply_settings(own, [f"{key}={1.02 * fastest!r}"])
 
 

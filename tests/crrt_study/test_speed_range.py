@@ -49,7 +49,7 @@ def test_what_are_no_speeds_is_refused(text):
 def test_a_speed_far_above_the_pump_s_is_refused():
     """It was simulated, and its pressures shown."""
     with pytest.raises(
-        StudyError, match="speed_rpm = 90000: far above what a Rotaflow runs at; allowed: 1000"
+        StudyError, match="speed_rpm = 90000: far above the speed of a Rotaflow; allowed: 1000"
     ):
         crrt_study(paper_case(), schemes="g", speeds=[3000, 90000])
 

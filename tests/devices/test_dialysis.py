@@ -95,7 +95,7 @@ def test_clearances_beside_another_filter_are_said_to_know_nothing_of_it(case):
     said = [line for line in two.attrs["warnings"] if "cleared nothing" in line]
     assert len(said) == 2
     assert said[0].startswith(
-        "effective clearances of the CRRT a are as if [crrt.b] cleared nothing: too high"
+        "effective clearances of the CRRT a are computed as if [crrt.b] cleared nothing: too high"
     )
     assert not [line for line in eclsim.simulate(case).attrs["warnings"] if "cleared nothing" in line]
 
@@ -245,7 +245,7 @@ def test_more_filtered_than_there_is_plasma_is_no_number_and_no_failure(case):
         ({"dialysate_ml_h": -5}, r"dialysate_ml_h = -5: .*outside the allowed range.*0 to 20000 mL/h"),
         (
             {"dialysate_ml_h": 1000, "replacement_post_ml_h": 9000},
-            r"post_ml_h = 9000: .*water taken out.*8400 mL/h",
+            r"post_ml_h = 9000: .*water removed.*8400 mL/h",
         ),
         ({"dialysate_ml_hr": 5}, r"dialysate_ml_hr = 5: unknown key.*dialysate_ml_h"),
     ],

@@ -193,12 +193,12 @@ def test_a_file_that_registers_nothing_or_fails_is_refused(tmp_path, capsys):
         file.write_text(text)
         with pytest.raises(DeviceError, match=why):
             load_device_file(str(file))
-    with pytest.raises(DeviceError, match="no Python file"):
+    with pytest.raises(DeviceError, match="not a Python file"):
         load_device_file(str(tmp_path / "missing.py"))
     with pytest.raises(SystemExit) as left:
         main(["--device", str(tmp_path / "missing.py"), "devices"])
     assert left.value.code == 2
-    assert "no Python file" in capsys.readouterr().err
+    assert "not a Python file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -209,10 +209,10 @@ def test_a_file_that_registers_nothing_or_fails_is_refused(tmp_path, capsys):
         ('mean("rvad_head"', 'mean("rvad_flow"', "output 'rvad_flow': the name of another output"),
         ('mean("rvad_head"', 'mean("PF"', "output 'PF': the name of another output"),
         ('mean("rvad_head"', 'mean("MAP"', "output 'MAP': the name of an output of the patient"),
-        ('"Prvadpump")', '"Prvadpmp")', "output 'rvad_head': 'Prvadpmp' is no waveform"),
+        ('"Prvadpump")', '"Prvadpmp")', "output 'rvad_head': 'Prvadpmp' is not a waveform"),
         ('"Prvadpump")', '"Prvadpmp")', "did you mean Prvadpump"),
-        ('"Prvadin")', '"rvadin")', "output 'rvad_inlet_pressure': 'rvadin' is no waveform"),
-        ('Trace("Qrvadpump"', 'Trace("Qrvadpumpe"', "trace 'RVAD flow': 'Qrvadpumpe' is no waveform"),
+        ('"Prvadin")', '"rvadin")', "output 'rvad_inlet_pressure': 'rvadin' is not a waveform"),
+        ('Trace("Qrvadpump"', 'Trace("Qrvadpumpe"', "trace 'RVAD flow': 'Qrvadpumpe' is not a waveform"),
     ],
 )
 def test_outputs_of_other_names_and_limits_of_none_are_refused(written, instead, why, tmp_path, capsys):
@@ -246,8 +246,8 @@ class Shunt(Section):
     [
         ("lvad", Shunt, "none of"),
         ("patient", Shunt, "none of"),
-        ("A b", Shunt, "small letters"),
-        ("shunt", object, "is a subclass of"),
+        ("A b", Shunt, "lower-case letters"),
+        ("shunt", object, "must be a subclass of"),
         ("other", Shunt, "its name in a case file"),
         ("shunt", Shunt, "annotated with its Field"),
     ],

@@ -133,7 +133,7 @@ def test_left_atrial_drainage_unloads_the_left_side(alone):
         ({"septostomy": {"diameter_mm": 0.8}}, "septostomy.diameter_mm = 0.8: outside the allowed range"),
         (
             {"ecmo": ECMO | {"second_return_site": "la"}},
-            "ecmo.second_return_fr: missing, while second_return_",
+            "ecmo.second_return_fr: missing, although second_return_",
         ),
         (
             {"ecmo": ECMO | {"second_return_site": "ra", "second_return_fr": 15}},

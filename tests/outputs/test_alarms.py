@@ -279,7 +279,7 @@ def test_a_right_ventricle_that_a_pump_empties_is_warned_of():
     assert "empties the right ventricle to 12 mL (end-diastolic pressure 1.0 mmHg): suction" in (
         found[0].sentence
     )
-    assert "say nothing of ejection through the pulmonary valve" in found[1].sentence
+    assert "do not describe ejection through the pulmonary valve" in found[1].sentence
     (only,) = findings(empty | {"ESVRV": 45.0}, {}, circuit)
     assert only.kind == "caution"
 

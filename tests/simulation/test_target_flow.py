@@ -93,8 +93,11 @@ def test_a_course_in_time_runs_at_the_speed_that_was_found():
     ("ecmo", "text"),
     [
         ({"flow_l_min": 4.0, "speed_rpm": 3000}, "one of the two"),
-        ({"flow_l_min": 4.0, "pump": {"roller_l_min": 4.0}}, "a roller pump has its flow as roller_l_min"),
-        ({}, "or flow_l_min, and the speed is solved for"),
+        (
+            {"flow_l_min": 4.0, "pump": {"roller_l_min": 4.0}},
+            "a roller pump takes its flow from roller_l_min",
+        ),
+        ({}, "or flow_l_min, to solve for the speed"),
         ({"flow_l_min": -1.0}, "0.1 to 10 L/min"),
     ],
 )

@@ -137,8 +137,8 @@ def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[A
         Assumption(
             permeability.key, permeability.value, pressures,
             f"the ultrafiltration coefficient of the membrane, {permeability.value:g} mL/h/mmHg, is assumed "
-            "(30 to 60 is usual for 1.5 m2), and with it transmembrane pressure, effluent pressure and what "
-            f"an open effluent lets out: set {permeability.key} of your filter in [parameters]",
+            "(30 to 60 is usual for 1.5 m2); transmembrane pressure, effluent pressure and filtration "
+            f"through an open effluent depend on it: set {permeability.key} of your filter in [parameters]",
         ),
         Assumption(
             urea.key, urea.value, tuple(cleared),
@@ -220,7 +220,7 @@ class Crrt(Section):
         float | None, number("Total CO2 of the patient's plasma", "mmol/L", 2, 80, 24, required=False)
     ] = None
     citrate_mmol_l: Annotated[
-        float | None, number("Regional citrate, mmol for a L of blood", "mmol/L", 0, 10, 3, required=False)
+        float | None, number("Regional citrate, mmol per L of blood", "mmol/L", 0, 10, 3, required=False)
     ] = None
 
     @property

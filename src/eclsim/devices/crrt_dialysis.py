@@ -129,14 +129,14 @@ OUTPUTS = (
     *(
         Output(
             f"effective_clearance_{name}", f"clearance of {name} for the patient", "mL/min",
-            "removed / concentration in the blood that leaves the tissues: recirculation taken off",
+            "removed / concentration in the blood that leaves the tissues, corrected for recirculation",
             _SIGNALS, lambda m, name=name: _effective(m, name), parameters=SETTINGS, all_flows=True,
         )
         for name in SOLUTES
     ),
     Output(
         "base_gain", "bicarbonate gained from the CRRT", "mmol/h",
-        "from fluids and citrate (3 each), less what is removed: recirculation taken off",
+        "from fluids and citrate (3 each), less what is removed, corrected for recirculation",
         _SIGNALS, _base_gain, parameters=SETTINGS, all_flows=True, by_gases=True,
     ),
     _dialysis(
@@ -145,7 +145,7 @@ OUTPUTS = (
     ),
     Output(
         "citrate_load", "citrate that reaches the patient", "mmol/h",
-        "dose - removed: recirculation taken off", _SIGNALS, _citrate, parameters=SETTINGS,
+        "dose - removed, corrected for recirculation", _SIGNALS, _citrate, parameters=SETTINGS,
         all_flows=True,
     ),
     Output(
@@ -167,6 +167,6 @@ def haemoconcentration_findings(
     text = (
         f"{names.label}: net ultrafiltration {net:g} mL/h is more than the patient's plasma that reaches the "
         f"dialyzer, {fresh:.0f} mL/h, as blood goes in a circle: it thickens within minutes and clots; a "
-        "course takes the water from the patient all the same"
+        "course still takes the water from the patient"
     )
     return [Finding("alarm", name, fresh, net, text, concerns=(name,))]

@@ -104,8 +104,8 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - _haematocrit(values, case))
     if drawn and sum(drawn.values()) >= plasma:
         message = (
-            f"the water taken out, {sum(drawn.values()):g} mL/h with {' and '.join(drawn)}, is no less than "
-            "the flow of plasma"
+            f"the water removed, {sum(drawn.values()):g} mL/h with {' and '.join(drawn)}, is not below the "
+            "plasma flow"
         )
         largest = max(drawn, key=lambda name: drawn[name])
         remarks.error(f"{key}.{largest}", message, shown(drawn[largest]), f"together below {plasma:.0f} mL/h")
@@ -123,8 +123,8 @@ def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remar
         return
     message = (
         f"with gas.haemoglobin_g_dl = {haemoglobin_g_dl:g} red cells would hold {held:.0f} g/dL (usual: "
-        f"{RED_CELL_HAEMOGLOBIN:g}): blood would carry the oxygen of one and flow as that of the other; "
-        "leave it out where it was not measured"
+        f"{RED_CELL_HAEMOGLOBIN:g}): blood would carry oxygen by one and flow by the other; leave it out "
+        "unless it was measured"
     )
     hint = f"{key.rpartition('.')[2]} = {haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN:.2f}"
     remarks.warning(key, message, shown(haematocrit), hint)
@@ -157,7 +157,7 @@ def warn_of_other_filters(names: Naming, outputs: Mapping[str, float], circuit: 
     if not others:
         return []
     text = (
-        f"effective clearances of the {names.label} are as if [{'] and ['.join(others)}] cleared nothing: "
-        "too high where blood that it has cleared reaches this filter"
+        f"effective clearances of the {names.label} are computed as if [{'] and ['.join(others)}] cleared "
+        "nothing: too high if blood that it has cleared reaches this filter"
     )
     return [Finding(CAUTION, concerned, outputs[concerned], math.nan, text, concerns=(concerned,))]

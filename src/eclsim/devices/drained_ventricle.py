@@ -43,9 +43,9 @@ def ejection_fraction_findings(
         if name not in outputs:
             continue
         does, counts = "empties", "what the device takes"
-        counts += f", and say nothing of ejection through the {valve} valve"
+        counts += f", and do not describe ejection through the {valve} valve"
         if backwards:
-            does, counts = "lets blood back into", "what it ejects anew of that"
+            does, counts = "lets blood back into", "how much of that it ejects again"
         text = f"the {names.label} {does} the {ventricle}: "
         text += f"its ejection fraction and stroke volume count {counts}"
         concerns = (name, f"stroke_volume_{drained}")

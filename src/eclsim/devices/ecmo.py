@@ -307,7 +307,7 @@ class RollerPump(BaseModel):
 def _read_pump(value: object, field: Field) -> object:
     if isinstance(value, dict):
         if set(value) != {"roller_l_min"}:
-            raise RefusedValueError("a pump as a table holds roller_l_min alone", field.allowed)
+            raise RefusedValueError("a pump given as a table contains only roller_l_min", field.allowed)
         try:
             return {"roller_l_min": read_number(value["roller_l_min"], ROLLER)}
         except RefusedValueError as error:
@@ -394,13 +394,13 @@ def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> N
     pump = values.get("pump")
     if isinstance(pump, str):
         if "speed_rpm" not in raw and "flow_l_min" not in raw:
-            allowed = f"{Ecmo.fields()['speed_rpm'].allowed}, or flow_l_min, and the speed is solved for"
+            allowed = f"{Ecmo.fields()['speed_rpm'].allowed}, or flow_l_min, to solve for the speed"
             remarks.error(f"{key}.speed_rpm", "missing", allowed=allowed)
         if "speed_rpm" in raw and "flow_l_min" in raw:
-            message = f"beside speed_rpm = {shown(raw['speed_rpm'])}: the speed follows from the flow"
+            message = f"given with speed_rpm = {shown(raw['speed_rpm'])}: the speed follows from the flow"
             remarks.error(f"{key}.flow_l_min", message, shown(raw["flow_l_min"]), "one of the two")
     if isinstance(pump, dict):
-        wrong = {"speed_rpm": "has a flow and no speed", "flow_l_min": "has its flow as roller_l_min"}
+        wrong = {"speed_rpm": "has a flow, not a speed", "flow_l_min": "takes its flow from roller_l_min"}
         for name, reason in wrong.items():
             if name in raw:
                 remarks.error(f"{key}.{name}", f"a roller pump {reason}; leave it out", shown(raw[name]))
@@ -956,8 +956,8 @@ def _reason_for_left_ventricle(circuit: Circuit) -> str:
     if not missing:
         return "they depend on what is held while the flow changes (volume, tone); not validated in patients"
     return (
-        f"without {missing} they follow the filling alone (with the pump's flow they rise in a filled "
-        "patient and fall in an empty one), where patients' ventricles distend"
+        f"without {missing} they follow filling alone (with pump flow they rise in a well-filled patient "
+        "and fall in a poorly filled one), whereas patients' ventricles distend"
     )
 
 
@@ -972,7 +972,7 @@ def _check_gases(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     with_gas = "gas" in case.physiology
     for name in GAS_KEYS:
         if name in values and not with_gas:
-            message = "without effect: gases are computed where the case has a [gas] section"
+            message = "without effect: gases are computed only if the case has a [gas] section"
             remarks.warning(f"{key}.{name}", message, shown(values[name]))
     if with_gas and "sweep_l_min" not in values:
         assumed = Ecmo.parameters["ecmo.sweep_l_min"].value
@@ -993,7 +993,7 @@ def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:
     if site in (VENOUS_SITES if mode == "VA" else ARTERIAL_SITES):
         message = f"contradicts return_site = {shown(site)} ({PATIENT_SITES[site]})"
         other = "VV" if mode == "VA" else "VA"
-        allowed = f'mode = "{other}", another return_site, or no mode: then the sites count'
+        allowed = f'mode = "{other}", another return_site, or no mode: the sites then decide'
         remarks.error(f"{key}.mode", message, shown(mode), allowed)
 
 
@@ -1056,14 +1056,14 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
     if not added:
         if output < pump_flow:
             message = (
-                f"below the pump flow {pump_flow:g} L/min: where ECMO returns before the lungs, CO is all "
-                "that the body gets, and the pump would draw again what it has just returned"
+                f"below the pump flow {pump_flow:g} L/min: where ECMO returns before the lungs, CO is the "
+                "whole flow of the body, and the pump would drain blood that it has just returned"
             )
             remarks.warning("measurements.CO", message, shown(output))
         return
     message = "is read as the native output, through the lungs; "
     if reason := _reason_for_total_output(case, output, pump_flow):
-        hint = f"CO = {output - pump_flow:.3g}, a total less the pump flow {pump_flow:g} L/min"
+        hint = f"CO = {output - pump_flow:.3g}, a total minus the pump flow {pump_flow:g} L/min"
         remarks.warning("measurements.CO", message + reason, shown(output), hint)
     else:
         message += f"with the pump flow the organs get {output + pump_flow:.3g} L/min"
@@ -1089,7 +1089,7 @@ def _reason_for_total_output(case: CaseValues, output: float, pump_flow: float) 
         if index > _LARGEST_INDEX:
             return (
                 f"with the pump flow {pump_flow:g} L/min the organs would get {output + pump_flow:.3g} "
-                f"L/min, {index:.1f} L/min/m^2, where above {_LARGEST_INDEX:g} is hardly ever seen"
+                f"L/min, {index:.1f} L/min/m^2; values above {_LARGEST_INDEX:g} are hardly ever seen"
             )
     systolic, diastolic = case.measurements.get("SP"), case.measurements.get("DP")
     rate = case.patient.get("heart_rate_bpm")
@@ -1100,9 +1100,9 @@ def _reason_for_total_output(case: CaseValues, output: float, pump_flow: float) 
     if compliance <= _LARGEST_COMPLIANCE:
         return ""
     return (
-        f"a stroke volume of {stroke:.0f} mL with a pulse pressure of {systolic - diastolic:g} mmHg means an "
-        f"arterial compliance of {compliance:.1f} mL/mmHg, where 1 to 2 is usual and above "
-        f"{_LARGEST_COMPLIANCE:g} hardly ever seen"
+        f"a stroke volume of {stroke:.0f} mL with a pulse pressure of {systolic - diastolic:g} mmHg means "
+        f"an arterial compliance of {compliance:.1f} mL/mmHg; 1 to 2 is usual, and values above "
+        f"{_LARGEST_COMPLIANCE:g} are hardly ever seen"
     )
 
 

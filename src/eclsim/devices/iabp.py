@@ -36,8 +36,8 @@ the gas within 0.1 ms at any pressure, and an explicit solver can still resolve 
 
 _AFFECTED_OUTPUTS = ("CO", "LVO", "DP", f"{GROUP}_end_diastolic_pressure", f"{GROUP}_augmentation")
 _IDEAL_BALLOON = (
-    "the IABP is an ideal balloon, which always moves its whole volume, in stiff arteries: take what it does "
-    "to CO, LVO and diastolic pressure for the most that a patient may gain (0.5 to 1.0 L/min are reported, "
+    "the IABP is an ideal balloon, which always moves its whole volume, in stiff arteries: its effects on "
+    "CO, LVO and diastolic pressure are the most that a patient may gain (0.5 to 1.0 L/min are reported, "
     "Parissis et al. 2016)"
 )
 
@@ -138,7 +138,7 @@ class IabpDevice(Device[Iabp]):
         elif volume > 0.0 and "SP" in outputs and augmented >= outputs["SP"]:
             text = (
                 "the highest aortic pressure is the balloon's, in diastole: SP, DP and pulse pressure are "
-                f"made by the {names.label}; for what the heart does read "
+                f"those of the {names.label}; for the heart's own output, read "
                 f"{names.output(_SYSTOLIC.name)} and LVO"
             )
             concerns = ("SP", "DP", "pulse_pressure")
@@ -155,8 +155,8 @@ def _early_inflation_finding(
         return None
     text = (
         f"the {names.label} inflates at {phase:g} of the beat, before the aortic valve shuts ({NOTCH:g}): "
-        f"the left ventricle ejects against it; SP, {names.output(_AUGMENTED.name)} and {name} are read in "
-        "the midst of ejection, and their difference is no augmentation"
+        f"the left ventricle ejects against it; SP, {names.output(_AUGMENTED.name)} and {name} are read "
+        "during ejection, and their difference is not an augmentation"
     )
     concerns = ("SP", name, *(names.output(one.name) for one in (_AUGMENTED, _DIFFERENCE)))
     return Finding("warning", name, outputs[name], float("nan"), text, concerns=concerns)

@@ -35,7 +35,7 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
         return
     if taken_from == given_to:
         message = f"the same as {source}: the device would pump in a circle"
-        remarks.error(f"{key}.{target}", message, shown(given_to), "another compartment than " + source)
+        remarks.error(f"{key}.{target}", message, shown(given_to), "a compartment other than " + source)
     elif taken_from in ARTERIAL_SITES and given_to in (*VENOUS_SITES, *LEFT_HEART):
         reason = "against the heart's own flow" if given_to in LEFT_HEART else "an arterio-venous shunt"
         message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: {reason}"
@@ -51,7 +51,7 @@ def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: 
     low, high = pumps[name].speed_range_rpm
     span = f"{low:g} to {high:g} rpm"
     if speed > high * SPEED_LIMIT:
-        remarks.error(f"{key}.speed_rpm", f"far above what a {name} runs at", shown(speed), span)
+        remarks.error(f"{key}.speed_rpm", f"far above the speed of a {name}", shown(speed), span)
     elif speed == 0:
         message = "the pump stands still in an open circuit: blood flows back through it"
         remarks.warning(f"{key}.speed_rpm", message, "0")
@@ -67,7 +67,7 @@ def check_cannula(key: str, size: float, cannula: CannulaType, remarks: Remarks)
     if not sizes[0] <= size <= sizes[-1]:
         suggestion = suspected_unit(size, "Fr", 19.0, (sizes[0], sizes[-1]))
         message = f"no {cannula.key} cannula of this size"
-        remarks.error(key, message, shown(size), f"{listed} Fr and what lies between", suggestion)
+        remarks.error(key, message, shown(size), f"{listed} Fr and sizes between them", suggestion)
     elif size not in sizes:
         message = f"between the listed sizes of {cannula.key} cannulae ({listed} Fr): interpolated"
         remarks.warning(key, message, shown(size))

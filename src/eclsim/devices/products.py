@@ -81,7 +81,7 @@ class PumpCurve(Product):
 
     title = "Pumps"
     head = ("name", "device", "use", "speed [rpm]", "checked against")
-    remark = "{ roller_l_min = 4.0 } in place of a name: a roller pump with this flow [L/min]"
+    remark = "{ roller_l_min = 4.0 } instead of a name: a roller pump with this flow [L/min]"
 
     name: str
     use: str

@@ -123,7 +123,7 @@ def load_device_file(file: str) -> list[AnyDevice]:
     before = dict(_OTHERS)
     spec = spec_from_file_location(name, path)
     if not os.path.isfile(path) or spec is None or spec.loader is None:
-        raise DeviceError(f"{file}: no Python file")
+        raise DeviceError(f"{file}: not a Python file")
     module = sys.modules[name] = module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
@@ -167,28 +167,28 @@ def _load_others() -> None:
 def _check(device: AnyDevice) -> None:
     """Raise `DeviceError` for a device that is not valid."""
     if not isinstance(device, Device):
-        raise DeviceError(f"{device!r} is no device: make it a subclass of eclsim.devices.Device")
+        raise DeviceError(f"{device!r} is not a device: make it a subclass of eclsim.devices.Device")
     key = getattr(device, "key", "")
     used = (*RESERVED, *(entry.key for entry in _PACKAGE))
     if not _KEY.fullmatch(key) or key in used:
-        allowed = f"small letters, digits and _, and none of {', '.join(used)}"
+        allowed = f"lower-case letters, digits and _, but none of {', '.join(used)}"
         raise DeviceError(f"device key {key!r}; allowed: {allowed}")
     section = getattr(device, "section", None)
     if not (isinstance(section, type) and issubclass(section, Section)):
-        raise DeviceError(f"device {key}: `section` is a subclass of eclsim.devices.Section")
+        raise DeviceError(f"device {key}: `section` must be a subclass of eclsim.devices.Section")
     if getattr(section, "section", None) != key:
         raise DeviceError(
-            f"device {key}: `section` of {section.__name__} is its name in a case file, {key!r}"
+            f"device {key}: `section` of {section.__name__} must be its name in a case file, {key!r}"
         )
     try:
         section.fields()
     except ValueError:
-        message = "each attribute is annotated with its Field, as in Annotated[float, number(...)]"
+        message = "each attribute must be annotated with its Field, as in Annotated[float, number(...)]"
         raise DeviceError(f"device {key}, {section.__name__}: {message}") from None
     others = (*_PACKAGE, *(other for name, other in _OTHERS.items() if name != key))
     known = set(patient_parameters()) | {p.key for other in others for p in other.parameters}
     if taken := [p.key for p in device.parameters if p.key in known]:
-        message = "the name of a parameter of the patient or of another device; give it one of its own"
+        message = "the name of a parameter of the patient or of another device; choose a new name"
         raise DeviceError(f"device {key}, parameter {taken[0]!r}: {message}")
     _check_outputs(device, others)
     _check_waveforms(device, others)
@@ -200,19 +200,23 @@ def _check_outputs(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
     known = {entry.name for other in others for entry in other.outputs}
     for name in own:
         if own.count(name) > 1 or name in known:
-            message = "the name of another output; give it one of its own"
+            message = "the name of another output; choose a new name"
             raise DeviceError(f"device {device.key}, output {name!r}: {message}")
     for limit in device.limits:
         where = f"device {device.key}, limit of {limit.quantity!r}"
         if limit.quantity not in own:
             hint = spelling_hint(limit.quantity, own)
-            raise DeviceError(f"{where}: no output of it; allowed: {', '.join(own) or 'none'}{hint}")
+            raise DeviceError(
+                f"{where}: not an output of this device; allowed: {', '.join(own) or 'none'}{hint}"
+            )
         if limit.side not in SIDES or limit.kind not in GRAVEST_FIRST:
             allowed = f"{', '.join(GRAVEST_FIRST)}; {', '.join(SIDES)}"
             raise DeviceError(f"{where}: {limit.kind!r}, {limit.side!r}; allowed: {allowed}")
     if device.assist_flow and device.assist_flow not in own:
         hint = spelling_hint(device.assist_flow, own)
-        raise DeviceError(f"device {device.key}, assist_flow {device.assist_flow!r}: no output of it{hint}")
+        raise DeviceError(
+            f"device {device.key}, assist_flow {device.assist_flow!r}: not an output of this device{hint}"
+        )
 
 
 def _check_waveforms(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
@@ -231,7 +235,7 @@ def _check_waveforms(device: AnyDevice, others: Iterable[AnyDevice]) -> None:
                 hint = spelling_hint(name, sorted(own)) or spelling_hint(name, sorted(known))
                 allowed = f"P, V or Q before a place, such as {', '.join(sorted(own)[:6])}"
                 raise DeviceError(
-                    f"device {device.key}, {reader}: {name!r} is no waveform; allowed: {allowed}{hint}"
+                    f"device {device.key}, {reader}: {name!r} is not a waveform; allowed: {allowed}{hint}"
                 )
 
 

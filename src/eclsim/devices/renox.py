@@ -108,11 +108,11 @@ class RenoxDevice(Device[Renox]):
         ),
         _output(
             "transmembrane_pressure", "transmembrane_pressure",
-            "transmembrane pressure that the ultrafiltration of the RenOx takes", "mmHg",
+            "transmembrane pressure needed for the ultrafiltration of the RenOx", "mmHg",
             "ultrafiltrate / Kuf",
         ),
         _output(
-            "effluent_pressure", "effluent_pressure", "pressure that the effluent of the RenOx is held at",
+            "effluent_pressure", "effluent_pressure", "pressure at which the effluent of the RenOx is held",
             "mmHg",
             "mean pressure of the blood in the housing - transmembrane pressure",
         ),
@@ -132,7 +132,7 @@ class RenoxDevice(Device[Renox]):
         Output(
             f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
             "mL/h",
-            "Kuf times the mean pressure of the blood in the housing: what a failing control lets out",
+            "Kuf times the mean pressure of the blood in the housing: what is filtered if the control fails",
             _SIGNALS, _free_filtration, parameters=(_PERMEABILITY,),
         ),
     )  # fmt: skip
@@ -169,9 +169,11 @@ class RenoxDevice(Device[Renox]):
         """Check that there is exactly one ECMO circuit, unnamed, and one RenOx."""
         circuits = case.of("ecmo")
         if list(circuits) != ["ecmo"]:
-            message = "RenOx stands in an ECMO circuit for its oxygenator, but the case has no [ecmo] section"
+            message = "RenOx replaces the oxygenator of an ECMO circuit, but the case has no [ecmo] section"
             if circuits:
-                message = "RenOx stands in the only ECMO circuit, but the case has several or a named one"
+                message = (
+                    "RenOx needs a single ECMO circuit without a name; the case has several or a named one"
+                )
             remarks.error(key, message, allowed="one [ecmo] section")
         if key != GROUP:
             remarks.error(key, "two in one circuit are not modelled", allowed=f"one [{GROUP}] section")

@@ -119,7 +119,7 @@ def check_second(key: str, values: Raw, types: Mapping[str, CannulaType], remark
             present_key, other = f"second_{line}_{present}", f"second_{line}_{missing}"
             lacks = values.get(present_key) is not None and values.get(other) is None
             if lacks and f"{key}.{other}" not in remarks.refused():
-                remarks.error(f"{key}.{other}", f"missing, while {present_key} is there")
+                remarks.error(f"{key}.{other}", f"missing, although {present_key} is given")
         if site is not None and site in (values.get("drainage_site"), values.get("return_site")):
             message = "a site of the first cannulae"
             remarks.error(f"{key}.second_{line}_site", message, f'"{site}"', "another compartment")
