@@ -36,7 +36,8 @@ class AppOptions:
 def app(options: AppOptions) -> None:
     """Serve the bedside page: turn a knob and see what happens to the patient.
 
-    Only this machine can open the page unless --host says otherwise; no data leave it. Research use only.
+    Only this machine can open the page unless --host allows others; no data leave this machine.
+    Research use only.
     """
     root_path = _checked_root(options.root_path)
     reading = with_speeds(read_all([options.case_file], []))[0] if options.case_file else None

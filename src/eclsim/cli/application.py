@@ -43,9 +43,9 @@ class MergeOptions:
 
 
 def merge(options: MergeOptions) -> None:
-    """Finish a command whose shards are all done; results are those of a single run.
+    """Finish a command whose shards are all done; results equal those of a single run.
 
-    The command and its options are those of the shards; the input files must be where they were.
+    Uses the command and options of the shards; the input files must still have the same paths.
     Exit status: that of the command, 2 if a shard is missing.
     """
     from eclsim.execution.folder import ExecutionError, read_inputs

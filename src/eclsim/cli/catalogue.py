@@ -57,7 +57,7 @@ class ExportOptions(ParameterSet):
 
 
 def list_parameters(options: ListOptions) -> None:
-    """Show every parameter on a line: key, value, allowed range, unit, description."""
+    """Show one parameter per line: key, value, allowed range, unit, description."""
     parameters = _set(options.set_name).values()
     groups = list(dict.fromkeys(parameter.group for parameter in parameters))
     group = options.group
@@ -73,7 +73,7 @@ def list_parameters(options: ListOptions) -> None:
 
 
 def explain(options: ExplainOptions) -> None:
-    """Show all that is known of one parameter, and its bounds when it is fitted."""
+    """Show everything known about one parameter, and its bounds in a fit."""
     from eclsim.devices.registry import UnknownParameterError, find_parameter
 
     try:

@@ -96,7 +96,7 @@ def identify(options: IdentifyOptions) -> None:
 
     Explores 1,000 sets of parameters for each free parameter and refines the best until the optimum has been
     found again ten times. Shows whether the fit is good, doubtful or poor, and how reliable parameters are.
-    A cohort has a row for each data point; a bad row does not stop the others. Exit status: 0 all fitted
+    A cohort has one row per data point; a bad row does not stop the others. Exit status: 0 all fitted
     (see the verdict: doubtful fits count), 1 some were not fitted or are poor, 2 bad input.
     """
     cohort = Path(options.file).suffix.lower() in TABLES

@@ -241,7 +241,7 @@ class IdentifiabilityOptions(CaseChanges, Json):
 def identifiability(options: IdentifiabilityOptions) -> None:
     """Which parameters the measurements of a case can tell apart, from exact derivatives of the steady beat.
 
-    Proposes a set of parameters to fit, and gives the reason why each other parameter is not in it.
+    Proposes a set of parameters to fit, and says why each other parameter is not in it.
     """
     target, folder = _checked_places(options)
     (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))

@@ -52,7 +52,7 @@ class ValidateOptions(Distributed):
 def validate(options: ValidateOptions) -> None:
     """Compare eclsim with the published code, other solvers, bench data and patients.
 
-    Rows that miss are shown, also where it is known why. Exit status: 0 all required comparisons pass, 1 a
+    Rows that miss are shown, even if the reason is known. Exit status: 0 all required comparisons pass, 1 a
     required row misses, 2 bad input. Comparisons with measurements of devices and patients are not required.
     """
     options = replace(options, only=[name for names in options.only for name in names.split(",")])
