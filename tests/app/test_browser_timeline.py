@@ -146,7 +146,7 @@ def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
 
     for what, amount, minutes, said in (
         ("bleed_ml", "1,000", "15", "1,000 may mean 1.000 or 1000"),
-        ("ecmo.speed_rpm", "3,425", "0", "3,425 may be 3.425 or 3425"),
+        ("ecmo.speed_rpm", "3,425", "0", "3,425 may mean 3.425 or 3425"),
         ("ecmo.speed_rpm", "", "0", text("timeline_no_amount")),
         ("ecmo.speed_rpm", "2000", "", text("timeline_no_minutes")),
         ("ecmo.speed_rpm", "3 000", "0", "write them without spaces"),
