@@ -165,7 +165,7 @@ def test_times_that_have_no_order_are_named_and_no_conversion_is_called_an_error
     with pytest.raises(CaseError) as raised:
         import_cohort(long_table(tmp_path, *rows))
     (mistake,) = map(str, raised.value.mistakes)
-    assert "A = 2024-03-01T08:00Z and 2024-03-01T09:00: times with and without a zone" in mistake
+    assert "A = 2024-03-01T08:00Z and 2024-03-01T09:00: times with and without a time zone" in mistake
 
 
 def test_all_mistakes_are_said_at_once(tmp_path):

@@ -49,7 +49,7 @@ def test_a_number_of_an_instance_is_what_its_device_says():
 def test_a_number_without_its_section_is_refused(case):
     with pytest.raises(ValueError, match=r"has no \[crrt\] section"):
         with_values(case, {"crrt.flow_ml_min": 100.0})
-    with pytest.raises(ValueError, match="not a number in a case"):
+    with pytest.raises(ValueError, match="not a numeric quantity of a case"):
         with_values(case, {"nothing": 1.0})
 
 

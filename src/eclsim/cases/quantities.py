@@ -88,7 +88,7 @@ def with_values(case: Case, values: Mapping[str, float]) -> Case:
     for name, value in values.items():
         place = section_and_key(name)
         if place is None:
-            raise ValueError(f"{name}: not a number in a case")
+            raise ValueError(f"{name}: not a numeric quantity of a case")
         changes.setdefault(place[0], {})[place[1]] = value
     for section, section_values in changes.items():
         current = getattr(case, section, None)

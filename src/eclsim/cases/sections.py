@@ -84,7 +84,7 @@ class Gas(Section):
 
 POLICY_KEY = "blood_volume_policy"
 POLICY = Field(
-    "Filling of the circuits: as_published: with the patient's blood; patient_held: primed", "name",
+    "Filling of the circuits: with the patient's blood (as_published) or primed (patient_held)", "name",
     required=False, names=("as_published", "patient_held"), name=POLICY_KEY,
 )  # fmt: skip
 """The blood volume policy, written above the sections; "as_published" if omitted."""

@@ -307,12 +307,13 @@ def _mistakes_of_prediction(
     for section, key in changes:
         if (name := names.get((section, key))) is not None:
             wrong.append(
-                f"{name} is free, so every draw has its own value; predict a setting, or fix it with --bounds"
+                f"{name} is free, so every draw has its own value; predict at another setting, or fix it with "
+                "--bounds"
             )
         elif section == "measurements" or (section, key) == ("patient", "id"):
             wrong.append(f"no output depends on {section}.{key}; predict a setting")
     wrong += [
-        f"a target flow cannot be predicted; give {instance.key}.{target.setting} instead"
+        f"a target flow cannot be used for predictions; give {instance.key}.{target.setting} instead"
         for instance, target in case.targets()
     ]
     return [f"--predict {written}: {sentence}" for sentence in wrong]

@@ -40,7 +40,10 @@ class ValidateOptions(Distributed):
         False, "10,000 points per configuration in the robustness sweep instead of 512.", "--full"
     )
     only: list[str] = option(
-        [], f"Only these parts, separated by commas, or option repeated: {PARTS}.", "--only", metavar="PART"
+        [],
+        f"Only these parts; separate several by commas, or repeat the option: {PARTS}.",
+        "--only",
+        metavar="PART",
     )
     every_row: bool = option(False, "Show every row, even of tables with hundreds of rows.", "--all")
     json: str | None = option(

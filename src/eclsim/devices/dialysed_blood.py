@@ -123,8 +123,8 @@ def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remar
         return
     message = (
         f"with gas.haemoglobin_g_dl = {haemoglobin_g_dl:g} red cells would hold {held:.0f} g/dL (usual: "
-        f"{RED_CELL_HAEMOGLOBIN:g}): blood would carry oxygen by one and flow by the other; leave it out "
-        "unless it was measured"
+        f"{RED_CELL_HAEMOGLOBIN:g}): the oxygen of the blood would follow the one, its flow the other; "
+        "leave it out unless it was measured"
     )
     hint = f"{key.rpartition('.')[2]} = {haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN:.2f}"
     remarks.warning(key, message, shown(haematocrit), hint)
