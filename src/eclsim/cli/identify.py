@@ -307,8 +307,8 @@ def _mistakes_of_prediction(
     for section, key in changes:
         if (name := names.get((section, key))) is not None:
             wrong.append(
-                f"{name} is free, so every draw has its own value; predict at another setting, or fix it with "
-                "--bounds"
+                f"{name} is free, so every draw has its own value; predict at another setting, or fix it "
+                "with --bounds"
             )
         elif section == "measurements" or (section, key) == ("patient", "id"):
             wrong.append(f"no output depends on {section}.{key}; predict a setting")
