@@ -229,8 +229,8 @@ CAUTIONS = {
     "little more than at rest": (
         {"PaCO2": 48.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0}, "",
     ),
-    "blood of no law": ({"pHa": 7.88}, {}, "pH 7.88 of the arterial blood is outside of 6.8 to 7.7"),
-    "blood of hardly any law": ({"pHa": 6.797}, {}, "pH 6.797 of the arterial blood is outside of 6.8"),
+    "blood of no law": ({"pHa": 7.88}, {}, "pH 7.88 of the arterial blood is outside 6.8 to 7.7"),
+    "blood of hardly any law": ({"pHa": 6.797}, {}, "pH 6.797 of the arterial blood is outside 6.8"),
     "hypercapnia without an answer": ({"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0}, ""),
 }  # fmt: skip
 

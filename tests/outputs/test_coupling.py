@@ -176,7 +176,7 @@ def test_without_a_gas_state_the_member_says_so(model):
     result = eclsim.simulate_many(model, {"gas.alveolar_ventilation_l_min": np.array([5.0, 0.01])}, ["MAP"])
     assert result.status.values.tolist() == ["converged", "not_converged"]
     assert np.isnan(result.MAP[1])
-    assert "answers to its gases" in str(result.message.values[1])
+    assert "regulation and blood gases agree" in str(result.message.values[1])
 
 
 def test_what_cannot_solve_for_gases_refuses(model):

@@ -53,7 +53,7 @@ def test_a_steady_beat_behind_closed_valves_is_one_of_many(beat):
 
 def test_simulate_says_that_it_is_and_marks_the_numbers(beat):
     (message,) = [w for w in beat.attrs["warnings"] if "not determined by the case" in w]
-    assert "no blood passes the tricuspid, pulmonary, mitral and aortic valves all beat" in message
+    assert "no blood passes the tricuspid, pulmonary, mitral and aortic valves throughout the beat" in message
     assert "the right ventricle, the pulmonary vessels with the left atrium and the left ventricle" in message
     assert "one of many" in beat.attrs["message"]
     assert case_object(beat)["one_of_many"] is True

@@ -157,7 +157,7 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
     text = f"PaCO2 {pressure:.0f} mmHg, {pressure - rest:.0f} above the set point: "
     if measured < 1.0 and keys.CHEMOREFLEX in published:
         text += (
-            "with the chemoreflex cardiac output and pulmonary pressure fall and resistance rises, whereas "
+            "with the chemoreflex, cardiac output and pulmonary pressure fall and resistance rises, whereas "
             "in healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen "
             f"and Eger 1974, Kiely 1996){_ALTERNATIVE}"
         )
@@ -168,8 +168,8 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
         others = ()
         text += (
             "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), but it was "
-            "unchanged in the patients with this measured resistance (Thorens 1996) and rises in healthy "
-            "people (Kiely 1996): it is probably too low"
+            "unchanged in the patients in whom this resistance was measured (Thorens 1996) and rises in "
+            "healthy people (Kiely 1996): it is probably too low"
         )
         if pressure > rest + LARGEST_STUDIED_MMHG:
             text += "; the response was measured up to 19 mmHg above, and is extrapolated"
@@ -187,8 +187,8 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
         return []
     digits = 2 if not low <= round(ph, 2) <= high else 3
     text = (
-        f"pH {ph:.{digits}f} of the arterial blood is outside of {low:g} to {high:g}, for which the laws of "
-        "its gases were fitted: saturations and carbon dioxide are extrapolated"
+        f"pH {ph:.{digits}f} of the arterial blood is outside {low:g} to {high:g}, the range for which the "
+        "blood gas laws were fitted: saturations and carbon dioxide are extrapolated"
     )
     return [_caution("pHa", ph, text, "SaO2", "PaCO2")]
 
@@ -199,7 +199,7 @@ def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
     if saturation is None or flow is None or not abs(flow) < STANDING_L_MIN:
         return []
     text = (
-        "no blood flows through the lungs: that in the pulmonary artery stands still, and its gases are not "
-        "those of mixed venous blood; read the saturation of the drained or venous blood instead"
+        "no blood flows through the lungs: the blood in the pulmonary artery stands still, and its gases "
+        "are not those of mixed venous blood; read the saturation of the drained or venous blood instead"
     )
     return [_caution("SvO2", saturation, text, "SvO2", "PvO2")]

@@ -64,12 +64,12 @@ def _tissue(suffix: str, at: str, label: str) -> tuple[Output, Output]:
 
     return (
         Output(
-            f"tissue_PCO2{end}", f"PCO2 of {label}", "mmHg", f"of the blood behind {at}", (f"Q{at}",),
+            f"tissue_PCO2{end}", f"PCO2 of {label}", "mmHg", f"of the blood leaving {at}", (f"Q{at}",),
             lambda m: m.gas("PCO2", "behind", at), parameters=known, all_flows=True,
         ),
         Output(
-            f"stored_CO2{end}", f"carbon dioxide that {label} put into their stores (STPD)", "mL/min",
-            "made - given to the blood", (f"Q{at}",), stored, parameters=known, all_flows=True,
+            f"stored_CO2{end}", f"carbon dioxide that {label} store (STPD)", "mL/min",
+            "production - release to the blood", (f"Q{at}",), stored, parameters=known, all_flows=True,
         ),
     )  # fmt: skip
 
@@ -89,8 +89,8 @@ GAS_OUTPUTS = (
     gas_sample("PvO2", "PO2 in the pulmonary artery", "in", "pas", "PO2", ("Qpas",)),
     gas_sample("SvO2", "oxygen saturation in the pulmonary artery", "in", "pas", "SO2", ("Qpas",)),
     _total(
-        "VO2", "oxygen consumption (STPD)", _STPD, "what the tissues take up; below demand where supply "
-        "forces it to", "gained", "Tissue", -1.0,
+        "VO2", "oxygen consumption (STPD)", _STPD, "oxygen taken up by the tissues; below demand where the "
+        "supply limits it", "gained", "Tissue", -1.0,
     ),
     _total(
         "VO2_lung", "oxygen uptake of the lungs (STPD)", _STPD, "gained by blood", "gained", "NativeLung", 1.0
@@ -100,7 +100,7 @@ GAS_OUTPUTS = (
         "NativeLung", -1.0,
     ),
     _total(
-        "DO2", "oxygen delivery (STPD)", _STPD, "flow to the tissues times the oxygen content that it has",
+        "DO2", "oxygen delivery (STPD)", _STPD, "flow to the tissues times its oxygen content",
         "supplied", "Tissue", 1.0,
     ),
     Output(

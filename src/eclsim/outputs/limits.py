@@ -136,7 +136,7 @@ _REGULATED = (
           _CONVENTION),
     Limit(
         "heart_rate", "alarm", "above", 180.0,
-        "no sinus node of an adult beats so in shock: curves of reflex and drugs have no ceiling",
+        "faster than the sinus node of an adult in shock: the curves of reflex and drugs have no upper limit",
         _CONVENTION,
     ),
 )  # fmt: skip
@@ -144,7 +144,9 @@ _REGULATED = (
 _UKKA = "UK Kidney Association 2023"
 _AT_40 = "a convention of this project: pH 7.2, 7.0, 7.55 and 7.65 at a PCO2 of 40 mmHg"
 _HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
-_NO_PLASMA = "no plasma that a case may start with: what it draws, and refill with it, are extrapolated"
+_NO_PLASMA = (
+    "outside the range in which a case may start: oncotic pressure and plasma refill are extrapolated"
+)
 COURSE_LIMITS = (
     Limit("potassium", "warning", "above", 6.0, _HYPERKALAEMIA, _UKKA),
     Limit("potassium", "alarm", "above", 6.5, _HYPERKALAEMIA, _UKKA),

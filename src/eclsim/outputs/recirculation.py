@@ -17,8 +17,9 @@ from eclsim.devices.registry import devices, instances_in
 from eclsim.units import ML_S_PER_L_MIN
 
 DEFINITION = (
-    "share of the access flow that left the return line and did not pass the patient; with the access line "
-    "on the patient, that passed no capillaries of the body since (steady mixing)"
+    "share of the access flow that comes from the return line without having passed through the patient; "
+    "with the access line on the patient, without having passed through capillaries of the body (steady "
+    "mixing)"
 )
 
 

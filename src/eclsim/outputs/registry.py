@@ -31,7 +31,7 @@ class UnknownOutputError(KeyError):
 
     def __str__(self) -> str:
         name, known = self.args[0], all_outputs()
-        return f"'{name}' is no output; allowed: {', '.join(known)}{spelling_hint(name, known)}"
+        return f"'{name}' is not an output; allowed: {', '.join(known)}{spelling_hint(name, known)}"
 
 
 CHAMBERS = {"lv": "left ventricle", "rv": "right ventricle", "la": "left atrium", "ra": "right atrium"}
@@ -110,8 +110,8 @@ _REGIONS = (
             f"native_share_{place}",
             f"share of native blood in the {label}",
             "%",
-            "of blood marked at the mitral valve and where devices return to arteries, carried by the mean "
-            "forward and backward flows of the beat",
+            "from blood labelled at the mitral valve and where devices return to arteries, carried by the "
+            "mean forward and backward flows of the beat",
             ("Qarchupper",),
             lambda m, place=place: 100.0 * m.native(place),
             all_flows=True,
@@ -138,7 +138,7 @@ def _filling(
     signal = "V" + place
     return Output(
         name, f"lowest filling of the {label}", "%",
-        f"minimum of {signal}, of the volume below which it buckles", (signal,),
+        f"minimum of {signal} relative to the volume below which it buckles", (signal,),
         lambda m: 100.0 * m.minimum(signal) / (share(m) * m.parameter(_REST)), (signal,),
         parameters=(_REST, *read),
     )  # fmt: skip
@@ -163,7 +163,8 @@ _MORE = (
     ),
     Output(
         "LVO", "output of the left ventricle itself", "L/min",
-        "mean of Qlv, what passes the aortic valve; what an assist device pumps comes on top", ("Qlv",),
+        "mean of Qlv, the flow through the aortic valve; the flow of an assist device is added to it",
+        ("Qlv",),
         lambda m: m.mean("Qlv") / ML_S_PER_L_MIN,
     ),
     mean_flow("pulmonary_flow", "flow through the lungs", "Qpart"),
@@ -300,7 +301,7 @@ def _usual(registered: tuple[object, ...]) -> Mapping[str, Output]:
     patients = all_outputs(())
     for key, device in devices().items():
         if taken := [entry.name for entry in device.outputs if entry.name in patients]:
-            message = "the name of an output of the patient; give it one of its own"
+            message = "the name of an output of the patient; choose another"
             raise DeviceError(f"device {key}, output {taken[0]!r}: {message}")
     return all_outputs([Naming(device) for device in devices().values()])
 

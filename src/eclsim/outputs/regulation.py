@@ -135,7 +135,7 @@ GAS_RESPONSE_OUTPUTS = (
         parameters=(LUNG_RESISTANCE,),
     ),
     Output(
-        "hypoxic_resistance_wanted", "resistance of the lung that the oxygen now brings about", "1",
+        "hypoxic_resistance_wanted", "resistance of the lung that the present oxygen will bring about", "1",
         "relative to that at rest; in effect after minutes", ("Qpart",), _lung,
         parameters=(GASES, LUNG_RESISTANCE, keys.HYPOXIA, keys.LUNG_AT_REST), all_flows=True,
     ),

@@ -193,7 +193,7 @@ def _column(name: str, given: npt.ArrayLike) -> np.ndarray:
     except (TypeError, ValueError):
         array = None
     if array is None:
-        raise ValueError(f"{name}: {what} is no number, nor a list of them")
+        raise ValueError(f"{name}: {what} is not a number or a list of numbers")
     if array.ndim > 1:
         shape = " x ".join(map(str, array.shape))
         raise ValueError(f"{name}: an array of {shape}; allowed: a number, or one for each variant")
@@ -227,7 +227,7 @@ def derivatives(
     """
     model = as_model(case)
     if not (outputs and parameters):
-        raise ValueError("derivatives of nothing; allowed: one output and one parameter, or more")
+        raise ValueError("no outputs or no parameters for derivatives; allowed: one or more of each")
     model.refuse_unknown(parameters)
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)

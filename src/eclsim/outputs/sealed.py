@@ -54,7 +54,7 @@ def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
     largest = max(parts, key=len)
     parts = tuple(part for part in parts if part is not largest)
     names = _listed([VALVES[name] for name in valves])
-    reason = f"no blood passes the {names} valve{'s' * (len(valves) > 1)} all beat"
+    reason = f"no blood passes the {names} valve{'s' * (len(valves) > 1)} throughout the beat"
     beats = any(name in laws and name not in valves for name in VALVES)
     given = {f"Q{name}" for name, law in laws.items() if name in valves or law.given_flow}
     concerns = _undetermined(outputs, circuit, parts, given if beats else None)
@@ -118,13 +118,14 @@ def _needs(name: str) -> tuple[str, ...]:
 
 def _sentence(parts: tuple[tuple[str, ...], ...], reason: str, beats: bool) -> str:
     listing = _listed([" with the ".join(_labels(part)) for part in parts], "the ")
-    flows = ", and the flows through the heart that still beats" if beats else ""
+    flows = ", and of the flows through the heart that still beats" if beats else ""
     return (
         f"{reason}: how much blood {listing} hold{'s' * (len(parts) == 1)} is not determined by the case, "
-        "but by where the computation began. With it go the volumes and pressures there and, because the "
-        f"rest of the circulation has the other blood, all pressures, of arteries and lines too{flows}: "
-        "another start changes them by tens of mL and some mmHg, at worst tens of mmHg. Do not read them; "
-        "raise Emaxlv or Emaxrv or lower the pump speed until the valves open"
+        "but by where the computation started. The same is true of the volumes and pressures there and, "
+        "because the rest of the circulation holds the remaining blood, of all pressures, including those of "
+        "arteries and lines"
+        f"{flows}: another start changes them by tens of mL and some mmHg, at worst tens of mmHg. "
+        "Do not read them; raise Emaxlv or Emaxrv or lower the pump speed until the valves open"
     )
 
 

@@ -175,7 +175,7 @@ class SteadyBeat:
         if self.unsettled is not None and self.unsettled[member]:
             gases = GasStatus(int(self.gas_status[member]))
             reason = gases.message if gases is not GasStatus.STEADY else "gases and circulation do not settle"
-            return f"no steady beat found in which regulation answers to its gases: {reason}"
+            return f"no steady beat found in which regulation and blood gases agree: {reason}"
         if status is Status.INVALID_INPUT:
             mistakes = allowed_values(self.batch.circuit).reasons(self.batch.member(member))
             return f"{text}: {'; '.join(mistakes)}"
@@ -229,8 +229,8 @@ class SteadyBeat:
         demand = self.batch.numbers_for([GASES], member)[GASES]
         if vo2 > DEMAND_MET * demand:
             return []
-        text = f"oxygen consumption {vo2:.0f} mL/min is below the {demand:.0f} mL/min that the tissues want: "
-        text += "supply forces it down"
+        text = f"oxygen consumption {vo2:.0f} mL/min is below the {demand:.0f} mL/min that the tissues need: "
+        text += "the supply limits it"
         return [Finding("alarm", "VO2", vo2, demand, text, concerns=("VO2",))]
 
     def linearise(self, outputs: Sequence[str], parameters: Sequence[str], member: int = 0) -> Linearisation:
@@ -280,7 +280,7 @@ def steady_beat(
     """
     if not isinstance(batch, Batch):
         allowed = "eclsim.Batch.of(model), or eclsim.Batch(...) of several"
-        raise TypeError(f"{article(type(batch).__name__)} is no batch of patients; allowed: {allowed}")
+        raise TypeError(f"{article(type(batch).__name__)} is not a batch of patients; allowed: {allowed}")
     options = as_settings(options, OrbitOptions, "options")
     execution = as_settings(execution, Execution, "execution")
     resolution = None if resolution is None else WholeNumber(1, FINEST)("resolution", resolution)
