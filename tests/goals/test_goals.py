@@ -60,16 +60,16 @@ def test_goals_are_read_in_the_usual_spellings():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("MAP ~ 65", "'MAP ~ 65' is no goal"),
+        ("MAP ~ 65", "'MAP ~ 65' is not a goal"),
         ("MAP > 9 kPa", "MAP > 9 kPa: MAP is in mmHg; did you mean 67.51 mmHg?"),
         ("MAP > 65 bananas", "MAP > 65 bananas: MAP is in mmHg"),
         ("PF > 4000 mL/min", "PF is in L/min; did you mean 4 L/min?"),
         ("MAPP > 65", "no such output; did you mean MAP"),
         ("MAP 70..65", "the first must not be larger"),
         ("MAP > 65, MAP < 80", "two goals; write both bounds as MAP LOW..HIGH"),
-        ("", "'' is no goal"),
-        ("MAP > 8.7", "15 to 250 mmHg is what can be measured; did you mean 8.7 kPa = 65.26 mmHg?"),
-        ("MAP > 1e9", "15 to 250 mmHg is what can be measured"),
+        ("", "'' is not a goal"),
+        ("MAP > 8.7", "15 to 250 mmHg is the measurable range; did you mean 8.7 kPa = 65.26 mmHg?"),
+        ("MAP > 1e9", "15 to 250 mmHg is the measurable range"),
         ("PF > 4000", "did you mean 4000 mL/min = 4 L/min?"),
     ],
 )
@@ -81,7 +81,7 @@ def test_what_cannot_be_meant_is_refused(text, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("SaO2 > 0.9", "SaO2 > 0.9: 5 to 100 % is what can be measured; did you mean 0.9 = 90 %?"),
+        ("SaO2 > 0.9", "SaO2 > 0.9: 5 to 100 % is the measurable range; did you mean 0.9 = 90 %?"),
         ("SaO2_lower > 0.9", "did you mean 0.9 = 90 %?"),
         ("PaCO2 < 5.3", "did you mean 5.3 kPa = 39.75 mmHg?"),
         ("recirculation_fraction < 20", "is in fractions of 1; did you mean 0.2?"),
@@ -235,7 +235,7 @@ def test_a_search_that_ends_where_no_beat_is_steady_is_no_answer(flow, monkeypat
     result = reach(CASE, FLOW)
     assert result.status == "not_converged"
     assert all(goal.met for goal in result.goals)
-    assert result.message.startswith("not converged (beside these settings no steady beat was found)")
+    assert result.message.startswith("not converged (next to these settings, no steady beat was found)")
 
 
 @pytest.mark.slow
@@ -343,7 +343,7 @@ def test_a_goal_that_nothing_moves_is_refused():
     ecmo = case.as_mapping()["ecmo"] | {"pump": {"roller_l_min": 4.0}}
     ecmo.pop("speed_rpm")
     rolled = read_mapping(case.as_mapping() | {"ecmo": ecmo}).case
-    with pytest.raises(GoalError, match=r"MAP: not moved by ecmo.sweep_l_min"):
+    with pytest.raises(GoalError, match=r"MAP: not affected by ecmo.sweep_l_min"):
         reach(rolled, "MAP > 65")
 
 
@@ -373,7 +373,7 @@ def test_a_search_that_ends_where_valves_stay_shut_says_so():
     case = read_mapping(raw | {"ecmo": ecmo}).case
     found = reach(case, "MAP > 200")
     assert found.status is search.ReachStatus.NOT_CONVERGED
-    assert "valves stay shut all beat, so that it is one of many" in found.message
+    assert "valves stay shut throughout the beat, so that it is one of many" in found.message
     beyond = model_of(case).with_values({"ecmo.speed_rpm": found.values[0] + 20.0})
     assert simulate(beyond).attrs["status"] == "one_of_many"
 
@@ -385,7 +385,9 @@ def test_beats_that_are_undetermined_everywhere_are_not_called_not_found():
     raw = {"format": 1, "patient": patient, "ecmo": ecmo, "parameters": {"Emaxlv": 0.1}}
     found = reach(read_mapping(raw).case, "MAP > 65", vary="ecmo.speed_rpm=3500..4500")
     assert found.status is search.ReachStatus.NO_STEADY_BEAT
-    assert found.message.startswith("nowhere in the ranges is the steady beat determined: steady beat found")
+    assert found.message.startswith(
+        "the steady beat is not determined anywhere in the ranges: steady beat found"
+    )
 
 
 def test_a_limit_that_what_is_turned_cannot_keep_is_an_alarm_and_no_goal():
@@ -397,7 +399,7 @@ def test_a_limit_that_what_is_turned_cannot_keep_is_an_alarm_and_no_goal():
     (alarm,) = found.not_kept
     assert (alarm.goal.output, alarm.goal.low, alarm.value) == ("PF", 0.5, found.outputs["PF"])
     assert found.outputs["PF"] < 0.5
-    assert "PF > 0.5 (blood that hardly flows clots" in found.message
+    assert "PF > 0.5 (blood clots in the oxygenator at lower flows" in found.message
     assert "PF is beyond alarm limits" not in found.message
     assert found.as_object()["not_kept"][0]["output"] == "PF"
     (step,) = plan_weaning(CASE, [1000.0], keep="MAP > 60", vary="Rmc=0.3..3")
@@ -428,7 +430,7 @@ def test_what_is_not_reached_says_how_much_of_the_ranges_was_not_seen(monkeypatc
     monkeypatch.setattr(search._PatientModel, "scan", without_two)
     found = reach(CASE, "PF > 9", vary="ecmo.speed_rpm")
     assert (found.reached, found.tried, found.without_beat) == (False, 9, 2)
-    assert "2 of the 9 places over the ranges that were tried first had no steady beat" in found.message
+    assert "2 of the 9 points tried first over the ranges had no steady beat" in found.message
 
 
 def test_a_start_without_derivatives_is_an_answer_and_no_error(monkeypatch, tmp_path):
@@ -439,7 +441,7 @@ def test_a_start_without_derivatives_is_an_answer_and_no_error(monkeypatch, tmp_
     assert run_command("settings", file, "--goal", "MAP > 65", "--json", out) == 1
     content = json.loads(out.read_text())
     assert content["status"] == "not_converged"
-    assert "have no derivatives" in content["message"]
+    assert "lack the derivatives" in content["message"]
 
 
 @pytest.mark.slow

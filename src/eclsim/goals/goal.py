@@ -206,7 +206,7 @@ def _least_flow(limit: Limit, values: Mapping[str, float]) -> Limit:
         names = known[0]
         least = values.get(names.parameter(LABEL_FLOWS[0]), 0.0)
         if math.isfinite(least) and not is_clamped(names, values):
-            meaning = "blood that hardly flows clots in the oxygenator; the least that its label allows"
+            meaning = "blood clots in the oxygenator at lower flows; the lowest flow on its label"
             return replace(limit, value=least, meaning=meaning)
     return replace(limit, value=0.0)
 
@@ -220,7 +220,7 @@ def _read(text: str) -> Goal:
         return Goal(output, float(low), float(high))
     if (match := _WITH_UNIT.fullmatch(text)) and not _WITH_UNIT.fullmatch(match[1]):
         return _without_unit(_read(match[1]), match[2], text)
-    raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED_FORMS}"])
+    raise GoalError([f"'{text}' is not a goal; allowed: {ALLOWED_FORMS}"])
 
 
 def _without_unit(goal: Goal, written: str, text: str) -> Goal:
@@ -247,7 +247,7 @@ def _mistakes_in_units(goal: Goal) -> list[str]:
             continue
         if field is not None and not field.minimum <= bound <= field.maximum:
             meant = suspected_unit(bound, unit, field.typical, (field.minimum, field.maximum))
-            wrong.append(f"{goal}: {field.minimum:g} to {field.maximum:g} {unit} is what can be measured")
+            wrong.append(f"{goal}: {field.minimum:g} to {field.maximum:g} {unit} is the measurable range")
         else:
             meant = _probable_value(goal.output, unit, bound)
             wrong += [f"{goal}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"] * bool(
@@ -291,7 +291,7 @@ def _hint_for_missing_setting(case: Case, name: str, known: Sequence[str]) -> st
     kind = section_of(section)
     if kind is None or key not in kind.fields() or section in case.as_mapping():
         return spelling_hint(name, known)
-    return f", as it has no section [{section}]: write it with a value to start from, or --set {name}=VALUE"
+    return f", as it has no section [{section}]: add it with a start value, or use --set {name}=VALUE"
 
 
 def read_settings(
@@ -310,7 +310,7 @@ def read_settings(
     if text is None:
         settings = default_settings(case, known)
         if not settings:
-            raise GoalError(["nothing to turn: no device with a speed; name parameters and bounds to vary"])
+            raise GoalError(["no setting to vary: no device with a speed; name parameters and bounds"])
         return settings
     if not isinstance(text, str):
         return _checked_settings(text, known)
@@ -350,7 +350,7 @@ def _listed(given: object, kind: type, what: str, allowed: str) -> list[Any]:
     """
     parts = [given] if isinstance(given, Mapping) or not isinstance(given, Iterable) else list(given)
     if wrong := [part for part in parts if not isinstance(part, (str, kind))]:
-        raise GoalError([f"{written(part)} is no {what}; allowed: {allowed}" for part in wrong])
+        raise GoalError([f"{written(part)} is not a {what}; allowed: {allowed}" for part in wrong])
     return parts
 
 
@@ -368,7 +368,7 @@ def _checked_settings(given: Sequence[Setting], known: Sequence[str]) -> tuple[S
             bounds = f"from {setting.low:g} to {setting.high:g}"
             wrong.append(f"{setting.name}: {bounds}; the first must be smaller, and both finite")
     if not settings:
-        wrong.append(f"nothing to turn; allowed: {allowed}")
+        wrong.append(f"no setting to vary; allowed: {allowed}")
     if wrong:
         raise GoalError(wrong)
     return tuple(replace(s, unit=s.unit or getattr(quantity(s.name), "unit", "")) for s in settings)

@@ -153,7 +153,7 @@ def scan_gaps_text(tried: int, without_beat: int) -> str:
     """Number of points of the scan without a determined steady beat, as text; empty if there are none."""
     if not without_beat:
         return ""
-    where = f"{without_beat} of the {tried} places over the ranges that were tried first"
+    where = f"{without_beat} of the {tried} points tried first over the ranges"
     return f"; {where} had no steady beat that is determined"
 
 

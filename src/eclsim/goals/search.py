@@ -146,7 +146,7 @@ def _settings_with_effect(
     chosen = tuple(one for one, does in settings if does and one.name in turned)
     if not chosen:
         there = ", ".join(one.name for one in patient.settings)
-        raise GoalError([f"{', '.join(outputs)}: not moved by {there}; name what may be turned (vary)"])
+        raise GoalError([f"{', '.join(outputs)}: not affected by {there}; name settings to vary (vary)"])
     return chosen
 
 
@@ -242,7 +242,7 @@ class _PatientModel:
 
 def _reason_without_point(beat: SteadyBeat) -> str:
     """Reason why a search cannot continue from a beat."""
-    return "valves stay shut all beat, so that it is one of many" if beat.converged[0] else NO_BEAT
+    return "valves stay shut throughout the beat, so that it is one of many" if beat.converged[0] else NO_BEAT
 
 
 def _search_from_starts(
@@ -362,12 +362,12 @@ class _Scan(NamedTuple):
             if len(steady):
                 reason = GasStatus(int(beat.gas_status[steady[0]])).message
                 return _NoStart(
-                    ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}"
+                    ReachStatus.NO_STEADY_GASES, f"the gases are not steady anywhere in the ranges: {reason}"
                 )
             reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
             if beat.converged.any():
                 one = int(np.flatnonzero(beat.converged)[0])
-                reason = f"nowhere in the ranges is the steady beat determined: {beat.message(one)}"
+                reason = f"the steady beat is not determined anywhere in the ranges: {beat.message(one)}"
             return _NoStart(ReachStatus.NO_STEADY_BEAT, reason)
         order = [k for k in np.argsort(merits, kind="stable").tolist() if known[k]]
         if len(places) == 1:
@@ -384,7 +384,9 @@ def _points(
         return starts
     points = (patient.point(start, [goal.output for goal in goals]) for start in starts)
     findings = [point for point in points if point is not None]
-    reason = "the steady beats at the best of the places tried first have no derivatives to search along"
+    reason = (
+        "the steady beats at the best of the points tried first lack the derivatives that the search needs"
+    )
     return findings or _NoStart(ReachStatus.NOT_CONVERGED, reason)
 
 
@@ -409,7 +411,7 @@ def _search(patient: _PatientModel, goals: Sequence[Goal], now: _Point) -> _Sear
             return _SearchEnd(now, "")
         if region < SMALLEST_REGION:
             return _SearchEnd(
-                now, "" if trial is not None else f"beside these settings {patient.no_point_reason}"
+                now, "" if trial is not None else f"next to these settings, {patient.no_point_reason}"
             )
         if step == MOST_STEPS:
             break
