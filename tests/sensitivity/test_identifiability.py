@@ -112,7 +112,7 @@ def test_a_parameter_with_next_to_no_effect_of_its_own_is_not_proposed():
     result = propose(scaled(near), limit=50.0, threshold=1.0)
     assert set(result.chosen) == {"q", "r"}
     assert result.excluded["p"] == (
-        "nearly all its effect is that of q: 0.5 uncertainties are its own (needed 1)"
+        "nearly all of its effect could come from q: its own effect is 0.5 uncertainties (needed 1)"
     )
 
 
@@ -137,7 +137,9 @@ def test_wrong_uncertainties_say_what_is_allowed(text):
         read_uncertainties(text)
 
 
-@pytest.mark.parametrize(("text", "words"), [("SP=4,SP=5", "given twice"), ("CO=400%", "says nothing")])
+@pytest.mark.parametrize(
+    ("text", "words"), [("SP=4,SP=5", "given twice"), ("CO=400%", "carries no information")]
+)
 def test_contradictory_uncertainties_are_refused(text, words):
     with pytest.raises(InputError, match=words):
         read_uncertainties(text)

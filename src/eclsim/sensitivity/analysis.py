@@ -308,8 +308,8 @@ def _mean_arterial_pressure(model: Model, policy: str) -> float:
     beat = steady_beat(Batch.of(model, policy), ("MAP",))
     if not beat.determined[0]:
         raise StateError(
-            f"at {ADJUSTED} = {model.values[ADJUSTED]:.4g}, on the way to the mean arterial pressure wanted, "
-            f"there is no steady beat ({Status(int(beat.status[0])).word}): {beat.message()}"
+            f"at {ADJUSTED} = {model.values[ADJUSTED]:.4g}, on the way to the target mean arterial "
+            f"pressure, there is no steady beat ({Status(int(beat.status[0])).word}): {beat.message()}"
         )
     return float(beat.output("MAP")[0])
 

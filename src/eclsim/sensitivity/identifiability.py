@@ -283,7 +283,10 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
     left, others = scaled.closest([*chosen, name], name)
     like = " and ".join(others)
     if len(chosen) >= len(scaled.outputs):
-        return f"as many parameters as measurements ({len(chosen)}) are taken; its effect is that of {like}"
+        return (
+            f"the set already has as many parameters as measurements ({len(chosen)}); its effect is like "
+            f"that of {like}"
+        )
     gamma = scaled.collinearity([*chosen, name])
     if gamma > limit:
         cosine = scaled.cosines[scaled.parameters.index(name), scaled.parameters.index(others[0])]
@@ -292,8 +295,8 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
             f"cosine {cosine:+.3f} with {others[0]}"
         )
     remaining = left * float(np.linalg.norm(scaled.matrix[:, scaled.parameters.index(name)]))
-    share = f"{remaining:.2g} uncertainties are its own (needed {threshold:g})"
-    return f"nearly all its effect is that of {like}: {share}"
+    share = f"its own effect is {remaining:.2g} uncertainties (needed {threshold:g})"
+    return f"nearly all of its effect could come from {like}: {share}"
 
 
 # --- identifiability of a case ----------------------------------------------------------------------

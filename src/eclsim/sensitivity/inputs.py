@@ -171,7 +171,7 @@ def varied_inputs(
         mistakes.append(f"perturbation {perturbation_percent:g} %: allowed: above 0 and below 100 %")
     for scheme in (name for name in include if lines.get(name)):
         if also := [name for name in lines[scheme] if name in include]:
-            mistakes.append(f"{scheme}: sets all lines already; leave out {' and '.join(also)}, or {scheme}")
+            mistakes.append(f"{scheme}: already sets all lines; leave out {' and '.join(also)}, or {scheme}")
     if mistakes:
         raise InputError(mistakes)
     base = dict(base) | positions
@@ -222,7 +222,7 @@ def _cannot_be_moved(case: Case, name: str) -> str:
         others = [key for key, device in devices().items() if device.positions]
         return f"{name}: the case needs the sections {' and '.join(f'[{k}]' for k in (*others, section))}"
     at = ", ".join(str(getattr(instance.section, line)) for line in instance.device.lines)
-    return f"{section} at {at}: as an input each line is at one of {', '.join(sites)}"
+    return f"{section} at {at}: to vary it, each line must be at one of {', '.join(sites)}"
 
 
 def unknown_names(names: Sequence[str], known: Sequence[str], kind: str) -> list[str]:
@@ -452,7 +452,7 @@ def read_uncertainties(text: str) -> dict[str, Uncertainty]:
             wrong.append(f"--uncertainty {part}: {name} is given twice; leave one of them out")
         elif number.endswith("%") and value > 100.0:
             wrong.append(
-                f"--uncertainty {part}: a value as uncertain as this says nothing; allowed: up to 100%, "
+                f"--uncertainty {part}: so large an uncertainty carries no information; allowed: up to 100%, "
                 "or leave the measurement out"
             )
         else:

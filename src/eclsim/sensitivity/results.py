@@ -260,8 +260,8 @@ def indices_of_runs(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sen
         region = failed_region(design, runs.status != 0)
         where = "" if region is None else f"; {region}"
         raise ValueError(
-            f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from "
-            f"(failed runs by status: {reasons}){where}; eclsim simulate says what it means of one patient"
+            f"{int((~good).sum())} of {len(good)} rows have a failed run: too few are left for an estimate "
+            f"(failed runs by status: {reasons}){where}; eclsim simulate explains it for one patient"
         )
     estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SMALLEST_SIZE)
     moves = varies(values[good], SMALLEST_SIZE)
@@ -429,7 +429,7 @@ def _doubts(indices: Indices) -> Iterator[str]:
         share = 100.0 * indices.impossible / (indices.rows_used * indices.evaluations / indices.samples)
         yield (
             f"{indices.impossible} of the runs that count ({share:.2g} %) are beats {IMPOSSIBLE_BEAT}: "
-            "what the indices say rests on them too; narrow "
+            "the indices include them; narrow "
             "--perturbation, or lower the speed"
         )
     if not indices.ranked:
