@@ -152,7 +152,7 @@ def test_quantiles_and_probabilities_are_those_of_the_draws_that_came_so_far(tmp
     np.testing.assert_allclose(band["MAP"].sel(time_min=5.0), [60.5, 62.5, 65.0, 67.5, 69.5])
     assert band["draws_followed"].values.tolist() == [12, 11]
     assert (band.attrs["draws"], band.attrs["failed"], band.attrs["converged"]) == (12, 1, 0)
-    assert "1 of 12 draws ended early and count as far as they went: no beat (1)" in band.attrs["message"]
+    assert "1 of 12 draws ended early and count up to where they ended: no beat (1)" in band.attrs["message"]
     assert band["alarm"].values.tolist() == ["MAP below 65 mmHg (warning)"]
     np.testing.assert_allclose(band["alarm_probability"].values, [[0.0, 5.0 / 11.0]])
     found = band_object(band)
@@ -213,5 +213,5 @@ def test_draws_whose_numbers_are_not_to_be_read_are_counted():
     assert band["draws_impossible"].values.tolist() == [0, 1]
     assert band_object(band)["draws_undetermined"] == [1, 1]
     first, second = band.attrs["warnings"]
-    assert first.startswith("in 1 of 3 draws, most at 00:05, a chamber is without blood")
-    assert second.startswith("in 1 of 3 draws, most at 00:00, no valve opens all beat")
+    assert first.startswith("in 1 of 3 draws, most at 00:05, a chamber is empty of blood")
+    assert second.startswith("in 1 of 3 draws, most at 00:00, no valve opens during the beat")

@@ -149,8 +149,10 @@ def test_what_goes_on_past_the_end_of_a_course_is_said(tmp_path):
     )
     case = read_case(file).case
     gift, ramp = Timeline(case, 10 * 60.0).cut_short()
-    assert gift.endswith("goes on past the end of the course at 10 min, which has 125 of 500 mL crystalloid")
-    assert ramp.endswith("which has 50 % of the way of Rmc")
+    assert gift.endswith(
+        "continues past the end of the course at 10 min, which covers only 125 of 500 mL crystalloid"
+    )
+    assert ramp.endswith("which covers only 50 % of the ramp of Rmc")
     assert Timeline(case, 25 * 60.0).cut_short() == []
 
 

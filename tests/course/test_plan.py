@@ -195,7 +195,7 @@ def test_a_speed_that_does_not_keep_a_goal_is_named_where_nothing_is_given_for_i
     assert slow.message == f"PF > {bound:.4g} is not kept there: {slow.outputs['PF']:.4g} L/min"
     with pytest.raises(GoalError, match="no such output"):
         plan_weaning(own, [3000.0], keep="MAPP > 20")
-    with pytest.raises(GoalError, match="for goals to keep"):
+    with pytest.raises(GoalError, match="needs goals to keep"):
         plan_weaning(own, [3000.0], vary="Rmc")
 
 

@@ -211,14 +211,14 @@ def _early_ends_text(failed: Sequence[xr.Dataset], count: int) -> str:
         return ""
     reasons = Counter(str(course.attrs["message"]).partition(": ")[2].partition(" (")[0] for course in failed)
     named = "; ".join(f"{reason} ({number})" for reason, number in reasons.most_common(MOST_REASONS))
-    return f"{len(failed)} of {count} draws ended early and count as far as they went: {named}"
+    return f"{len(failed)} of {count} draws ended early and count up to where they ended: {named}"
 
 
 _UNREADABLE = (
-    ("draws_impossible", IMPOSSIBLE, 1, "a chamber is without blood, so that the beat can be no patient's"),
+    ("draws_impossible", IMPOSSIBLE, 1, "a chamber is empty of blood, which no patient can have"),
     (
         "draws_undetermined", "status", Status.ONE_OF_MANY.word,
-        "no valve opens all beat, so that volumes and pressures of the heart are not determined",
+        "no valve opens during the beat, so that volumes and pressures of the heart are not determined",
     ),
 )  # fmt: skip
 """For draws without valid numbers: name of the count, variable and value that mark them, reason."""

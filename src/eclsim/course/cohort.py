@@ -145,7 +145,7 @@ def course_cohort(
     minutes = number_of("minutes", minutes)
     executor, folder = as_executor(executor), as_folder(folder)
     if isinstance(cases, (str, Case)) or not isinstance(cases, Iterable):
-        raise TypeError(f"cases: {written(cases)} is no list of cases; allowed: paths, or cases, in a list")
+        raise TypeError(f"cases: {written(cases)} is not a list of cases; allowed: a list of paths or cases")
     patients = tuple(as_case(source) for source in cases)
     for case in patients:
         Timeline(case, minutes * MINUTE)

@@ -127,7 +127,7 @@ def course_many(
     columns = {key: np.atleast_1d(values) for key, values in as_columns(changes or {}).items()}
     sizes = {len(column) for column in columns.values()}
     if len(sizes) > 1 or (sizes and len(listed) > 1):
-        raise ValueError("changes need one case and arrays of one length")
+        raise ValueError("changes need a single case and arrays of the same length")
     count = sizes.pop() if sizes else len(listed)
     solved = [with_speed(as_case(source), volume_policy)[0] for source in listed]
     timelines = [

@@ -8,27 +8,28 @@ from eclsim.parameters.fluid import PERICAPILLARY
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
 _CRYSTALLOID = (
-    "of crystalloid given beyond what was lost, with the default wall and veins, a fifth is in the plasma as "
-    "half an hour of it ends and a twentieth half an hour later, in volunteers a half and a sixth (Hahn 2020)"
+    "of crystalloid given in excess of losses, with the default wall and veins, a fifth is in the plasma at "
+    "the end of half an hour of infusion and a twentieth half an hour later; in volunteers, a half and a "
+    "sixth (Hahn 2020)"
 )
 _CRYSTALLOID_PERICAPILLARY = (
-    "of crystalloid given beyond what was lost, with fluid.pericapillary_share = 0.12 and the default wall, "
-    "a quarter is in the plasma as half an hour of it ends and a seventh half an hour later, in volunteers a "
-    "half and a sixth (Hahn 2020); in place of lost blood more of it stays than in patients, 30 % for 18 in "
-    "surgery, so that pressures after a loss look better than they may be"
+    "of crystalloid given in excess of losses, with fluid.pericapillary_share = 0.12 and the default wall, "
+    "a quarter is in the plasma at the end of half an hour of infusion and a seventh half an hour later; in "
+    "volunteers, a half and a sixth (Hahn 2020). When it replaces lost blood, more of it stays than in "
+    "patients (30 %, against 18 % in surgery), so that pressures after a loss look better than they may be"
 )
 _ALBUMIN = (
-    "of 5 % albumin given beyond what was lost two fifths are in the plasma after an hour, in patients after "
-    "heart surgery a half (Ernest 2001), in healthy men nearly all (Haskell 1998)"
+    "of 5 % albumin given in excess of losses, two fifths are in the plasma after an hour; in patients "
+    "after heart surgery, a half (Ernest 2001), in healthy men nearly all (Haskell 1998)"
 )
 _CONSEQUENCE = (
-    "pressures and output fall back too soon; what takes the place of lost blood stays about as in patients, "
-    "in volunteers more of it. fluid.filtration_ml_min_mmHg = 4, Csvn = 95 and the reflex heldt2010 keep "
-    "crystalloid as in volunteers"
+    "pressures and output fall back too soon; of fluid that replaces lost blood, about as much stays as in "
+    "patients, but less than in volunteers. fluid.filtration_ml_min_mmHg = 4, Csvn = 95 and the reflex "
+    "heldt2010 keep as much crystalloid as in volunteers"
 )
 _ALBUMIN_LOSS = (
-    "the protein of given albumin leaves ten times too slowly, 0.4 % in an hour for 4 % in people (Hahn "
-    "2022); with fluid.lymph_ml_min = 6 it leaves nearly as fast"
+    "the protein of given albumin leaves ten times too slowly, 0.4 % in an hour against 4 % in people (Hahn "
+    "2022); with fluid.lymph_ml_min = 6 it leaves nearly as fast as in people"
 )
 LARGEST_WALL_ML_MIN_MMHG, SMALLEST_COMPLIANCE_ML_MMHG, SMALLEST_LYMPH_ML_MIN = 4.0, 60.0, 5.0
 """Largest filtration coefficient, smallest venous compliance and lymph flow for which, with a reflex,
@@ -39,11 +40,11 @@ RETAINED_FLUIDS = ("blood_ml", "red_cells_ml", "albumin_ml")
 _WALL_KEY = "fluid.filtration_ml_min_mmHg"
 ULTRAFILTRATION_KEY = ".net_ultrafiltration_ml_h"
 _HAEMORRHAGE = (
-    "of blood that is lost two thirds come back from the tissues within an hour with the default wall and "
-    "no reflex, two fifths to a half with heldt2010; measured was nothing right after 500 mL (carbon "
+    "of blood that is lost, two thirds come back from the tissues within an hour with the default wall and "
+    "no reflex, two fifths to a half with heldt2010; measurements found nothing right after 500 mL (carbon "
     "monoxide, Falz 2014), four fifths within 2 h (haemoglobin of donors), and less of larger losses "
     "(Adamson 1968). If less comes back, pressure and output of these hours are lower and the haematocrit is "
-    "higher than shown; fluid.filtration_ml_min_mmHg = 1 with a reflex is the slow side"
+    "higher than shown; fluid.filtration_ml_min_mmHg = 1 with a reflex is the slow end of the range"
 )
 _HAEMORRHAGE_WITHOUT_REFLEX = (
     "blood is lost without a reflex: the mean arterial pressure of the published patient falls by 45 mmHg "

@@ -44,8 +44,8 @@ SETTLED_ML_DL = (0.03, 0.05)
 """A compartment of the patient has settled within these contents of oxygen and of carbon dioxide [mL/dL]:
 0.2 % of saturation at 10 g/dL of haemoglobin, and 0.1 mmHg."""
 NOT_FOLLOWED = (
-    "the gases of the blood could not be followed beat by beat; steady beats alone (--steady-only) may still "
-    "have them"
+    "the gases of the blood could not be followed beat by beat; steady beats alone (--steady-only) may "
+    "still give them"
 )
 
 

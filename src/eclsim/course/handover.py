@@ -157,7 +157,8 @@ def largest_gas_change(
     if not name:
         return 0.0, ""
     unit = output(name).unit
-    change = f"{name} goes from {before[name]:.0f} to {before[name] + moves[name]:.0f} {unit} with the blood"
+    after_move = f"{before[name] + moves[name]:.0f} {unit} as the blood is renewed"
+    change = f"{name} goes from {before[name]:.0f} to {after_move}"
     return abs(moves[name]) / LARGEST_GAS_CHANGE[name], change
 
 

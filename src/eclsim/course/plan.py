@@ -133,9 +133,7 @@ def plan_removal(
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
     if remove_ml > LARGEST_ML:
-        raise GoalError(
-            [f"remove {remove_ml:g} mL: more than anybody is given; allowed: to {LARGEST_ML:g} mL"]
-        )
+        raise GoalError([f"remove {remove_ml:g} mL: implausibly large; allowed: up to {LARGEST_ML:g} mL"])
     key = _filtration(solved, keep)
     slowest = max(remove_ml / hours, LEAST_ML_H)
     try:
@@ -378,7 +376,7 @@ def plan_weaning(
         raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
     numbers = _speeds(speeds)
     if keep is None and vary is not None:
-        raise GoalError([f"vary '{vary}': for goals to keep, such as MAP > 65; none is given"])
+        raise GoalError([f"vary '{vary}': needs goals to keep, such as MAP > 65; none is given"])
     if vary is not None and "," in vary:
         raise GoalError([f"vary '{vary}': one setting is sought at each speed; allowed: NAME=LOW..HIGH"])
     if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:

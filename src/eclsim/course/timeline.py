@@ -169,10 +169,10 @@ class Timeline:
                 what += [one.removesuffix("_ml") for one in given]
             if event.set and event.at_min + event.ramp_min > end + 1e-9:
                 share = (end - event.at_min) / event.ramp_min
-                what += [f"{100.0 * share:.0f} % of the way of {key}" for key in event.set]
+                what += [f"{100.0 * share:.0f} % of the ramp of {key}" for key in event.set]
             if what:
-                begun = f"what begins at minute {event.at_min:g} goes on past the end of the course"
-                cut.append(f"{begun} at {end:g} min, which has {', '.join(what)}")
+                begun = f"what begins at minute {event.at_min:g} continues past the end of the course"
+                cut.append(f"{begun} at {end:g} min, which covers only {', '.join(what)}")
         return cut
 
     @cached_property
@@ -280,7 +280,7 @@ def _with_values(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
 def _refuse_ramp(event: Event, number: int) -> None:
     """Raise an error for a ramp that connects or disconnects something; only numbers can change on a ramp."""
     if event.ramp_min:
-        message = "connects or disconnects part of the model, which cannot be done little by little"
+        message = "connects or disconnects part of the model, which cannot be done gradually"
         allowed = "an event without ramp_min that connects it, then one that ramps its numbers"
         key = f"events[{number}].ramp_min"
         raise CaseError([Mistake(key, message, f"{event.ramp_min:g}", allowed)])
@@ -313,5 +313,5 @@ def refuse_reconnection(timeline: Timeline) -> None:
     """
     circuits: list[Circuit] = [timeline.circuit(k) for k in range(len(timeline.breaks) - 1)]
     if any(circuit is not timeline.start[0] and circuit != timeline.start[0] for circuit in circuits):
-        message = "an event connects the circuit in another way, which no beat-by-beat course does"
+        message = "an event connects the circuit in another way, which a beat-by-beat course cannot follow"
         raise CaseError([Mistake("events", message, allowed="leave --beats out")])
