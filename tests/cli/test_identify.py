@@ -104,7 +104,7 @@ def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
     assert ("not to be used" in shell.run("simulate", str(fitted)).stderr) == (level == "poor")
     assert point["parameters"]["Rmc"]["identifiable"] == (not trusted)
     assert (
-        "3.9 to 4.1 by the posterior: they exclude each other" in (out / "report.html").read_text()
+        "3.9 to 4.1 by the posterior: they do not overlap" in (out / "report.html").read_text()
     ) == trusted
 
 

@@ -215,7 +215,8 @@ def test_assumed_numbers_that_measured_gases_tell_of_are_warned_of(capsys):
     _check_points(series, {"vv-ageing": TrackSettings(FitSettings(("Rmc",)))})
     message = capsys.readouterr().err
     assert (
-        "vv-ageing: the shunt of the lungs is held at an assumed value while SaO2, PaO2 would tell" in message
+        "vv-ageing: the shunt of the lungs is held at an assumed value although SaO2, PaO2 would help"
+        in message
     )
     assert "gas.vo2_ml_min" in message
     # Whichever row has the gases.

@@ -100,4 +100,4 @@ def test_a_series_of_several_policies_is_not_tracked_silently(shell, patient_hel
     done = shell.run("track", patient_held_case, plain, "--out", shell.folder / "out")
     assert done.exit_code == 2
     assert "patient_held in P01, as_published in P01" in done.stderr
-    assert "--volume-policy chooses one for all" in done.stderr
+    assert "choose one with --volume-policy" in done.stderr

@@ -172,11 +172,11 @@ def test_a_held_blood_volume_is_said_with_what_follows_from_it():
     """An overloaded heart is fitted away by the others, to the last digit of the CVP (PCWP 4 for 29 mmHg)."""
     told, untold = without_fluid(MAP=70.0, CVP=3.1), without_fluid(MAP=70.0, MPAP=20.0)
     (doubt,) = avoidable_assumptions(told, ("MAP", "CVP"), ("Rmc",))
-    assert "PCWP, MPAP and the volumes of the heart follow from it" in doubt
+    assert "PCWP, MPAP and the volumes of the heart depend on it" in doubt
     assert VOLUME in doubt
     assert remarks_on_fixed_volume(told, ("MAP", "CVP"), ("Rmc",)) == []
     (remark,) = remarks_on_fixed_volume(untold, ("MAP", "MPAP"), ("Rmc",))
-    assert "PCWP, CVP and the volumes of the heart follow from it" in remark
+    assert "PCWP, CVP and the volumes of the heart depend on it" in remark
     assert avoidable_assumptions(untold, ("MAP", "MPAP"), ("Rmc",)) == []
     given = read_mapping(RAW | {"fluid": {"extra_volume_ml": 300}}).case
     for case, free in ((told, (VOLUME,)), (given, ("Rmc",))):

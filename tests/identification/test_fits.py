@@ -103,8 +103,8 @@ def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
     assert found.at_bound
     assert not found.identifiable
     assert result.verdict.level is not Level.POOR
-    assert found.reason.startswith("at its upper bound, which holds it back: larger values")
-    assert "no limit" in found.reason
+    assert found.reason.startswith("at its upper bound, which limits it: larger values")
+    assert "the true value may be beyond the bound" in found.reason
 
 
 def test_a_poor_fit_at_a_bound_says_that_alone(twin):
@@ -165,7 +165,7 @@ def test_intervals_that_exclude_each_other_end_a_good_fit(fit):
     wide = {"Rmc": {"lower": 0.1, "upper": 5.0}}
     wider = fit.judged(interval_agreement(fit.as_object()["parameters"], wide, "posterior"))
     assert wider.verdict.level == "doubtful"
-    assert "take the wider" in wider.parameters["Rmc"].reason
+    assert "use the wider" in wider.parameters["Rmc"].reason
     assert wider.parameters["Emaxlv"].identifiable
 
 
@@ -284,7 +284,7 @@ def test_a_point_whose_fit_breaks_off_stops_no_other(points, tmp_path, monkeypat
     assert "(ValueError: need at least one array to stack)" in broken["verdict"]["reasons"][0]["sentence"]
     assert [file.name for file in (tmp_path / "cases").iterdir()] == ["T01_1.toml"]
     text = fits_text(fits_object([good, broken], QUICK.as_object()))
-    assert "T01/2: poor: an error of the program broke the fit off" in text
+    assert "T01/2: poor: a program error stopped this fit" in text
     shared = fitted(points, None, replace(QUICK, shared=("Rmc",)))
     assert [point["status"] for point in shared] == ["broken_off"] * 2
 
@@ -322,7 +322,7 @@ def test_where_valves_stay_shut_at_all_explored_sets_the_fit_says_so(shut):
     assert fit.status is FitStatus.ONE_OF_MANY
     assert fit.optimum.explored_one_of_many == fit.optimum.explored
     assert fit.verdict.level is Level.POOR
-    assert "valves stay shut all beat" in fit.verdict.reasons[0].sentence
+    assert "valves stay shut throughout the beat" in fit.verdict.reasons[0].sentence
     point = fits_object([fit.as_object()], settings.as_object())["points"][0]
     assert point["status"] == "one_of_many"
     assert "one of many" in fits_text({"points": [point]})

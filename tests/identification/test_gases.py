@@ -189,11 +189,13 @@ def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_w
     without = measured(true, (*pressures, *gases))[0].model_copy(update={"parameters": {}})
     assert CLOTTED not in free_parameters(without)
     (word,) = remarks_on_unmeasured_oxygenator(without, gases, ("Rmc",))
-    assert word.startswith("the oxygenator is held as it was new, which SaO2, PaO2, SpreO2 follow from")
+    assert word.startswith("the oxygenator is assumed to be as new, and SaO2, PaO2, SpreO2 depend on it")
     assert remarks_on_unmeasured_oxygenator(without, ("MAP",), ("Rmc",)) == []
     assert remarks_on_unmeasured_oxygenator(case, gases, ("Rmc",)) == []
     (word,) = remarks_on_unmeasured_oxygenator(without, gases, (CLOTTED, "gas.shunt_fraction"))
-    assert word.startswith("no gas behind the oxygenator was measured: SaO2, PaO2, SpreO2 hardly tell a clot")
+    assert word.startswith(
+        "no gas behind the oxygenator was measured: SaO2, PaO2, SpreO2 hardly distinguish a clot"
+    )
     assert (
         remarks_on_unmeasured_oxygenator(without, (*gases, "PpostO2"), (CLOTTED, "gas.shunt_fraction")) == []
     )

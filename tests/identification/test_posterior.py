@@ -197,7 +197,7 @@ def test_the_gaussian_approximation_is_never_called_posterior(fit):
 
 
 def test_doubts_stand_beside_every_prediction(result):
-    doubted = replace(result, doubts=("Pareto k of the weights is 0.83 (below 0.7): sample by chains",))
+    doubted = replace(result, doubts=("Pareto k of the weights is 0.83 (below 0.7): sample with chains",))
     table = posterior_text(doubted.as_object())
     assert table.count("NOT TO BE TRUSTED:\n  Pareto k of the weights is 0.83") == 3
 
@@ -219,10 +219,10 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     assert table.count("NOT TO BE TRUSTED") == 1
     explored_without_gases = replace(second, without_gases=0.05)
     assert "50 of 1000 draws have no steady gas state" in explored_without_gases.doubts[0]
-    assert "intervals of gases speak of the others alone" in explored_without_gases.doubts[0]
+    assert "intervals of gases cover only the other draws" in explored_without_gases.doubts[0]
     assert "there are no intervals of gases" in replace(second, without_gases=1.0).doubts[0]
     table = posterior_text(replace(result, predictions=(first, explored_without_gases)).as_object())
-    assert "50 of 1000 draws have no steady gas state there: gases of the others" in table
+    assert "50 of 1000 draws have no steady gas state there (excluded from gases)" in table
     outputs = result.weighted.outputs.copy()
     outputs[:3] = np.nan
     lost = replace(result, weighted=replace(result.weighted, outputs=outputs))

@@ -101,4 +101,4 @@ def test_a_set_point_that_nobody_measured_is_a_doubt_of_the_fit():
     blind = case(regulation={"baroreflex": 1.0}, measurements={"CO": 4})
     quick = MultiStart(2, 0.5, round_size=1, rediscoveries=1)
     result = fit(blind, settings=FitSettings(("Rmc",), multi_start=quick))
-    assert any("set_point_mmHg is that of the start values" in r.sentence for r in result.verdict.doubts)
+    assert any("set_point_mmHg is the start value" in r.sentence for r in result.verdict.doubts)

@@ -27,11 +27,11 @@ def test_samples_are_read_and_thinned(tmp_path):
     [
         ("", "no samples"),
         ("Rmc\n", "no samples"),
-        ("Rmd\n1\n", "'Rmd' is no parameter; did you mean"),
+        ("Rmd\n1\n", "'Rmd' is not a parameter; did you mean"),
         ("Rmc,Rmc\n1,1\n", "twice"),
-        ("Rmc\nhigh\n", ":2: Rmc is no number above 0"),
+        ("Rmc\nhigh\n", ":2: Rmc is not a number above 0"),
         ("Rmc\n0.5\n800\n", ":3: Rmc = 800: outside the allowed range; allowed: 0.02 to 8"),
-        ("Rmc,Rsvn\n1\n", ":2: 1 values, the head has 2"),
+        ("Rmc,Rsvn\n1\n", ":2: 1 values, the header has 2"),
     ],
 )
 def test_a_file_without_samples_is_refused(tmp_path, content, message):
@@ -91,8 +91,8 @@ def posterior_file(folder: Path, form: str, about: dict[str, object]) -> Path:
     [
         ({}, ()),
         ({"trusted": 0, "doubts": "r_hat 1.4; POOR FIT"}, ("r_hat 1.4", "POOR FIT")),
-        ({"trusted": 0}, ("nothing says that its draws are to be trusted",)),
-        ({"id": "P02"}, ("its draws are those of patient 'P02', the case is of 'P01'",)),
+        ({"trusted": 0}, ("nothing shows that its draws can be trusted",)),
+        ({"id": "P02"}, ("its draws are those of patient 'P02', the case is that of 'P01'",)),
         ({"blood_volume_policy": "patient_held"}, ("fitted with the blood volume policy patient_held",)),
     ],
 )

@@ -116,7 +116,9 @@ def test_a_row_without_gases_leaves_what_they_tell_of_as_it_was(mornings):
         assert last.parameters[name].lower < value < last.parameters[name].upper
     assert last.parameters[VO2].median == pytest.approx(240.0, rel=0.1)
     assert [point.doubtful for point in result.points] == [(), ("CO",), ("CO",)]
-    assert all(doubt.startswith("CO: nothing measured") for point in result.points for doubt in point.doubts)
+    assert all(
+        doubt.startswith("CO: no measurement determines") for point in result.points for doubt in point.doubts
+    )
 
 
 def test_what_no_row_reads_is_named(mornings):
@@ -198,7 +200,7 @@ def test_a_set_point_that_nobody_measured_is_doubted():
     blind = with_reflex(CO=4.0)
     series = series_of(FitSettings(("Rmc",)), [("a", blind)])
     (doubt,) = series.doubts(*series.checked(blind))
-    assert "left open, so that of the start values" in doubt
+    assert "left open, so the start value is used" in doubt
 
 
 def test_a_held_blood_volume_is_noted_once():
@@ -217,7 +219,7 @@ def test_a_membrane_that_clears_was_exchanged_or_a_gas_is_wrong():
     old = a_point("1", (0.33, 0.36, 0.40))
     message = falling_clotting(old, a_point("2", (0.05, 0.10, 0.16)))
     assert message.startswith("the clotted share of the oxygenator fell from 0.36 (0.33 to 0.40) to 0.10")
-    assert "exchanged, or a gas behind it is wrong" in message
+    assert "exchanged, or a gas measured behind it is wrong" in message
     assert not falling_clotting(a_point("1", (0.05, 0.38, 0.80)), a_point("2", (0.04, 0.30, 0.75)))
     assert not falling_clotting(old, a_point("2", (0.40, 0.44, 0.48)))
 
@@ -226,7 +228,7 @@ def test_measurements_that_are_copied_forward_count_twice():
     """Eight values the same to the last digit, five minutes later, were learnt from as new."""
     old = a_point("08:00", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.7)
     word = copied_measurements(old, a_point("08:05", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.7))
-    assert word.startswith("all 3 measurements are those of 08:00: copied forward they count twice")
+    assert word.startswith("all 3 measurements are the same as in 08:00: if copied forward, they count twice")
     assert not copied_measurements(old, a_point("08:05", (0.1, 0.2, 0.3), MAP=82.2, SaO2=88.1, PaO2=61.8))
     assert not copied_measurements(
         a_point("1", (0.1, 0.2, 0.3), MAP=82), a_point("2", (0.1, 0.2, 0.3), MAP=82)

@@ -186,7 +186,7 @@ def test_another_patient_is_refused(series, after):
     tracker = after(1)
     estimate = tracker.estimate
     for use in (lambda case: tracker.update("1", case), tracker.forecast):
-        with pytest.raises(CaseError, match="another patient"):
+        with pytest.raises(CaseError, match="not the patient followed"):
             use(renamed(series[1][0], "U"))
     assert tracker.estimate is estimate
 
@@ -247,7 +247,7 @@ def test_a_doubtful_first_estimate_is_widened_and_said(series, tracked, monkeypa
     assert tracked[0].message == ""
     monkeypatch.setattr(track_module, "DRAWS", 24)
     result = Tracker(SETTINGS).update("0", series[0][0])
-    assert "first estimate is uncertain" in result.message
+    assert "first estimate is itself uncertain" in result.message
     assert "effective draws" in result.message
     for name in NAMES:
         assert width(result, name) > 1.1 * width(tracked[0], name)
@@ -290,7 +290,10 @@ def test_one_output_far_from_the_forecast_is_said_though_all_together_fit():
     result = InnovationTest.of(values, np.full(7, np.sqrt(0.5)), outputs, np.full(7, True))
     assert result.probability > 0.05
     assert result.unusual.tolist() == [True] + [False] * 6
-    assert result.message("abcdefg") == "a is far from the forecast, though all together fit: used; check it"
+    assert (
+        result.message("abcdefg")
+        == "a is far from the forecast, although all measurements together fit: used; check it"
+    )
 
 
 @pytest.mark.parametrize(("missed", "used"), [(np.nan, False), (6.0, True), (-6.0, False)])

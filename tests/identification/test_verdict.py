@@ -129,7 +129,7 @@ def interval(lower: float, upper: float, value: float = 0.55, identifiable: bool
             "0.46 to 0.66 by the Gaussian approximation, 0.74 to 0.92 by the posterior",
         ),
         ((0.58, 0.80), Level.DOUBTFUL, "0.55 is outside"),
-        ((0.10, 3.00), Level.DOUBTFUL, "take the wider"),
+        ((0.10, 3.00), Level.DOUBTFUL, "use the wider"),
         ((0.48, 0.70), None, ""),
     ],
 )
@@ -175,7 +175,7 @@ def profile_reasons(name: str, gaussian, profile, bounds, **more):
 def test_an_interval_that_ends_at_a_bound_is_not_determined_on_that_side():
     bounds = {"Csart": (0.09, 9.0)}
     (sentence,) = profile_reasons("Csart", (0.73, 0.29, 1.82), (0.09, 1.7), bounds)
-    assert sentence.endswith("the latter ends at the lower bound, so the measurements give no lower limit")
+    assert sentence.endswith("the second ends at the lower bound, so the measurements give no lower limit")
     (sentence,) = profile_reasons("Csart", (0.9, 0.55, 1.47), (0.55, 9.0), bounds)
     assert sentence.endswith("no upper limit")
     assert profile_reasons("Csart", (0.9, 0.55, 1.47), (0.5, 1.6), bounds) == []
@@ -190,7 +190,7 @@ def test_no_shunt_at_all_is_a_limit_of_what_there_can_be():
 
 def test_an_end_a_factor_of_six_further_out_is_said_though_widths_are_alike():
     (sentence,) = profile_reasons("Csart", (1.268, 0.615, 2.62), (0.094, 3.05), {"Csart": (0.09, 9.0)})
-    assert sentence.endswith("take the wider of the two")
+    assert sentence.endswith("use the wider of the two")
 
 
 def test_an_interval_that_no_heartbeat_was_found_beyond_has_no_limit_there():
@@ -198,7 +198,7 @@ def test_an_interval_that_no_heartbeat_was_found_beyond_has_no_limit_there():
     (sentence,) = profile_reasons(
         "Rmc", (0.52, 0.45, 0.6), (0.48, 0.55), bounds, ends_without_beat=ends_without_beat
     )
-    assert "no steady heartbeat was found beyond the upper end of the latter" in sentence
+    assert "no steady heartbeat was found beyond the upper end of the second" in sentence
 
 
 @pytest.mark.parametrize(("probability", "untested"), [(None, True), (0.4, False)])

@@ -46,9 +46,9 @@ def test_the_box_says_whether_the_last_measurement_fits(last, message):
 
 
 def test_doubts_of_the_first_estimate_stay_in_sight():
-    doubted = point("1", probability=None, message="the first estimate is uncertain in itself")
+    doubted = point("1", probability=None, message="the first estimate is itself uncertain")
     page = track_page(content(doubted, point("2")), {})
-    assert "1: the first estimate is uncertain in itself" in page
+    assert "1: the first estimate is itself uncertain" in page
     assert 'class="box warn"' in page
 
 

@@ -261,7 +261,9 @@ class GradientEvaluator:
         self.posterior, self.by_point = posterior, by_point
         batch = self._batch(posterior.prior.x_of(centre))
         if open_parameters(batch):
-            message = "a patient who answers to the gases of their blood is sampled without gradients alone: "
+            message = (
+                "a patient whose circulation responds to blood gases can only be sampled without gradients: "
+            )
             raise NoSteadyBeatError(message + "use the method importance")
         level = int(batch.resolutions()[0])
         self.program = beat_program(batch.circuit, level)
@@ -374,7 +376,8 @@ def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> G
             "no steady heartbeat at the fitted parameters: check heart rate, devices and fixed parameters"
         )
     raise NoSteadyBeatError(
-        "at the likeliest parameters valves stay shut all beat, and the steady heartbeat is one of many: "
+        "at the likeliest parameters valves stay shut throughout the beat, and the steady heartbeat is one "
+        "of many: "
         "check pump speed and CO, and raise the lower bounds of Emaxlv and Emaxrv"
     )
 

@@ -370,7 +370,7 @@ class InnovationTest:
             return "the measurements do not fit the patient so far: a sudden change, or a mistake in several"
         if self.unusual.any():
             which = ", ".join(n for n, odd in zip(names, self.unusual, strict=True) if odd)
-            return f"{which} is far from the forecast, though all together fit: used; check it"
+            return f"{which} is far from the forecast, although all measurements together fit: used; check it"
         return ""
 
 

@@ -421,7 +421,8 @@ def _doubts_of_fixed_parameters(goodness: Goodness, free: Sequence[str]) -> list
         if names and key not in free:
             tells = "tell" if len(names) > 1 else "tells"
             sentence = (
-                f"{', '.join(names)} {tells} {meaning}, which is held here: free {key} as well (--free)"
+                f"{', '.join(names)} {tells} {meaning}, which this fit does not vary: free {key} as well "
+                "(--free)"
             )
             reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
     return reasons
@@ -432,8 +433,8 @@ def _doubts_of_set_points(set_points: Mapping[str, float]) -> list[Reason]:
     return [
         Reason(
             Aspect.PLAUSIBILITY, Level.DOUBTFUL, "",
-            f"{key} is that of the start values ({value:.4g}), so that reflexes act on whoever was measured: "
-            "give it, measure it, or fit without [regulation]",
+            f"{key} is the start value ({value:.4g}), so that reflexes are active in the patient as "
+            "measured: give it, measure it, or fit without [regulation]",
         )
         for key, value in set_points.items()
     ]  # fmt: skip
@@ -448,7 +449,7 @@ def checked_by_simulation(result: FitResult) -> FitResult:
 
     beat = simulate(model_of(result.case), result.objective.policy)
     if not beat.attrs["converged"]:
-        sentence = f"`eclsim simulate` of the fitted case: {beat.attrs['message']}"
+        sentence = f"`eclsim simulate` on the fitted case: {beat.attrs['message']}"
         return result.judged([Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence)])
     if beat.attrs["one_of_many"]:
         optimum = replace(result.optimum, status=FitStatus.ONE_OF_MANY)
@@ -478,7 +479,7 @@ def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason
         sentences = remarks_on_fixed_consumption(result.case, result.measured, result.parameters)
         level = Level.GOOD if result.optimum.shared is None else Level.DOUBTFUL
         return result, [Reason(Aspect.HELD, level, "", sentence) for sentence in sentences]
-    why = "makes up for what is wrong with the oxygen consumption, which is held at a formula's value"
+    why = "compensates for errors in the oxygen consumption, which is held at a formula's value"
     return _widened(result, uncertain.intervals, why), [
         Reason(Aspect.HELD, Level.DOUBTFUL, "", uncertain.sentence)
     ]
@@ -493,7 +494,7 @@ def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reaso
     if undetermined is None:
         return result, []
     held, are = undetermined.held, "are" if len(undetermined.held) > 1 else "is"
-    why = f"makes up for {', '.join(held)}, which {are} held"
+    why = f"compensates for errors in {', '.join(held)}, which {are} held"
     result = _widened(result, undetermined.parameters, why)
     return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", undetermined.sentence)]
 
@@ -545,8 +546,8 @@ def _parameters(
         lower, upper, value = (box.scale.value(k, x[k]) for x in (*ends, optimum.x))
         if not reason and intervals_differ(ends[:, k], gaussian[:, k]):
             reason = (
-                f"other starts of the search meet the measurements as well (90 %) from {lower:.3g} to "
-                f"{upper:.3g}, far beyond what the derivatives at the fit say"
+                f"other starts of the search fit the measurements equally well (90 %) from {lower:.3g} to "
+                f"{upper:.3g}, a far wider interval than the derivatives at the fit give"
             )
         parameters[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
     return parameters
@@ -557,10 +558,10 @@ def _at_bound(side: str, held_back: bool) -> str:
     beyond = "smaller" if side == "lower" else "larger"
     if held_back:
         return (
-            f"at its {side} bound, which holds it back: {beyond} values would meet the measurements more "
-            "nearly, which is no limit of the true one"
+            f"at its {side} bound, which limits it: {beyond} values would fit the measurements better, so "
+            "the true value may be beyond the bound"
         )
-    return f"at its {side} bound, and the measurements hardly tell {beyond} values apart"
+    return f"at its {side} bound, and the measurements hardly distinguish {beyond} values"
 
 
 def _without_compensating_parameters(
@@ -579,8 +580,8 @@ def _without_compensating_parameters(
         moved, followed = held_fit.compensation(result.optimum.x)
         reasons = {
             name: (
-                f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "
-                f"elsewhere, {box.scale.difference_text(k, moved[k])} apart at the same outputs"
+                f"follows {box.names[followed[k]]}, which the measurements do not determine: with other "
+                f"values of it, {box.scale.difference_text(k, moved[k])} apart at the same outputs"
             )
             for k, name in enumerate(box.names)
             if moved[k] > np.log1p(SAME_PARAMETER_SHARE)

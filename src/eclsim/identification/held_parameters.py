@@ -94,8 +94,8 @@ class UndeterminedOutputs:
             for name, reach in self.outputs.items()
         )
         return (
-            f"{held} {are} held at the usual value, and what was not measured follows from that: free as "
-            f"well, these measurements leave {each} (90 %); measure it, free them (--free), or give "
+            f"{held} {are} held at the usual value, which determines what was not measured; if free as "
+            f"well, these measurements give {each} (90 %): measure it, free them (--free), or give "
             "[parameters] that are known"
         )
 
@@ -120,10 +120,10 @@ class ConsumptionUncertainty:
         share, names = f"{100 * CONSUMPTION_SPREAD:.0f} %", ", ".join(self.intervals)
         ends = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in self.intervals.items())
         return (
-            f"the oxygen consumption is held at {self.value:.0f} mL/min, a formula's, and {names} "
-            f"make{'s' if len(self.intervals) == 1 else ''} up for what is wrong with it, since "
-            f"{', '.join(self.gases)} alone cannot tell: known to {share}, these measurements leave {ends} "
-            f"(90 %); measure SvO2 or SpreO2, or give {VO2}"
+            f"the oxygen consumption is held at {self.value:.0f} mL/min, a formula's value, and {names} "
+            f"compensate{'s' if len(self.intervals) == 1 else ''} for errors in it, which "
+            f"{', '.join(self.gases)} alone cannot show: if it is known to {share}, these measurements give "
+            f"{ends} (90 %); measure SvO2 or SpreO2, or give {VO2}"
         )
 
 

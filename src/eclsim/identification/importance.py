@@ -347,7 +347,7 @@ class WeightedDraws:
     @property
     def doubts(self) -> tuple[str, ...]:
         """The reasons, with advice."""
-        return tuple(f"{reason}: sample by chains" for reason in self.reasons)
+        return tuple(f"{reason}: sample with chains" for reason in self.reasons)
 
     @property
     def without_beat(self) -> int:

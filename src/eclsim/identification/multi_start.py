@@ -75,16 +75,18 @@ _MESSAGES = {
         "no explored set of parameters has a steady heartbeat: check heart rate, devices and fixed parameters"
     ),
     FitStatus.ONE_OF_MANY: (
-        "valves stay shut all beat, so that the steady heartbeat is one of many and the measurements do not "
+        "valves stay shut throughout the beat, so that the steady heartbeat is one of many and the "
+        "measurements do not "
         "determine what lies behind them: check pump speed, CO and heart rate, and raise the lower bounds of "
         "Emaxlv and Emaxrv"
     ),
     FitStatus.NO_STEADY_GASES: (
         "no explored set of parameters has a steady gas state, which the measured gases need, though the "
-        "heartbeat is steady: check sweep, FdO2, ventilation and where cannulae lie, or leave out the gases"
+        "heartbeat is steady: check sweep, FdO2, ventilation and the sites of the cannulae, or leave out "
+        "the gases"
     ),
     FitStatus.BROKEN_OFF: (
-        "an error of the program broke the fit off; the other points are fitted without it: look for a wrong "
+        "a program error stopped this fit; the other points are fitted without it: look for a wrong "
         "value among its measurements and devices, and report it"
     ),
 }

@@ -65,8 +65,8 @@ OUTERMOST_LATENT, PILED_UP_SHARE = 1.96, 0.2
 """|z| with 2.5 % of the prior beyond it, and share of draws there above which a bound limits a parameter."""
 EXTRACTION_OUTPUTS = ("VO2", "O2ER")
 UNCHECKED = (
-    "a Gaussian approximation, which nothing has checked against the posterior: where that is curved or cut "
-    "by a bound, medians and intervals are off"
+    "a Gaussian approximation that was not checked against the posterior: where the true density is curved "
+    "or cut off by a bound, medians and intervals are wrong"
 )
 _LARGEST_EXTRACTION = adult_ranges("male")["O2ER"].plausible[1]
 
@@ -173,8 +173,8 @@ class Prediction:
             return ()
         draws = f"{self.draws_impossible} of {len(self.values)} draws"
         return (
-            f"{draws} are beats {IMPOSSIBLE_BEAT}, at most {LARGEST_LOST_SHARE:.0%}: parameters fit, and the "
-            "patient does not exist; measure a filling pressure, or narrow the bounds",
+            f"{draws} are beats {IMPOSSIBLE_BEAT}, at most {LARGEST_LOST_SHARE:.0%}: the parameters fit, "
+            "but no such patient exists; measure a filling pressure, or narrow the bounds",
         )
 
     @property
@@ -185,13 +185,14 @@ class Prediction:
         share, most = 100.0 * self.starved, 100.0 * _LARGEST_EXTRACTION
         return (
             f"{share:.0f} % of the draws are patients whose tissues extract more than {most:.0f} % of their "
-            "oxygen or get less than they want, implausible even in severe illness: cardiac output and "
+            "oxygen or get less than they need, which is implausible even in severe illness: cardiac output "
+            "and "
             "consumption may be far from the patient's; measure one of them, or narrow its bounds",
         )
 
     def _lost_draws_text(self, lost: int, intervals: str) -> str:
         none = lost == len(self.values)
-        return f"there are no {intervals}" if none else f"the {intervals} speak of the others alone"
+        return f"there are no {intervals}" if none else f"the {intervals} cover only the other draws"
 
     def column(self, output: str) -> np.ndarray:
         """Values of one output, shape (draws,); NaN if the circuit does not have it."""
@@ -370,7 +371,7 @@ def posterior(
     settings = as_settings(settings, PosteriorSettings)
     if not isinstance(fit, FitResult):
         kind = article(type(fit).__name__)
-        raise TypeError(f"fit: {kind} is no fit; allowed: what eclsim.fit(case) returns")
+        raise TypeError(f"fit: {kind} is not a fit; allowed: what eclsim.fit(case) returns")
     if unused := without_measurement(settings.uncertainties or (), fit.measured):
         raise CaseError(unused)
     if settings.method == "nuts":
@@ -394,7 +395,7 @@ def posterior(
         diagnostics = diagnose(density.prior.names, chains.z, chains.statistics)
         z, doubts = chains.z, diagnostics.doubts
     if fit.verdict.level is Level.POOR:
-        doubts = (*doubts, f"{fit.verdict.headline}; what it predicts is not this patient")
+        doubts = (*doubts, f"{fit.verdict.headline}; its predictions do not describe this patient")
     held = (reason.sentence for reason in fit.verdict.doubts if reason.aspect is Aspect.HELD)
     doubts = (*doubts, *avoidable_assumptions(fit.case, fit.measured, fit.parameters), *held)
     samples = density.prior.values_of(z)
@@ -426,8 +427,8 @@ def piled_up(prior: Prior, z: np.ndarray) -> tuple[str, ...]:
     flat = z.reshape(-1, z.shape[-1])
     return tuple(
         f"{name}: {share:.0%} of the draws are in the last 2.5 % of its range, at the {side} "
-        f"bound of {bound:.3g}: the bound limits it, not the measurements, and predictions go by the bound; "
-        "give wider --bounds if such a value is possible"
+        f"bound of {bound:.3g}: the bound limits it, not the measurements, and predictions depend on the "
+        "bound; give wider --bounds if such a value is possible"
         for k, name in enumerate(prior.names)
         for side, sign, bound in zip(SIDES, (-1.0, 1.0), ends[k], strict=True)
         if (share := float(np.mean(sign * flat[:, k] > OUTERMOST_LATENT))) > PILED_UP_SHARE
@@ -489,7 +490,9 @@ def _labelled_cases(predictions: Sequence[tuple[str, CaseSource]]) -> list[tuple
     for one in predictions if listed else [predictions]:
         if not (isinstance(one, (tuple, list)) and len(one) == 2 and isinstance(one[0], str)):
             allowed = 'a list of labels with cases, such as [("4000 rpm", case)]'
-            raise TypeError(f"predictions: {written(one)} is no label with a case; allowed: {allowed}")
+            raise TypeError(
+                f"predictions: {written(one)} is not a pair of label and case; allowed: {allowed}"
+            )
     labels = [label for label, _ in predictions]
     for label in labels:
         if not label.strip() or labels.count(label) > 1:

@@ -405,8 +405,8 @@ def _interval_including(interval: tuple[float, float], within: np.ndarray) -> tu
 def _doubts_without_profile(fit: FitResult) -> list[Reason]:
     """Doubts about a fit for which no profile can be computed; it then determines no parameter."""
     why = (
-        "no profile likelihood could be computed beside this fit, whose steady heartbeat is at the edge of "
-        "those that there are: nothing checks the Gaussian intervals"
+        "no profile likelihood could be computed around this fit, as it is at the edge of the region with a "
+        "steady heartbeat: the Gaussian intervals are unchecked"
     )
     determined = [name for name, p in fit.parameters.items() if p.identifiable]
     about = [Reason(Aspect.INTERVALS, Level.DOUBTFUL, "", why)]

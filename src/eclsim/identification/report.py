@@ -31,7 +31,7 @@ ONE_FIT = {
         "doubtful, beyond the solid ones it is poor."
     ),
     "profiles": (
-        "How far each parameter can move. Chi-square with the others fitted again (dots) and held (grey); "
+        "How far each parameter can move. Chi-square with the others refitted (dots) and held (grey); "
         "where the dots stay below the dashed line, the value is within the 90 % interval. A flat profile is "
         "a parameter that the measurements do not determine."
     ),
@@ -55,7 +55,7 @@ COHORT = {
 TRACKED = {
     "outputs": (
         "Outputs. Pale bars: where 90 % of measurements were expected beforehand. Diamonds: measured. Dark "
-        "bars: what the model says afterwards, median and 90 %."
+        "bars: the model afterwards, median and 90 %."
     ),
     "parameters": "Parameters after each measurement, median and 90 %.",
 }
@@ -98,7 +98,7 @@ def _about_r2(value: float) -> str:
     """Explain a value of R2, which may be negative."""
     if value >= 0.0:
         return " (share of the variation among the measured values that the fits explain; 1: all of it)"
-    return " (below 0: the fits miss the measured values by more than these differ from their mean)"
+    return " (below 0: the fits miss the measured values by more than those deviate from their mean)"
 
 
 def _one_fit(point: Data) -> str:
@@ -208,7 +208,7 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
     if without := prediction.get("draws_impossible"):
         yield f"{without} of {prediction['draws']} draws are beats {IMPOSSIBLE_BEAT} and are not counted"
     if without := prediction.get("draws_without_steady_gases"):
-        yield f"{without} of {prediction['draws']} draws have no steady gas state there: gases of the others"
+        yield f"{without} of {prediction['draws']} draws have no steady gas state there (excluded from gases)"
     yield from (f"At the medians of the draws: {sentence}" for sentence in prediction.get("warnings", ()))
 
 
@@ -231,7 +231,7 @@ def series_text(series: Data) -> str:
         for p in points
     ]  # fmt: skip
     head = ("id", *names, "p")
-    lines = [f"{series['id']}: medians after each measurement, and how probable its deviations were"]
+    lines = [f"{series['id']}: medians after each measurement, and the probability p of its deviations"]
     lines.append(text_table(head, rows, numeric=range(1, len(head))))
     lines += [f"  !  {p['id']}: {p['message']}" for p in points if p["message"]]
     lines += [
@@ -392,7 +392,7 @@ def _method(settings: Data, point: Data | None = None) -> list[str]:
         lines += [
             f"Search: {point['message']} ({agree}; {point['explored']:,} sets of parameters explored, "
             f"{point['explored_without_steady_beat']:,} of them without a steady heartbeat, "
-            f"{point['explored_one_of_many']:,} with one of many, behind valves that stay shut"
+            f"{point['explored_one_of_many']:,} with one of many because valves stay shut"
             f"{without_gases}).",
             f"Sum of squared residuals: {number(point['cost'])}.",
         ]
@@ -405,7 +405,7 @@ def _method(settings: Data, point: Data | None = None) -> list[str]:
         f"Free parameters: {', '.join(dict.fromkeys([*settings['parameters'], *settings['shared']]))}.",
         f"Blood volume: {volume}.",
         f"Seed {settings['seed']}.",
-        "The 90 % intervals speak of measurement error alone, not of what the model leaves out.",
+        "The 90 % intervals cover measurement error only, not what the model leaves out.",
     ]
 
 
@@ -505,13 +505,13 @@ def _state(points: Sequence[Data]) -> list[str]:
     for doubt in last.get("doubts", ()):
         message = message.replace(doubt, "")
     if last["failed"]:
-        first = f"{last['id']} could not be used: the estimate is of the measurement before"
+        first = f"{last['id']} could not be used: the estimate is that of the previous measurement"
     elif last["probability"] is None:
-        first = f"{last['id']} is the only measurement: nothing to hold it against yet"
+        first = f"{last['id']} is the only measurement: there is nothing to compare it with yet"
     elif last["unusual"]:
         first = f"{last['id']} does not fit the patient so far"
     elif message.strip("; "):
-        first = f"{last['id']} fits the patient so far as a whole, not in every output"
+        first = f"{last['id']} fits the patient so far as a whole, but not in every output"
     else:
         first = f"{last['id']} fits the patient so far (probability {last['probability']:.2g})"
     return [first, *(f"{p['id']}: {p['message']}" for p in points if p["message"])]

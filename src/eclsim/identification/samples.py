@@ -59,7 +59,8 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         head, *cells = ([*row[:words], *row[words + 1 :]] for row in (head, *(cells for _, cells in rows)))
         rows = [(line, row) for (line, _), row in zip(rows, cells, strict=True)]
     mistakes += [
-        f"{path}: column '{name[:40]}' is no parameter{spelling_hint(name, (*parameters(), *FREE_IN_CASES))}"
+        f"{path}: column '{name[:40]}' is not a "
+        f"parameter{spelling_hint(name, (*parameters(), *FREE_IN_CASES))}"
         for name in head
         if name not in FREE_IN_CASES and quantity(name) is None
     ]
@@ -68,7 +69,7 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
     values = []
     for line, cells in rows:
         if len(cells) != len(head):
-            mistakes.append(f"{path}:{line}: {len(cells)} values, the head has {len(head)}")
+            mistakes.append(f"{path}:{line}: {len(cells)} values, the header has {len(head)}")
         values.append([_value(cell) for cell in cells])
         result = zip(head, cells, values[-1], strict=False)
         mistakes += [f"{path}:{line}: {wrong}" for each in result if (wrong := _mistake(*each))]
@@ -91,10 +92,10 @@ def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
     about = _about(Path(path))
     doubts = list(filter(None, about["doubts"]))
     if not doubts and not about["trusted"]:
-        doubts = ["nothing says that its draws are to be trusted"]
+        doubts = ["nothing shows that its draws can be trusted"]
     name, policy, own = about["id"], about["blood_volume_policy"], case.blood_volume_policy or AS_PUBLISHED
     if name and name != case.patient.id and name.partition("/")[0] != case.patient.id.partition("/")[0]:
-        doubts.append(f"its draws are those of patient '{name}', the case is of '{case.patient.id}'")
+        doubts.append(f"its draws are those of patient '{name}', the case is that of '{case.patient.id}'")
     if policy and policy != own:
         doubts.append(f"its draws were fitted with the blood volume policy {policy}, the case has {own}")
     return tuple(f"{POSTERIOR}{doubt}" for doubt in doubts)
@@ -118,7 +119,7 @@ def _about(path: Path) -> dict[str, Any]:
     try:
         return {**usual, **json.loads(summary.read_text(encoding="utf-8"))}
     except (OSError, ValueError, TypeError):
-        return {**usual, "doubts": (f"{summary} cannot be read, which says whether they are to be trusted",)}
+        return {**usual, "doubts": (f"{summary}, which says whether they can be trusted, cannot be read",)}
 
 
 _Rows = Sequence[tuple[int, Sequence[str]]]
@@ -129,7 +130,7 @@ def _of_table(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
     try:
         table = read_table(path)
     except CaseError as error:
-        needed = "no samples; needed are a head of parameter names and a row for each sample"
+        needed = "no samples; needed: a header of parameter names and a row for each sample"
         raise SamplesError(str(error).replace("no patients", needed)) from None
     return table.header, table.rows, [str(mistake) for mistake in table.mistakes]
 
@@ -157,7 +158,7 @@ def _mistake(name: str, cell: str, value: float) -> str:
     if not (math.isfinite(value) and (value > 0.0 or (known is not None and known.is_linear))):
         comma = math.isfinite(_value(cell.replace(",", ".")))
         hint = f": '{cell}' has a decimal comma; write a decimal point" if "," in cell and comma else ""
-        return f"{name} is no number above 0{hint}"
+        return f"{name} is not a number above 0{hint}"
     if known is not None and not known.accepts(value):
         return f"{name} = {value:g}: outside the allowed range; allowed: {known.allowed}"
     return ""

@@ -76,7 +76,7 @@ class Series:
             if key not in self.set_points:
                 self.set_points[key] = value
                 source = f"the {MEASURED_AT_REST[key]} of {name} ({shown(value)})"
-                message = f"left open, so {source}: reflexes do nothing there, and answer to changes"
+                message = f"left open, so {source}: reflexes are inactive there and respond to changes"
                 self.notes.append(str(Mistake(key, message)))
         here = self._read_by(case)
         self.read |= here
@@ -141,7 +141,7 @@ def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str,
     for one in points if listed else [points]:
         if not (isinstance(one, (tuple, list)) and len(one) == 2 and isinstance(one[0], str)):
             what = shown(one) if isinstance(one, str) else f"a {type(one).__name__}"
-            raise CaseError([Mistake("points", f"{what} is no name with a case", allowed=allowed)])
+            raise CaseError([Mistake("points", f"{what} is not a pair of name and case", allowed=allowed)])
     if not points:
         raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
     return points
@@ -188,8 +188,8 @@ def falling_clotting(before: TrackedPoint, now: TrackedPoint) -> str:
         return ""
     was, is_now = (f"{i.median:.2f} ({i.lower:.2f} to {i.upper:.2f})" for i in (old, new))
     return (
-        f"the clotted share of the oxygenator fell from {was} to {is_now}: no membrane clears by itself; it "
-        "was exchanged, or a gas behind it is wrong, now or before"
+        f"the clotted share of the oxygenator fell from {was} to {is_now}: clots in an oxygenator do not "
+        "clear by themselves; it was exchanged, or a gas measured behind it is wrong, now or before"
     )
 
 
@@ -199,8 +199,8 @@ def copied_measurements(before: TrackedPoint, now: TrackedPoint) -> str:
     if len(new) < FEWEST_EQUAL_VALUES or old != new:
         return ""
     return (
-        f"all {len(new)} measurements are those of {before.name}: copied forward they count twice, and the "
-        "intervals are too narrow; leave the row out"
+        f"all {len(new)} measurements are the same as in {before.name}: if copied forward, they count twice "
+        "and the intervals are too narrow; leave the row out"
     )
 
 

@@ -276,16 +276,15 @@ def avoidable_assumptions(case: Case, measured: Collection[str], free: Collectio
         meaning, informative = INFORMATIVE_MEASUREMENTS[key]
         if names := [name for name in informative if name in measured]:
             result.append(
-                f"{meaning} is held at an assumed value while {', '.join(names)} would tell of it: other "
-                "parameters, and cardiac output with them, make up for what is wrong with it; free it "
+                f"{meaning} is held at an assumed value although {', '.join(names)} would help to determine "
+                "it: other parameters, and with them cardiac output, compensate for its error; free it "
                 f"(--parameters Rmc,{SHUNT},{VO2}) or give {key}"
             )
     if _volume_is_fixed(case, free) and {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured}:
         result.append(
-            "the blood volume is held at that of a published patient of this size while CVP tells of it: "
-            "other parameters make up for what is wrong with it, and "
-            f"{_volume_dependent(measured)} follow from it; "
-            f"free it as well ({EXTRA_VOLUME}) or give it"
+            "the blood volume is held at that of a published patient of this size although CVP depends on "
+            "it: other parameters compensate for its error, and "
+            f"{_volume_dependent(measured)} depend on it; free it as well ({EXTRA_VOLUME}) or give it"
         )
     return result
 
@@ -306,8 +305,8 @@ def remarks_on_fixed_consumption(case: Case, measured: Collection[str], free: Co
         return []
     gases = ", ".join(name for name in MEASURED_GASES if name in measured)
     return [
-        f"the oxygen consumption is held at a formula's value, which {gases} follow from: the shunt is only "
-        f"as good as that; measure SvO2 or SpreO2, or give {VO2}"
+        f"the oxygen consumption is held at a formula's value, on which {gases} depend: the shunt is only "
+        f"as good as that value; measure SvO2 or SpreO2, or give {VO2}"
     ]
 
 
@@ -326,9 +325,10 @@ def remarks_on_undetermined_output(
     if not gases or "CO" in measured_at_any_time or VO2 not in assumed_gas_parameters(case) & {*free}:
         return []
     return [
-        f"CO: nothing measured tells the cardiac output, since {', '.join(gases)} are met with more output, "
-        "more consumption, less shunt and less resistance as well; it leans high, and in made-up patients "
-        f"its 90 % interval missed the truth by up to 1.7 L/min: measure CO, or give {VO2}"
+        "CO: no measurement determines the cardiac output, since more output, more consumption, less shunt "
+        f"and less resistance together fit {', '.join(gases)} as well; the estimate tends to be too high, "
+        "and in simulated patients its 90 % interval missed the truth by up to 1.7 L/min: measure CO, or "
+        f"give {VO2}"
     ]
 
 
@@ -338,8 +338,8 @@ def remarks_on_fixed_volume(case: Case, measured: Collection[str], free: Collect
         return []
     return [
         "the blood volume is held at that of a published patient of this size: "
-        f"{_volume_dependent(measured)} "
-        "follow from it, and intervals leave out that it may be another; measure CVP and free "
+        f"{_volume_dependent(measured)} depend on it, and intervals do not include its uncertainty; measure "
+        "CVP and free "
         f"{EXTRA_VOLUME}"
     ]
 
@@ -366,14 +366,14 @@ def remarks_on_unmeasured_oxygenator(
     advice = f"measure a gas behind it ({', '.join(informative)}), or give {CLOTTED}"
     if {CLOTTED, SHUNT} <= {*free}:
         return [
-            f"no gas behind the oxygenator was measured: {', '.join(gases)} hardly tell a clotted oxygenator "
-            f"from sicker lungs, and a change of either may be the other's; {advice}"
+            f"no gas behind the oxygenator was measured: {', '.join(gases)} hardly distinguish a clotted "
+            f"oxygenator from sicker lungs, and a change in one may be attributed to the other; {advice}"
         ]
     if not _oxygenator_is_fixed(case, free):
         return []
     return [
-        f"the oxygenator is held as it was new, which {', '.join(gases)} follow from: one that is clotted is "
-        f"found as sicker lungs; {advice}"
+        f"the oxygenator is assumed to be as new, and {', '.join(gases)} depend on it: a clotted one "
+        f"appears as sicker lungs; {advice}"
     ]
 
 
@@ -414,10 +414,10 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     still_open = () if case.regulation is None else case.regulation.open_set_points
     for key in left_open:
         if key in still_open:
-            message = f"left open, so that of the start values: give it, or fit without [{REGULATION}]"
+            message = f"left open, so the start value is used: give it, or fit without [{REGULATION}]"
             checked.warnings.append(Mistake(key, message))
         else:
-            message = f"left open, so the measured {MEASURED_AT_REST[key]}: reflexes do nothing there"
+            message = f"left open, so the measured {MEASURED_AT_REST[key]}: reflexes are inactive there"
             checked.notes.append(Mistake(key, message))
     if without_fluid and EXTRA_VOLUME in checked.free:
         message = "free, so the fitted case has the section [fluid]"
@@ -449,8 +449,8 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
     """
     checked = CheckedFit()
     for instance, target in case.targets():
-        allowed = f"{instance.key}.{target.setting} in its place; a measured pump flow is measurements.PF"
-        message = "a target, while a fit needs the speed that the pump ran at"
+        allowed = f"{instance.key}.{target.setting} instead; a measured pump flow is measurements.PF"
+        message = "a target; a fit needs the speed at which the pump ran"
         value = shown(getattr(instance.section, target.key))
         checked.add_mistake(f"{instance.key}.{target.key}", message, value, allowed)
     known = output_names(circuit_of(case))
@@ -477,7 +477,7 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
     start, lower, upper = limits
     written, parameter = f"{start:g}, {lower:g} to {upper:g}", quantity(key)
     if parameter is None:
-        allowed = f"names that eclsim parameters lists, or keys of sections such as {example_setting()}"
+        allowed = f"names listed by eclsim parameters, or keys of sections such as {example_setting()}"
         hint = did_you_mean(key, parameters())
         checked.add_mistake(key, "unknown parameter", allowed=allowed, hint=hint)
     elif not all(math.isfinite(number) for number in limits):
@@ -507,7 +507,7 @@ def common_policy(cases: Sequence[Case], chosen: str | None = None) -> str:
     policies = {case.volume_policy: case.patient.id for case in cases}
     if len(policies) > 1:
         each = ", ".join(f"{policy} in {name}" for policy, name in policies.items())
-        message = "cases that go together have the same policy; --volume-policy chooses one for all"
+        message = "cases fitted together need the same policy; choose one with --volume-policy"
         raise CaseError([Mistake("blood_volume_policy", message, each)])
     return next(iter(policies))
 
@@ -521,7 +521,7 @@ def unmeasured_uncertainties(cases: Iterable[Case], settings: FitSettings) -> li
 def without_measurement(uncertainties: Iterable[str], measured: Collection[str]) -> list[Mistake]:
     """Return a mistake for each uncertainty, by name, of an output that was not measured."""
     allowed = ", ".join(n for n in DEFAULTS if n in measured)
-    message = "not measured, so its uncertainty changes nothing"
+    message = "not measured, so its uncertainty has no effect"
     return [Mistake("uncertainty", message, n, allowed) for n in uncertainties if n not in measured]
 
 

@@ -350,13 +350,13 @@ class Tracker:
 
     def _check_patient(self, case: Case) -> None:
         if self.patient is not None and plain_id(case.patient.id) != plain_id(self.patient):
-            message = "another patient than the one followed so far"
+            message = "not the patient followed so far"
             raise CaseError([Mistake("patient.id", message, shown(case.patient.id), shown(self.patient))])
 
     def _days(self, hours: float | None) -> float:
         hours = self.settings.interval_hours if hours is None else number_of("hours", hours)
         if not 0.0 <= hours < np.inf:
-            message = "the time since the measurement before"
+            message = "the time since the previous measurement"
             raise CaseError([Mistake("hours", message, shown(float(hours)), "0 or more hours")])
         return hours / HOURS_PER_DAY
 
@@ -543,7 +543,7 @@ def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
         doubts.append(f"first estimate: {verdict.headline}")
     if power < 1.0:
         doubts.append(
-            f"the first estimate is uncertain in itself: {'; '.join(weighted.reasons)}; its intervals are "
+            f"the first estimate is itself uncertain: {'; '.join(weighted.reasons)}; its intervals are "
             f"widened (weights to the power {power:.2f}), and later measurements narrow them"
         )
     return "; ".join(doubts)

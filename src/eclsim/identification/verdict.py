@@ -225,7 +225,8 @@ def agreement(
     chance = goodness.probability
     if chance is None:
         sentence = (
-            f"the {len(measured)} measurements determine about as many combinations of parameters: a close "
+            f"the {len(measured)} measurements determine about the same number of combinations of "
+            "parameters: a close "
             "fit is therefore no test of the model"
         )
         reasons.append(Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence))
@@ -234,7 +235,8 @@ def agreement(
         one_of = "more than a million" if chance < 1e-6 else f"{1.0 / chance:,.0f}"
         sentence = (
             f"all differences together (chi-square {goodness.chi_square:.1f} at {goodness.degrees:.1f} "
-            f"degrees of freedom) are larger than measurement error gives in one of {one_of} fits"
+            "degrees of freedom) are so large that measurement error alone would cause them in only one of "
+            f"{one_of} fits"
         )
         reasons.append(Reason(Aspect.AGREEMENT, level, "", sentence))
     return reasons
@@ -272,7 +274,8 @@ def plausibility(
         number = f"{value:.3g} {span.unit}".strip()
         sentence = (
             f"{span.description} {number}, which is implausible even in severe illness "
-            f"(healthy: {low:.3g} to {high:.3g}): do not use it, nor what depends on it, from this fit"
+            f"(healthy: {low:.3g} to {high:.3g}): do not use it, or anything that depends on it, from this "
+            "fit"
         )
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, name, sentence))
     return reasons + [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", s) for s in broken_limits]
@@ -305,23 +308,23 @@ def interval_agreement(
         if estimate["upper"] < interval["lower"] or interval["upper"] < estimate["lower"]:
             level = Level.POOR
             verdict = (
-                "they exclude each other, so take neither; the measurements contradict the model, or the "
-                "weights decide the fit (--weights uncertainty)"
+                "they do not overlap, so use neither; the measurements contradict the model, or the "
+                "weights determine the fit (--weights uncertainty)"
             )
         elif not interval["lower"] <= estimate["value"] <= interval["upper"]:
-            verdict = f"the fitted value {estimate['value']:.3g} is outside the latter"
+            verdict = f"the fitted value {estimate['value']:.3g} is outside the second"
         elif len(at_bounds) > 1:
-            verdict = "the latter fills the bounds, so the measurements do not determine the parameter"
+            verdict = "the second fills the bounds, so the measurements do not determine the parameter"
         elif at_bounds:
             (side,) = at_bounds
-            verdict = f"the latter ends at the {side} bound, so the measurements give no {side} limit"
+            verdict = f"the second ends at the {side} bound, so the measurements give no {side} limit"
         elif sides := (ends_without_beat or {}).get(name):
             verdict = (
-                f"no steady heartbeat was found beyond the {' and the '.join(sides)} end of the latter, "
-                "but the true value may lie there"
+                f"no steady heartbeat was found beyond the {' and the '.join(sides)} end of the second, but "
+                "the true value may lie there"
             )
         elif intervals_differ(_ends(name, interval), _ends(name, estimate)):
-            verdict = "take the wider of the two"
+            verdict = "use the wider of the two"
         if verdict:
             sentence = (
                 f"{name}: 90 % interval {estimate['lower']:.3g} to {estimate['upper']:.3g} by the Gaussian "
