@@ -10,8 +10,8 @@ def test_all_wrong_options_are_told_at_once_and_nothing_is_computed(shell):
     result = run(shell, case, "--schemes", "a,q", "--speeds", "fast", "--crrt-flow", "-5")
     assert result.exit_code == 2
     message = result.stderr
-    assert "--schemes 'q' is no scheme" in message
-    assert "--speeds 'fast' are no speeds" in message
+    assert "--schemes 'q' is not a scheme" in message
+    assert "--speeds 'fast' are not speeds" in message
     assert "--crrt-flow: CRRT flow -5 mL/min" in message
 
 
@@ -127,7 +127,7 @@ def test_a_cohort_is_checked_before_anything_is_computed(shell):
     assert result.exit_code == 2
     for message in (
         "--set: works for one case file only",
-        "--schemes 'q' is no scheme",
+        "--schemes 'q' is not a scheme",
         "--resume and --shard need --out DIR",
     ):
         assert message in result.stderr

@@ -75,7 +75,7 @@ def test_the_answer_says_who_wins_where_and_why_not_everywhere(cohort):
     assert cohort.winners("as_published") == {"h": 2, "d": 1, "a": 0}
     message = conclusion(cohort, "as_published")
     assert message.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
-    assert "Elsewhere h stands behind for other reasons in 1" in message
+    assert "Elsewhere h ranks lower for other reasons in 1" in message
     single = replace(cohort, points=cohort.points[:1])
     assert conclusion(single, "as_published") == "Yes: scheme d is first in all 1 data points."
 

@@ -51,7 +51,7 @@ def test_all_mistakes_of_a_selection_are_told_at_once():
         select_schemes("a,zz,post_oxi:pre_rc,seperate")
     message = str(error.value)
     assert "'zz'" in message
-    assert "'post_oxi' is no scheme; did you mean post_oxy" in message
+    assert "'post_oxi' is not a scheme; did you mean post_oxy" in message
     assert "did you mean separate" in message
     assert "allowed" in message
 

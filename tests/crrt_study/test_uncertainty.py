@@ -42,7 +42,7 @@ def test_samples_that_nothing_reads_or_that_cannot_be_are_refused(samples, said)
 
 @pytest.mark.parametrize("speeds", [[-100.0, 3000.0], [0.0], [float("nan")]])
 def test_speeds_from_python_are_checked_as_those_of_the_command_line(speeds):
-    with pytest.raises(SpeedError, match="are no speeds; allowed"):
+    with pytest.raises(SpeedError, match="are not speeds; allowed"):
         crrt_study(paper_case(), schemes="d", speeds=speeds)
 
 

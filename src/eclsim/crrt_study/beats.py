@@ -164,7 +164,7 @@ def means(
             for r, a in zip(runs, without_crrt, strict=True)
         ]
     )
-    about = "stressed volume of the patient at phase 0, less that without CRRT at the same speed and policy"
+    about = "stressed volume of the patient at phase 0, minus that without CRRT at the same speed and policy"
     data["patient_volume_change"] = (dims, change, {"units": "mL", "long_name": about})
     data["recirculated_fraction"] = (
         dims, np.stack([_recirculation(circuits, r).reshape(shape) for r in runs]),

@@ -308,7 +308,7 @@ def _reasons_in_other_points(study: CohortStudy, policy: str, letter: str) -> st
     reasons = [
         f"breaks an alarm in {alarms}" if alarms else "",
         f"exceeds {study.rule.access_mmhg:g} mmHg of access pressure in {access}" if access else "",
-        f"stands behind for other reasons in {len(not_first) - alarms - access}"
+        f"ranks lower for other reasons in {len(not_first) - alarms - access}"
         if len(not_first) > alarms + access
         else "",
     ]

@@ -190,7 +190,7 @@ def _differences(study: CohortStudy) -> str:
         result = [v for point in study.points if math.isfinite(v := point.variation[policy])]
         policy_label = POLICY_WORDS[policy].partition(":")[0]
         if not result:
-            messages.append(f"an amount that is not known {policy_label}")
+            messages.append(f"an unknown amount {policy_label}")
             continue
         of = "" if len(result) == len(study.points) else f", known for {len(result)} data points"
         median, largest = number(float(np.median(result)), 1), number(max(result), 1)

@@ -346,11 +346,13 @@ def _volume_sentences(study: CrrtStudy, uptake: xr.Dataset) -> list[str]:
     ]
     if len(flow) < len(study.schemes):
         result = f"known for {len(flow)} of {len(study.schemes)} schemes"
-        lines.append(f"What is left with the patient's blood volume kept is {result}; a beat was not found.")
+        kept = "With the patient's blood volume kept, the remaining change"
+        lines.append(f"{kept} is {result}; a beat was not found.")
     if len(flow):
         lines.append(
             f"As published, schemes change the mean arterial pressure by up to {total.max():.1f} mmHg. "
-            f"With the patient's blood volume kept, what is left is at most {flow.max():.1f} mmHg. A circuit "
+            f"With the patient's blood volume kept, the remaining change is at most {flow.max():.1f} mmHg. "
+            "A circuit "
             "that is primed, or a patient who is given that volume, does not show the difference."
         )
     return lines

@@ -78,7 +78,7 @@ class Criterion:
                 raise ValueError(f"{name} = {number:g}: allowed: finite numbers; leave it out for none")
         if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
             raise ValueError(
-                f"at_least = {self.at_least:g}, at_most = {self.at_most:g}: nothing is both; allowed: "
+                f"at_least = {self.at_least:g}, at_most = {self.at_most:g}: no value meets both; allowed: "
                 "at_least below at_most"
             )
         if self.step < 0.0:
@@ -204,7 +204,7 @@ class _RuleFile(BaseModel):
         for name, bounds in value.items():
             if name not in names:
                 raise ValueError(
-                    f"'{name}' is no limit; allowed: {', '.join(names)}{spelling_hint(name, names)}"
+                    f"'{name}' is not a limit; allowed: {', '.join(names)}{spelling_hint(name, names)}"
                 )
             low, high = _bounds(bounds)
             if not low < high:

@@ -128,10 +128,10 @@ def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLIS
         SchemeError: Words cannot be read; the message names all of them.
     """
     if isinstance(selection, Mapping) or not isinstance(selection, Iterable):
-        raise SchemeError(f"{written(selection)} is no scheme; allowed: {_allowed()}")
+        raise SchemeError(f"{written(selection)} is not a scheme; allowed: {_allowed()}")
     given = selection.split(",") if isinstance(selection, str) else list(selection)
     if wrong := [one for one in given if not isinstance(one, str)]:
-        raise SchemeError(f"{written(wrong[0])} is no scheme; allowed: {_allowed()}")
+        raise SchemeError(f"{written(wrong[0])} is not a scheme; allowed: {_allowed()}")
     names = [name.strip() for name in given if name.strip()]
     if not names:
         raise SchemeError(f"no schemes; allowed: {_allowed()}")
@@ -180,7 +180,7 @@ def _pair(access_site: str, return_site: str, nine: dict[str, Scheme]) -> Scheme
 
 
 def _unknown(word: str, known: Sequence[str]) -> str:
-    return f"'{word[:40]}' is no scheme{spelling_hint(word, known)}"
+    return f"'{word[:40]}' is not a scheme{spelling_hint(word, known)}"
 
 
 # --- requirements of the study on cases and options -------------------------------------------------
@@ -312,7 +312,7 @@ def parse_speeds(text: str) -> tuple[float, ...]:
         SpeedError: A part of the text is no speed.
     """
     allowed = "first:last:step or single speeds [rpm] above 0, such as 1000:5000:250,3425"
-    wrong = SpeedError(f"'{text[:60]}' are no speeds; allowed: {allowed}")
+    wrong = SpeedError(f"'{text[:60]}' are not speeds; allowed: {allowed}")
     speeds: set[float] = set()
     for part in text.split(","):
         try:
