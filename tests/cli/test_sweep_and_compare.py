@@ -54,7 +54,7 @@ def test_a_value_out_of_reach_is_blank_with_its_reason_and_the_exit_status_is_1(
         (("--sweep", "Rmc=1,2", "--sweep", "Csvn=1,2"), "one key is varied at a time"),
         (("--sweep", "Rmc=1,2", "--compare"), "--sweep, --compare: give only one"),
         (("--sweep", "Rmc=1,2", "--transient", "3"), "which apply to one beat"),
-        (("--sweep", "Rmc=1:2"), "is no sweep"),
+        (("--sweep", "Rmc=1:2"), "is not a sweep"),
         (("--sweep", "Rmx=1,2"), "did you mean Rm"),
         (("--sweep", "patient.id=a,b"), "changes nothing"),
         (("--sweep", "measurements.SP=80,90"), "changes nothing"),

@@ -62,10 +62,12 @@ def test_ranges_and_lists_are_read(text, key, values):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("Rmc", "is no sweep"), ("Rmc=", "is no sweep"), ("=1,2", "is no sweep"), ("Rmc=1:2", "is no sweep"),
-        ("Rmc=1:2:0", "a step of 0 leads nowhere"), ("Rmc=1:nan:1", "is no sweep"),
+        ("Rmc", "is not a sweep"), ("Rmc=", "is not a sweep"), ("=1,2", "is not a sweep"),
+        ("Rmc=1:2", "is not a sweep"),
+        ("Rmc=1:2:0", "a step of 0 never reaches the last value"), ("Rmc=1:nan:1", "is not a sweep"),
         ("Rmc=1:2:-1", "leads away"),
-        ("Rmc=0:1:0.001", f"up to {LARGEST_COUNT}"), ("Rmc=1:inf:1", "is no sweep"), ("Rmc=1,,2", "no sweep"),
+        ("Rmc=0:1:0.001", f"up to {LARGEST_COUNT}"), ("Rmc=1:inf:1", "is not a sweep"),
+        ("Rmc=1,,2", "not a sweep"),
     ],
 )  # fmt: skip
 def test_what_is_no_sweep_says_what_is(text, words):
@@ -185,7 +187,7 @@ def test_an_impossible_beat_has_hollow_markers(flows):
 
 def test_a_range_that_misses_its_last_value_is_said():
     (message,) = remarks_on_last_values("Rmc=0.5:0.8:0.2,1")
-    assert message == "--sweep: 0.5:0.8:0.2 ends at 0.7: 0.8 is no whole number of steps away"
+    assert message == "--sweep: 0.5:0.8:0.2 ends at 0.7: 0.8 is not a whole number of steps away"
     assert (
         remarks_on_last_values("ecmo.speed_rpm=2000:4500:250")
         == remarks_on_last_values("Rmc=0.1:0.7:0.1")

@@ -126,7 +126,7 @@ def test_a_fit_refuses_a_target_in_one_sentence():
     from eclsim.identification.settings import check_fit
 
     (mistake,) = check_fit(case(measurements={"MAP": 80}), {"Rmc": (1.0, 0.5, 2.0)}).mistakes
-    assert "a fit needs the speed that the pump ran at" in str(mistake)
+    assert "a fit needs the speed at which the pump ran" in str(mistake)
 
 
 # --- the search itself, on functions whose answer is known ----------------------------------------
@@ -190,7 +190,7 @@ def test_a_flow_may_be_varied_in_a_case_with_a_speed():
     at_speed = apply_settings(case(), ["ecmo.speed_rpm=3000"])
     result = eclsim.simulate_many(at_speed, {"ecmo.flow_l_min": [3.0]}, ("PF",))
     assert float(result["PF"][0]) == pytest.approx(3.0, abs=TOLERANCE_L_MIN)
-    with pytest.raises(UnknownValueError, match="follows from the flow"):
+    with pytest.raises(UnknownValueError, match="is computed from the target flow"):
         eclsim.simulate_many(case(), {"ecmo.speed_rpm": [3000.0]})
 
 
@@ -208,7 +208,7 @@ def test_derivatives_hold_the_flow():
             assert float(exact.sel(output=name)[k]) == pytest.approx(slope, rel=2e-3, abs=2e-3)
     assert float(exact.sel(output="PF", parameter="Rmc")) == pytest.approx(0.0, abs=1e-12)
     assert solved_speed_of(exact) == with_speed(case())[1]
-    with pytest.raises(UnknownValueError, match="follows from the flow"):
+    with pytest.raises(UnknownValueError, match="is computed from the target flow"):
         eclsim.derivatives(case(), names, ("ecmo.speed_rpm",))
     with pytest.raises(FlowNotReachedError, match="highest flow"):
         eclsim.derivatives(case(9.0), names, parameters)

@@ -577,7 +577,7 @@ def _notes(table: xr.Dataset) -> str:
             f"× no steady beat ({failed} of {table.sizes['value']} values), left out of the curves"
         )
     if hollow:
-        messages.append("hollow: a beat that cannot be a patient's; see the warnings")
+        messages.append("hollow: a beat that no patient can have; see the warnings")
     if not isinstance(value, str):
         messages.append(f"dotted line: {value:g}, the case as it is")
     messages.append(f"blood volume: {table.attrs['blood_volume_policy']}")

@@ -159,8 +159,8 @@ def derivatives(
     if solved is None:
         return results.derivatives(source, outputs, parameters, volume_policy, resolution, throw)
     if solved.speed in parameters:
-        message = f"{solved.speed} follows from the flow: ask for {solved.flow_key}, or give the case a speed"
-        raise UnknownValueError(message)
+        advice = f"ask for {solved.flow_key}, or give the case a speed"
+        raise UnknownValueError(f"{solved.speed} is computed from the target flow: {advice}")
     if solved.reasons[0]:
         if throw:
             raise FlowNotReachedError(solved.reasons[0])

@@ -149,7 +149,7 @@ def _one_circuit(key: str, cases: Mapping[Value, Case]) -> Circuit:
     for value in further:
         if circuit_of(cases[value]) != circuit:
             raise SweepError(
-                f"{key}: {value} connects the circuit in another way than {first}, which no sweep does; "
+                f"{key}: {value} connects the circuit in another way than {first}, which a sweep cannot do; "
                 "simulate them side by side, a case file each"
             )
     return circuit
@@ -173,7 +173,7 @@ def _steps(ends: Sequence[str], text: str) -> list[str]:
     if not all(math.isfinite(end) for end in (first, last, step)):
         raise SweepError(_no_sweep(text))
     if step == 0.0:
-        raise SweepError(f"'{text[:60]}': a step of 0 leads nowhere; {_allowed()}")
+        raise SweepError(f"'{text[:60]}': a step of 0 never reaches the last value; {_allowed()}")
     count = (last - first) / step
     if count < 0.0:
         raise SweepError(f"'{text[:60]}': the step leads away from the last value; {_allowed()}")
@@ -190,7 +190,7 @@ def remarks_on_last_values(text: str) -> list[str]:
         if len(ends) == 3 and float(_steps(ends, text)[-1]) != float(f"{float(ends[1]):.12g}"):
             reached = _steps(ends, text)[-1]
             messages.append(
-                f"--sweep: {part.strip()} ends at {reached}: {ends[1]} is no whole number of steps away"
+                f"--sweep: {part.strip()} ends at {reached}: {ends[1]} is not a whole number of steps away"
             )
     return messages
 
@@ -200,7 +200,7 @@ def _allowed() -> str:
 
 
 def _no_sweep(text: str) -> str:
-    return f"'{text[:60]}' is no sweep; {_allowed()}"
+    return f"'{text[:60]}' is not a sweep; {_allowed()}"
 
 
 def as_table(sweep: Sweep) -> xr.Dataset:

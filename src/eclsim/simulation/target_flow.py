@@ -186,7 +186,7 @@ def solve_speeds(
     )
     blank = SolvedSpeeds(shared, instance, target, varied_keys, flows, np.full(count, np.nan), ())
     if blank.speed in varied_keys:
-        message = f"{blank.speed} follows from the flow: vary {flow_key}, or give the case a speed"
+        message = f"{blank.speed} is computed from the target flow: vary {flow_key}, or give the case a speed"
         raise UnknownValueError(message)
     model = model_of(blank.case_at(sweep.low))
     columns = {
