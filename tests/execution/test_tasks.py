@@ -177,7 +177,7 @@ def test_a_damaged_result_is_refused_before_anything_is_computed(tmp_path, damag
     changed = {"cut": text[:-9], "edited": text.replace("1.7320", "1.8320")}
     changed["of other inputs"] = text.replace(json.loads(text)["hash"], "0" * 16)
     file.write_text(changed[damage])
-    with pytest.raises(ExecutionError, match=r"00003\.json: .*take it away"):
+    with pytest.raises(ExecutionError, match=r"00003\.json: .*remove it"):
         complete(tmp_path, resume=True)
     assert not (tmp_path / "00011.json").exists()
     file.unlink()
@@ -190,7 +190,7 @@ def test_a_result_under_the_name_of_another_task_is_not_taken_for_its(tmp_path):
     file = tmp_path / "00008.json"
     file.write_bytes((tmp_path / "00002.json").read_bytes())
     with pytest.raises(
-        ExecutionError, match=r"00008\.json: of another task, under a wrong name; take it away"
+        ExecutionError, match=r"00008\.json: belongs to another task, under a wrong name; remove it"
     ):
         complete(tmp_path, resume=True)
     file.unlink()

@@ -99,7 +99,9 @@ def _run(
             for _, result in as_completed(futures, loop=client.loop, with_results=True):  # pyright: ignore[reportGeneralTypeIssues] - Dask's own types
                 yield result
         except KilledWorker as error:
-            raise ExecutionError(f"{tasks.title}: a worker died, for want of memory? {error}") from None
+            raise ExecutionError(
+                f"{tasks.title}: a worker died, perhaps for lack of memory: {error}"
+            ) from None
         finally:
             client.cancel(futures, force=True)
 

@@ -58,7 +58,7 @@ def json_format(kind: type[Result]) -> Format[Result]:
 
         record = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(record, dict) or record.get("sha256") != _checksum(record.get("result")):
-            raise ValueError("its checksum is another")
+            raise ValueError("its checksum differs")
         return TypeAdapter(kind).validate_python(record["result"]), record["hash"]
 
     return Format(".json", write, read)
@@ -124,7 +124,8 @@ class TaskFolder(Generic[Result]):
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ExecutionError(f"{self.folder}: no folder can be made: {error.strerror or error}") from None
+            reason = error.strerror or error
+            raise ExecutionError(f"{self.folder}: the folder cannot be created: {reason}") from None
         if force:
             self.clear()
         present = read_inputs(self.file)
@@ -182,10 +183,10 @@ class TaskFolder(Generic[Result]):
             result, found_mark = read(path)
         except (OSError, ValueError, KeyError, TypeError) as error:
             text = f"truncated or edited ({str(error).splitlines()[0]})"
-            raise ExecutionError(f"{path}: {text}; take it away and it is computed again") from error
+            raise ExecutionError(f"{path}: {text}; remove it, and it is computed again") from error
         if found_mark != (mark or self.fingerprint):
             other = "task, under a wrong name" if found_mark.startswith(self.fingerprint) else "analysis"
-            raise ExecutionError(f"{path}: of another {other}; take it away or choose another folder")
+            raise ExecutionError(f"{path}: belongs to another {other}; remove it or choose another folder")
         return result
 
 
