@@ -23,7 +23,7 @@ def test_a_case_is_a_file_what_was_read_or_itself(source):
 def test_a_model_is_itself_and_no_case():
     model = model_of(read_case(CASE).case)
     assert as_model(model) is model
-    with pytest.raises(TypeError, match="a Model is no case; allowed: the path of a case file"):
+    with pytest.raises(TypeError, match="a Model is not a case; allowed: the path of a case file"):
         as_case(model)  # pyright: ignore[reportArgumentType]
 
 

@@ -182,7 +182,7 @@ def test_without_a_gas_state_the_member_says_so(model):
 def test_what_cannot_solve_for_gases_refuses(model):
     adaptive = eclsim.simulate(model, solver="adaptive")
     assert adaptive.attrs["status"] == "invalid_input"
-    assert "answers to the gases" in adaptive.attrs["message"]
+    assert "responds to the gases" in adaptive.attrs["message"]
 
     density = SimpleNamespace(
         prior=SimpleNamespace(x_of=lambda z: z),

@@ -26,8 +26,8 @@ Array = np.ndarray | jax.Array
 LARGEST_CONDITION = 1e12
 """Condition number of the beat's equation above which fewer than four digits of a derivative are correct."""
 SINGULAR = (
-    "the equation of the steady beat is singular, so that a small change of a parameter need not change the "
-    "beat a little: usually a valve that never opens shuts blood in behind it; change the elastances or the "
+    "the equation of the steady beat is singular, so that a small change of a parameter may not change the "
+    "beat smoothly: usually blood is trapped behind a valve that never opens; change the elastances or the "
     "pump speed until every valve opens"
 )
 DIRECTIONS_PER_VECTOR = 8

@@ -64,9 +64,9 @@ class Allowed:
         text = f"{name} = {value:g}"
         if name in self.sites and value not in range(len(self.sites[name])):
             numbers = ", ".join(f"{i} ({site})" for i, site in enumerate(self.sites[name]))
-            return f"{text}: no site of this circuit; allowed: {numbers}"
+            return f"{text}: not a site of this circuit; allowed: {numbers}"
         if math.isnan(value) and name in SOLVED_FOR:
-            return f"{name} answers to the gases of a steady beat, which this computation does not solve for"
+            return f"{name} responds to the gases of a steady beat, which this computation does not solve for"
         if not math.isfinite(value):
             return f"{text}: not a number that can be computed with; allowed: a finite number"
         if self.above_zero[k] and value <= 0.0:
@@ -97,8 +97,8 @@ def unreachable_starts(circuit: Circuit, values: Mapping[str, Any]) -> list[str]
     """One sentence for each compartment whose start pressure is reached at no volume."""
     volumes = assemble(circuit).start_volumes(values)
     return [
-        f"start pressure of compartment '{c.name}' = {value_of(values, c.start.pressure):g} mmHg: at rest it "
-        "has this pressure at no volume; allowed: a pressure that its passive curve reaches"
+        f"start pressure of compartment '{c.name}' = {value_of(values, c.start.pressure):g} mmHg: at rest, "
+        "no volume gives this pressure; allowed: a pressure that its passive curve reaches"
         for c, volume in zip(circuit.compartments, volumes, strict=True)
         if isinstance(c.start, StartPressure) and not np.isfinite(volume)
     ]

@@ -70,7 +70,7 @@ class Model:
         missing = [n for n in names if n not in self.values]
         if missing:
             raise UnknownValueError(
-                f"no value for {', '.join(missing)}: the circuit of '{self.name}' reads them"
+                f"no value for {', '.join(missing)}: the circuit of '{self.name}' needs them"
             )
         if others := [n for n in names if type(self.values[n]) is not float]:
             numbers = {n: number_of(n, self.values[n]) for n in others}
@@ -105,7 +105,9 @@ class Model:
         names = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
         for name in parameters:
             if not isinstance(name, str):
-                raise TypeError(f"{written(name)} is no name of a parameter; allowed: a name such as Rmc")
+                raise TypeError(
+                    f"{written(name)} is not the name of a parameter; allowed: a name such as Rmc"
+                )
             if name not in names:
                 hint = spelling_hint(name, names)
                 raise UnknownValueError(f"the circuit of '{self.name}' has no parameter '{name}'{hint}")
@@ -181,7 +183,7 @@ def as_case(source: CaseSource, *, or_model: bool = False) -> Case:
     kind = "None" if source is None else article(type(source).__name__)
     allowed = "the path of a case file, a CaseReading or a Case" + (", or a Model" if or_model else "")
     hint = "; eclsim.Model.published(circuit) makes a model of a circuit" if or_model else ""
-    raise TypeError(f"{kind} is no case; allowed: {allowed}{hint if isinstance(source, Circuit) else ''}")
+    raise TypeError(f"{kind} is not a case; allowed: {allowed}{hint if isinstance(source, Circuit) else ''}")
 
 
 def as_model(source: ModelSource) -> Model:

@@ -31,7 +31,7 @@ _MESSAGES = {
     Status.NO_EJECTION: (
         "the native heart ejects next to nothing, and no steady beat that the case alone determines was "
         "found: blood shifts towards the lungs for thousands of beats, or the valves stay shut and the "
-        "volumes settle where the start leaves them; raise Emaxlv or Emaxrv, lower the afterload or the pump "
+        "final volumes depend on the start; raise Emaxlv or Emaxrv, lower the afterload or the pump "
         "speed, or follow the course from the start with --transient"
     ),
     Status.NOT_CONVERGED: (
