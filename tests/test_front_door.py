@@ -20,7 +20,7 @@ CASE = read_mapping(
 
 @pytest.mark.parametrize("points", ["series.csv", CASE, [CASE], [("a", CASE, 1)], [(1, CASE)]])
 def test_what_is_no_series_of_names_and_cases_is_refused(points):
-    with pytest.raises(CaseError, match="no name with a case; allowed: a list of names with cases"):
+    with pytest.raises(CaseError, match="not a pair of name and case; allowed: a list of names with cases"):
         eclsim.track(points)
 
 
@@ -42,7 +42,7 @@ def test_settings_of_another_kind_are_refused(ask, kind):
 
 
 def test_a_posterior_is_that_of_a_fit():
-    with pytest.raises(TypeError, match=r"a Case is no fit; allowed: what eclsim\.fit\(case\) returns"):
+    with pytest.raises(TypeError, match=r"a Case is not a fit; allowed: what eclsim\.fit\(case\) returns"):
         eclsim.posterior(CASE)  # pyright: ignore[reportArgumentType]  # on purpose
 
 
@@ -59,7 +59,7 @@ def test_changes_are_numbers_by_parameter(changes):
 
 
 def test_a_change_that_is_no_number_is_named():
-    with pytest.raises(ValueError, match=r"Rmc: \[a list of 1\] is no number"):
+    with pytest.raises(ValueError, match=r"Rmc: \[a list of 1\] is not a number"):
         eclsim.simulate_many(CASE, {"Rmc": ["a"]}, outputs=["MAP"])
 
 
@@ -81,7 +81,7 @@ def test_what_is_no_name_is_refused(names):
 
 def test_derivatives_of_nothing_are_refused():
     """It was "cannot reshape array of size 0"."""
-    with pytest.raises(ValueError, match="derivatives of nothing"):
+    with pytest.raises(ValueError, match="no outputs or no parameters for derivatives"):
         eclsim.derivatives(CASE, [], [])
 
 
@@ -98,7 +98,7 @@ MODEL = eclsim.model_of(CASE)
             "resolution = 10000000; allowed: 1 to 32",
         ),
         (lambda: eclsim.simulate(MODEL, resolution=0), ValueError, "resolution = 0; allowed: 1 to 32"),
-        (lambda: eclsim.simulate(MODEL, resolution=1.5), TypeError, "resolution = 1.5: no whole number"),
+        (lambda: eclsim.simulate(MODEL, resolution=1.5), TypeError, "resolution = 1.5: not a whole number"),
         (
             lambda: eclsim.simulate(MODEL, options={"tolerance": 1}),
             TypeError,
@@ -111,7 +111,7 @@ MODEL = eclsim.model_of(CASE)
             "the adaptive solver takes no options and no resolution",
         ),
         (lambda: eclsim.OrbitOptions(tolerance=-1), ValueError, "tolerance = -1; allowed: above 0"),
-        (lambda: eclsim.Execution(width=2.0), TypeError, "width = 2: no whole number; allowed: 1 or more"),
+        (lambda: eclsim.Execution(width=2.0), TypeError, "width = 2: not a whole number; allowed: 1 or more"),
         (
             lambda: eclsim.simulate_many(MODEL, {"Rmc": [0.8]}, execution=2),
             TypeError,
@@ -120,10 +120,10 @@ MODEL = eclsim.model_of(CASE)
         (
             lambda: eclsim.simulate(MODEL.circuit),
             TypeError,
-            r"a Circuit is no case.*eclsim\.Model\.published",
+            r"a Circuit is not a case.*eclsim\.Model\.published",
         ),
-        (lambda: MODEL.with_values(Rmc="0.8"), TypeError, 'Rmc = "0.8": no number'),
-        (lambda: MODEL.with_values(Rmc=[0.8, 0.9]), TypeError, "Rmc = a list: no number"),
+        (lambda: MODEL.with_values(Rmc="0.8"), TypeError, 'Rmc = "0.8": not a number'),
+        (lambda: MODEL.with_values(Rmc=[0.8, 0.9]), TypeError, "Rmc = a list: not a number"),
         (lambda: MODEL.with_values(["Rmc"]), TypeError, "a list names no parameter"),
         (lambda: eclsim.Model(CASE, {}), TypeError, "circuit = a Case; allowed: a Circuit"),
         (lambda: MODEL.circuit + None, TypeError, "unsupported operand"),
@@ -136,8 +136,8 @@ MODEL = eclsim.model_of(CASE)
             "None cannot be drawn; allowed: the beat of one case",
         ),
         (lambda: eclsim.Shard(3, 2), eclsim.ExecutionError, "shard 3/2: allowed: a number from 1 to 2"),
-        (lambda: eclsim.Distribution(workers="2"), TypeError, 'workers = "2": no whole number'),
-        (lambda: eclsim.SobolSettings(samples=4.0), TypeError, "samples = 4: no whole number"),
+        (lambda: eclsim.Distribution(workers="2"), TypeError, 'workers = "2": not a whole number'),
+        (lambda: eclsim.SobolSettings(samples=4.0), TypeError, "samples = 4: not a whole number"),
         (lambda: eclsim.SobolSettings(second_order="no"), TypeError, 'second_order = "no"; allowed: True'),
         (
             lambda: eclsim.sensitivity(CASE, settings=eclsim.SobolSettings(samples=4, outputs=[])),
@@ -147,7 +147,7 @@ MODEL = eclsim.model_of(CASE)
         (
             lambda: eclsim.sensitivity(CASE, settings=eclsim.SobolSettings(samples=4), folder=__file__),
             eclsim.ExecutionError,
-            "no folder can be made",
+            "the folder cannot be created",
         ),
         (
             lambda: eclsim.FitSettings(weights="absolute"),
@@ -179,7 +179,7 @@ MODEL = eclsim.model_of(CASE)
             "left_out: 2 numbers for 1 points; allowed: one for each",
         ),
         (lambda: eclsim.CourseOptions(predictor="x"), ValueError, 'predictor = "x"; allowed: secant'),
-        (lambda: eclsim.course(CASE, minutes="2"), TypeError, 'minutes = "2": no number'),
+        (lambda: eclsim.course(CASE, minutes="2"), TypeError, 'minutes = "2": not a number'),
         (
             lambda: eclsim.course(CASE, minutes=2, every_min=1e-9),
             eclsim.CaseError,
@@ -190,21 +190,25 @@ MODEL = eclsim.model_of(CASE)
             ValueError,
             "every_min = 0; allowed: above 0 min",
         ),
-        (lambda: eclsim.course_cohort(CASE, minutes=1), TypeError, "a Case is no list of cases"),
+        (lambda: eclsim.course_cohort(CASE, minutes=1), TypeError, "a Case is not a list of cases"),
         (
             lambda: eclsim.course_band(CASE, {"Rmc": 0.8}, minutes=1),
             TypeError,
             "samples of Rmc: 0.8; allowed: lists",
         ),
-        (lambda: eclsim.reach(CASE, 3), eclsim.GoalError, "3 is no goal; allowed: goals such as MAP > 65"),
-        (lambda: eclsim.reach(CASE, "MAP > 65", vary=[]), eclsim.GoalError, "nothing to turn; allowed"),
+        (lambda: eclsim.reach(CASE, 3), eclsim.GoalError, "3 is not a goal; allowed: goals such as MAP > 65"),
+        (lambda: eclsim.reach(CASE, "MAP > 65", vary=[]), eclsim.GoalError, "no setting to vary; allowed"),
         (
             lambda: eclsim.reach(CASE, "MAP > 65", vary=[eclsim.Setting("Rmc", 2, 1)]),
             eclsim.GoalError,
             "Rmc: from 2 to 1; the first must be smaller",
         ),
         (lambda: eclsim.reach(CASE, [eclsim.Goal("MAP")]), eclsim.GoalError, "MAP: a goal without a bound"),
-        (lambda: eclsim.crrt_study(CASE, schemes=3), eclsim.SchemeError, "3 is no scheme; allowed: letters"),
+        (
+            lambda: eclsim.crrt_study(CASE, schemes=3),
+            eclsim.SchemeError,
+            "3 is not a scheme; allowed: letters",
+        ),
     ],
 )
 def test_what_cannot_be_meant_ends_in_one_sentence(ask, kind, sentence):
@@ -226,7 +230,7 @@ def test_what_cannot_be_meant_ends_in_one_sentence(ask, kind, sentence):
 )
 def test_a_change_that_is_no_number_is_refused(given):
     """A date was counted in days since 1970, and truth as 1."""
-    with pytest.raises(ValueError, match=r"Rmc: .* is no number, nor a list of them"):
+    with pytest.raises(ValueError, match=r"Rmc: .* is not a number or a list of numbers"):
         eclsim.simulate_many(MODEL, {"Rmc": given}, outputs=["MAP"])
 
 

@@ -45,7 +45,7 @@ class WholeNumber:
         allowed = f"{self.least} or more" if self.most is None else f"{self.least} to {self.most}"
         allowed = "one such as 1 or 2" if self.least is None else allowed
         if isinstance(value, bool) or not isinstance(value, Integral):
-            raise TypeError(f"{name} = {written(value)}: no whole number; allowed: {allowed}")
+            raise TypeError(f"{name} = {written(value)}: not a whole number; allowed: {allowed}")
         number = int(value)
         if (self.least is not None and number < self.least) or (self.most is not None and number > self.most):
             raise ValueError(f"{name} = {number}; allowed: {allowed}")
@@ -75,7 +75,7 @@ class FiniteNumber:
         bounds += [f"up to {self.most:g}"] if self.most < math.inf else []
         allowed = " ".join((*(bounds or ["a number"]), *((self.unit,) if self.unit else ())))
         if isinstance(value, bool) or not isinstance(value, Real):
-            raise TypeError(f"{name} = {written(value)}: no number; allowed: {allowed}")
+            raise TypeError(f"{name} = {written(value)}: not a number; allowed: {allowed}")
         number = float(value)
         if not (math.isfinite(number) and number > self.above and self.least <= number <= self.most):
             raise ValueError(f"{name} = {written(value)}; allowed: {allowed}")
@@ -127,7 +127,7 @@ def number_of(name: str, value: Any) -> float:
             return float(value if shape == () else value[0])
         except (TypeError, ValueError):
             pass
-    raise TypeError(f"{name} = {written(value)}: no number; allowed: one number")
+    raise TypeError(f"{name} = {written(value)}: not a number; allowed: one number")
 
 
 def flag(name: str, value: Any) -> bool:

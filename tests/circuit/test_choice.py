@@ -38,9 +38,9 @@ def test_a_number_that_is_no_site_is_refused(site):
     result = simulate(patient)
     assert result.attrs["status"] == "invalid_input"
     assert np.isnan(float(result["MAP"]))
-    assert f"crrt.access_site = {site:g}: no site of this circuit" in result.attrs["message"]
+    assert f"crrt.access_site = {site:g}: not a site of this circuit" in result.attrs["message"]
     assert "allowed: 0 (ecmodrain), 1 (ecmotudp), 2 (ecmotupo)" in result.attrs["message"]
-    with pytest.raises(ValueError, match="no site of this circuit; allowed: 0 \\(ecmodrain\\)"):
+    with pytest.raises(ValueError, match="not a site of this circuit; allowed: 0 \\(ecmodrain\\)"):
         patient.circuit.with_chosen_sites(patient.values)
 
 
@@ -50,5 +50,5 @@ def test_in_a_batch_only_the_member_without_a_site_fails():
     result = simulate_many(patient, {"crrt.access_site": sites}, ("MAP", "crrt_access_pressure"))
     assert list(result["status"].values) == ["converged", "invalid_input", "invalid_input", "converged"]
     assert list(np.isnan(result["MAP"].values)) == [False, True, True, False]
-    assert "crrt.access_site = 0.5: no site" in str(result["message"].values[1])
+    assert "crrt.access_site = 0.5: not a site" in str(result["message"].values[1])
     assert "steady beat found" in str(result["message"].values[0])

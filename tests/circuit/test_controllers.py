@@ -164,10 +164,10 @@ def test_mistakes_in_the_wiring_are_named():
         assemble(CIRCUITS["none"] + Circuit(controllers=table))
     assert caught.value.mistakes == [
         "controller 'two' appears 2 times: names are unique",
-        "controller 'one': 'Psarrt' is no signal of the circuit that it can read; did you mean Psart?",
-        "controller 'one': it acts on 'Rmmc', which is no parameter of the circuit; "
+        "controller 'one': 'Psarrt' is not a signal of the circuit that it can read; did you mean Psart?",
+        "controller 'one': it acts on 'Rmmc', which is not a parameter of the circuit; "
         "did you mean Rmc or Rpmc?",
-        "controller 'two': 'Psart'' is no signal of the circuit that it can read; did you mean Psart?",
+        "controller 'two': 'Psart'' is not a signal of the circuit that it can read; did you mean Psart?",
         "controller 'two': it acts on 'Rmc', and so does controller 'two'",
     ]
 

@@ -61,7 +61,7 @@ def test_a_place_that_does_not_exist_is_a_mistake():
         assemble(circuit)
     assert caught.value.mistakes == [
         "exchange 'lung' appears 2 times: names are unique",
-        "exchange 'a': 'ecmoxy' is no compartment or connection of the circuit; did you mean ecmooxy?",
+        "exchange 'a': 'ecmoxy' is not a compartment or connection of the circuit; did you mean ecmooxy?",
     ]
 
 

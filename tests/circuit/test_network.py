@@ -37,7 +37,7 @@ def test_all_mistakes_are_named_at_once():
     assert result == [
         "compartment 'artery' appears 2 times: names are unique",
         "connection 'b' appears 2 times: names are unique",
-        "connection 'a': target 'vain' is no compartment of the circuit; "
+        "connection 'a': target 'vain' is not a compartment of the circuit; "
         "allowed: artery, artery, vein, pouch; did you mean vein?",
         "connection 'b': source and target are both 'vein': a connection joins two different compartments",
         "compartment 'pouch' has no connection: join it or leave it out",
@@ -47,8 +47,8 @@ def test_all_mistakes_are_named_at_once():
 def test_a_device_without_its_patient_is_a_mistake():
     result = mistakes_of(ecmo("ra", "ao"))
     assert len(result) == 2
-    assert "source 'ra' is no compartment" in result[0]
-    assert "target 'ao' is no compartment" in result[1]
+    assert "source 'ra' is not a compartment" in result[0]
+    assert "target 'ao' is not a compartment" in result[1]
 
 
 def test_every_site_of_a_choice_must_exist():
@@ -143,5 +143,5 @@ def test_choices_without_a_value_stay_open():
     assert circuit.with_chosen_sites({}) == circuit
     chosen = circuit.with_chosen_sites({"crrt.access_site": 1.0, "crrt.return_site": 2.0})
     assert not any(isinstance(site, Choice) for c in chosen.connections for site in c.sites)
-    with pytest.raises(ValueError, match="no site of this circuit"):
+    with pytest.raises(ValueError, match="not a site of this circuit"):
         circuit.with_chosen_sites({"crrt.access_site": 0.5})

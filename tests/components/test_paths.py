@@ -117,7 +117,9 @@ def test_a_roller_pump_honours_its_unit(unit):
 
 @pytest.mark.parametrize("unit", ["rpm", "mL", "furlongs", ""])
 def test_a_roller_pump_refuses_what_is_no_unit_of_a_flow(unit):
-    with pytest.raises(ValueError, match=f"unit '{unit}' is no unit of a flow; allowed: mL/s, L/min, mL/min"):
+    with pytest.raises(
+        ValueError, match=f"unit '{unit}' is not a unit of flow; allowed: mL/s, L/min, mL/min"
+    ):
         RollerPump("rate", unit)
 
 

@@ -74,7 +74,7 @@ def test_surroundings_that_do_not_hang_together_are_refused():
     with pytest.raises(CircuitError) as caught:
         validate(circulation() + Circuit(surroundings=around))
     first, second, third = caught.value.mistakes
-    assert first == "surrounding 'bag': 'lvv' is no compartment of the circuit; did you mean lv?"
+    assert first == "surrounding 'bag': 'lvv' is not a compartment of the circuit; did you mean lv?"
     assert second == "surrounding 'lv' has no members: name compartments"
     assert "'lv'" in third
 

@@ -112,7 +112,7 @@ class Choice:
         """The site with an index; raises `ValueError` if the index is out of range."""
         if value not in range(len(self.sites)):
             allowed = ", ".join(f"{k} ({name})" for k, name in enumerate(self.sites))
-            raise ValueError(f"{self.parameter} = {value:g}: no site of this circuit; allowed: {allowed}")
+            raise ValueError(f"{self.parameter} = {value:g}: not a site of this circuit; allowed: {allowed}")
         return self.sites[int(value)]
 
 

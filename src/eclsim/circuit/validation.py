@@ -49,7 +49,7 @@ def _unknown_sites(circuit: Circuit) -> list[str]:
     for connection in circuit.connections:
         for end, site in (("source", connection.source), ("target", connection.target)):
             mistakes += [
-                f"connection '{connection.name}': {end} '{name}' is no compartment of the circuit; "
+                f"connection '{connection.name}': {end} '{name}' is not a compartment of the circuit; "
                 f"allowed: {', '.join(known)}{spelling_hint(name, known)}"
                 for name in sites_of(site)
                 if name not in known
@@ -83,12 +83,14 @@ def _controls(circuit: Circuit) -> list[str]:
             if reading.signal.form is not Form.VALUE or str(reading.signal) not in signals:
                 hint = spelling_hint(str(reading.signal), signals)
                 mistakes.append(
-                    f"{start}: '{reading.signal}' is no signal of the circuit that it can read{hint}"
+                    f"{start}: '{reading.signal}' is not a signal of the circuit that it can read{hint}"
                 )
         for name in control.acts_on:
             if name not in parameters:
                 hint = spelling_hint(name, parameters)
-                mistakes.append(f"{start}: it acts on '{name}', which is no parameter of the circuit{hint}")
+                mistakes.append(
+                    f"{start}: it acts on '{name}', which is not a parameter of the circuit{hint}"
+                )
             elif name in acting and not (control.component.relative and acting[name].component.relative):
                 mistakes.append(f"{start}: it acts on '{name}', and so does controller '{acting[name].name}'")
             acting[name] = control
@@ -99,7 +101,7 @@ def _exchanges(circuit: Circuit) -> list[str]:
     """Mistakes of exchanges: a place that the circuit does not have."""
     places = dict.fromkeys(entry.name for entry in (*circuit.compartments, *circuit.connections))
     return [
-        f"exchange '{e.name}': '{e.at}' is no compartment or connection of the circuit"
+        f"exchange '{e.name}': '{e.at}' is not a compartment or connection of the circuit"
         f"{spelling_hint(e.at, places)}"
         for e in circuit.exchanges
         if e.at not in places
@@ -115,7 +117,7 @@ def _surroundings(circuit: Circuit) -> list[str]:
         if not around.members:
             mistakes.append(f"{start} has no members: name compartments")
         mistakes += [
-            f"{start}: '{name}' is no compartment of the circuit{spelling_hint(name, known)}"
+            f"{start}: '{name}' is not a compartment of the circuit{spelling_hint(name, known)}"
             for name in around.members
             if name not in known
         ]

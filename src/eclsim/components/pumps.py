@@ -131,7 +131,7 @@ class RollerPump(Path[Number]):
     def __post_init__(self) -> None:
         if quantity_of(self.unit) != "flow":
             allowed = ", ".join(units_of("flow"))
-            raise ValueError(f"roller pump: unit '{self.unit}' is no unit of a flow; allowed: {allowed}")
+            raise ValueError(f"roller pump: unit '{self.unit}' is not a unit of flow; allowed: {allowed}")
 
     def constants(self, values: Values) -> Number:
         """Flow [mL/s]."""
