@@ -173,7 +173,7 @@ class Prediction:
             return ()
         draws = f"{self.draws_impossible} of {len(self.values)} draws"
         return (
-            f"{draws} are beats {IMPOSSIBLE_BEAT}, at most {LARGEST_LOST_SHARE:.0%}: the parameters fit, "
+            f"{draws} are beats {IMPOSSIBLE_BEAT}, more than {LARGEST_LOST_SHARE:.0%}: the parameters fit, "
             "but no such patient exists; measure a filling pressure, or narrow the bounds",
         )
 

@@ -76,7 +76,9 @@ class Series:
             if key not in self.set_points:
                 self.set_points[key] = value
                 source = f"the {MEASURED_AT_REST[key]} of {name} ({shown(value)})"
-                message = f"left open, so {source}: reflexes are inactive there and respond to changes"
+                message = (
+                    f"left open, so {source} is used: reflexes are inactive there and respond to changes"
+                )
                 self.notes.append(str(Mistake(key, message)))
         here = self._read_by(case)
         self.read |= here

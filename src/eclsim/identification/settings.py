@@ -417,7 +417,9 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
             message = f"left open, so the start value is used: give it, or fit without [{REGULATION}]"
             checked.warnings.append(Mistake(key, message))
         else:
-            message = f"left open, so the measured {MEASURED_AT_REST[key]}: reflexes are inactive there"
+            message = (
+                f"left open, so the measured {MEASURED_AT_REST[key]} is used: reflexes are inactive there"
+            )
             checked.notes.append(Mistake(key, message))
     if without_fluid and EXTRA_VOLUME in checked.free:
         message = "free, so the fitted case has the section [fluid]"

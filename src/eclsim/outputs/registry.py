@@ -163,7 +163,7 @@ _MORE = (
     ),
     Output(
         "LVO", "output of the left ventricle itself", "L/min",
-        "mean of Qlv, the flow through the aortic valve; the flow of an assist device is added to it",
+        "mean of Qlv, the flow through the aortic valve, without the flow of an assist device",
         ("Qlv",),
         lambda m: m.mean("Qlv") / ML_S_PER_L_MIN,
     ),
