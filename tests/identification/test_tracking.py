@@ -197,7 +197,7 @@ def test_a_tracker_takes_the_path_of_a_case_and_says_what_is_no_number(series, a
     tracker, path = after(1), str(tmp_path / "case.toml")
     assert tracker.forecast(path) == tracker.forecast(series[1][0])
     assert not tracker.update("1", path).failed
-    with pytest.raises(TypeError, match=r'hours = "2": no number'):
+    with pytest.raises(TypeError, match=r'hours = "2": not a number'):
         tracker.forecast(path, hours="2")
 
 

@@ -141,7 +141,10 @@ def test_a_block_that_is_not_its_own_or_was_damaged_is_refused(tmp_path, plan, d
     else:
         content[len(content) // 3] ^= 4
     file.write_bytes(content)
-    said = {"another block": "of another task, under a wrong name", "a flipped bit": "truncated or edited"}
+    said = {
+        "another block": "belongs to another task, under a wrong name",
+        "a flipped bit": "truncated or edited",
+    }
     with pytest.raises(ExecutionError, match=f"block-00003.parquet: {said[damage]}"):
         run(plan, tmp_path, resume=True)
 
@@ -189,7 +192,7 @@ def test_a_foreign_or_damaged_block_is_refused(tmp_path, plan):
             run(one, tmp_path / name, shard=Shard(1, 16))
     block = tmp_path / "b" / "blocks" / "block-00000.parquet"
     block.write_bytes((tmp_path / "a" / "blocks" / block.name).read_bytes())
-    with pytest.raises(ExecutionError, match="of another analysis"):
+    with pytest.raises(ExecutionError, match="belongs to another analysis"):
         run(other, tmp_path / "b", resume=True)
     block.write_bytes(block.read_bytes()[:-20])
     with pytest.raises(ExecutionError, match=r"block-00000.parquet: truncated or edited"):
