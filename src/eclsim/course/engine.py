@@ -52,6 +52,8 @@ SHORTEST_STEP_S = 5.0
 """A moment without a steady beat ends a course if the step is shorter than this [s]."""
 SHORTEST_FIRST_STEP_S, FIRST_STEP_SHARE = 20.0, 0.5
 """Shortest first step after an event [s]; share of the length at which the third derivative matters."""
+OLDEST_JACOBIAN = 10
+"""Steps after which a Jacobian is renewed if they are short; otherwise it serves until the next event."""
 LONGEST_STEP_S = 3600.0
 FEWEST_SIDE_BY_SIDE = 16
 """From this number of members on, compiling the program for many members side by side pays off."""
@@ -161,6 +163,7 @@ class Engine:
         self.reads = tuple(dict.fromkeys((*laws.reads, *further)))
         self.predictors = [Predictor(options.predictor) for _ in timelines]
         self.histories = [History() for _ in timelines]
+        self.jacobian_age = np.zeros(count, dtype=int)
         self.messages = [""] * count
         self.table = {key: np.zeros(count) for timeline in timelines for key in timeline.start[1]}
         self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
@@ -237,7 +240,21 @@ class Engine:
             self._load_settings(member)
         entered = self._begin_segment(further)
         remain = np.setdiff1d(active, np.concatenate([over, lost]))
+        self._renew_jacobians(remain)
         return np.sort(np.concatenate([remain, entered, carried])).astype(int)
+
+    def _renew_jacobians(self, active: np.ndarray) -> None:
+        """Compute Jacobians anew where errors have kept steps short: as plasma runs out, rates grow stiff.
+
+        With the Jacobian of the event, short steps would be accepted whose states swing ever wider.
+        """
+        if self.options.step_s is not None:
+            return
+        self.jacobian_age[active] += 1
+        short = self.length[active] < SHORTEST_FIRST_STEP_S
+        outdated = active[short & (self.jacobian_age[active] >= OLDEST_JACOBIAN)]
+        if len(outdated):
+            self._differentiate(outdated)
 
     def _may_leave_ramp(self, member: int) -> bool:
         """Whether a member is on a ramp that may be followed beat by beat."""
@@ -476,6 +493,7 @@ class Engine:
     def _differentiate(self, active: np.ndarray) -> None:
         """Compute Jacobians of the rates by finite differences, and slopes of beats along the slow states."""
         size, scales = len(self.laws.states), self.laws.scales
+        self.jacobian_age[active] = 0
         n = len(active)
         members = np.tile(active, size)
         columns = np.repeat(np.arange(size), n)
