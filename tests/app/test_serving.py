@@ -38,14 +38,14 @@ def full(browser, serving_throughout):
     first.goto(served.url)
     first.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
     second.goto(served.url)
-    second.get_by_text("open 1 times already").wait_for()
+    second.get_by_text("already open 1 times").wait_for()
     first.close()
     yield second
     second.close()
 
 
 def test_no_more_sessions_than_allowed(full):
-    assert full.get_by_text("open 1 times already").is_visible()
+    assert full.get_by_text("already open 1 times").is_visible()
 
 
 def test_behind_a_proxy_with_a_root_path(browser, serving):

@@ -14,8 +14,9 @@ import xarray as xr
 from eclsim.arguments import FiniteNumber, number_of
 from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities
 from eclsim.course.early_stop import EarlyStop
-from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine, History
+from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
 from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_GAS_CHANGE, LARGEST_LAG, largest_gas_change
+from eclsim.course.history import History
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import (

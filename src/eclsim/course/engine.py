@@ -26,7 +26,6 @@ from eclsim.course.handover import (
     RECONNECTED,
     BloodState,
     SkippedTransient,
-    Span,
     StateBeforeEvent,
     SteadyTarget,
     follow_until_settled,
@@ -36,6 +35,7 @@ from eclsim.course.handover import (
     reason_to_follow,
     slow_state_lag,
 )  # fmt: skip
+from eclsim.course.history import History
 from eclsim.course.laws import Laws, message_without_rates
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
@@ -93,35 +93,6 @@ class CourseOptions:
             predictor=OneOf(("secant", "derivative", "last")),
             hand_over=flag,
         )
-
-
-@dataclass
-class History:
-    """A member's slow states at the ends of its steps.
-
-    Attributes:
-        segments: index of the timeline segment of each step.
-        times: ends of the steps [s]; the first of a segment is its beginning.
-        states: slow states at these times, each of shape (states,).
-        rates: rates of change at these times, per second, each of shape (states,).
-        points: points of the steady beats at these times (`Predictor`); None if no law needs the beat.
-        stopped: reason for an early end; empty if there was none.
-        beats: number of beats computed.
-        solves: number of searches for a steady beat.
-        spans: spans that were followed beat by beat.
-        skipped_transients: transients that should have been followed beat by beat but could not be.
-    """
-
-    segments: list[int] = field(default_factory=list)
-    times: list[float] = field(default_factory=list)
-    states: list[np.ndarray] = field(default_factory=list)
-    rates: list[np.ndarray] = field(default_factory=list)
-    points: list[np.ndarray | None] = field(default_factory=list)
-    stopped: str = ""
-    beats: int = 0
-    solves: int = 0
-    spans: list[Span] = field(default_factory=list)
-    skipped_transients: list[SkippedTransient] = field(default_factory=list)
 
 
 class Engine:

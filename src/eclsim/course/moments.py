@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from eclsim.circuit.network import Circuit
-from eclsim.course.engine import SHORTEST_STEP_S, Engine, History
+from eclsim.course.engine import SHORTEST_STEP_S, Engine
 from eclsim.course.handover import Span
+from eclsim.course.history import History
 from eclsim.course.predictor import anchor_at
 from eclsim.course.rosenbrock import between
 from eclsim.course.timeline import BEFORE_S

@@ -43,7 +43,7 @@ RED_CELL_HAEMOGLOBIN = 33.3
 USUAL_RED_CELLS = (28.0, 38.0)
 """Range of mean corpuscular haemoglobin concentrations in patients [g/dL]; 32 to 36 are normal."""
 USUAL_HAEMOGLOBIN = GAS["gas.haemoglobin_g_dl"].value
-"""Default haemoglobin of a section [gas] [g/dL]."""
+"""Default haemoglobin of the section `[gas]`, in g/dL."""
 CARBON_DIOXIDE_FROM_GASES = 0.0
 """Value of plasma carbon dioxide that selects the one computed from the gases of the entering blood."""
 TEMPERATURE = "gas.temperature_c"
