@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -34,10 +35,14 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def programs_in(folder):
+    return list(folder.glob(f"{compilation.PROGRAM}*"))
+
+
 def test_a_program_is_traced_once_and_found_again(folder):
     first = StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)
     np.testing.assert_array_equal(first(X), 2.0 * X)
-    assert len(list(folder.iterdir())) == 1
+    assert len(programs_in(folder)) == 1
     np.testing.assert_array_equal(StoredProgram(jax.jit(never), KEY)(X), 2.0 * X)
 
 
@@ -52,6 +57,58 @@ def test_other_sources_make_another_program(folder, monkeypatch):
     StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)(X)
     monkeypatch.setattr(compilation, "_sources", lambda modules: "edited")
     np.testing.assert_array_equal(StoredProgram(jax.jit(lambda x: 3.0 * x), KEY)(X), 3.0 * X)
+
+
+def test_a_function_that_an_edit_leaves_the_same_to_the_compiler_is_traced_but_not_compiled(
+    folder, monkeypatch
+):
+    """A corrected docstring had every program compiled again."""
+
+    def doubled(x):
+        return 2.0 * x
+
+    StoredProgram(jax.jit(doubled), KEY)(X)
+    monkeypatch.setattr(compilation, "_sources", lambda modules: "edited")
+    with monkeypatch.context() as edited:
+        edited.setattr(compilation, "_compiled_without_cache", never)
+        np.testing.assert_array_equal(StoredProgram(jax.jit(doubled), KEY)(X), 2.0 * X)
+    assert len(programs_in(folder)) == 1
+    np.testing.assert_array_equal(StoredProgram(jax.jit(never), KEY)(X), 2.0 * X)
+
+
+def table(change):
+    return np.arange(20000.0) + change * (np.arange(20000) == 11111)
+
+
+class Pair(NamedTuple):
+    """Two results."""
+
+    one: jax.Array
+    other: jax.Array
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (lambda x: x.sum() + table(0.0), lambda x: x.sum() + table(1e-9)),
+        (lambda x: (x, 2.0 * x), lambda x: Pair(x, 2.0 * x)),
+    ],
+    ids=["a number of a large table", "type of the result"],
+)
+def test_functions_that_differ_in_anything_are_other_programs(one, other, folder, monkeypatch):
+    StoredProgram(jax.jit(one), KEY)(X)
+    monkeypatch.setattr(compilation, "_sources", lambda modules: "edited")
+    result = StoredProgram(jax.jit(other), KEY)(X)
+    expected = other(X)
+    assert type(result) is type(expected) or isinstance(result, jax.Array)
+    np.testing.assert_array_equal(result, expected)
+    assert len(programs_in(folder)) == 2
+
+
+def test_other_options_of_the_compiler_make_another_program(folder, monkeypatch):
+    for options in ("", "{'level': 3}"):
+        StoredProgram(jax.jit(lambda x: 2.0 * x), ("doubled", options), options=options)(X)
+    assert len(programs_in(folder)) == 2
 
 
 @pytest.mark.parametrize(
@@ -78,11 +135,12 @@ def test_the_fingerprint_covers_whatever_the_code_imports(edited, counts, tmp_pa
     assert (fingerprint(frozenset({"eclsim.beat.heartbeat"})) != before) == counts
 
 
-@pytest.mark.parametrize("damage", [b"", b"no program", None])
-def test_a_damaged_file_is_compiled_again(folder, damage):
+@pytest.mark.parametrize("kind", ["program-*", "eclsim-*"])
+@pytest.mark.parametrize("damage", [b"", b"no program", b"\xff\x00", b"program-../0", None])
+def test_a_damaged_file_is_compiled_again(folder, kind, damage):
     StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)(X)
-    (file,) = folder.iterdir()
-    file.write_bytes(file.read_bytes()[:-100] if damage is None else damage)
+    (file,) = folder.glob(kind)
+    file.write_bytes(file.read_bytes()[:-20] if damage is None else damage)
     np.testing.assert_array_equal(StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)(X), 2.0 * X)
     np.testing.assert_array_equal(StoredProgram(jax.jit(never), KEY)(X), 2.0 * X)
 
@@ -158,9 +216,9 @@ def test_a_law_is_kept_by_its_name_or_by_what_it_is_made_of(folder):
     for law, size in ((local_law, 8), (effect_law(controls, ("Rmc",)), None)):
         size = size or len(readings_of(controls)) + len(parameters_of(controls))
         numbers = np.linspace(1.0, 2.0, size)
-        before = set(folder.iterdir())
+        before = set(programs_in(folder))
         single(law, None)(numbers)
-        assert len(set(folder.iterdir()) - before) == 1
+        assert len(set(programs_in(folder)) - before) == 1
 
 
 def test_different_circuits_have_different_descriptions():

@@ -11,6 +11,10 @@ up only after tracing, which takes 0.4 s for a beat and 3 s for its tangents. He
 tracing: it consists of the source files of the program, the circuit, the requested outputs and the shapes.
 The source files include those of all classes and functions in the key, such as those of a reflex. Only
 circuits made of eclsim's own components are stored: the name of a user's class does not determine its code.
+
+An edit of a source file, be it of a comment, changes the key. The function is then traced again, but compiled
+only if what was traced has changed: what is stored under the key is the name of a program, and this name is
+the hash of what the compiler reads. So an update of eclsim, too, compiles only what it changes.
 """
 
 from __future__ import annotations
@@ -51,6 +55,9 @@ COMPILER_OPTIONS = {
 }
 """Matrix products must not be left to a library, whose calls cannot be part of one function. XLA must not
 move constants out of loops: in nested loops that takes a fifth of the compile time; LLVM does it anyway."""
+COMPILER_VERSION = f"{version('jax')} {version('jaxlib')}"
+PROGRAM = "program-"
+"""Beginning of the names of files that hold a program; those that hold such a name begin with `eclsim-`."""
 PACKAGE = Path(__file__).parents[1]
 
 
@@ -78,7 +85,7 @@ def compiled(
 
     options = {**COMPILER_OPTIONS, "xla_backend_optimization_level": level}
     modules = {one.__module__ for one in (function, law) if one is not None}
-    program = StoredProgram(jax.jit(call, compiler_options=options), key, modules)
+    program = StoredProgram(jax.jit(call, compiler_options=options), key, modules, repr(options))
     return program  # pyright: ignore[reportReturnType]  # takes and returns what the function does
 
 
@@ -90,12 +97,16 @@ class StoredProgram:
         key: hashable identifier of the function; with None it is not stored.
         modules: names of the modules that hold its code; the modules that they import are part of the key, as
             are the modules of the classes and functions in the key itself.
+        options: options of the compiler, as text.
     """
 
-    def __init__(self, function: Wrapped, key: Key | None, modules: Iterable[str] = (__name__,)):
+    def __init__(
+        self, function: Wrapped, key: Key | None, modules: Iterable[str] = (__name__,), options: str = ""
+    ):
         self.function = function
         self.key = key
         self.modules = frozenset(modules)
+        self.options = options
         self._ready: dict[Shapes, Wrapped | Compiled] = {}
         self._lock = threading.Lock()
 
@@ -113,7 +124,19 @@ class StoredProgram:
         file = _file(self.key, shapes, self.modules)
         if file is None:
             return self.function
-        return _load(file) or _save(file, _compiled_without_cache(self.function.lower(*arguments)))
+        return _named_program(file) or self._traced(file, arguments)
+
+    def _traced(self, file: Path, arguments: tuple[ArrayLike, ...]) -> Compiled:
+        """The program of the traced function, loaded if an earlier function was the same to the compiler."""
+        lowered = self.function.lower(*arguments)
+        read = (COMPILER_VERSION, self.options, lowered.in_tree, lowered.out_tree, lowered.as_text())
+        place = file.with_name(f"{PROGRAM}{_hash(*map(str, read))}")
+        program = _load(place)
+        if program is None:
+            program = _compiled_without_cache(lowered)
+            _write(place, lambda: _serialised(program))
+        _write(file, place.name.encode)
+        return program
 
 
 class KeyDescription(NamedTuple):
@@ -174,14 +197,17 @@ def _file(key: Key | None, shapes: Shapes, modules: Iterable[str] = (__name__,))
     if folder is None or len(known) < len(described):
         return None
     sources = _sources(frozenset(modules).union(*(part.modules for part in known)))
-    text = f"{sources}\n{shapes}\n{[part.text for part in known]}"
-    return folder / f"eclsim-{hashlib.sha256(text.encode()).hexdigest()[:40]}"
+    return folder / f"eclsim-{_hash(sources, str(shapes), str([part.text for part in known]))}"
+
+
+def _hash(*texts: str) -> str:
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:40]
 
 
 @lru_cache(maxsize=64)
 def _sources(modules: frozenset[str]) -> str:
     """Hash of the source files of some modules, of all that they import, and of the compiler's version."""
-    digest = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
+    digest = hashlib.sha256(COMPILER_VERSION.encode())
     for file in imported_files(*modules):
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()
@@ -228,6 +254,15 @@ def _compiled_without_cache(lowered: Lowered) -> Compiled:
             compilation_cache.reset_cache()
 
 
+def _named_program(file: Path) -> Compiled | None:
+    """Load the program that a file names; None if there is no such file or program."""
+    try:
+        name = file.read_text(encoding="ascii")
+    except (OSError, ValueError):
+        return None
+    return _load(file.with_name(name)) if re.fullmatch(f"{PROGRAM}[0-9a-f]+", name) else None
+
+
 def _load(file: Path) -> Compiled | None:
     """Load the program in a file; None if there is no file or it cannot be read."""
     from jax.experimental.serialize_executable import deserialize_and_load
@@ -240,15 +275,18 @@ def _load(file: Path) -> Compiled | None:
         return None
 
 
-def _save(file: Path, program: Compiled) -> Compiled:
-    """Write a program so that readers never see an incomplete file; a full or read-only disk is ignored."""
+def _serialised(program: Compiled) -> bytes:
     from jax.experimental.serialize_executable import serialize
 
+    return pickle.dumps(serialize(program))
+
+
+def _write(file: Path, content: Callable[[], bytes]) -> None:
+    """Write a file so that readers never see it incomplete; a full or read-only disk is ignored."""
     part = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
-        part.write_bytes(pickle.dumps(serialize(program)))
+        part.write_bytes(content())
         os.replace(part, file)
     except (OSError, ValueError, NotImplementedError):
         with suppress(OSError):
             part.unlink(missing_ok=True)
-    return program
