@@ -17,7 +17,7 @@ from eclsim.outputs.limits import (
     places_with_limits,
 )
 from eclsim.outputs.registry import all_outputs
-from eclsim.patient.anthropometry import SIZE
+from eclsim.patient.anthropometry import AGE, SIZE
 from eclsim.simulation.single import simulate
 
 
@@ -145,4 +145,30 @@ def test_the_source_of_a_limit_names_the_size_that_it_is_of():
     assert said.sentence == (
         "oxygen delivery (STPD) 520.0 mL/min is below 540 mL/min: oxygen delivery is critical: raise flow or "
         "haemoglobin (4.5 mL/min/kg (Ronco et al. 1993), with the 120 kg of this patient)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("age", "rate", "kinds"),
+    [
+        (25.0, 185.0, ["alarm"]), (25.0, 175.0, ["warning"]), (70.0, 165.0, ["alarm"]),
+        (70.0, 155.0, ["warning"]), (70.0, 148.0, []), (90.0, 140.0, ["warning"]), (90.0, 146.0, ["alarm"]),
+    ],
+)  # fmt: skip
+def test_a_heart_rate_of_reflexes_is_held_against_the_age_of_the_patient(age, rate, kinds):
+    """165 bpm at 70 years, and 146 at 90, broke no more than a warning, or nothing."""
+    patient = {AGE: age, "heart_rate_bpm": 80.0}
+    said = findings({"heart_rate": rate}, {}, values=patient)
+    assert [finding.kind for finding in said] == kinds
+    assert [levels({"heart_rate": rate}, patient)["heart_rate"]] == (kinds or ["ok"])
+    limits = limits_of("heart_rate", values=patient)
+    assert [limit.kind for limit in limits if limit.broken_by(rate)][:1] == kinds
+
+
+def test_the_alarm_of_a_heart_rate_names_the_greatest_rate_of_the_age():
+    (said,) = findings({"heart_rate": 172.4}, {}, values={AGE: 70.0, "heart_rate_bpm": 80.0})
+    assert said.sentence == (
+        "heart rate in effect 172.4 bpm is above 159 bpm: faster than a sinus node of this age: the curves of "
+        "reflex and drugs have no upper limit (greatest heart rate at 70 years: 208 - 0.7 age, Tanaka et al. "
+        "2001)"
     )

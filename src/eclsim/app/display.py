@@ -17,7 +17,7 @@ from eclsim.gas.network import gas_exchanges
 from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
-from eclsim.patient.anthropometry import SIZE
+from eclsim.patient.anthropometry import AGE, SIZE
 from eclsim.reporting.saturation import COLOUR_STOPS, text_colour_on
 
 if TYPE_CHECKING:
@@ -323,14 +323,19 @@ def output_specs() -> dict[str, dict[str, Any]]:
 
 
 def named_specs(case: Case) -> dict[str, dict[str, Any]]:
-    """Return the same for outputs of named device instances, and for limits that depend on body size."""
+    """Return the same for outputs of named device instances, and for limits that depend on the patient."""
     height, weight = case.patient.height_cm, case.patient.weight_kg
-    sized: dict[str, dict[str, Any]] = {}
+    own: dict[str, Mapping[str, float]] = {}
     if case.gas is not None and height is not None and weight is not None:
-        entry = all_outputs()["DO2"]
-        limits = bounds("DO2", dict(zip(SIZE, (height, weight), strict=True)))
-        sized = {"DO2": _spec(entry, "DO2", entry.long_name) | {"limits": limits}}
-    return sized | {
+        own["DO2"] = dict(zip(SIZE, (height, weight), strict=True))
+    if case.regulation is not None or case.drugs is not None:
+        own["heart_rate"] = {AGE: case.patient.age_years}
+    limited = {
+        name: _spec(entry, name, entry.long_name) | {"limits": bounds(name, values)}
+        for name, values in own.items()
+        for entry in (all_outputs()[name],)
+    }
+    return limited | {
         instance.output(entry.name): _spec(
             entry, instance.output(entry.name), f"{entry.long_name}, {instance.label}"
         )

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.fluid import fluid_values, haemoglobin
 from eclsim.devices.registry import nominal_value, parameters
-from eclsim.patient.anthropometry import SIZE, mean_height_weight, oxygen_consumption, total_blood_volume_ml
+from eclsim.patient.anthropometry import (
+    AGE,
+    SIZE,
+    mean_height_weight,
+    oxygen_consumption,
+    total_blood_volume_ml,
+)
 from eclsim.patient.sites import DRAINED, SAME_IN_REGIONS
 
 if TYPE_CHECKING:
@@ -147,6 +153,8 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
     for section in (case.physiology, case.regulation, case.drugs):
         values |= {} if section is None else section.values()
+    if case.regulation is not None or case.drugs is not None:
+        values[AGE] = case.patient.age_years
     if case.gas is not None:
         values["gas.vo2_ml_min"] = oxygen_consumption(*height_weight(case.patient))
         values |= {f"gas.{name}": number for name, number in case.gas.model_dump(exclude_none=True).items()}

@@ -10,14 +10,17 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 from eclsim.devices.description import GRAVEST_FIRST, Limit
 from eclsim.devices.registry import devices, named_output, registered
-from eclsim.patient.anthropometry import SIZE, body_surface, delivery_limits
+from eclsim.patient.anthropometry import AGE, SIZE, body_surface, delivery_limits, greatest_heart_rate
 
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
 CLOSED_L_MIN = 0.02
 """Mean flow below which a valve counts as closed during the whole beat."""
+_GREATEST_RATE_SPREAD = 10.0
+"""Standard deviation of the greatest heart rate of one age [bpm] (9 and 11, Christou and Seals 2008)."""
 HEART_RATE, SAME_RATE = "heart_rate_bpm", 1e-6
 """The patient's own heart rate, and relative change up to which it counts as unchanged."""
 
@@ -37,6 +40,7 @@ _RANUCCI = "280 mL/min/m2 (Ranucci et al. 2005)"
 _RONCO = "4.5 mL/min/kg (Ronco et al. 1993)"
 _HIGH_VENOUS = "congestion of liver and kidneys"
 _CONGESTION = "congestion of the lungs"
+_TOO_FAST = "faster than a sinus node of this age: the curves of reflex and drugs have no upper limit"
 _CAVAL = ("superior_caval_pressure", "inferior_caval_pressure")
 _FILLINGS = ("caval_filling", "superior_caval_filling", "inferior_caval_filling")
 _SUCTION = "the vein collapses where it is drained (suction): lower the speed or give blood"
@@ -241,7 +245,8 @@ def limits_of(
         quantity: name of the output.
         outputs: names of all outputs of the circuit; some limits apply only without an assist pump, others
             only without a more specific output.
-        values: parameters of the patient; limits of oxygen delivery depend on body size.
+        values: parameters of the patient; limits of oxygen delivery depend on body size, those of the heart
+            rate on age.
     """
     known = named_output(quantity)
     if known is None:
@@ -253,32 +258,51 @@ def limits_of(
     if any(limit.unassisted for limit in result) and _assisted(outputs):
         result = [limit for limit in result if not limit.unassisted]
     result = [limit for limit in result if not set(limit.without) & set(outputs)]
-    return tuple(of_size(sorted(result, key=lambda limit: GRAVEST_FIRST.index(limit.kind)), values))
+    return tuple(of_patient(sorted(result, key=lambda limit: GRAVEST_FIRST.index(limit.kind)), values))
 
 
-def of_size(limits: Iterable[Limit], values: Mapping[str, float]) -> list[Limit]:
-    """Return limits adapted to the patient's size, which concerns oxygen delivery.
+def of_patient(limits: Iterable[Limit], values: Mapping[str, float]) -> list[Limit]:
+    """Return limits adapted to the patient: oxygen delivery to body size, heart rate to age.
 
     Args:
         limits: limits of any outputs.
         values: parameters of the patient.
     """
+    own = _of_size(values) | _of_age(values)
+    return [replace(limit, **own.get((limit.quantity, limit.kind), {})) for limit in limits]
+
+
+def _of_size(values: Mapping[str, float]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Limits of oxygen delivery for a patient who is not as large as that of the table."""
     height, weight = (values.get(name) for name in SIZE)
     own = None if height is None or weight is None else delivery_limits(height, weight)
     if own is None:
-        return list(limits)
+        return {}
     assert height is not None
     assert weight is not None
-    patient_limits = {
-        "warning": (own[0], f"{_RANUCCI}, with the {body_surface(height, weight):.2f} m2 of this patient"),
-        "alarm": (own[1], f"{_RONCO}, with the {weight:g} kg of this patient"),
+    sources = {
+        "warning": f"{_RANUCCI}, with the {body_surface(height, weight):.2f} m2 of this patient",
+        "alarm": f"{_RONCO}, with the {weight:g} kg of this patient",
     }
-    return [
-        replace(limit, value=patient_limits[limit.kind][0], source=patient_limits[limit.kind][1])
-        if limit.quantity == "DO2"
-        else limit
-        for limit in limits
-    ]
+    return {
+        ("DO2", kind): {"value": value, "source": source}
+        for value, (kind, source) in zip(own, sources.items(), strict=True)
+    }
+
+
+def _of_age(values: Mapping[str, float]) -> dict[tuple[str, str], dict[str, Any]]:
+    """Limits of the heart rate for a patient whose greatest rate is below that of the table."""
+    age = values.get(AGE)
+    usual = {limit.kind: limit.value for limit in _REGULATED if limit.quantity == "heart_rate"}
+    if age is None or (greatest := greatest_heart_rate(age)) >= usual["alarm"]:
+        return {}
+    source = f"greatest heart rate at {age:g} years: 208 - 0.7 age, Tanaka et al. 2001"
+    alarm = {"value": greatest, "meaning": _TOO_FAST, "source": source}
+    below = greatest - _GREATEST_RATE_SPREAD
+    warned = {"value": below, "source": f"{_GREATEST_RATE_SPREAD:g} bpm below the {source}"}
+    return {("heart_rate", "alarm"): alarm} | (
+        {("heart_rate", "warning"): warned} if below < usual["warning"] else {}
+    )
 
 
 def _assisted(outputs: Collection[str]) -> bool:
@@ -392,7 +416,7 @@ def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO
 
 def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:
     """Limits of a beat's outputs by severity; the heart rate is included if it is not the patient's own."""
-    limits = of_size(_in_order(tuple(outputs), registered()), values)
+    limits = of_patient(_in_order(tuple(outputs), registered()), values)
     rate, own = outputs.get("heart_rate"), values.get(HEART_RATE)
     if rate is None or own is None or abs(rate - own) > SAME_RATE * own:
         return limits

@@ -12,6 +12,8 @@ from typing import Literal
 Sex = Literal["female", "male"]
 SIZE: tuple[str, str] = ("patient.height_cm", "patient.weight_kg")
 """Names of the patient's height and weight among the values of a case, if gases are computed."""
+AGE = "patient.age_years"
+"""Name of the patient's age among the values of a case, if reflexes or drugs change the heart rate."""
 
 # age from, age to [years], height [cm], weight [kg]
 _MEAN_HEIGHT_WEIGHT: dict[str, tuple[tuple[float, float, float, float], ...]] = {
@@ -109,6 +111,16 @@ def delivery_limits(height_cm: float, weight_kg: float) -> tuple[float, float] |
     if all(abs(share - 1.0) <= 0.15 for share in (surface / 1.8, weight_kg / 67.0)):
         return None
     return float(round(280.0 * surface)), float(round(4.5 * weight_kg))
+
+
+def greatest_heart_rate(age_years: float) -> float:
+    """Greatest heart rate of healthy people of an age [bpm], 208 - 0.7 age, rounded to whole numbers.
+
+    Source: Tanaka, Monahan and Seals 2001 (doi 10.1016/S0735-1097(00)01054-8). Measured, in men of 25 and 65
+        years: 191 +- 11 and 162 +- 9 bpm; most of the difference between them is that of the sinus node's
+        own rate and of its response to isoprenaline (Christou and Seals 2008, PMC2494835).
+    """
+    return float(round(208.0 - 0.7 * age_years))
 
 
 def body_water_ml(sex: Sex, age_years: float, height_cm: float, weight_kg: float) -> float:
