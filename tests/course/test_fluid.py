@@ -226,3 +226,19 @@ def test_courses_say_plasma_that_no_case_may_start_with():
     warnings = follow(12.0, **sections).attrs["warnings"]
     assert any(line.startswith("protein of the plasma") and "above 10 g/dL" in line for line in warnings)
     assert not any("above 10 g/dL" in line for line in follow(1.0, **sections).attrs["warnings"])
+
+
+@pytest.mark.slow
+def test_courses_call_for_help_where_haematocrit_and_protein_are_survived_by_few():
+    """Hours at 0.68 and 2.2 g/dL had a warning at most."""
+    thick = {"fluid": {"haematocrit": 0.68, "plasma_protein_g_dl": 2.2, "interstitial_protein_g_dl": 0.8}}
+    warnings = follow(12.0, **thick).attrs["warnings"]
+    (cells,) = [line for line in warnings if line.startswith("haematocrit of the blood")]
+    assert cells.startswith("haematocrit of the blood above 0.65 at 00:00")
+    assert "haemoglobin 22 g/dL, as in the worst capillary leak" in cells
+    (protein,) = [line for line in warnings if line.startswith("protein of the plasma")]
+    assert protein.startswith("protein of the plasma below 2.3 g/dL at 00:00")
+    thin = {"fluid": {"haematocrit": 0.13, "plasma_protein_g_dl": 3.5, "interstitial_protein_g_dl": 1.2}}
+    warnings = follow(12.0, **thin).attrs["warnings"]
+    assert any("a third of patients died at 4.1 to 5 g/dL" in line for line in warnings)
+    assert any("none of 21 patients in shock survived" in line for line in warnings)

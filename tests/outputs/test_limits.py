@@ -41,8 +41,9 @@ def test_a_compartment_of_a_device_has_the_limits_of_its_pressure():
 
 def test_graver_limits_lie_further_out():
     order = ("warning", "alarm", "collapse")
-    for limit in all_limits():
-        for other in limits_of(limit.quantity):
+    for limit in all_limits() + COURSE_LIMITS:
+        in_courses = [one for one in COURSE_LIMITS if one.quantity == limit.quantity]
+        for other in (*limits_of(limit.quantity), *in_courses):
             if other.side == limit.side and order.index(other.kind) > order.index(limit.kind):
                 assert other.value > limit.value if limit.side == "above" else other.value < limit.value
 
@@ -168,7 +169,7 @@ def test_a_heart_rate_of_reflexes_is_held_against_the_age_of_the_patient(age, ra
 def test_the_alarm_of_a_heart_rate_names_the_greatest_rate_of_the_age():
     (said,) = findings({"heart_rate": 172.4}, {}, values={AGE: 70.0, "heart_rate_bpm": 80.0})
     assert said.sentence == (
-        "heart rate in effect 172.4 bpm is above 159 bpm: faster than a sinus node of this age: the curves of "
-        "reflex and drugs have no upper limit (greatest heart rate at 70 years: 208 - 0.7 age, Tanaka et al. "
+        "heart rate in effect 172.4 bpm is above 159 bpm: faster than a sinus node of this age: the curves "
+        "of reflex and drugs have no upper limit (greatest heart rate at 70 years: 208 - 0.7 age, Tanaka et al. "
         "2001)"
     )

@@ -148,6 +148,7 @@ _REGULATED = (
 _UKKA = "UK Kidney Association 2023"
 _AT_40 = "a convention of this project: pH 7.2, 7.0, 7.55 and 7.65 at a PCO2 of 40 mmHg"
 _HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
+_BURNS = "a study of 14 patients with burns, abstract"
 _NO_PLASMA = (
     "outside the range in which a case may start: oncotic pressure and plasma refill are extrapolated"
 )
@@ -160,26 +161,35 @@ COURSE_LIMITS = (
     Limit("bicarbonate", "alarm", "below", 10.0, _ACIDOSIS, _AT_40),
     Limit("bicarbonate", "warning", "above", 34.0, _ALKALOSIS, _AT_40),
     Limit("bicarbonate", "alarm", "above", 43.0, _ALKALOSIS, _AT_40),
+    Limit("haematocrit", "warning", "below", 0.21, "haemoglobin 7 g/dL: usual threshold of transfusion",
+          _CONVENTION),
     Limit(
-        "haematocrit",
-        "warning",
-        "below",
-        0.21,
-        "haemoglobin 7 g/dL: usual threshold of transfusion",
-        _CONVENTION,
+        "haematocrit", "alarm", "below", 0.15,
+        "haemoglobin 5 g/dL: without transfusion a third of patients died at 4.1 to 5 g/dL, and each g/dL "
+        "less multiplies the odds of death by 2.5", "Carson et al. 2002",
     ),
-    Limit("haematocrit", "alarm", "below", 0.15, "haemoglobin 5 g/dL: anaemia is critical", _CONVENTION),
+    Limit("haematocrit", "warning", "above", 0.55, "blood thickens: resistances rise steeply", _CONVENTION),
     Limit(
-        "haematocrit",
-        "warning",
-        "above",
-        0.55,
-        "blood thickens: resistances rise steeply",
-        _CONVENTION,
+        "haematocrit", "alarm", "above", 0.65,
+        "haemoglobin 22 g/dL, as in the worst capillary leak: give fluid, stop removing it",
+        "Pineton de Chambrun et al. 2017: upper quartile of 59 attacks",
     ),
-    Limit("plasma_protein", "warning", "below", 2.0, _NO_PLASMA, _CONVENTION),
+    Limit(
+        "plasma_protein", "warning", "below", 3.7,
+        "oncotic pressure below 10.5 mmHg: none of 21 patients in shock survived it",
+        "a study of 99 patients, Crit Care Med 1975; 3:115",
+    ),
+    Limit(
+        "plasma_protein", "alarm", "below", 2.3,
+        f"oncotic pressure below 6 mmHg, the lowest measured after burns; {_NO_PLASMA}", _BURNS,
+    ),
     Limit("plasma_protein", "warning", "above", 10.0, _NO_PLASMA, _CONVENTION),
-)
+    Limit(
+        "plasma_protein", "alarm", "above", 12.0,
+        "not known from removal of fluid, only with abnormal proteins; give fluid, stop removing it",
+        _CONVENTION,
+    ),
+)  # fmt: skip
 """Limits of quantities that exist only in courses and are no outputs of a beat."""
 
 _NO_CHAMBER = "at 0 % nothing is ejected; beyond 0 and 100 % the volume is negative"
