@@ -170,6 +170,6 @@ def test_the_alarm_of_a_heart_rate_names_the_greatest_rate_of_the_age():
     (said,) = findings({"heart_rate": 172.4}, {}, values={AGE: 70.0, "heart_rate_bpm": 80.0})
     assert said.sentence == (
         "heart rate in effect 172.4 bpm is above 159 bpm: faster than a sinus node of this age: the curves "
-        "of reflex and drugs have no upper limit (greatest heart rate at 70 years: 208 - 0.7 age, Tanaka et al. "
-        "2001)"
+        "of reflex and drugs have no upper limit (greatest heart rate at 70 years: 208 - 0.7 age, Tanaka et "
+        "al. 2001)"
     )
