@@ -35,8 +35,9 @@ def read(**sections):
          "12 kPa = 90.01 mmHg?"),
         ("regulation", {"baroreflex": 1, "set_point": 90},
          "regulation.set_point = 90: unknown key; allowed: baroreflex, model, set_point_mmHg, "
-         "venous_set_point_mmHg, hypoxic_vasoconstriction, chemoreflex, hypoxic_vasodilation, "
-         "carbon_dioxide_response, set_point_pao2_mmHg, set_point_paco2_mmHg, lower_set_point_paco2_mmHg, "
+         "venous_set_point_mmHg, heart_rate_response, hypoxic_vasoconstriction, chemoreflex, "
+         "hypoxic_vasodilation, carbon_dioxide_response, set_point_pao2_mmHg, set_point_paco2_mmHg, "
+         "lower_set_point_paco2_mmHg, "
          "set_point_venous_o2_ml_dl, upper_set_point_venous_o2_ml_dl, lower_set_point_venous_o2_ml_dl, "
          "hypoxic_resistance_at_rest; did you mean set_point_mmHg or set_point_pao2_mmHg or "
          "set_point_paco2_mmHg?"),

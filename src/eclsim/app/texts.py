@@ -139,6 +139,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fluid.extra_volume_ml": "Given or lost",
         "regulation.hypoxic_vasoconstriction": "Hypoxic constriction, lung",
         "regulation.chemoreflex": "Chemoreflex gain",
+        "regulation.heart_rate_response": "Response of heart rate (0: paced)",
         "regulation.hypoxic_vasodilation": "Hypoxic dilation, organs",
         "regulation.carbon_dioxide_response": "Measured response to CO2",
         "regulation.set_point_pao2_mmHg": "Set point, PaO2",

@@ -46,6 +46,12 @@ class Regulation(_Settings):
     ] = "ursino1998"
     set_point_mmHg: float | None = None  # noqa: N815
     venous_set_point_mmHg: float | None = None  # noqa: N815
+    heart_rate_response: Annotated[
+        float | None,
+        setting(
+            PARAMETERS[regulation.HEART_RATE_RESPONSE], "0 to 1: 1 is a healthy sinus node, 0 a paced heart"
+        ),
+    ] = None
     hypoxic_vasoconstriction: Annotated[
         float | None, setting(PARAMETERS[regulation.HYPOXIA], "0 to 1.5: 1 is as published; with [gas]")
     ] = None
@@ -103,7 +109,8 @@ class Regulation(_Settings):
         if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
             message = f"acts on the firing rate of nerves, which {values['model']} does not model"
             remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')
-        if "baroreflex" not in raw and not any(name in values for name in GAS_RESPONSES):
+        others = (*GAS_RESPONSES, "heart_rate_response")
+        if "baroreflex" not in raw and not any(name in values for name in others):
             message = "left out, so nothing is regulated; 1 is the published reflex"
             remarks.warning(f"{key}.baroreflex", message)
         if "venous_set_point_mmHg" in values and values.get("model", "ursino1998") == "ursino1998":
@@ -129,7 +136,13 @@ class Regulation(_Settings):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Warn of responses to gases if no gases are computed."""
+        """Warn of responses to gases if no gases are computed, and of a heart rate that nothing changes."""
+        stated = sections.get(cls.section, {})
+        acting = {"baroreflex", "chemoreflex"} & stated.keys() or regulation.DRUGS in sections
+        if "heart_rate_response" in stated and not acting:
+            message = "without effect: neither reflexes nor drugs change the heart rate"
+            given = shown(stated["heart_rate_response"])
+            remarks.warning(f"{cls.section}.heart_rate_response", message, given)
         for name in GAS_RESPONSES:
             stated = sections.get(cls.section, {}).get(name)
             if stated is not None and "gas" not in sections:

@@ -66,6 +66,7 @@ def _regulated(patient: Circuit, case: Case) -> Circuit:
         return patient
     from eclsim.drugs.published import with_drugs
     from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
+    from eclsim.regulation.heart_rate import with_heart_rate_response
     from eclsim.regulation.oxygen import with_chemoreflex, with_hypoxic_vasoconstriction, with_local_control
 
     baroreflex = case.regulation if case.regulation and case.regulation.baroreflex is not None else None
@@ -81,7 +82,10 @@ def _regulated(patient: Circuit, case: Case) -> Circuit:
         patient = with_local_control(patient)
     if by_gases is not None and by_gases.hypoxic_vasoconstriction is not None:
         patient = with_hypoxic_vasoconstriction(patient)
-    return with_drugs(patient) if case.drugs else patient
+    patient = with_drugs(patient) if case.drugs else patient
+    limited = case.regulation is not None and case.regulation.heart_rate_response is not None
+    changed = chemoreflex or baroreflex or case.drugs
+    return with_heart_rate_response(patient) if limited and changed else patient
 
 
 def circuit_of(case: Case) -> Circuit:

@@ -43,6 +43,7 @@ LYING_DOWN = "Lundvall and Bjerkhoel 1995 (10.1111/j.1748-1716.1995.tb09895.x), 
 BLED = "Circulatory and respiratory adaptation in man to acute withdrawal of blood (8 men, 950 g), abstract"
 JOHNSON = "Johnson 2014 (10.1152/japplphysiol.00070.2014), 12 men bled 3 x 333 mL, abstract"
 FIRST_SIX = "Johnson 2013 (10.1096/fasebj.27.1_supplement.1206.3), 6 men bled 1 L, abstract"
+RICKARDS = "PMC4747890, 9 men of the same laboratory bled 3 x 333 mL, abstract"
 LEONETTI = "Leonetti 2004 (10.1007/s10286-004-0191-1), 12 patients bled 375 mL, abstract"
 HELDT = "Heldt 2004 (thesis), after older measurements"
 LEE = "Lee and Lee 2022 (10.3390/toxins15010031), analysis of six studies of dialysis, abstract"
@@ -413,6 +414,8 @@ def bled(man: Model) -> dict[str, float]:
         "1 L: blood that veins give": float(unstressed[0] - unstressed[3]),
         "0 to 1 L: MAP for each mmHg of CVP": slope(pressure, venous),
         "0 to 1 L: heart rate for each mmHg of pulse pressure": slope(rate, systolic - diastolic),
+        "1 L: CVP, nine men": float(venous[3]),
+        "333 mL to 1 L: stroke volume": 100.0 * float(flow[3] / rate[3] / (flow[1] / rate[1]) - 1.0),
         "375 mL: stroke volume": change(flow / rate, 5),
         "375 mL: heart rate": change(rate, 5),
     }
@@ -427,6 +430,8 @@ MEASURED = (
     ("1 L: blood that veins give", 500.0, 250.0, "mL", f"{HELDT}; half of it taken as spread"),
     ("0 to 1 L: MAP for each mmHg of CVP", 0.13, 0.52, "1", JOHNSON),
     ("0 to 1 L: heart rate for each mmHg of pulse pressure", -0.46, 0.54, "1/min/mmHg", JOHNSON),
+    ("1 L: CVP, nine men", 2.1, 1.8, "mmHg", f"{RICKARDS}; two standard errors"),
+    ("333 mL to 1 L: stroke volume", -15.0, 7.5, "%", f"{RICKARDS}, 80 to 68 mL; half of it taken as spread"),
     ("375 mL: stroke volume", -14.1, 7.1, "%", f"{LEONETTI}; half of it taken as spread"),
     ("375 mL: heart rate", 4.1, 8.0, "%", f"{LEONETTI}; not significant, 8 % taken as spread"),
 )
