@@ -147,3 +147,19 @@ def test_what_does_not_follow_or_contradicts_is_a_warning(sections, key, said):
     found = [(w.key, w.message) for w in read_mapping(raw).warnings]
     assert [place for place, _ in found] == ([key] if key else [])
     assert all(said in message for _, message in found)
+
+
+@pytest.mark.parametrize(
+    ("sections", "noted"),
+    [
+        ({"gas": {}}, True),
+        ({"gas": {"alveolar_ventilation_l_min": 4.5}}, False),
+        ({"gas": {}, "ecmo": RAW["ecmo"]}, False),
+        ({}, False),
+    ],
+)
+def test_ventilation_at_rest_is_noted_where_nothing_else_takes_up_carbon_dioxide(sections, noted):
+    """A patient without ECMO had a PaCO2 of 91 mmHg and an alarm, and no word of the reason."""
+    patient = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
+    notes = [str(note) for note in read_mapping({"format": 1, "patient": patient} | sections).notes]
+    assert any("2 L/min, as of lungs at rest on ECMO" in note for note in notes) == noted

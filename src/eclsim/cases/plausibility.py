@@ -26,6 +26,8 @@ from eclsim.units import MMHG_PER_KPA
 
 _VESSELS = ("ao", "sart", "svn", "pas", "part", "pvn")
 _CHAMBERS = ("ra", "rv", "la", "lv")
+_OXYGENATING = ("ecmo", "renox")
+"""Devices that take up carbon dioxide."""
 _LARGEST_SHARE = 0.5
 _LEAST_VENOUS_ML = 20.0
 _LARGEST_SATURATION_DIFFERENCE = 15.0
@@ -57,6 +59,7 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
                 remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
     _check_blood(case, parameters, remarks)
     _check_blood_gases(case, remarks)
+    _note_ventilation(case, remarks)
     stated = {Measurements.section: case.measurements, **case.physiology}
     for section in PATIENT_SECTIONS:
         section.check(stated, remarks)
@@ -84,6 +87,18 @@ def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
             remarks.error(f"measurements.{pressure}", message, shown(mmhg), "mmHg", hint)
         else:
             remarks.warning(f"measurements.{pressure}", message, shown(mmhg))
+
+
+def _note_ventilation(case: CaseValues, remarks: Remarks) -> None:
+    """Note the default ventilation of a patient without an oxygenator: that of lungs at rest on ECMO."""
+    gas = case.physiology.get("gas")
+    if gas is None or "alveolar_ventilation_l_min" in gas or any(map(case.of, _OXYGENATING)):
+        return
+    message = (
+        "left out, so 2 L/min, as of lungs at rest on ECMO; without an oxygenator PaCO2 is then near 90 "
+        "mmHg, and adults breathe 4 to 5 L/min"
+    )
+    remarks.note("gas.alveolar_ventilation_l_min", message)
 
 
 def _saturation(po2: float) -> float:

@@ -108,7 +108,7 @@ _TABLE = (
      "Ursino 1998; of a patient their own pressure at rest", 20.0, 160.0, REGULATION),
     (VENOUS_SET_POINT, 5.0, "mmHg", "Mean right atrial pressure at which reflexes do nothing",
      "Heldt 2004; of a patient their own pressure at rest", -10.0, 40.0, REGULATION),
-    (HEART_RATE_RESPONSE, 1.0, "1", "Share of the change of heart rate by reflexes and drugs that takes place",
+    (HEART_RATE_RESPONSE, 1.0, "1", "Share of the change of heart rate by reflexes and drugs that occurs",
      "1: a healthy sinus node; 0: a pacemaker, heart block, arrhythmia", 0.0, 1.0, REGULATION),
     (HYPOXIA, 0.0, "1", "Strength of hypoxic pulmonary vasoconstriction: 1 as published, 0 none",
      "Marshall 1994, dogs; 0: the published patient", 0.0, 1.5, REGULATION),
