@@ -27,6 +27,9 @@ KINDS = (*GRAVEST_FIRST, CAUTION)
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 """Numbers are removed before sentences are compared, since a limit's value may change between moments."""
 
+ARREST_MMHG, ARREST_MIN = 30.0, 10.0
+"""Mean arterial pressure and time below it after which a course describes no living patient (convention)."""
+
 
 class Alarm(NamedTuple):
     """A limit that is violated for some time.
@@ -95,6 +98,26 @@ def alarms(
             for j, one in enumerate(candidates)
         )
     ]
+
+
+def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[str]:
+    """Sentence on the first time without a circulation that lasts too long to survive; empty if none does.
+
+    Args:
+        minute: time of each moment [min].
+        outputs: outputs by name, at each moment.
+    """
+    pressure = outputs.get("MAP")
+    below = [] if pressure is None else np.flatnonzero(np.asarray(pressure) < ARREST_MMHG).tolist()
+    for run in _consecutive_runs(below):
+        if minute[run[-1]] - minute[run[0]] >= ARREST_MIN:
+            begin = clock_time(minute[run[0]])
+            return [
+                f"mean arterial pressure below {ARREST_MMHG:g} mmHg from {begin} for more than "
+                f"{ARREST_MIN:g} min: a circulatory arrest that the brain does not survive; nothing after it "
+                "describes a patient, even if pressure returns (a convention of this project)"
+            ]
+    return []
 
 
 def findings_of_derived_quantities(shown: Sequence[DerivedQuantity], moments: int) -> list[list[Finding]]:

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from eclsim.arguments import FiniteNumber, number_of
-from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities
+from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities, not_survived
 from eclsim.course.early_stop import EarlyStop
 from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
 from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_GAS_CHANGE, LARGEST_LAG, largest_gas_change
@@ -294,6 +294,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     ahead += _unsettled_spans(history)
     ahead += _sudden_gas_change(time, outputs, engine, member, moments.by_beat[places])
     sentences = [message] * bool(message) + [alarm.sentence for alarm in broken]
+    sentences += not_survived(minute, outputs) if with_alarms else []
     balance = balance_of(laws, states, in_effect)
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
     return result.assign_attrs(

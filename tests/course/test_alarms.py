@@ -1,0 +1,23 @@
+"""Sentences of courses that go on where a patient would not."""
+
+import numpy as np
+
+from eclsim.course.alarms import not_survived
+
+
+def pressures(*values):
+    return {"MAP": np.array(values, dtype=float)}
+
+
+def test_a_course_says_from_when_on_it_describes_no_patient():
+    """After too much ultrafiltration a course went on for hours at 2 mmHg."""
+    minute = np.array([0.0, 60.0, 66.0, 80.0, 120.0, 130.0])
+    (said,) = not_survived(minute, pressures(80, 70, 28, 5, 12, 60))
+    assert said.startswith("mean arterial pressure below 30 mmHg from 01:06 for more than 10 min")
+    assert "nothing after it describes a patient, even if pressure returns" in said
+
+
+def test_a_short_fall_is_survived():
+    minute = np.array([0.0, 4.0, 8.0, 20.0, 25.0, 29.0])
+    assert not_survived(minute, pressures(80, 20, 25, 60, 20, 25)) == []
+    assert not_survived(minute, {"CO": np.zeros(6)}) == []
