@@ -43,6 +43,7 @@ def test_nerves_that_answer_to_carbon_dioxide_have_the_wrong_signs_in_red_rows()
     measured = {name for name in wrong if name.startswith("measured response")}
     assert measured == {"measured response: mean arterial pressure (test): sign"}
     (pressure,) = (rows[name] for name in measured)
+    assert pressure.explanation is not None
     assert pressure.explained, "awake people: nerves and measured response together have all five signs"
     assert len(pressure.explanation.evidence) == 5
 
