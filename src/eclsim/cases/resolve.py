@@ -43,6 +43,15 @@ def anatomy_of(case: Case) -> Anatomy:
     return Anatomy(section.regional, bronchial, valves("regurgitation"), valves("stenosis"), *walls)
 
 
+def divided_sites(case: Case) -> dict[str, str]:
+    """Return the compartments of the patient that its anatomy has in place of the sites of a case."""
+    anatomy = anatomy_of(case)
+    nodes = dict(SAME_IN_REGIONS) if anatomy.regional else {}
+    if anatomy.collapsible_veins:
+        nodes = {**DRAINED, **{site: DRAINED.get(node, node) for site, node in nodes.items()}}
+    return nodes
+
+
 def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
     """Return the patient's circuit, and the replacements for sites that its anatomy divides or changes."""
     from eclsim.patient.circulation import circulation, gas_exchanges
@@ -51,9 +60,7 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
     patient = circulation(anatomy)
     if case.gas is not None:
         patient += gas_exchanges(anatomy, stores=case.solutes is not None)
-    nodes: dict[str, Site] = dict(SAME_IN_REGIONS) if anatomy.regional else {}
-    if anatomy.collapsible_veins:
-        nodes = {**DRAINED, **{site: DRAINED.get(str(node), node) for site, node in nodes.items()}}
+    nodes: dict[str, Site] = {**divided_sites(case)}
     return _regulated(patient, case), nodes
 
 
@@ -94,10 +101,10 @@ def circuit_of(case: Case) -> Circuit:
     for instance in case.instances():
         nodes |= instance.sites()
         circuit += instance.circuit()
-    return with_sites(_with_viscosity(circuit, case), nodes)
+    return with_sites(with_viscosity_of(case, circuit), nodes)
 
 
-def _with_viscosity(circuit: Circuit, case: Case) -> Circuit:
+def with_viscosity_of(case: Case, circuit: Circuit) -> Circuit:
     """Return the circuit, with resistances that depend on the haematocrit if the case has [fluid]."""
     if case.fluid is None:
         return circuit
@@ -127,7 +134,7 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
         choices = {line: Choice(tuple(sites.values()), f"{instance.device.key}.{line}") for line in at}
         switched += replace(instance, section=instance.section.model_copy(update=choices)).circuit()
         chosen |= {names[line]: float(list(sites).index(site)) for line, site in at.items()}
-    return with_sites(_with_viscosity(circuit + switched, case), nodes), chosen
+    return with_sites(with_viscosity_of(case, circuit + switched), nodes), chosen
 
 
 def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:

@@ -168,7 +168,14 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
 def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:
     """Return the JSON destination and the samples, after checking all options before any computation."""
     from eclsim.crrt_study.files import file_names
-    from eclsim.crrt_study.schemes import case_speed, check_speeds, crrt_flow, parse_speeds
+    from eclsim.crrt_study.schemes import (
+        case_speed,
+        check_speeds,
+        crrt_flow,
+        in_patient,
+        parse_speeds,
+        select_schemes,
+    )
     from eclsim.identification.samples import read_samples
 
     samples: list[Mapping[str, Sequence[float]]] = []
@@ -178,6 +185,7 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
     places.mistakes += _check_options(
         o,
         {
+            "--schemes": lambda: in_patient(case, select_schemes(o.schemes, o.scheme_h)),
             "--crrt-flow:": lambda: crrt_flow(case, o.crrt_flow),
             "": lambda: case_speed(case),
             "--speeds": lambda: o.speeds is None or check_speeds(case, parse_speeds(o.speeds)),

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.cases.resolve import resolve_parameters, with_viscosity_of
 from eclsim.circuit import Choice, Circuit
 from eclsim.devices.crrt import CRRT, Crrt, crrt
 from eclsim.devices.ecmo import POSITIONS
@@ -31,6 +32,7 @@ from eclsim.outputs.recirculation import recirculated_fractions
 from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import output_names, signal_labels, unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+from eclsim.parameters.fluid import SECTION as FLUID
 from eclsim.patient.sites import SAME_IN_REGIONS
 
 if TYPE_CHECKING:
@@ -122,10 +124,12 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
     others = dict.fromkeys(node for s in schemes for node in s.nodes if node not in POSITIONS.values())
     nodes = (*POSITIONS.values(), *sorted(others))
     section = case.crrt or Crrt(flow_ml_min=crrt_flow_ml_min, access_site="post_oxy", return_site="pre_oxy")
-    circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
-    values = values_of(without_crrt) | CRRT.values(section)
-    if case.gas is not None:
-        values |= CRRT.values_of_blood(section, case.gas.haemoglobin_g_dl, gases=True)
+    lines = crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
+    circuit = without + with_viscosity_of(case, lines)
+    # The case's own CRRT: its filter meets the patient's haematocrit and bicarbonate.
+    own = resolve_parameters(case.model_copy(update={"crrt": section}))
+    values = values_of(without_crrt)
+    values |= {name: v for name, v in own.items() if name.startswith((f"{CRRT.key}.", f"{FLUID}."))}
     values["crrt.flow_ml_min"] = crrt_flow_ml_min
     return StudyCircuits(circuit, without, values, nodes, tuple(schemes))
 

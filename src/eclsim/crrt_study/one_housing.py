@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.limits import CRRT_LIMITS
 from eclsim.devices.crrt import CRRT, Crrt
 from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS
 from eclsim.devices.renox import GROUP, Renox
@@ -110,14 +109,12 @@ def compared_with_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[st
         }
     }  # fmt: skip
     means = study.means.sel(policy=policy, speed=study.case_speed)
-    margin = study.limits["margin"].sel(policy=policy, limit=CRRT_LIMITS)
     for ranked in study.ranking[policy]:
         scheme = means.sel(scheme=ranked.letter)
         numbers: dict[str, float | bool | None] = {
             key: float(scheme[name]) for key, name in COLUMNS.items() if name in scheme
         }
-        nearest = float(margin.sel(scheme=ranked.letter))
-        numbers["alarms_kept"] = None if np.isnan(nearest) else nearest >= 0.0
+        numbers["alarms_kept"] = ranked.alarms_kept
         numbers["blood_taken_up_ml"] = -float(scheme["patient_volume_change"])
         if "effluent_pressure" in scheme:
             blood = float(scheme["effluent_pressure"] + scheme["transmembrane_pressure"])

@@ -18,7 +18,7 @@ from eclsim.devices.ecmo import ECMO, POSITION_WORDS, PUMPS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
 from eclsim.devices.plausibility import check_speed
 from eclsim.inputs.mistakes import Remarks
-from eclsim.patient.sites import PATIENT_SITES, RIGHT_HEART, VENOUS_SITES
+from eclsim.patient.sites import PATIENT_SITES, RIGHT_HEART, SAME_IN_REGIONS, VENOUS_SITES, patient_sites
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -38,12 +38,14 @@ class Scheme:
         access_site: position in the ECMO circuit or compartment of the patient from which blood is drawn.
         return_site: position or compartment to which it is returned.
         note: special feature of the scheme.
+        compartments: compartments that a patient's anatomy has at the two sites, if not those of their names.
     """
 
     letter: str
     access_site: str
     return_site: str
     note: str = ""
+    compartments: tuple[str, str] | None = None
 
     @property
     def name(self) -> str:
@@ -54,7 +56,12 @@ class Scheme:
     def nodes(self) -> tuple[str, str]:
         """Compartments of the circuit to which the two lines connect."""
         access, back = (ECMO_POSITIONS.get(site, site) for site in (self.access_site, self.return_site))
-        return access, back
+        return self.compartments or (access, back)
+
+    def in_patient(self, divided: Mapping[str, str]) -> Scheme:
+        """The scheme in a patient whose anatomy has other compartments at some sites."""
+        access, back = (divided.get(node, node) for node in self.nodes)
+        return self if (access, back) == self.nodes else replace(self, compartments=(access, back))
 
     @property
     def returns_behind_oxygenator(self) -> bool:
@@ -263,6 +270,26 @@ def check_speeds(case: Case, speeds: Sequence[float]) -> None:
     check_speed(ECMO.key, {"pump": case.ecmo.pump, "speed_rpm": max(speeds)}, PUMPS, remarks)
     if remarks.mistakes:
         raise StudyError("; ".join(map(str, remarks.mistakes)))
+
+
+def in_patient(case: Case, schemes: Sequence[Scheme]) -> tuple[Scheme, ...]:
+    """Return the schemes with the compartments that the patient of a case has at their sites.
+
+    Raises:
+        StudyError: The patient does not have a site of a scheme.
+    """
+    from eclsim.cases.resolve import divided_sites
+
+    regional = case.physiology is not None and case.physiology.regional
+    own = {*ECMO_POSITIONS, *patient_sites(regional), *(SAME_IN_REGIONS if regional else ())}
+    lacking = [s.letter for s in schemes if not {s.access_site, s.return_site} <= own]
+    if lacking:
+        raise StudyError(
+            f"{', '.join(lacking)}: the patient of case '{case.patient.id}' has no such site; allowed: "
+            f"{', '.join(patient_sites(regional))}"
+            + ("" if regional else ", or add [physiology] regional = true")
+        )
+    return tuple(scheme.in_patient(divided_sites(case)) for scheme in schemes)
 
 
 def check_flow(flow: float) -> None:

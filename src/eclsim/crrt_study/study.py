@@ -25,6 +25,7 @@ from eclsim.crrt_study.schemes import (
     check_speeds,
     crrt_flow,
     default_speeds,
+    in_patient,
     parse_speeds,
     policies_of,
     select_schemes,
@@ -174,7 +175,7 @@ def crrt_study(
     from eclsim.simulation.target_flow import with_speed
 
     case = as_case(case)
-    chosen = select_schemes(schemes, scheme_h)
+    chosen = in_patient(case, select_schemes(schemes, scheme_h))
     policies = policies_of(volume_policy or case.blood_volume_policy or BOTH)
     case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
