@@ -87,6 +87,43 @@ def test_fluid_taken_faster_than_patients_bear_is_warned_of():
     assert "37.5 mL/kg/h: above 1.75 mL/kg/h fewer critically ill patients survived" in warning
 
 
+def test_fluid_taken_by_two_filters_counts_together():
+    dialysed = {"flow_ml_min": 200, "access_site": "svn", "return_site": "ra"}
+    raw = {key: value for key, value in VV.items() if key != "crrt"}
+    two = {name: dialysed | {"net_ultrafiltration_ml_h": 100} for name in "ab"}
+    said = [str(one) for one in read_mapping(raw | {"crrt": two}).warnings if "mL/kg/h" in str(one)]
+    assert len(said) == 1
+    assert "2.5 mL/kg/h together with [crrt.b]: above 1.75 mL/kg/h" in said[0]
+
+
+def test_renox_has_the_checks_of_fluid_and_red_cells_of_a_crrt():
+    raw = {key: value for key, value in VV.items() if key != "crrt"} | {"gas": {"haemoglobin_g_dl": 5}}
+    renox = {"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 500, "haematocrit_in": 0.3}
+    said = " ".join(map(str, read_mapping(raw | {"renox": renox}).warnings))
+    assert "6.2 mL/kg/h: above 1.75 mL/kg/h fewer critically ill patients survived" in said
+    assert "red cells would hold 17 g/dL" in said
+
+
+def test_no_filter_takes_all_water_of_the_plasma(case):
+    plain = {key: value for key, value in VV.items() if key not in ("gas", "ecmo")}
+    few, many = (
+        {"crrt": {"flow_ml_min": 100, "replacement_post_ml_h": rate} | SITES_WITHOUT_ECMO}
+        for rate in (3800, 4000)
+    )
+    assert read_mapping(plain | few)
+    with pytest.raises(CaseError, match="together below 3906 mL/h"):
+        read_mapping(plain | many)
+    with pytest.raises(CaseError, match="together below 2511 mL/h"):
+        read_mapping(plain | few | {"fluid": {"haematocrit": 0.55}})
+    too_much = case.model_copy(
+        update={"crrt": case.crrt.model_copy(update={"flow_ml_min": 100.0, "replacement_post_ml_h": 3950.0})}
+    )
+    beat = eclsim.simulate(too_much)
+    assert np.isnan(float(beat["clearance_creatinine"]))
+    (line,) = [line for line in beat.attrs["warnings"] if "all of its water" in line]
+    assert "96 % of the plasma would be filtered" in line
+
+
 def test_clearances_beside_another_filter_are_said_to_know_nothing_of_it(case):
     raw = case.as_mapping()
     dialysed = {"flow_ml_min": 200, "access_site": "svn", "return_site": "ra"} | FLUIDS
@@ -260,7 +297,7 @@ def test_dialysate_takes_no_plasma_and_thin_blood_has_more_of_it(tmp_path):
     """200 mL/min of blood: 8400 mL/h of plasma at 30 % of cells, 9838 at 6 g/dL of haemoglobin."""
     assert read_case(written(tmp_path, dialysate_ml_h=9000, replacement_pre_ml_h=4000)).case.crrt.dialyses
     read_mapping(VV | {"gas": {"haemoglobin_g_dl": 6}, "crrt": ON_ECMO | {"replacement_post_ml_h": 9000}})
-    with pytest.raises(CaseError, match="below 9838 mL/h"):
+    with pytest.raises(CaseError, match="flow of 9838 mL/h; allowed: together below 9149 mL/h"):
         read_mapping(VV | {"gas": {"haemoglobin_g_dl": 6}, "crrt": ON_ECMO | {"replacement_post_ml_h": 9900}})
 
 

@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.crrt_dialysis import (
+    BY_PLASMA_WATER,
     FILTER_PARAMETERS,
     GROUP,
     OUTPUTS,
@@ -52,6 +53,7 @@ from eclsim.devices.dialysed_blood import (
     check_fluids,
     dialysed_blood,
     fluid_flow,
+    no_plasma_water,
     warn_of_other_filters,
 )
 from eclsim.devices.ecmo import ECMO, POSITIONS
@@ -447,6 +449,7 @@ class CrrtDevice(Device[Crrt]):
         """Findings on excessive water removal or blood flow, and on clearances beside other filters."""
         return [
             *haemoconcentration_findings(names, outputs, values),
+            *no_plasma_water(names, outputs, "filtration_fraction", BY_PLASMA_WATER),
             *_draws_more_than_carried(names, outputs, circuit),
             *warn_of_other_filters(names, outputs, circuit),
         ]

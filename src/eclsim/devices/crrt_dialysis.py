@@ -44,6 +44,11 @@ SETTINGS = (
 """Parameters of the dialyzer, in the order of `eclsim.components.dialysis.Settings`."""
 SOLUTES = ("urea", "creatinine", "potassium")
 """Solutes whose clearances are outputs."""
+BY_PLASMA_WATER = (
+    *(f"{what}_{name}" for what in ("clearance", "effective_clearance") for name in SOLUTES),
+    "base_gain", "crrt_carbon_dioxide_removal", "citrate_load", "fresh_plasma_ml_h",
+)  # fmt: skip
+"""Outputs that are not computed where the filter would take all water of the plasma."""
 _EFFECTIVE_SHARES = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
 _SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
 

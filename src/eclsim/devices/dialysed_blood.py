@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from eclsim.devices.description import CAUTION, GASES, BeatMeasures, Finding, Numbers
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.parameters.fluid import PLASMA_WATER
 from eclsim.parameters.gas import PARAMETERS as GAS
 
 if TYPE_CHECKING:
@@ -102,18 +103,26 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
         check_red_cells(f"{key}.haematocrit_in", own, gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN), remarks)
     drawn = {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}
     plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - _haematocrit(values, case))
-    if drawn and sum(drawn.values()) >= plasma:
+    water = PLASMA_WATER * plasma
+    if drawn and sum(drawn.values()) >= water:
         message = (
             f"the water removed, {sum(drawn.values()):g} mL/h with {' and '.join(drawn)}, is not below the "
-            "plasma flow"
+            f"water in the plasma flow of {plasma:.0f} mL/h"
         )
         largest = max(drawn, key=lambda name: drawn[name])
-        remarks.error(f"{key}.{largest}", message, shown(drawn[largest]), f"together below {plasma:.0f} mL/h")
-    net, weight = given.get(NET_ULTRAFILTRATION), case.patient.get("weight_kg")
-    if net is not None and weight is not None and net > HARMFUL_ML_KG_H * weight:
-        remarks.warning(
-            f"{key}.{NET_ULTRAFILTRATION}", f"{net / weight:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}", shown(net)
-        )
+        remarks.error(f"{key}.{largest}", message, shown(drawn[largest]), f"together below {water:.0f} mL/h")
+    _check_rate(case, key, remarks)
+
+
+def _check_rate(case: CaseValues, key: str, remarks: Remarks) -> None:
+    """Warn once, at the first filter, of a net ultrafiltration of all filters that harmed patients."""
+    rates = {one: net for one, values in case.devices.items() if (net := values.get(NET_ULTRAFILTRATION))}
+    weight, net = case.patient.get("weight_kg"), sum(rates.values())
+    if weight is None or key != next(iter(rates), None) or net <= HARMFUL_ML_KG_H * weight:
+        return
+    others = f" together with {' and '.join(f'[{one}]' for one in rates if one != key)}" * (len(rates) > 1)
+    message = f"{net / weight:.1f} mL/kg/h{others}: {FEWER_SURVIVED_TEXT}"
+    remarks.warning(f"{key}.{NET_ULTRAFILTRATION}", message, shown(rates[key]))
 
 
 def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remarks: Remarks) -> None:
@@ -132,11 +141,35 @@ def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remar
 
 def _haematocrit(values: Raw, case: CaseValues) -> float:
     """Haematocrit of the blood in the access line: as given, else from haemoglobin, else the default."""
-    gas = case.physiology.get("gas")
-    usual = USUAL_FLUID["haematocrit_in"]
+    gas, fluid = case.physiology.get("gas"), case.physiology.get("fluid", {})
+    usual = fluid.get("haematocrit") or USUAL_FLUID["haematocrit_in"]
     if gas is not None:
-        usual = gas.get("haemoglobin_g_dl", RED_CELL_HAEMOGLOBIN * usual) / RED_CELL_HAEMOGLOBIN
+        usual = gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN) / RED_CELL_HAEMOGLOBIN
     return float(values.get("haematocrit_in") or usual)
+
+
+def no_plasma_water(
+    names: Naming, outputs: Mapping[str, float], fraction: str, cleared: Sequence[str]
+) -> list[Finding]:
+    """Alarm where a filter would take all water of the plasma, so that clearances are not computed.
+
+    Args:
+        names: names of the instance.
+        outputs: outputs of the beat, by name.
+        fraction: output of the filtration fraction.
+        cleared: outputs that are not computed then.
+    """
+    fraction = names.output(fraction)
+    lacking = tuple(name for name in map(names.output, cleared) if math.isnan(outputs.get(name, 0.0)))
+    share = outputs.get(fraction, 0.0)
+    if not lacking or not PLASMA_WATER <= share <= 1.0:
+        return []
+    text = (
+        f"{names.label}: {100.0 * share:.0f} % of the plasma would be filtered, which is all of its water: "
+        "clearances and what the filter does to bicarbonate and carbon dioxide are not computed; lower the "
+        "net ultrafiltration or the replacement behind the filter, or raise the blood flow"
+    )
+    return [Finding("alarm", fraction, share, PLASMA_WATER, text, concerns=(fraction, *lacking))]
 
 
 def warn_of_other_filters(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:

@@ -23,7 +23,15 @@ from eclsim.devices.crrt import Crrt, assumed_membrane, filter_limits
 from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, SOLUTES
 from eclsim.devices.description import BeatMeasures, Control, Finding, Knob, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.dialysed_blood import FLUIDS, USUAL_FLUID, dialysed_blood, filter_performance, fluid_flow
+from eclsim.devices.dialysed_blood import (
+    FLUIDS,
+    USUAL_FLUID,
+    check_fluids,
+    dialysed_blood,
+    filter_performance,
+    fluid_flow,
+    no_plasma_water,
+)
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
 
@@ -166,7 +174,7 @@ class RenoxDevice(Device[Renox]):
         return f"dialysate {section.dialysate_ml_h:g}, net {section.net_ultrafiltration_ml_h:g} mL/h"
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
-        """Check that there is exactly one ECMO circuit, unnamed, and one RenOx."""
+        """Check that there is one ECMO circuit, unnamed, and one RenOx, with plausible fluids."""
         circuits = case.of("ecmo")
         if list(circuits) != ["ecmo"]:
             message = "RenOx replaces the oxygenator of an ECMO circuit, but the case has no [ecmo] section"
@@ -177,12 +185,14 @@ class RenoxDevice(Device[Renox]):
             remarks.error(key, message, allowed="one [ecmo] section")
         if key != GROUP:
             remarks.error(key, "two in one circuit are not modelled", allowed=f"one [{GROUP}] section")
+        check_fluids(values, case, key, remarks)
 
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
         """Blood that runs backwards; how much water leaves where nothing holds the effluent's pressure."""
-        result = _backwards(names, outputs)
+        result = no_plasma_water(names, outputs, f"{GROUP}_filtration_fraction", _BY_FLOW)
+        result = result or _backwards(names, outputs)
         name = f"{GROUP}_free_ultrafiltration_ml_h"
         free, net = outputs.get(name), values.get(f"{GROUP}.net_ultrafiltration_ml_h")
         if free is None or net is None or not free > 1.1 * max(net, 10.0):
