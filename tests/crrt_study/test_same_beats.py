@@ -56,3 +56,15 @@ def test_an_access_pressure_of_more_than_190_breaks_no_alarm_beside_renox():
     assert beside["return_mmhg"] < 350.0
     assert beside["alarms_kept"] is True
     assert study.ranking["patient_held"][0].alarms_kept is True
+
+
+def test_an_open_effluent_filters_no_more_water_than_the_plasma_has():
+    case = read_mapping(CASE).case
+    study = crrt_study(case, schemes="g,h", speeds="3425", volume_policy="as_published")
+    beside = compared_with_schemes(study, "as_published")
+    assert beside["g"]["open_effluent_l_h"] == pytest.approx(
+        0.93 * 60.0 * 0.2 * 0.7
+    )  # 37 mL/h/mmHg: 12.6 L/h
+    h = study.means.sel(policy="as_published", scheme="h", speed=3425.0)
+    pressure = float(h["effluent_pressure"] + h["transmembrane_pressure"])
+    assert beside["h"]["open_effluent_l_h"] == pytest.approx(37e-3 * pressure)

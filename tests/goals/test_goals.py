@@ -463,3 +463,10 @@ def test_the_search_follows_curved_bounds_to_an_optimum_with_fewer_goals_than_se
     assert len(ends) == 3
     assert not any(unfinished)
     assert max(merits) - min(merits) < 1e-9
+
+
+def test_a_share_out_of_reach_has_no_unit():
+    dialysed = {"dialysate_ml_h": 1000.0, "replacement_post_ml_h": 1000.0}
+    case = CASE.model_copy(update={"crrt": CASE.crrt.model_copy(update=dialysed)})
+    result = reach(case, "filtration_fraction < 0.05", vary="crrt.flow_ml_min=100..300")
+    assert "the best is 0.07937, with crrt.flow_ml_min = 300 mL/min" in result.message

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.cases.resolve import resolve_parameters
 from eclsim.devices.crrt import CRRT, Crrt
-from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS
+from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, HAEMATOCRIT
+from eclsim.devices.dialysed_blood import FLUIDS
 from eclsim.devices.renox import GROUP, Renox
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch
@@ -20,6 +22,7 @@ from eclsim.outputs.alarms import assumptions
 from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.parameters.fluid import PLASMA_WATER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
 
 SPEED = "ecmo.speed_rpm"
+PERMEABILITY = FILTER_PARAMETERS[0].key
 GASES = ("SreturnO2", "PreturnCO2", "SaO2", "PaCO2")
 COLUMNS = {
     "access_mmhg": "Pcrrttuin", "return_mmhg": "Pcrrttuout", "urea_ml_min": "effective_clearance_urea",
@@ -91,7 +95,7 @@ def compared_with_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[st
 
     RenOx has no lines, hence no line pressures and alarms; without a beat all its numbers are unknown.
     `open_effluent_l_h` is the filtration by blood pressure through a membrane whose effluent side is open to
-    the atmosphere.
+    the atmosphere, at most all water of the plasma that reaches it.
     """
     if study.renox is None:
         return {}
@@ -118,11 +122,14 @@ def compared_with_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[st
         numbers["blood_taken_up_ml"] = -float(scheme["patient_volume_change"])
         if "effluent_pressure" in scheme:
             blood = float(scheme["effluent_pressure"] + scheme["transmembrane_pressure"])
-            numbers["open_effluent_l_h"] = 1e-3 * _permeability(study) * blood
+            numbers["open_effluent_l_h"] = 1e-3 * _open_effluent_ml_h(study, blood)
         result[ranked.letter] = numbers
     return result
 
 
-def _permeability(study: CrrtStudy) -> float:
-    """Ultrafiltration coefficient of the CRRT's filter [mL/h/mmHg]."""
-    return float(study.case.parameters.get("Kufcrrtfil", FILTER_PARAMETERS[0].value))
+def _open_effluent_ml_h(study: CrrtStudy, pressure: float) -> float:
+    """Filtration of the CRRT's filter [mL/h] at a blood pressure [mmHg] if nothing holds its effluent."""
+    values = resolve_parameters(without_renox(study.case))
+    plasma = 60.0 * study.crrt_flow_ml_min * (1.0 - values[HAEMATOCRIT])
+    water = PLASMA_WATER * plasma + values[f"{CRRT.key}.{FLUIDS[1]}"]
+    return min(values[PERMEABILITY] * pressure, water)

@@ -157,6 +157,11 @@ def scan_gaps_text(tried: int, without_beat: int) -> str:
     return f"; {where} had no steady beat that is determined"
 
 
+def _with_unit(value: float, unit: str) -> str:
+    """A number as text, with its unit if it has one."""
+    return f"{value:.4g}" + (f" {unit}" if unit not in ("", "1") else "")
+
+
 def message_of(
     settings: Sequence[Setting],
     values: Mapping[str, float],
@@ -165,7 +170,7 @@ def message_of(
     unfinished: str,
 ) -> str:
     """The result in sentences."""
-    where = " and ".join(f"{s.name} = {values[s.name]:.4g} {s.unit}".rstrip() for s in settings)
+    where = " and ".join(f"{s.name} = {_with_unit(values[s.name], s.unit)}" for s in settings)
     if unfinished:
         unmet = ", ".join(str(result.goal) for result in results if not result.met)
         goals = f"not reached: {unmet}" if unmet else "all goals are reached"
@@ -174,7 +179,8 @@ def message_of(
         return f"all goals are reached with {where}{_binding_goals_text(settings, values, results)}"
     unmet = [r for r in results if not r.met]
     text = "; ".join(
-        f"{_goal_with_reason(r.goal)} is not reached: the best is {r.value:.4g} {output(r.goal.output).unit}"
+        f"{_goal_with_reason(r.goal)} is not reached: the best is "
+        + _with_unit(r.value, output(r.goal.output).unit)
         for r in unmet
     )
     asked = sum(not result.goal.because for result in results)
