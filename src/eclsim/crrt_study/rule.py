@@ -254,6 +254,10 @@ def _mistake(error: Mapping[str, object]) -> str:
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         known = [f.name for f in fields(Criterion)] if "criteria" in path else list(_RuleFile.model_fields)
         text = f"unknown key; allowed: {', '.join(known)}{spelling_hint(path[-1], known)}"
+    if path[:1] == ["limits"] and len(path) > 1:
+        path, text = path[:2], "allowed: [low, high] in mmHg; inf or -inf for none"
+    elif error["type"] == "missing":
+        return f"{'.'.join(path[:-1]) or 'rule'}: {path[-1]} is missing"
     if error["type"] == "dataclass_type":
         text = "allowed: a table, [[criteria]] with quantity and a bound or prefer"
     return f"{'.'.join(path)} = {error['input']}: {text}" if path else text
