@@ -22,6 +22,7 @@ from eclsim.course.plan import (
     plan_weaning,
 )
 from eclsim.course.timeline import Timeline, case_with_settings
+from eclsim.devices.renox import Renox
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
 from small_patient import ON_ECMO
@@ -166,6 +167,14 @@ def test_without_a_device_that_removes_fluid_it_is_refused(own):
     bare = own.model_copy(update={"crrt": None})
     with pytest.raises(GoalError, match="no device that removes fluid"):
         plan_removal(bare, 300.0, "MAP > 62")
+
+
+def test_fluid_that_another_filter_removes_beside_the_plan_is_refused(own):
+    """It was not counted: 1000 mL "cannot be removed at 14 mL/h" where a second filter removed 100 mL/h."""
+    both = own.model_copy(update={"renox": Renox(dialysate_ml_h=2000.0, net_ultrafiltration_ml_h=100.0)})
+    message = r"renox.net_ultrafiltration_ml_h: removed beside \[crrt\], whose rate is planned; allowed: 0"
+    with pytest.raises(GoalError, match=message):
+        plan_removal(both, 300.0, "MAP > 62")
 
 
 def test_the_fastest_rate_is_that_of_the_device(own):

@@ -214,9 +214,19 @@ def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | N
 
 def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
     """Key of the device's net ultrafiltration; without one, an error that includes mistakes in goals."""
-    for instance in case.instances():
-        if ULTRAFILTRATION in instance.device.section.fields():
-            return f"{instance.key}.{ULTRAFILTRATION}"
+    rates = {
+        one.key: getattr(one.section, ULTRAFILTRATION) or 0.0
+        for one in case.instances()
+        if ULTRAFILTRATION in one.device.section.fields()
+    }
+    key = next(iter(rates), None)
+    others = [f"{one}.{ULTRAFILTRATION}" for one, rate in rates.items() if rate > 0.0 and one != key]
+    if others:
+        raise GoalError(
+            [f"{' and '.join(others)}: removed beside [{key}], whose rate is planned; allowed: 0"]
+        )
+    if key is not None:
+        return f"{key}.{ULTRAFILTRATION}"
     removing = " or ".join(
         f"[{key}]" for key, instance in devices().items() if ULTRAFILTRATION in instance.section.fields()
     )
