@@ -32,8 +32,9 @@ from jax import Array
 from eclsim.blood.acid_base import bicarbonate, carbon_dioxide_solubility
 from eclsim.components.base import Exchanger, Renaming, Values
 from eclsim.components.exchangers import BLOOD, INLET_WEIGHTS, TEMPERATURE, GasExchanger, Points
-from eclsim.parameters.fluid import PLASMA_WATER
 
+PLASMA_WATER = 0.93
+"""Share of plasma that is water; proteins occupy the rest (textbook value)."""
 CARBON_DIOXIDE_ML_PER_MMOL = 22.26
 """Volume of 1 mmol of carbon dioxide at 0 C and 760 mmHg [mL]."""
 UREA_RED_CELL_WATER = 0.80

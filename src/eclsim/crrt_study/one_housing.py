@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.cases.resolve import resolve_parameters
+from eclsim.components.dialysis import PLASMA_WATER
 from eclsim.devices.crrt import CRRT, Crrt
 from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, HAEMATOCRIT
 from eclsim.devices.dialysed_blood import FLUIDS
@@ -22,7 +23,6 @@ from eclsim.outputs.alarms import assumptions
 from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.parameters.fluid import PLASMA_WATER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from eclsim.devices.description import CAUTION, GASES, BeatMeasures, Finding, Numbers
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.parameters.fluid import PLASMA_WATER
 from eclsim.parameters.gas import PARAMETERS as GAS
 
 if TYPE_CHECKING:
@@ -101,17 +100,26 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     gas, own = case.physiology.get("gas"), values.get("haematocrit_in")
     if gas is not None and own:
         check_red_cells(f"{key}.haematocrit_in", own, gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN), remarks)
-    drawn = {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}
+    if drawn := {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}:
+        _check_water(drawn, values, case, key, remarks)
+    _check_rate(case, key, remarks)
+
+
+def _check_water(
+    drawn: Mapping[str, float], values: Raw, case: CaseValues, key: str, remarks: Remarks
+) -> None:
+    """Check that the plasma holds the water that is removed."""
+    from eclsim.components.dialysis import PLASMA_WATER
+
     plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - _haematocrit(values, case))
     water = PLASMA_WATER * plasma
-    if drawn and sum(drawn.values()) >= water:
+    if sum(drawn.values()) >= water:
         message = (
             f"the water removed, {sum(drawn.values()):g} mL/h with {' and '.join(drawn)}, is not below the "
             f"water in the plasma flow of {plasma:.0f} mL/h"
         )
         largest = max(drawn, key=lambda name: drawn[name])
         remarks.error(f"{key}.{largest}", message, shown(drawn[largest]), f"together below {water:.0f} mL/h")
-    _check_rate(case, key, remarks)
 
 
 def _check_rate(case: CaseValues, key: str, remarks: Remarks) -> None:
@@ -159,6 +167,8 @@ def no_plasma_water(
         fraction: output of the filtration fraction.
         cleared: outputs that are not computed then.
     """
+    from eclsim.components.dialysis import PLASMA_WATER
+
     fraction = names.output(fraction)
     lacking = tuple(name for name in map(names.output, cleared) if math.isnan(outputs.get(name, 0.0)))
     share = outputs.get(fraction, 0.0)

@@ -13,8 +13,6 @@ from eclsim.parameters.parameter import Parameter
 SECTION, SOLUTES = "fluid", "solutes"
 HAEMATOCRIT, REFERENCE = f"{SECTION}.haematocrit", f"{SECTION}.reference_haematocrit"
 USUAL_HAEMATOCRIT = 0.30
-PLASMA_WATER = 0.93
-"""Share of plasma that is water; proteins occupy the rest (textbook value)."""
 FCELLS = 0.9
 """Whole-body to large-vessel haematocrit, 0.9 +- 0.05 (Hemodial Int, PMC4937455, abstract)."""
 INTERSTITIUM_TO_BLOOD = (1.0 - FCELLS * 0.45) / 0.230
