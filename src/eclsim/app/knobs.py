@@ -55,7 +55,7 @@ START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
 VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 
 
-def _cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
+def cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
     """Cache a function's result for the lifetime of its case: one turn needs the same result many times."""
     kept: dict[int, tuple[weakref.ref[Case], T]] = {}
 
@@ -70,15 +70,15 @@ def _cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
     return result_of
 
 
-@_cached_by_case
+@cached_by_case
 def _instances(case: Case) -> dict[str, Instance]:
     return {instance.key: instance for instance in case.instances()}
 
 
-_resolved = _cached_by_case(resolve_parameters)
+_resolved = cached_by_case(resolve_parameters)
 
 
-@_cached_by_case
+@cached_by_case
 def controls(case: Case) -> list[Control]:
     """Return the knobs and pickers of a case, in the order of the panel."""
     offered: list[Control] = [
@@ -166,7 +166,7 @@ _PATIENT_CONTROLS = (
 """Key, group, unit, both ends of the slider and its step; sliders of parameters are logarithmic."""
 
 
-@_cached_by_case
+@cached_by_case
 def knobs_of(case: Case) -> dict[str, float | str | None]:
     """Return the values of all knobs of a case, by key."""
     return {control.key: value_of(case, control.key) for control in controls(case)}

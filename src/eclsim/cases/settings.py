@@ -108,9 +108,7 @@ def put_in(
         for other in keys_replaced_by(section, key):
             if other in target and (section, other) not in values:
                 message = f"replaces {other} = {shown(target.pop(other))} of {file}"
-                remarks.notes.append(
-                    Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE)
-                )
+                remarks.notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
         if key in target and target[key] != value:
             message = f"overrides {shown(target[key])} of {file}"
             remarks.notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
