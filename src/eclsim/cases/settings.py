@@ -12,7 +12,7 @@ from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
 from eclsim.devices.registry import device_of, example_setting, parameters
 from eclsim.inputs.files import too_deep
-from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, Remarks, shown
+from eclsim.inputs.mistakes import Mistake, NumberAsWritten, Remarks, shown
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
