@@ -178,7 +178,7 @@ def value_of(case: Case, key: str) -> float | str | None:
         return _given_volume(case)
     section, name = section_and_name(key)
     if section == _PARAMETERS:
-        return case.parameters[name] if name in case.parameters else _resolved(case)[name]
+        return _resolved(case)[name]
     instance = _instances(case).get(section)
     value = (
         getattr(getattr(case, section), name)
@@ -333,23 +333,19 @@ def _volume(value: object) -> float:
         ) from None
 
 
-def _parameter(case: Case, name: str) -> float:
-    return case.parameters.get(name, thiel2025.PARAMETERS[name].value)
-
-
 def _given_volume(case: Case) -> float:
     """Return the blood [mL] in the veins at the start in excess of the published start pressures."""
+    values = _resolved(case)
     return sum(
-        (_parameter(case, "P0" + at) - thiel2025.PARAMETERS["P0" + at].value) * _parameter(case, "C" + at)
-        for at in _FILLED
+        (values["P0" + at] - thiel2025.PARAMETERS["P0" + at].value) * values["C" + at] for at in _FILLED
     )
 
 
 def _start_pressures(case: Case, volume_ml: float) -> dict[str, float]:
     """Return the start pressures that hold a given volume of blood more than the published ones."""
-    pressures, left = {}, volume_ml
+    pressures, left, values = {}, volume_ml, _resolved(case)
     for at in _FILLED:
-        usual, compliance = thiel2025.PARAMETERS["P0" + at].value, _parameter(case, "C" + at)
+        usual, compliance = thiel2025.PARAMETERS["P0" + at].value, values["C" + at]
         pressures["P0" + at] = round(max(usual + left / compliance, 0.0), 6)
         left -= (pressures["P0" + at] - usual) * compliance
     return pressures
