@@ -1,9 +1,12 @@
 """Python's front door: what is of another kind is refused with what is allowed."""
 
+import json
+
 import numpy as np
 import pytest
 
 import eclsim
+from eclsim import blood
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.writing import write_case
 from eclsim.inputs.mistakes import CaseError
@@ -294,6 +297,20 @@ def test_results_say_in_a_line_what_they_are():
 def test_a_setting_without_its_unit_is_in_that_of_its_parameter():
     turned = [eclsim.Setting("Rmc", 0.2, 2.0)]
     assert eclsim.reach(CASE, "MAP > 60", vary=turned).settings[0].unit == "mmHg s/mL"
+
+
+def test_settings_take_numbers_of_other_libraries_and_refuse_mistakes_at_once():
+    """Bounds of NumPy were kept, so results could not be written as JSON; a wrong prior was found later."""
+    bounds = {"Rmc": np.array([0.25, 2.0], dtype=np.float32)}
+    settings = eclsim.FitSettings(("Rmc",), bounds=bounds)
+    bounds.clear()
+    assert json.loads(json.dumps(settings.as_object()))["bounds"] == {"Rmc": [0.25, 2.0]}
+    with pytest.raises(ValueError, match="prior = 'x': allowed: log-uniform, log-normal"):
+        eclsim.TrackSettings(prior="x")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(TypeError, match=r'po2 = "90": a text; allowed: a number'):
+        blood.gases(po2="90", pco2=40.0)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(eclsim.GoalError, match="'' lacks a name; allowed: names with commas between"):
+        eclsim.reach(CASE, "MAP > 65", vary="")
 
 
 def test_scripts_with_unusual_but_legal_arguments():

@@ -19,6 +19,7 @@ from eclsim.identification.density import (
     Prior,
     PriorKind,
     beats_of_members,
+    check_prior,
     gaussian_approximation,
 )
 from eclsim.identification.filtering import (
@@ -95,6 +96,7 @@ class TrackSettings:
     interval_hours: float = HOURS_PER_DAY
 
     def __post_init__(self) -> None:
+        check_prior(self.prior)
         check_fields(self, fit=Kind(FitSettings), drifts=as_drifts, seed=WholeNumber())
         check_fields(self, interval_hours=number_of)
         check_fields(self, interval_hours=FiniteNumber(least=0.0, unit="h"))
