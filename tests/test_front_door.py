@@ -1,9 +1,12 @@
 """Python's front door: what is of another kind is refused with what is allowed."""
 
+import json
+
 import numpy as np
 import pytest
 
 import eclsim
+from eclsim import blood
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.writing import write_case
 from eclsim.inputs.mistakes import CaseError
@@ -59,7 +62,7 @@ def test_changes_are_numbers_by_parameter(changes):
 
 
 def test_a_change_that_is_no_number_is_named():
-    with pytest.raises(ValueError, match=r"Rmc: \[a list of 1\] is not a number"):
+    with pytest.raises(ValueError, match='Rmc: "a" is not a number'):
         eclsim.simulate_many(CASE, {"Rmc": ["a"]}, outputs=["MAP"])
 
 
@@ -294,3 +297,37 @@ def test_results_say_in_a_line_what_they_are():
 def test_a_setting_without_its_unit_is_in_that_of_its_parameter():
     turned = [eclsim.Setting("Rmc", 0.2, 2.0)]
     assert eclsim.reach(CASE, "MAP > 60", vary=turned).settings[0].unit == "mmHg s/mL"
+
+
+def test_settings_take_numbers_of_other_libraries_and_refuse_mistakes_at_once():
+    """Bounds of NumPy were kept, so results could not be written as JSON; a wrong prior was found later."""
+    bounds = {"Rmc": np.array([0.25, 2.0], dtype=np.float32)}
+    settings = eclsim.FitSettings(("Rmc",), bounds=bounds)
+    bounds.clear()
+    assert json.loads(json.dumps(settings.as_object()))["bounds"] == {"Rmc": [0.25, 2.0]}
+    with pytest.raises(ValueError, match="prior = 'x': allowed: log-uniform, log-normal"):
+        eclsim.TrackSettings(prior="x")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(TypeError, match=r'po2 = "90": a text; allowed: a number'):
+        blood.gases(po2="90", pco2=40.0)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(eclsim.GoalError, match="'' lacks a name; allowed: names with commas between"):
+        eclsim.reach(CASE, "MAP > 65", vary="")
+
+
+def test_scripts_with_unusual_but_legal_arguments():
+    """Names given twice ended in a broadcasting error, an empty batch had numbers for texts."""
+    ecmo = {"mode": "VA", "pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "flow_l_min": 3.0}
+    flow = read_mapping(CASE.as_mapping() | {"ecmo": ecmo}).case
+    twice = eclsim.derivatives(flow, ["MAP", "MAP"], ["Rmc", "ecmo.flow_l_min", "Rmc"])
+    once = eclsim.derivatives(flow, ["MAP"], ["Rmc", "ecmo.flow_l_min"])
+    assert twice.values.tolist() == [once.values[0, [0, 1, 0]].tolist()] * 2
+    with pytest.raises(ValueError, match="no outputs or no parameters for derivatives"):
+        eclsim.derivatives(flow, ["MAP"], [])
+    nothing = eclsim.simulate_many(MODEL, {"Rmc": []}, outputs=["MAP"])
+    kinds = {name: nothing[name].dtype.kind for name in ("status", "message", "warnings", "impossible")}
+    assert kinds == {"status": "U", "message": "U", "warnings": "U", "impossible": "i"}
+    lost = eclsim.simulate_many(flow, {"ecmo.flow_l_min": [np.nan]}, outputs=["MAP"])
+    assert str(lost["message"].values[0]) == "ecmo.flow_l_min = nan is not a finite number"
+    with pytest.raises(eclsim.UnknownValueError, match=r"no parameter 'parameters.Rmc'; did you mean Rmc"):
+        eclsim.simulate_many(MODEL, {"parameters.Rmc": [0.8]})
+    with pytest.raises(ValueError, match=r'Rmc: "0\.8" is not a number or a list of numbers'):
+        eclsim.simulate_many(MODEL, {"Rmc": [0.5, "0.8"]})

@@ -163,6 +163,21 @@ def test_other_names_have_no_marks(name):
     assert state.origin == "file"
 
 
+def test_what_is_turned_in_a_section_that_was_switched_on_since_is_named():
+    state = preset_state("healthy")
+    regulated = connect(state.case, "regulation")
+    assert changes(state.with_case(regulated)) == ["Reflexes switched on"]
+    weaker = turn(regulated, "regulation.baroreflex", 0.5)
+    assert changes(state.with_case(weaker)) == ["Reflexes switched on", "Baroreflex gain"]
+    assert "Baroreflex gain" in provenance(state.with_case(weaker))["text"]
+    for order in (("ecmo", "gas"), ("gas", "ecmo")):
+        case = connect(connect(state.case, order[0]), order[1])
+        named = ["ECMO connected", "Blood gases switched on"]
+        assert changes(state.with_case(case)) == named
+        faster = turn(case, "ecmo.speed_rpm", 4000)
+        assert changes(state.with_case(faster)) == [*named, "ECMO Pump speed"]
+
+
 def test_what_was_changed_is_named_and_a_long_list_is_cut():
     state = preset_state("healthy")
     case = connect(state.case, "ecmo")

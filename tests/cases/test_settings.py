@@ -65,6 +65,25 @@ def test_all_bad_settings_are_told_at_once(case):
     assert len(caught.value.mistakes) == 2
 
 
+def test_an_unknown_key_hides_no_other_mistake_of_settings_and_file(case, tmp_path):
+    settings = ["ecmo.sped_rpm=3000", "Rmc=-1", "ecmo.pump=Rotflow"]
+    with pytest.raises(CaseError) as caught:
+        apply_settings(case, settings)
+    assert [mistake.key for mistake in caught.value.mistakes] == [
+        "ecmo.sped_rpm", "ecmo.pump", "parameters.Rmc"
+    ]  # fmt: skip
+    assert {mistake.file for mistake in caught.value.mistakes} == {"--set"}
+    file = tmp_path / "case.toml"
+    file.write_text('format = 1\n[patient]\nid = "P1"\nsex = "male"\nage_years = 500\nheart_rate_bpm = 80\n')
+    with pytest.raises(CaseError) as caught:
+        read_case(file, ["a=1", "Rmc", "Rmc=-1"])
+    places = [(mistake.key, mistake.file, mistake.line) for mistake in caught.value.mistakes]
+    assert places == [
+        ("a", "--set", None), ("", "--set", None), ("parameters.Rmc", "--set", None),
+        ("patient.age_years", str(file), 5),
+    ]  # fmt: skip
+
+
 def test_a_key_of_a_device_that_is_connected_twice_says_of_which(case):
     """It ended in a line for each key that a third one would need."""
     pump = {"pump": "HeartMate 3", "speed_rpm": 5400}
@@ -77,6 +96,15 @@ def test_a_key_of_a_device_that_is_connected_twice_says_of_which(case):
         "--set: lvad.speed_rpm = 5000: the case has [lvad.left] and [lvad.right]; "
         "did you mean lvad.left.speed_rpm or lvad.right.speed_rpm?"
     )
+    with pytest.raises(CaseError) as error:
+        apply_settings(both, ["lvad.speed_rpm=5000", "lvad.left.speed_rpm=-1"])
+    assert [mistake.key for mistake in error.value.mistakes] == ["lvad.speed_rpm", "lvad.left.speed_rpm"]
+    events = [{"at_min": -1, "set": {"lvad.speed_rpm": 5000}}]
+    with pytest.raises(CaseError) as error:
+        read_mapping(both.as_mapping() | {"events": events})
+    assert [mistake.key for mistake in error.value.mistakes] == [
+        "events[1].at_min", "events[1].set.lvad.speed_rpm"
+    ]  # fmt: skip
     assert apply_settings(both, ["lvad.left.speed_rpm=5000"]).setting("lvad.left", "speed_rpm") == 5000
 
 

@@ -55,6 +55,16 @@ def test_help_and_bad_input_load_nothing_heavy(tmp_path):
         assert done.stderr.splitlines()[-1] == f"{code} []"
 
 
+def test_simulating_does_not_load_dask(shell):
+    """xarray imports all of Dask at the first difference of two numbers that carry labels: 0.7 s of 2.8."""
+    script = "import sys\nfrom eclsim.cli import main\ntry:\n    main()\n"
+    script += "finally:\n    print('dask' in sys.modules)"
+    command = [sys.executable, "-c", script, "simulate", shell.case()]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "MAP" in done.stdout
+    assert done.stdout.splitlines()[-1] == "False"
+
+
 def test_mistakes_are_one_line_each_without_a_traceback(tmp_path):
     bad = tmp_path / "bad.toml"
     bad.write_text('format = 1\n[patient]\nid = "P1"\nsex = "female"\nage_years = -3\nheart_rate_bpm = 1.2\n')

@@ -134,6 +134,11 @@ def test_the_same_file_is_no_second_measurement(shell):
     result = shell.run("track", case, case, "--out", shell.folder / "out")
     assert result.exit_code == 2
     assert "given 2 times; give each measurement once" in result.stderr
+    (shell.folder / "tuesday").mkdir()
+    (shell.folder / "tuesday" / "case.toml").write_text(Path(case).read_text())
+    result = shell.run("track", case, shell.folder / "tuesday" / "case.toml", "--out", shell.folder / "out")
+    assert result.exit_code == 2
+    assert "case.toml: measurements have the names of their files; give each file" in result.stderr
 
 
 def test_results_are_not_overwritten(shell, table):

@@ -216,3 +216,17 @@ def test_a_leaking_valve_passes_an_orifice_of_its_area_backwards(area, load):
     assert float(law.flow(12.0, load, own)) == pytest.approx(
         float(whole.flow(12.0, load, whole.constants(values))), rel=1e-12
     )
+
+
+def test_a_leak_of_nothing_is_a_tight_valve_with_the_slope_of_its_first_leak():
+    """A regurgitation of 0 was refused in variants of a case, while a case file with it has no leak."""
+    law = LeakingValve("CQ", Orifice("area"))
+
+    def backwards(area: float):
+        return law.flow(-81.0, 0.05, law.constants({"CQ": 350.0, "area": area, "rhoB": 0.00106}))
+
+    assert abs(float(backwards(0.0))) < 1e-15
+    assert float(jax.grad(backwards)(0.0)) == pytest.approx(-9.0 * 50.155, rel=1e-5)
+    assert law.is_leaking({})
+    assert law.is_leaking({"area": 0.1, "rhoB": 0.00106})
+    assert not law.is_leaking({"area": 0.0, "rhoB": 0.00106})

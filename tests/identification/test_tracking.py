@@ -1,6 +1,7 @@
 """Following a patient whose parameters drift in a known way."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification import tracking as track_module
 from eclsim.identification.filtering import GaussianMixture, InnovationTest
 from eclsim.identification.quantities import measurement_errors
-from eclsim.identification.series import elapsed_hours
+from eclsim.identification.series import elapsed_hours, notes_on_bounds
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import Tracker, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
@@ -220,6 +221,36 @@ def test_the_longer_ago_the_wider_the_forecast(series, after):
 
 
 @pytest.mark.slow
+def test_intervals_end_at_the_bounds_of_quantities(series, after):
+    """They were quantiles of a normal distribution: a PCWP of -6 mmHg, a saturation of 104 %."""
+    names, ends = ("PCWP", "CVP", "PF", "SaO2", "MAP"), {}
+    outputs = GaussianMixture(np.ones(1), np.array([[4.0, 4.0, 1.0, 97.0, 80.0]]), 36.0 * np.eye(5)[None])
+    ends = {n: (i.lower, i.upper) for n, i in track_module._intervals(names, outputs).items()}
+    assert ends["PCWP"] == (0.0, pytest.approx(13.87, abs=0.01))
+    assert ends["CVP"][0] == pytest.approx(-5.87, abs=0.01)
+    assert ends["PF"][0] == pytest.approx(-8.87, abs=0.01), "blood can run backwards"
+    assert ends["SaO2"] == (pytest.approx(87.13, abs=0.01), 100.0)
+    assert ends["MAP"] == pytest.approx((70.13, 89.87), abs=0.01)
+    point = after(2).update("3", series[2][0])
+    assert not notes_on_bounds([point])
+    cut = replace(point, expected=track_module._intervals(names, outputs))
+    assert notes_on_bounds([point, cut]) == [
+        "intervals are cut where no further values exist: PCWP at 0 mmHg, SaO2 at 100 %"
+    ]
+
+
+def test_equal_names_and_a_negative_interval_are_refused_at_once(series):
+    case = series[0][0]
+    with pytest.raises(
+        CaseError, match=r'points = "a": the name of 2 measurements; allowed: a name of its own'
+    ):
+        track([("a", case), ("b", case), ("a", case)], settings=SETTINGS)
+    with pytest.raises(ValueError, match="interval_hours = -1; allowed: from 0 h"):
+        TrackSettings(interval_hours=-1)
+    with pytest.raises(ValueError, match="interval_hours = nan; allowed: from 0 h"):
+        TrackSettings(interval_hours=np.nan)
+
+
 def test_names_that_are_times_say_how_much_has_passed(series):
     cases = [case for case, _ in series[:3]]
     quick = ("2024-03-01T08:00", "2024-03-01T09:00", "2024-03-01T09:30")

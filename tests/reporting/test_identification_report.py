@@ -6,7 +6,7 @@ import re
 import pytest
 
 from eclsim.identification.files import fits_object
-from eclsim.identification.report import cohort_page, fit_page, write_fit_page
+from eclsim.identification.report import cohort_page, fit_page, fits_text, write_fit_page
 from eclsim.identification.settings import FitSettings
 from eclsim.paper.crrt import paper_case
 from system_browser import system_browser
@@ -39,6 +39,16 @@ def test_the_verdict_comes_first_then_measured_against_fitted(fitted_point):
     assert "not measured" in shown
     assert 'class="box warn"' in html
     assert "<script" not in html
+
+
+def test_the_table_of_a_cohort_explains_stars_only_where_it_has_some(fitted_point):
+    points = [copy.deepcopy(fitted_point) | {"id": name} for name in ("P01", "P02")]
+    for point in points:
+        for cell in point["parameters"].values():
+            cell["at_bound"] = False
+    assert "*" not in fits_text(content(*points))
+    points[1]["parameters"]["Rmc"]["at_bound"] = True
+    assert "* at a bound" in fits_text(content(*points))
 
 
 def test_fits_by_the_policy_of_each_case_say_so(fitted_point):

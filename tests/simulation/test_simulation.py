@@ -3,11 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from eclsim.cases import Case
+from eclsim.cases import Case, apply_settings
 from eclsim.cases.reading import read_case
 from eclsim.reporting.beat_values import beat_mean
 from eclsim.simulation.files import case_object
-from eclsim.simulation.single import simulate, simulate_transient
+from eclsim.simulation.single import simulate, simulate_many, simulate_transient
 from eclsim.validation.reference_cases import waveform_statistics
 
 CASE = """format = 1
@@ -118,3 +118,16 @@ def test_all_waveforms_are_kept_if_none_is_named(case):
     waves = {name for name, variable in beat.data_vars.items() if variable.ndim == 1}
     assert set(course.data_vars) == waves
     assert all(np.isfinite(course[name]).all() for name in waves)
+
+
+def test_a_variant_without_regurgitation_is_the_case_without_it(case):
+    """It was a failed member: "a value is not allowed ..., allowed: above zero"."""
+    key = "physiology.aortic_regurgitation_cm2"
+    leaking, tight = (apply_settings(case, [f"{key}={area}"]) for area in (0.2, 0.0))
+    variants = simulate_many(leaking, {key: [0.0, 0.2, -0.1]}, outputs=["MAP", "CO"])
+    assert variants["status"].values.tolist() == ["converged", "converged", "invalid_input"]
+    assert "allowed: zero or above" in str(variants["message"].values[2])
+    for member, single in enumerate((tight, leaking)):
+        beat = simulate(single)
+        for name in ("MAP", "CO"):
+            assert float(variants[name][member]) == pytest.approx(float(beat[name]), rel=1e-7)

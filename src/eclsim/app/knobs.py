@@ -55,7 +55,7 @@ START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
 VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 
 
-def _cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
+def cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
     """Cache a function's result for the lifetime of its case: one turn needs the same result many times."""
     kept: dict[int, tuple[weakref.ref[Case], T]] = {}
 
@@ -70,15 +70,15 @@ def _cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:
     return result_of
 
 
-@_cached_by_case
+@cached_by_case
 def _instances(case: Case) -> dict[str, Instance]:
     return {instance.key: instance for instance in case.instances()}
 
 
-_resolved = _cached_by_case(resolve_parameters)
+_resolved = cached_by_case(resolve_parameters)
 
 
-@_cached_by_case
+@cached_by_case
 def controls(case: Case) -> list[Control]:
     """Return the knobs and pickers of a case, in the order of the panel."""
     offered: list[Control] = [
@@ -166,7 +166,7 @@ _PATIENT_CONTROLS = (
 """Key, group, unit, both ends of the slider and its step; sliders of parameters are logarithmic."""
 
 
-@_cached_by_case
+@cached_by_case
 def knobs_of(case: Case) -> dict[str, float | str | None]:
     """Return the values of all knobs of a case, by key."""
     return {control.key: value_of(case, control.key) for control in controls(case)}
@@ -178,7 +178,7 @@ def value_of(case: Case, key: str) -> float | str | None:
         return _given_volume(case)
     section, name = section_and_name(key)
     if section == _PARAMETERS:
-        return case.parameters[name] if name in case.parameters else _resolved(case)[name]
+        return _resolved(case)[name]
     instance = _instances(case).get(section)
     value = (
         getattr(getattr(case, section), name)
@@ -333,23 +333,19 @@ def _volume(value: object) -> float:
         ) from None
 
 
-def _parameter(case: Case, name: str) -> float:
-    return case.parameters.get(name, thiel2025.PARAMETERS[name].value)
-
-
 def _given_volume(case: Case) -> float:
     """Return the blood [mL] in the veins at the start in excess of the published start pressures."""
+    values = _resolved(case)
     return sum(
-        (_parameter(case, "P0" + at) - thiel2025.PARAMETERS["P0" + at].value) * _parameter(case, "C" + at)
-        for at in _FILLED
+        (values["P0" + at] - thiel2025.PARAMETERS["P0" + at].value) * values["C" + at] for at in _FILLED
     )
 
 
 def _start_pressures(case: Case, volume_ml: float) -> dict[str, float]:
     """Return the start pressures that hold a given volume of blood more than the published ones."""
-    pressures, left = {}, volume_ml
+    pressures, left, values = {}, volume_ml, _resolved(case)
     for at in _FILLED:
-        usual, compliance = thiel2025.PARAMETERS["P0" + at].value, _parameter(case, "C" + at)
+        usual, compliance = thiel2025.PARAMETERS["P0" + at].value, values["C" + at]
         pressures["P0" + at] = round(max(usual + left / compliance, 0.0), 6)
         left -= (pressures["P0" + at] - usual) * compliance
     return pressures

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import group_name
-from eclsim.app.knobs import ASSUMED_SHUNTS, START_PRESSURES, VOLUME, connected, controls, knobs_of, value_of
+from eclsim.app.knobs import (
+    ASSUMED_SHUNTS,
+    START_PRESSURES,
+    VOLUME,
+    cached_by_case,
+    connect,
+    connected,
+    controls,
+    knobs_of,
+    switchable,
+    value_of,
+)
 from eclsim.app.marks import was_changed
 from eclsim.app.state import POLICIES
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.registry import devices
-from eclsim.inputs.mistakes import shown
+from eclsim.inputs.mistakes import CaseError, shown
 from eclsim.parameters.thiel2025 import BOUNDS
 
 if TYPE_CHECKING:
@@ -141,17 +153,20 @@ def held_parameters(case: Case) -> list[str]:
 def changes(state: PageState) -> list[str]:
     """Return what was changed since the patient was opened: names of knobs and devices."""
     start, result, sections = state.start, [], {section.section for section in PATIENT_SECTIONS}
-    before, now = (_parts(case) for case in (start.case, state.case))
+    parts_before, parts_now = (_parts(case) for case in (start.case, state.case))
     for there, others, device, section in (
-        (before, now, "provenance_removed", "provenance_switched_off"),
-        (now, before, "provenance_connected", "provenance_switched_on"),
+        (parts_before, parts_now, "provenance_removed", "provenance_switched_off"),
+        (parts_now, parts_before, "provenance_connected", "provenance_switched_on"),
     ):
         gone = {key: label for key, label in there.items() if key not in others}
         result += [text(section if key in sections else device, device=name) for key, name in gone.items()]
     opened, shown_now = knobs_of(start.case), knobs_of(state.case)
+    usual = _usual_knobs(start.case, state.case)
     devices_now = {instance.key: instance.label for instance in state.case.instances()}
     for control in controls(state.case):
-        if control.key in opened and opened[control.key] != shown_now[control.key]:
+        before = [opened] if control.key in opened else usual
+        values = [knobs[control.key] for knobs in before if control.key in knobs]
+        if values and shown_now[control.key] not in values:
             result.append(f"{devices_now.get(control.group, '')} {control.label}".strip())
     if start.case.events != state.case.events:
         result.append(text("course_events"))
@@ -160,6 +175,32 @@ def changes(state: PageState) -> list[str]:
     if len(result) > MOST_NAMED:
         return [*result[:MOST_NAMED], text("provenance_more", count=len(result) - MOST_NAMED)]
     return result
+
+
+def _usual_knobs(start: Case, now: Case) -> list[dict[str, float | str | None]]:
+    """Return the knobs of the start with each device and section added since in its usual form, and with all.
+
+    The usual values of one may depend on the others, and the order in which they were added is not kept.
+    """
+    added = tuple(key for key in connected(now) if key not in connected(start) and key in switchable())
+    known = _known_usual_knobs(start)
+    if added not in known:
+        cases = [*(_with_usual(start, key) for key in added), reduce(_with_usual, added, start)]
+        known[added] = [knobs_of(case) for case in cases]
+    return known[added]
+
+
+@cached_by_case
+def _known_usual_knobs(start: Case) -> dict[tuple[str, ...], list[dict[str, float | str | None]]]:
+    """Return the results of `_usual_knobs` for a start, by what was added: every turn needs one of them."""
+    return {}
+
+
+def _with_usual(case: Case, key: str) -> Case:
+    try:
+        return connect(case, key)
+    except CaseError:  # it cannot be added without another one
+        return case
 
 
 def _parts(case: Case) -> dict[str, str]:

@@ -86,7 +86,7 @@ def known_signal(circuit: Circuit, name: str, allowed: tuple[str, ...]) -> Signa
     if plain in allowed and (exists is None or exists(circuit, plain)):
         return Signal.parse(name)
     known = f"{', '.join(allowed)}{spelling_hint(name, allowed)}"
-    raise UnknownSignalError(f"'{name}' is no signal of this circuit; allowed: {known}")
+    raise UnknownSignalError(f"this circuit has no signal '{name}'; allowed: {known}")
 
 
 def step_weights(widths: np.ndarray, moved: Sequence[bool]) -> np.ndarray:

@@ -9,6 +9,8 @@ import jax
 import numpy as np
 from jax.core import Tracer
 
+from eclsim.arguments import written
+
 Array: TypeAlias = float | np.ndarray | jax.Array
 
 NEUTRAL_PH_SLOPE = 0.0147
@@ -82,13 +84,19 @@ def refuse_arguments(given: Mapping[str, object], law: str) -> None:
 
     These are values that are impossible in the expected unit, and arguments that would have no effect.
 
+    A text raises `TypeError`.
+
     Args:
         given: arguments by name; traced JAX values and NaN are not checked.
         law: name of the set of equations.
     """
     wrong = [f"{name}: {why}" for name, why in UNUSED_ARGUMENTS.get(law, {}).items() if name in given]
     for name, value in given.items():
-        if name not in ALLOWED or isinstance(value, Tracer):
+        if isinstance(value, Tracer):
+            continue
+        if np.asarray(value).dtype.kind in "US":
+            raise TypeError(f"{name} = {written(value)}: a text; allowed: a number, or an array of numbers")
+        if name not in ALLOWED:
             continue
         low, high, unit, hint = ALLOWED[name]
         values = np.atleast_1d(np.asarray(value, dtype=float))

@@ -208,9 +208,10 @@ class _EventChecker:
     def _allowed(self, key: str, path: Path, value: object) -> bool:
         """Whether the case with the value is valid; if so, later events are checked against this case."""
         own = (".".join(path), path[1])
-        merged, _ = put_in(self.case, {path: value})
+        merged, remarks = put_in(self.case, {path: value})
         checked = self.check(merged)
         new = [mistake for mistake in checked.mistakes if _key_and_message(mistake) not in self.known]
+        new += remarks.mistakes
         for refused in new:
             same_key = refused.key in own
             message = refused.message if same_key else f"{refused.key}: {refused.message}"

@@ -6,7 +6,7 @@ import os
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from eclsim.cases.case import Case
 from eclsim.cases.checking import check_case
 from eclsim.cases.fit_mark import read_mark
 from eclsim.cases.sections import POLICY_KEY
-from eclsim.cases.settings import SETTING_SOURCE, merge_settings, parse_settings, texts_of
+from eclsim.cases.settings import SETTING_SOURCE, keys_set, merge_settings, texts_of
 from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.numbers import number_meant
@@ -74,11 +74,11 @@ def read_case(
     settings = texts_of(settings)
     text = _text_of(file)
     raw = _parse(text, file)
-    merged, notes = merge_settings(raw, settings, file)
+    merged, remarks = merge_settings(raw, settings, file)
+    notes = remarks.notes
     if volume_policy is not None:
         notes += _with_policy(merged, volume_policy, file)
-    set_keys = {f"{section}.{key}" for section, key in parse_settings(settings)}
-    reading = _checked(merged, file, lines_of_keys(text), set_keys)
+    reading = _checked(merged, file, lines_of_keys(text), keys_set(settings), remarks.mistakes)
     case = reading.case.model_copy(update={"fit_mark": read_mark(text)})
     if settings and case.regulation and case.regulation.open_set_points:
         case = case.model_copy(update={"as_written": _as_written(raw)})
@@ -102,28 +102,31 @@ def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake
     return [Mistake(POLICY_KEY, message, shown(policy), file=POLICY_PLACE)]
 
 
-def read_mapping(raw: object, file: str = "") -> CaseReading:
+def read_mapping(raw: object, file: str = "", refused: Sequence[Mistake] = ()) -> CaseReading:
     """Check a case given as nested mappings, such as the values of a form.
 
     Args:
         raw: Sections and values as in a case file.
         file: Name of the source, for messages.
+        refused: Errors in settings that are not in `raw`; they are listed with those of the case.
 
     Raises:
         CaseError: The case has errors; all are listed.
     """
-    return _checked(raw, file, {}, set())
+    return _checked(raw, file, {}, set(), refused)
 
 
-def _checked(raw: object, file: str, lines: Mapping[str, int], set_keys: set[str]) -> CaseReading:
+def _checked(
+    raw: object, file: str, lines: Mapping[str, int], set_keys: set[str], refused: Sequence[Mistake]
+) -> CaseReading:
     checked = check_case(raw)
 
     def placed(result: list[Mistake]) -> tuple[Mistake, ...]:
         put = [_placed(mistake, file, lines, set_keys) for mistake in result]
         return tuple(sorted(put, key=lambda mistake: mistake.line or 0))
 
-    if checked.mistakes:
-        raise CaseError(placed(checked.mistakes))
+    if refused or checked.mistakes:
+        raise CaseError((*refused, *placed(checked.mistakes)))
     case = Case.model_validate(checked.values, context=CHECKED)
     return CaseReading(case, placed(checked.warnings), placed(checked.notes), file)
 

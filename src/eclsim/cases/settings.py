@@ -12,7 +12,7 @@ from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
 from eclsim.devices.registry import device_of, example_setting, parameters
 from eclsim.inputs.files import too_deep
-from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.inputs.mistakes import Mistake, NumberAsWritten, Remarks, shown
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
@@ -43,76 +43,94 @@ def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:
     Raises:
         CaseError: There are invalid settings; each is named with the nearest correct spelling.
     """
-    return _parsed(settings)[0]
+    parsed, remarks = _parsed(settings)
+    remarks.raise_mistakes()
+    return parsed
 
 
-def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[Mistake]]:
-    """Return the result of `parse_settings`, and a note for each setting overridden by a later one."""
+def keys_set(settings: Iterable[str]) -> set[str]:
+    """Return the keys of the valid settings, such as "ecmo.speed_rpm" and "parameters.Rmc"."""
+    return {f"{section}.{key}" for section, key in _parsed(settings)[0]}
+
+
+def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], Remarks]:
+    """Return the valid settings, the errors in the others, and a note for each that a later one overrides."""
     result: dict[tuple[str, str], Any] = {}
-    mistakes, notes = [], []
+    remarks = Remarks()
     for setting in settings:
         name, equals, text = setting.partition("=")
         path = section_and_key(name.strip())
         if not equals or not name.strip():
             allowed = f"KEY=VALUE, such as {example_setting()}=3000 or Rmc=0.8"
-            mistakes.append(Mistake("", "not a setting", shown(setting), allowed, file=SETTING_SOURCE))
+            remarks.mistakes.append(
+                Mistake("", "not a setting", shown(setting), allowed, file=SETTING_SOURCE)
+            )
         elif path is None:
-            mistakes.append(unknown_key(name.strip(), text))
+            remarks.mistakes.append(unknown_key(name.strip(), text))
         else:
             value = _value_of(text.strip())
             if path in result and result[path] != value:
                 message = f"given more than once: overrides the earlier {shown(result[path])}"
-                notes.append(Mistake(".".join(path), message, shown(value), file=SETTING_SOURCE))
+                remarks.notes.append(Mistake(".".join(path), message, shown(value), file=SETTING_SOURCE))
             result[path] = value
-    if mistakes:
-        raise CaseError(mistakes)
-    return result, notes
+    return result, remarks
 
 
 def merge_settings(
     raw: dict[str, Any], settings: Iterable[str], file: str = "the case"
-) -> tuple[dict[str, Any], list[Mistake]]:
-    """Return a case as mappings with settings inserted, and a note for each value that they override."""
-    parsed, notes = _parsed(settings)
+) -> tuple[dict[str, Any], Remarks]:
+    """Return a case as mappings with the valid settings inserted.
+
+    The remarks are the errors in the other settings, and a note for each value that is overridden.
+    """
+    parsed, remarks = _parsed(settings)
     merged, more = put_in(raw, parsed, file)
-    return merged, notes + more
+    return merged, Remarks(remarks.mistakes + more.mistakes, notes=remarks.notes + more.notes)
 
 
 def put_in(
     raw: Mapping[str, Any], values: Mapping[tuple[str, str], Any], file: str = "the case"
-) -> tuple[dict[str, Any], list[Mistake]]:
-    """Return a case as mappings with values inserted by section and key, and notes on overridden values."""
-    merged, notes = deepcopy(dict(raw)), list[Mistake]()
-    _refuse_without_instance(merged, values)
+) -> tuple[dict[str, Any], Remarks]:
+    """Return a case as mappings with values inserted by section and key.
+
+    The remarks are errors for keys that name no instance of several devices, which are left out, and a note
+    for each value that is overridden.
+    """
+    merged = deepcopy(dict(raw))
+    ambiguous = _without_instance(merged, values)
+    remarks = Remarks(list(ambiguous.values()))
     for (section, key), value in values.items():
+        if (section, key) in ambiguous:
+            continue
         target = merged.setdefault(section, {}) if section == "parameters" else within(merged, section)
         if not isinstance(target, dict):
             continue
         for other in keys_replaced_by(section, key):
             if other in target and (section, other) not in values:
                 message = f"replaces {other} = {shown(target.pop(other))} of {file}"
-                notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
+                remarks.notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
         if key in target and target[key] != value:
             message = f"overrides {shown(target[key])} of {file}"
-            notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
+            remarks.notes.append(Mistake(f"{section}.{key}", message, shown(value), file=SETTING_SOURCE))
         target[key] = value
-    return merged, notes
+    return merged, remarks
 
 
-def _refuse_without_instance(raw: Mapping[str, Any], values: Mapping[tuple[str, str], Any]) -> None:
-    """Refuse a device key without instance name if the case has named instances of that device."""
-    mistakes = []
+def _without_instance(
+    raw: Mapping[str, Any], values: Mapping[tuple[str, str], Any]
+) -> dict[tuple[str, str], Mistake]:
+    """Return the errors for device keys without instance name, where the case has named instances."""
+    mistakes: dict[tuple[str, str], Mistake] = {}
     for (section, key), value in values.items():
         there = raw.get(section) if device_of(section) else None
         named = list(there) if isinstance(there, dict) and all(map(_is_table, there.values())) else []
         if named:
             message = f"the case has {' and '.join(f'[{section}.{name}]' for name in named)}"
             meant = " or ".join(f"{section}.{name}.{key}" for name in named)
-            mistakes.append(
-                Mistake(f"{section}.{key}", message, shown(value), suggestion=meant, file=SETTING_SOURCE)
+            mistakes[section, key] = Mistake(
+                f"{section}.{key}", message, shown(value), suggestion=meant, file=SETTING_SOURCE
             )
-    if mistakes:
-        raise CaseError(mistakes)
+    return mistakes
 
 
 def _is_table(value: object) -> bool:
@@ -127,8 +145,8 @@ def apply_settings(case: Case, settings: Iterable[str]) -> Case:
     """
     from eclsim.cases.reading import read_mapping
 
-    merged, _ = merge_settings(case.as_mapping(), settings)
-    return read_mapping(merged, file=SETTING_SOURCE).case
+    merged, remarks = merge_settings(case.as_mapping(), settings)
+    return read_mapping(merged, file=SETTING_SOURCE, refused=remarks.mistakes).case
 
 
 def keys_replaced_by(section: str, key: str) -> list[str]:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 Series = Mapping[str, Sequence[tuple[str, "Case"]]]
 """Names and cases of each patient's points, in order of time."""
+_SAME_NAME = "measurements have the names of their files; give each file a name of its own"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,9 +141,15 @@ def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
 
 
 def _refuse_duplicates(files: Sequence[str]) -> None:
-    """Refuse files given twice: a measurement counted twice would make the filter overconfident."""
-    repeated = [file for file in dict.fromkeys(files) if files.count(file) > 1]
-    refuse([f"{file}: given {files.count(file)} times; give each measurement once" for file in repeated])
+    """Refuse files of the same name: it is the measurement's, and one counted twice has too much weight."""
+    by_name: dict[str, list[str]] = {}
+    for file in files:
+        by_name.setdefault(Path(file).stem, []).append(file)
+    repeated = {", ".join(dict.fromkeys(same)): len(same) for same in by_name.values() if len(same) > 1}
+    refuse([
+        f"{names}: {f'given {count} times; give each measurement once' if names in files else _SAME_NAME}"
+        for names, count in repeated.items()
+    ])  # fmt: skip
 
 
 def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:

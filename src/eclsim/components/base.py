@@ -241,6 +241,10 @@ class Path(Component, ABC, Generic[Constants]):
     given_flow: ClassVar[bool] = False
     """Whether the flow is prescribed, independent of the pressures."""
 
+    def is_leaking(self, values: Mapping[str, float]) -> bool:
+        """Whether it leaks with these parameter values, which may be incomplete."""
+        return self.leaks
+
     @property
     def inertial(self) -> bool:
         """Whether the flow has inertia and is a state of its own."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -80,6 +81,10 @@ class HeartValve(Path[Number]):
         return replace(self, smoothing=smoothing)
 
 
+NO_LEAK = 1e-20
+"""Keeps the constant of a tight valve finite [mL/(s mmHg^1/2)]; too small to change that of any leak."""
+
+
 class LeakingConstants(NamedTuple):
     """4 / CQ^2 of the open and 4 / CR^2 of the closed valve [mmHg s^2/mL^2]."""
 
@@ -103,13 +108,20 @@ class LeakingValve(Path[LeakingConstants]):
 
     coefficient: Key
     leak: Key
-    above_zero: ClassVar = ("coefficient", "leak")
+    above_zero: ClassVar = ("coefficient",)
+    not_negative: ClassVar = ("leak",)
     one_way: ClassVar = True
     leaks: ClassVar = True
 
+    def is_leaking(self, values: Mapping[str, float]) -> bool:
+        """Whether the leak is above 0."""
+        known = set(self.names_of(("leak",))) <= values.keys()
+        return not known or float(value_of(values, self.leak)) > 0.0
+
     def constants(self, values: Values) -> LeakingConstants:
         """Constants of both orifices."""
-        return LeakingConstants(*(4.0 / value_of(values, key) ** 2 for key in (self.coefficient, self.leak)))
+        leak = value_of(values, self.leak) + NO_LEAK
+        return LeakingConstants(4.0 / value_of(values, self.coefficient) ** 2, 4.0 / leak**2)
 
     def pressure_drop(self, flow: Number, constants: LeakingConstants) -> Number:
         """Q |Q| / CQ^2 [mmHg] with the coefficient of the flow's direction."""

@@ -273,7 +273,8 @@ def case_with_settings(case: Case, settings: Mapping[str, object], start: Case) 
 def _with_values(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
     from eclsim.cases.reading import read_mapping
 
-    changed = read_mapping(put_in(case.as_mapping(), values)[0]).case
+    merged, remarks = put_in(case.as_mapping(), values)
+    changed = read_mapping(merged, refused=remarks.mistakes).case
     return changed.model_copy(update={"as_written": case.as_written, "fit_mark": case.fit_mark})
 
 

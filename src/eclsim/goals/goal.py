@@ -317,6 +317,9 @@ def read_settings(
     settings, wrong = [], []
     for part in text.split(","):
         name, _, bounds = (piece.strip() for piece in part.partition("="))
+        if not name:
+            wrong.append(f"'{text}' lacks a name; allowed: names with commas between, with or without bounds")
+            continue
         if name not in known:
             wrong.append(
                 f"{name}: this case has no such parameter{_hint_for_missing_setting(case, name, known)}"

@@ -417,9 +417,8 @@ def _search(patient: _PatientModel, goals: Sequence[Goal], now: _Point) -> _Sear
             break
         trial, trial_merit = _moved(patient, goals, now, move)
         if trial is not None:
-            trial, trial_merit = _corrected(
-                patient, goals, now, trial, target=merit - 0.75 * (merit - expected), region=region
-            )
+            target = merit - 0.75 * (merit - expected)
+            trial, trial_merit = _corrected(patient, goals, now, trial, trial_merit, target, region)
         ratio = (merit - trial_merit) / (merit - expected)
         if trial is not None and ratio > 0.05:
             now, merit = trial, trial_merit
@@ -439,15 +438,15 @@ def _moved(
 
 
 def _corrected(
-    patient: _PatientModel, goals: Sequence[Goal], now: _Point, trial: _Point, *, target: float, region: float
-) -> tuple[_Point, float]:
+    patient: _PatientModel, goals: Sequence[Goal], now: _Point, trial: _Point, merit: float, target: float,
+    region: float,
+) -> tuple[_Point, float]:  # fmt: skip
     """A trial brought back to bounds that curve away from it, and its merit.
 
     Each program has what the last one missed of the bounds. One program leaves a miss that outweighs a small
     gain, and the search creeps along a curved bound in steps that never grow, so they go on until the merit
     is at the target, or falls by less than a tenth of what is still lacking.
     """
-    merit = _merit(goals, trial.place, trial.values)
     while merit >= target:
         residuals = trial.values - now.slopes @ (trial.place - now.place)
         move, _ = _linear_program(goals, now._replace(values=residuals), region)

@@ -116,6 +116,20 @@ def unit_of(output: str) -> str:
     return Measurements.fields()[output].unit
 
 
+BOUNDS = (0.0, 100.0)
+"""Least value of outputs that cannot be negative, and largest value of saturations [%]."""
+
+
+def possible_range(output: str) -> tuple[float, float]:
+    """Range within which every value of an output that can be fitted lies; infinite where it has no bound.
+
+    Circuit pressures and CVP may be negative, and so may PF where blood runs backwards.
+    """
+    field = Measurements.fields()[output]
+    may_be_negative = field.minimum < 0.0 or output == "PF"
+    return -math.inf if may_be_negative else BOUNDS[0], BOUNDS[1] if field.unit == "%" else math.inf
+
+
 def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
     """Pairs of measured and simulated values, as in JSON files, where both exist, shape (values, 2)."""
     cells = [result["outputs"].get(name) or {} for result in results for name in names]

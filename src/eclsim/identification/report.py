@@ -148,7 +148,9 @@ def _several_fits(points: Sequence[Data]) -> str:
             lines.append(f"{p['id']}: {level}: {p['verdict']['reasons'][0]['sentence']}")
     head = ("id", "verdict", "cost", *names, "agree", "status")
     table = text_table(head, rows, numeric=range(2, len(head) - 1))
-    return "\n".join((table, "* at a bound", "", f"{_counted(points)} of {len(points)} fits", *lines))
+    starred = any(p["parameters"][n]["at_bound"] for p in points for n in names)
+    legend = ["* at a bound"] if starred else []
+    return "\n".join((table, *legend, "", f"{_counted(points)} of {len(points)} fits", *lines))
 
 
 def _counted(points: Sequence[Data]) -> str:

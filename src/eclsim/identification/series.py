@@ -8,6 +8,7 @@ learnt about a parameter at a time whose circuit does not use it, such as a shun
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 from eclsim.arguments import WholeNumber
 from eclsim.cases.cohort_rows import when
 from eclsim.cases.quantities import with_values
+from eclsim.identification.quantities import BOUNDS, OUTPUTS, possible_range, unit_of
 from eclsim.identification.settings import (
     CLOTTED,
     MEASURED_AT_REST,
@@ -136,7 +138,8 @@ def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str,
     """Check and return the points as names with their cases.
 
     Raises:
-        CaseError: There are no points, or the argument is something else, such as the path of a table.
+        CaseError: There are no points, two have the same name, or the argument is something else, such as the
+            path of a table.
     """
     allowed = 'a list of names with cases, such as [("2024-03-01T08:00", case), ...]; tables: eclsim track'
     listed = isinstance(points, Sequence) and not isinstance(points, str)
@@ -146,6 +149,11 @@ def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str,
             raise CaseError([Mistake("points", f"{what} is not a pair of name and case", allowed=allowed)])
     if not points:
         raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
+    if repeated := {name: count for name, count in Counter(name for name, _ in points).items() if count > 1}:
+        raise CaseError([
+            Mistake("points", f"the name of {count} measurements", shown(name), "a name of its own for each")
+            for name, count in repeated.items()
+        ])  # fmt: skip
     return points
 
 
@@ -204,6 +212,21 @@ def copied_measurements(before: TrackedPoint, now: TrackedPoint) -> str:
         f"all {len(new)} measurements are the same as in {before.name}: if copied forward, they count twice "
         "and the intervals are too narrow; leave the row out"
     )
+
+
+def notes_on_bounds(points: Iterable[TrackedPoint]) -> list[str]:
+    """Return a note that names the outputs whose intervals end at a bound; empty if there are none."""
+    ends = {
+        (name, end)
+        for point in points
+        for intervals in (point.forecast, point.expected, point.outputs)
+        for name, interval in intervals.items()
+        for end in {interval.lower, interval.upper} & {*possible_range(name)}
+    }
+    listed = [
+        f"{name} at {end:g} {unit_of(name)}" for name in OUTPUTS for end in BOUNDS if (name, end) in ends
+    ]
+    return [f"intervals are cut where no further values exist: {', '.join(listed)}"] if listed else []
 
 
 def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:

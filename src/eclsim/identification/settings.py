@@ -103,8 +103,8 @@ class FitSettings:
         )
         as_uncertainties(self.uncertainties)
         Kind(Mapping, BOUNDS_WRITTEN)("bounds", self.bounds)
-        for name, bounds in self.bounds.items():
-            _check_pair(name, bounds)
+        pairs = {name: _pair(name, bounds) for name, bounds in self.bounds.items()}
+        object.__setattr__(self, "bounds", pairs)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,13 +125,13 @@ class FitSettings:
         }
 
 
-def _check_pair(name: object, bounds: Any) -> None:
-    """Raise an error unless the bounds are two numbers and belong to the name of a parameter."""
+def _pair(name: object, bounds: Any) -> tuple[float, float]:
+    """Return bounds as two plain numbers; an error is raised for anything else, or a name that is no text."""
     pair = [*bounds] if isinstance(bounds, (tuple, list)) or hasattr(bounds, "__array__") else []
     if len(pair) != 2 or not isinstance(name, str):
         raise TypeError(f"bounds of {written(name)} = {written(bounds)}; allowed: {BOUNDS_WRITTEN}")
-    for number in pair:
-        number_of(f"a bound of {name}", number)
+    low, high = (number_of(f"a bound of {name}", number) for number in pair)
+    return low, high
 
 
 @dataclass(slots=True)

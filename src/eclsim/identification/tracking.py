@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import qmc
 
-from eclsim.arguments import Kind, WholeNumber, check_fields, number_of
+from eclsim.arguments import FiniteNumber, Kind, WholeNumber, check_fields, number_of
 from eclsim.cases.cohort_rows import plain_id
 from eclsim.identification.density import (
     Gaussian,
@@ -19,6 +19,7 @@ from eclsim.identification.density import (
     Prior,
     PriorKind,
     beats_of_members,
+    check_prior,
     gaussian_approximation,
 )
 from eclsim.identification.filtering import (
@@ -35,13 +36,20 @@ from eclsim.identification.filtering import (
 from eclsim.identification.importance import Transport, WeightedDraws, importance_sample
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
-from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
+from eclsim.identification.quantities import (
+    OUTPUTS,
+    measurement_errors,
+    possible_range,
+    unit_of,
+    unit_of_parameter,
+)
 from eclsim.identification.series import (
     Series,
     copied_measurements,
     elapsed_hours,
     falling_clotting,
     named_cases,
+    notes_on_bounds,
     passed_over,
     series_of,
 )
@@ -88,8 +96,10 @@ class TrackSettings:
     interval_hours: float = HOURS_PER_DAY
 
     def __post_init__(self) -> None:
+        check_prior(self.prior)
         check_fields(self, fit=Kind(FitSettings), drifts=as_drifts, seed=WholeNumber())
         check_fields(self, interval_hours=number_of)
+        check_fields(self, interval_hours=FiniteNumber(least=0.0, unit="h"))
 
     def as_object(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -522,8 +532,9 @@ class Tracker:
 
 
 def _intervals(names: Sequence[str], outputs: GaussianMixture) -> dict[str, Interval]:
-    """Median and 90 % interval of each output."""
-    rows = outputs.quantiles(SHARES).T.tolist()
+    """Median and 90 % interval of each output; what a normal distribution puts beyond a bound lies on it."""
+    lowest, highest = np.array([possible_range(n) for n in names]).T
+    rows = np.clip(outputs.quantiles(SHARES), lowest, highest).T.tolist()
     return {n: Interval(*row) for n, row in zip(names, rows, strict=True)}
 
 
@@ -584,4 +595,5 @@ def track(
         say("")
         done.append(tracker.update(name, case, passed))
     interval = None if known else settings.interval_hours
-    return TrackResult(patient, tuple(done), interval, tuple(series.remarks(cases[-1][1])))
+    notes = (*series.remarks(cases[-1][1]), *notes_on_bounds(done))
+    return TrackResult(patient, tuple(done), interval, notes)

@@ -206,7 +206,7 @@ def read_name(value: object, field: Field) -> str:
         hint = did_you_mean(name, (*field.names, *field.aliases))
         raise RefusedValueError("unknown name", field.allowed, hint)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        message = "a number; a name is needed, as lists of devices and sites differ"
+        message = "a number; a name is needed, since the order of a list may change"
         raise RefusedValueError(message, field.allowed)
     raise RefusedValueError("a name belongs here", field.allowed)
 

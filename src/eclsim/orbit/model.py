@@ -109,7 +109,7 @@ class Model:
                     f"{written(name)} is not the name of a parameter; allowed: a name such as Rmc"
                 )
             if name not in names:
-                hint = spelling_hint(name, names)
+                hint = spelling_hint(name.removeprefix("parameters."), names)
                 raise UnknownValueError(f"the circuit of '{self.name}' has no parameter '{name}'{hint}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from eclsim.beat.recording import all_signals
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
 from eclsim.gas.network import GasStatus
-from eclsim.inputs.mistakes import as_names, shown
+from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
@@ -126,10 +127,13 @@ def simulate_many(
     beat = steady_beat(batch, outputs, waveforms=watched, options=options, start=start, execution=execution)
     member_findings = [beat.findings(k) for k in range(count)]
     data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
-    data["status"] = ("member", [Status(int(status)).word for status in beat.status])
-    data["message"] = ("member", [beat.message(k) for k in range(count)])
-    data["warnings"] = ("member", ["\n".join(sentences(one)) for one in member_findings])
-    data["impossible"] = ("member", [int(impossible(one)) for one in member_findings])
+    texts = {
+        "status": [Status(int(status)).word for status in beat.status],
+        "message": [beat.message(k) for k in range(count)],
+        "warnings": ["\n".join(sentences(one)) for one in member_findings],
+    }
+    data |= {name: ("member", np.array(each, dtype=str)) for name, each in texts.items()}
+    data["impossible"] = ("member", np.array([impossible(one) for one in member_findings], dtype=int))
     data["beats"] = ("member", beat.orbits.beats)
     if beat.of_gases:
         data["gas_status"] = ("member", [GasStatus(int(status)).word for status in beat.gas_status])
@@ -184,7 +188,6 @@ def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:
 
 def _column(name: str, given: npt.ArrayLike) -> np.ndarray:
     """Convert one change for `as_columns`."""
-    what = shown(given) if isinstance(given, (list, str)) else written(given)
     try:
         array = np.ma.asanyarray(given) if isinstance(given, np.ma.MaskedArray) else np.asarray(given)
         if array.dtype.kind not in "fiu" and array.size:
@@ -193,7 +196,9 @@ def _column(name: str, given: npt.ArrayLike) -> np.ndarray:
     except (TypeError, ValueError):
         array = None
     if array is None:
-        raise ValueError(f"{name}: {what} is not a number or a list of numbers")
+        entries = given if isinstance(given, (list, tuple)) else [given]
+        wrong = next((one for one in entries if isinstance(one, bool) or not isinstance(one, Real)), given)
+        raise ValueError(f"{name}: {written(wrong)} is not a number or a list of numbers")
     if array.ndim > 1:
         shape = " x ".join(map(str, array.shape))
         raise ValueError(f"{name}: an array of {shape}; allowed: a number, or one for each variant")
@@ -226,8 +231,6 @@ def derivatives(
         NoDerivativesError: No steady beat was found, or its equation is singular.
     """
     model = as_model(case)
-    if not (outputs and parameters):
-        raise ValueError("no outputs or no parameters for derivatives; allowed: one or more of each")
     model.refuse_unknown(parameters)
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)

@@ -38,16 +38,19 @@ class Sealed:
     concerns: tuple[str, ...]
 
 
-def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
+def sealed(
+    outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float] | None = None
+) -> Sealed | None:
     """Parts isolated by closed valves in a beat; None if blood passes from any part to any other.
 
     Args:
         outputs: scalar outputs by name; a valve whose mean flow [L/min] is not among them counts as open.
         circuit: circuit with fixed sites.
+        values: parameter values by name, for valves whose leak may be 0; without them these leak.
     """
     laws = {c.name: c.component for c in circuit.connections}
     shut = (name for name in closed_valves(outputs) if name in laws)
-    valves = tuple(name for name in shut if laws[name].one_way and not laws[name].leaks)
+    valves = tuple(name for name in shut if laws[name].one_way and not laws[name].is_leaking(values or {}))
     parts = _parts(circuit, valves) if valves else []
     if len(parts) < 2:
         return None

@@ -411,7 +411,8 @@ def with_status(
     for member in map(int, np.flatnonzero(status == Status.CONVERGED)):
         flows = {name: float(outputs[name][member]) for name in valve_flows(circuit)}
         if closed_valves(flows):
-            result = sealed(flows, circuit.with_chosen_sites(orbits.batch.member(member)))
+            own = orbits.batch.member(member)
+            result = sealed(flows, circuit.with_chosen_sites(own), own)
             if result is not None:
                 undetermined[member], status[member] = result.reason, Status.ONE_OF_MANY
     values = np.array([outputs[name] for name in names]).reshape(len(names), orbits.batch.count)

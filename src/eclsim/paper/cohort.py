@@ -123,7 +123,7 @@ def _fit_rows(
         statement("3.2", "hypotension (MAP below 65) and hypertension (above 92 mmHg) are among them",
                   bool(known) and min(known) < 65.0 and max(known) > 92.0)
     )  # fmt: skip
-    noise = "simulated by this model, then disturbed: easier to fit than patients are" if synthetic else ""
+    noise = "simulated with this model and added noise: easier to fit than patients" if synthetic else ""
     for kind, printed in R2.items():
         result = np.nan if (value := r2[kind]) is None else value
         rows.append(

@@ -118,7 +118,7 @@ def counts(rows: Sequence[Row]) -> str:
     result = Counter(row.verdict for row in rows)
     return (
         f"{result[Verdict.AGREES]} of {len(rows)} printed numbers and statements come out as printed, "
-        f"{result[Verdict.EXPLAINED]} more once what the paper does not say is filled in, "
+        f"{result[Verdict.EXPLAINED]} more do once values that the paper does not state are filled in, "
         f"{result[Verdict.OTHER_DATA]} were measured on other patients or circuits, "
         f"{result[Verdict.DIFFERS]} differ"
     )

@@ -155,6 +155,8 @@ def derivatives(
     throw = flag("throw", throw)
     source = case if isinstance(case, Model) else as_case(case, or_model=True)
     outputs, parameters = as_names(outputs, "outputs"), as_names(parameters, "parameters")
+    if not (outputs and parameters):
+        raise ValueError("no outputs or no parameters for derivatives; allowed: one or more of each")
     solved = None if isinstance(source, Model) else solve_speeds(source, {}, volume_policy)
     if solved is None:
         return results.derivatives(source, outputs, parameters, volume_policy, resolution, throw)
@@ -166,7 +168,7 @@ def derivatives(
             raise FlowNotReachedError(solved.reasons[0])
         return _no_derivatives(solved, outputs, parameters)
     model = model_of(solved.case_at(float(solved.speeds[0])))
-    varied = [name for name in parameters if name != solved.flow_key]
+    varied = [name for name in dict.fromkeys(parameters) if name != solved.flow_key]
     names = (*dict.fromkeys((*outputs, solved.output)),), (*varied, solved.speed)
     result = results.derivatives(model, *names, volume_policy, resolution, throw)
     return _at_held_flow(result, solved, outputs, parameters)

@@ -152,7 +152,7 @@ def _is_shown(name: str, results: Sequence[xr.Dataset]) -> bool:
     holding = [result for result in results if name in result]
     if name != "pulmonary_flow":
         return bool(holding)
-    return any(abs(float(result[name] - result["CO"])) > _SAME_FLOW_L_MIN for result in holding)
+    return any(abs(float(result[name]) - float(result["CO"])) > _SAME_FLOW_L_MIN for result in holding)
 
 
 def _add_group(

@@ -200,7 +200,9 @@ def solve_speeds(
 
     speeds, reasons = speeds_for_flows(flow_at, flows, (sweep.low, sweep.high))
     messages = tuple(
-        reason and f"{flow_key} = {flows[k]:g} cannot be reached: {reason}"
+        reason
+        and f"{flow_key} = {flows[k]:g} "
+        + (f"cannot be reached: {reason}" if np.isfinite(flows[k]) else "is not a finite number")
         for k, reason in enumerate(reasons)
     )
     return SolvedSpeeds(shared, instance, target, varied_keys, flows, speeds, messages)

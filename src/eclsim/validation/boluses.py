@@ -21,7 +21,7 @@ SAFE = (
     "SAFE 2004 (N Engl J Med 350:2247), 6997 patients, 4 % albumin; the ratio of the volumes given in four "
     "days is not verified"
 )
-TEXTBOOK = "textbook: plasma is a fifth to a quarter of the water outside of cells"
+TEXTBOOK = "textbook: plasma is a fifth to a quarter of the water outside the cells"
 HAHN = (
     "Hahn 2020 (10.1111/aas.13533), volunteers who pass urine: 50 to 60 % while it runs, 15 to 20 % within "
     "30 min"
@@ -82,7 +82,7 @@ WIDE = (("fluid", (("filtration_ml_min_mmHg", 4.0),)), ("parameters", (("Csvn", 
         ("regulation", (("baroreflex", 1.0), ("model", "heldt2010"))))  # fmt: skip
 """Sections of the experiment: soft veins (CVSim), a reflex, and a wall between those of dialysis patients and
 of the forearm, 0.0036 mL/min/mmHg per 100 mL of tissue (Clin Physiol 3:433, 1983; 2.5 in 70 kg). The value
-in between was chosen with knowledge of these rows: it shows the reason and is no test."""
+in between was chosen with knowledge of these rows: it shows the reason and is not a test."""
 COMPLIANT = WIDE[1:]
 WIDE_TEXT = "4 mL/min/mmHg, Csvn 95 and heldt2010"
 STIFF_VEINS = "the published patient has stiff veins"

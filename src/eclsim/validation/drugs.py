@@ -356,9 +356,9 @@ VEINS = Experiment(
     acting=ALL._replace(veins=3.0),
 )  # fmt: skip
 LEGS = (
-    "the same blood raises a larger stressed volume by a smaller share, however stiff veins are; legs that "
-    f"give {100 * (MORE_LEGS - 1):.0f} % more at the higher dose meet the row; what they gave was not "
-    "measured"
+    "the same amount of blood raises a larger stressed volume by a smaller share, however stiff the veins "
+    f"are; if the legs give {100 * (MORE_LEGS - 1):.0f} % more at the higher dose, the row is met; how much "
+    "they gave was not measured"
 )
 
 

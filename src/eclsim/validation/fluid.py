@@ -206,7 +206,7 @@ def fluid_check() -> Check:
     remarks = (
         "No single filtration coefficient meets all rows: dialyses need 0.4 to 2 mL/min/mmHg, men who stand "
         "up 10; the capillary wall differs between people and between tissues.",
-        f"Men who stand have the reflex {STANDING_REFLEX}, which agrees best with the men who were bled.",
+        f"Men who stand are simulated with {STANDING_REFLEX}, the reflex that agrees best in bled men.",
     )
     return Check("fluid", "Fluid and stores against measurements", bar, rows, required=False, remarks=remarks)
 

@@ -396,7 +396,7 @@ def _between(haemoglobin: np.ndarray, pco2: float, law: str = "severinghaus1979"
 
 
 def _diluted() -> Explanation:
-    """Effect of dilution if the membrane is no limit."""
+    """Effect of dilution if the membrane does not limit the transfer."""
     whole, thin = _between(np.array([11.0, 8.0 / 3.0]), 20.0)
     change = 100.0 * float(thin / whole - 1.0)
     return Explanation(

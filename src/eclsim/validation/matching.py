@@ -45,7 +45,9 @@ def with_quantities(patient: Model, unknown: Sequence[str], measure: Measure, go
         step = np.linalg.solve((table[1:] - table[0]).T / difference, missing)
         moved = moved + step / max(1.0, float(np.max(np.abs(step) / longest)))
     names = ", ".join(unknown)
-    raise UnreachableError(f"{patient.name}: no {names} give {goal}; the last try gave {table[0].tolist()}")
+    raise UnreachableError(
+        f"{patient.name}: no values of {names} result in {goal}; the last attempt gave {table[0].tolist()}"
+    )
 
 
 def with_outputs(patient: Model, unknown: Sequence[str], goal: Mapping[str, float]) -> Model:

@@ -121,8 +121,8 @@ def shi_hose_check() -> Check:
 
     The expected numbers come from a SciPy integration (DOP853, relative tolerance 1e-8) of the published
     CellML model, beat 20 from its initial state, when the state changes by 2e-5 per beat. They agree with the
-    published traces to 0.005 mL and 0.003 mmHg. eclsim computes the periodic state. The model is no healthy
-    adult: its mean pulmonary arterial pressure is 40 mmHg.
+    published traces to 0.005 mL and 0.003 mmHg. eclsim computes the periodic state. The model is not a
+    healthy adult: its mean pulmonary arterial pressure is 40 mmHg.
     """
     rows = []
     for row in read_table("shi_hose2009.csv"):
