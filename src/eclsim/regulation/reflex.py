@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import jax.numpy as jnp
 
@@ -70,12 +70,14 @@ class Effector:
 
     def factor(self, drives: Sequence[Number]) -> Number:
         """Value of the parameter relative to that at the set point; exactly 1 where all drives are 0."""
-        changed: Number = 0.0
+        # Added one by one: from Python 3.12 on `sum` compensates rounding, and 1 would not be exact.
+        at_rest, changed = 0.0, cast(Number, 0.0)
         for reference, gains in zip(self.reference, self.gains, strict=True):
             shift = sum((g * d for g, d in zip(gains, drives, strict=True) if g), start=0.0)
             value = reference + shift
+            at_rest = at_rest + 1.0 / reference
             changed = changed + 1.0 / (jnp.maximum(value, self.least * reference) if self.least else value)
-        factor = sum(1.0 / reference for reference in self.reference) / changed
+        factor = at_rest / changed
         return 1.0 / factor if self.inverse else factor
 
 
