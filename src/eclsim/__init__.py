@@ -19,6 +19,8 @@ def __getattr__(name: str) -> object:
     if name not in _EXPORTS:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message, name=name, obj=sys.modules[__name__])
+    if _EXPORTS[name] == __name__:
+        return import_module(f"{__name__}.{name}")
     value = getattr(import_module(_EXPORTS[name]), name)
     # Importing a package of the same name binds that package here; the package is callable.
     return globals().setdefault(name, sys.modules.get(f"{__name__}.{name}", value))

@@ -1,5 +1,6 @@
 """The public names, each with the module that defines it: read by type checkers and by `eclsim` itself."""
 
+from eclsim import blood as blood
 from eclsim.cases.reading import read_case as read_case
 from eclsim.circuit import Choice as Choice
 from eclsim.circuit import Circuit as Circuit
