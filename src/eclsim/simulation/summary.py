@@ -179,7 +179,7 @@ def _add_group(
         if changes is not None:
             digits = _digits(about)
             cells.append(f"{changes[name]:+.{digits}f}" if name in changes else "")
-        table.add_row(f"  {name}", _cut_to_fit(description), *cells, about.get("units", ""))
+        table.add_row(f"  {name}", _cut_to_fit(description or ""), *cells, about.get("units", ""))
 
 
 def _cut_to_fit(description: str) -> Text:
