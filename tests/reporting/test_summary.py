@@ -5,6 +5,7 @@ import csv
 import pytest
 
 from eclsim.cases import read_mapping
+from eclsim.outputs.registry import output
 from eclsim.simulation import summary
 from eclsim.simulation.files import case_object, write_csv
 from eclsim.simulation.single import simulate
@@ -38,19 +39,29 @@ def test_what_clinicians_ask_first_stands_in_the_table(capsys, monkeypatch):
     monkeypatch.setattr(summary, "_WIDTH_WITHOUT_TERMINAL", 80)
     result = simulated(ecmo=ECMO, parameters={"Emaxlv": 0.6})
     text = shown(capsys, [result])
-    for name, symbol in summary._SYMBOLS.items():
-        digits = 2 if name == "systemic_flow" else 1
-        assert row(text, symbol)[-2].rstrip("!*x") == f"{float(result[name]):.{digits}f}"
-    assert f"{float(result['pump_inlet_pressure']):.1f}" in text
+    for name in (*summary._LONG_NAMES, "MAP", "pump_inlet_pressure"):
+        digits = 2 if result[name].attrs["units"] == "L/min" else 1
+        assert row(text, name)[-2].rstrip("!*x") == f"{float(result[name]):.{digits}f}"
     assert all(len(line.rstrip()) <= 80 for line in text.splitlines())
     assert all(f"\n{title} " in text for title in ("Arteries", "Flows", "Filling", "Heart", "ECMO circuit"))
+    assert "(PP)" in text
 
 
-def test_the_left_side_on_v_a_is_marked_where_it_stands(capsys):
-    text = shown(capsys, [simulated(ecmo=ECMO)])
-    assert all(row(text, symbol)[-2].endswith("*") for symbol in ("EDVLV", "PCWP", "LVEDP"))
-    assert "* to be read with care: the warnings say why" in text
-    assert "*" not in shown(capsys, [simulated()])
+def test_every_row_begins_with_the_name_that_goals_and_options_take(capsys, monkeypatch):
+    """SaO2, PF of a second device, the pressures of the circuit: no name was shown beside these."""
+    crrt = {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy", "dialysate_ml_h": 1500}
+    result = simulated(ecmo=ECMO, crrt=crrt, gas={}, lvad={"left": LVAD | {"speed_rpm": 3000}})
+    for width in (60, 120):
+        monkeypatch.setattr(summary, "_WIDTH_WITHOUT_TERMINAL", width)
+        rows = shown(capsys, [result]).partition("Arteries")[2].partition("converged")[0]
+        keys = [line.split()[0] for line in rows.splitlines() if line.startswith("  ") and line.strip()]
+        assert {"SaO2", "PaCO2", "SvO2", "effluent_ml_h", "lvad.left.flow"} <= set(keys)
+        assert [output(key).name for key in keys] == keys
+
+
+def test_the_central_venous_pressure_has_the_mark_of_the_right_atrium(capsys, drained):
+    assert drained["right_atrial_pressure"].attrs["finding"] == "alarm"
+    assert row(shown(capsys, [drained]), "CVP")[-2] == f"{float(drained['CVP']):.1f}!"
 
 
 def test_an_impossible_beat_is_no_plain_number(capsys, drained):
@@ -85,4 +96,5 @@ def test_a_device_that_parts_lungs_and_ventricle_is_named(capsys):
 def test_a_row_each_for_many_keeps_the_marks(capsys, drained):
     text = shown(capsys, [drained] * 4)
     assert "CVP" in text
+    assert "Qs: systemic_flow, EFLV: ejection_fraction_lv\n" in text
     assert text.count(f"{float(drained['MAP']):.1f}!") == 4

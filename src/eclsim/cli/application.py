@@ -17,7 +17,7 @@ import typer
 
 from eclsim._version import __version__
 from eclsim.cli.app import app as bedside_page
-from eclsim.cli.catalogue import ListOptions, devices, explain, export, list_parameters
+from eclsim.cli.catalogue import ListOptions, devices, explain, export, list_parameters, outputs
 from eclsim.cli.console import fail, say
 from eclsim.cli.course import course
 from eclsim.cli.crrt_study import crrt_study
@@ -98,6 +98,7 @@ for name, function, summary in (
     ("settings", settings, "Find the smallest settings that reach goals."),
     ("plan", plan, "Plan fluid removal or weaning."),
     ("devices", devices, "List devices and their ranges, or explain one."),
+    ("outputs", outputs, "List the outputs of a beat with units, or explain one."),
     ("demo", demo, "Simulate the paper's patient, with figures and the printed numbers."),
     ("validate", validate, "Compare eclsim with published results."),
     ("app", bedside_page, "Open the bedside page in a browser."),

@@ -1,4 +1,4 @@
-"""Commands `eclsim parameters` and `eclsim devices`: parameters and devices, with ranges and sources."""
+"""Commands `eclsim parameters`, `devices` and `outputs`: what there is, with units, ranges and sources."""
 
 from __future__ import annotations
 
@@ -186,3 +186,56 @@ def _section(device: AnyDevice) -> Iterator[str]:
         if parameter.key in device.section.parameters:
             continue
         yield f"  {parameter.key:<18} {parameter.description}: {parameter.value:g} {parameter.unit}"
+
+
+# --- outputs --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputsOptions:
+    """Options of `eclsim outputs`."""
+
+    name: str | None = argument(None, "[NAME]", "Show everything known about this output.")
+
+
+def outputs(options: OutputsOptions) -> None:
+    """List the outputs of a steady beat by what a case needs for them, or explain one."""
+    typer.echo(_output_list() if options.name is None else _output_details(options.name))
+
+
+def _output_list() -> str:
+    from eclsim.reporting.output_catalogue import output_catalogue
+
+    catalogue = output_catalogue()
+    rows = [(e.key, e.unit, e.label) for entries in catalogue.values() for e in entries]
+    lines = iter(text_table(("name", "unit", "meaning"), rows).splitlines())
+    text = [next(lines)]
+    for needed, entries in catalogue.items():
+        text += ["", f"In {needed}" if not entries[0].needs else f"With {needed}"]
+        text += [next(lines) for _ in entries]
+    return "\n".join(text)
+
+
+def _output_details(name: str) -> str:
+    from eclsim.cases.sections import MEASURED
+    from eclsim.outputs.limits import limits_of
+    from eclsim.outputs.registry import UnknownOutputError
+    from eclsim.reporting.output_catalogue import describe
+
+    try:
+        entry = describe(name.strip())
+    except UnknownOutputError as error:
+        fail(f"{error} (eclsim outputs explains them)")
+    lines = [
+        f"{entry.key}: {entry.label}",
+        f"  unit        {entry.unit}",
+        f"  definition  {entry.definition}",
+        f"  place       {entry.place or 'the whole patient'}",
+        f"  needs       {entry.needed if entry.needs else 'nothing: every case has it'}",
+        f"  measured    {'a key of [measurements]' if entry.key in MEASURED else 'no key of [measurements]'}",
+    ]
+    lines += [
+        f"  {limit.kind:<11} {limit.side} {limit.value:g} {entry.unit}: {limit.meaning} ({limit.source})"
+        for limit in limits_of(entry.key)
+    ]
+    return "\n".join(lines)

@@ -354,6 +354,7 @@ class CrrtDevice(Device[Crrt]):
         ),
         *OUTPUTS,
     )
+    optional = MappingProxyType({"dialysate_ml_h or another flow of fluid": f"{GROUP}.{FLUIDS[0]}"})
     limits = (
         *(
             Limit(f"crrt_{line}_pressure", "alarm", side, value, "machine alarm", _MACHINE)

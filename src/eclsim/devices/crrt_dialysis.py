@@ -51,6 +51,7 @@ BY_PLASMA_WATER = (
 """Outputs that are not computed where the filter would take all water of the plasma."""
 _EFFECTIVE_SHARES = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
 _SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
+_FILTER_FLOW = "Qcrrtfil"
 
 
 def _dialysis(
@@ -60,7 +61,7 @@ def _dialysis(
     return Output(
         name, long_name, unit, definition, _SIGNALS,
         lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
-        by_gases=by_gases,
+        by_gases=by_gases, read_at=_FILTER_FLOW,
     )  # fmt: skip
 
 
@@ -136,6 +137,7 @@ OUTPUTS = (
             f"effective_clearance_{name}", f"clearance of {name} for the patient", "mL/min",
             "removed / concentration in the blood that leaves the tissues, corrected for recirculation",
             _SIGNALS, lambda m, name=name: _effective(m, name), parameters=SETTINGS, all_flows=True,
+            read_at=_FILTER_FLOW,
         )
         for name in SOLUTES
     ),
@@ -143,6 +145,7 @@ OUTPUTS = (
         "base_gain", "bicarbonate gained from the CRRT", "mmol/h",
         "from fluids and citrate (3 each), less what is removed, corrected for recirculation",
         _SIGNALS, _base_gain, parameters=SETTINGS, all_flows=True, by_gases=True,
+        read_at=_FILTER_FLOW,
     ),
     _dialysis(
         "crrt_carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the dialyzer", "mL/min",
@@ -151,12 +154,13 @@ OUTPUTS = (
     Output(
         "citrate_load", "citrate that reaches the patient", "mmol/h",
         "dose - removed, corrected for recirculation", _SIGNALS, _citrate, parameters=SETTINGS,
-        all_flows=True,
+        all_flows=True, read_at=_FILTER_FLOW,
     ),
     Output(
         "fresh_plasma_ml_h", "plasma of the patient that reaches the dialyzer", "mL/h",
         "plasma flow of the dialyzer less what comes back from it", _SIGNALS,
         lambda m: performance(m).plasma * _share(m, "plasma_water"), parameters=SETTINGS, all_flows=True,
+        read_at=_FILTER_FLOW,
     ),
 )  # fmt: skip
 

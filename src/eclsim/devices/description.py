@@ -80,6 +80,7 @@ class Output:
         all_flows: whether it depends on the flows of all connections.
         by_gases: whether it also depends on blood gases if they are computed.
         in_effect: whether it depends on the readings of controllers, and so on all their parameters.
+        read_at: waveform of the place that it describes, if that is not the place of `needs`.
     """
 
     name: str
@@ -94,6 +95,7 @@ class Output:
     all_flows: bool = False
     by_gases: bool = False
     in_effect: bool = False
+    read_at: str = ""
 
 
 def mean(name: str, long_name: str, signal: str) -> Output:
@@ -144,6 +146,7 @@ def gas_sample(
     return Output(
         name, long_name, unit, f"of the blood {where} {place}", needs,
         lambda m: factor * m.gas(what, where, place), parameters=(GASES,), all_flows=True,
+        read_at=f"{'P' if where == 'in' else 'Q'}{place}",
     )  # fmt: skip
 
 

@@ -92,6 +92,8 @@ class Device(ABC, Generic[S]):
     """Usual values of the parameters that `values` returns; the search for a beat starts with them."""
     outputs: ClassVar[Sequence[Output]] = ()
     """Outputs of a beat that it adds."""
+    optional: ClassVar[Mapping[str, str]] = _EMPTY
+    """Keys of its section that may be left out, and the waveform or parameter that is then missing."""
     limits: ClassVar[Sequence[Limit]] = ()
     """Bounds that its outputs should not cross."""
     assumptions: ClassVar[Sequence[Assumption]] = ()

@@ -472,7 +472,7 @@ def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str
     where = ("drawn", "ecmodrain") if what == "recirculated" else ("at", "ecmooxy")
     return Output(
         name, long_name, unit, definition, ("Qecmooxy",), lambda m: sign * m.gas(what, *where),
-        parameters=(GASES,), all_flows=True,
+        parameters=(GASES,), all_flows=True, read_at=f"Q{where[1]}",
     )  # fmt: skip
 
 
@@ -637,6 +637,7 @@ class EcmoDevice(Device[Ecmo]):
         mean("return_cannula_pressure", "mean pressure before the ECMO return cannula", "Pecmoreturn"),
         *GAS_OUTPUTS,
     )
+    optional = MappingProxyType(dict(zip(SECOND_SITES, (f"Q{name}" for name in CONNECTIONS), strict=True)))
     limits = (
         *SECOND_LIMITS,
         Limit(

@@ -56,6 +56,7 @@ def _peak(name: str, long_name: str, definition: str, when: str) -> Output:
     return Output(
         name, long_name, "mmHg", definition, ("Pao", f"V{_BALLOON}"),
         lambda m: getattr(m, f"maximum_{when}")("Pao", _INFLATION), ("Pao",), parameters=(_INFLATION,),
+        read_at="Pao",
     )  # fmt: skip
 
 
@@ -69,6 +70,7 @@ _DIFFERENCE = Output(
     "iabp_augmentation", "diastolic augmentation", "mmHg",
     "augmented diastolic pressure less assisted systolic pressure", _AUGMENTED.needs,
     lambda m: _AUGMENTED.compute(m) - _SYSTOLIC.compute(m), ("Pao",), parameters=(_INFLATION,),
+    read_at="Pao",
 )  # fmt: skip
 
 
@@ -94,6 +96,7 @@ class IabpDevice(Device[Iabp]):
         Output(
             "iabp_end_diastolic_pressure", "assisted end-diastolic aortic pressure", "mmHg",
             "minimum of Pao", _AUGMENTED.needs, lambda m: m.minimum("Pao"), ("Pao",),
+            read_at="Pao",
         ),
     )  # fmt: skip
 

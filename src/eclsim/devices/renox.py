@@ -84,7 +84,7 @@ def _output(
     return Output(
         f"{GROUP}_{name}", long_name, unit, definition, _SIGNALS,
         lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
-        by_gases=by_gases,
+        by_gases=by_gases, read_at="Qecmooxy",
     )  # fmt: skip
 
 
@@ -141,7 +141,7 @@ class RenoxDevice(Device[Renox]):
             f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
             "mL/h",
             "Kuf times the mean pressure of the blood in the housing: what is filtered if the control fails",
-            _SIGNALS, _free_filtration, parameters=(_PERMEABILITY,),
+            _SIGNALS, _free_filtration, parameters=(_PERMEABILITY,), read_at="Qecmooxy",
         ),
     )  # fmt: skip
 

@@ -43,7 +43,7 @@ BACKWARD_L_MIN = -0.01
 def _parallel_flow(line: str, node: str) -> Output:
     """Output of the flow through a first cannula; it exists only if there is a second one."""
     one = mean_flow(f"first_{line}_flow", f"flow through the first {line} cannula", f"Q{node}")
-    return replace(one, needs=(f"Q{node}", f"Q{node}2"))
+    return replace(one, needs=(f"Q{node}", f"Q{node}2"), read_at=f"Q{node}")
 
 
 OUTPUTS = tuple(

@@ -59,7 +59,7 @@ class VentDevice(Device[Vent]):
     nominal = MappingProxyType({"vent.fr": 15.0})
     outputs = (
         mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),
-        replace(_DRAINAGE_BESIDE_VENT, needs=("Qecmodrain", "Qvent")),
+        replace(_DRAINAGE_BESIDE_VENT, needs=("Qecmodrain", "Qvent"), read_at="Qecmodrain"),
     )
     limits = (
         Limit("vent_flow", "alarm", "below", 0.0, "blood runs through the vent into the heart", "physics"),

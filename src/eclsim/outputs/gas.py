@@ -42,13 +42,14 @@ def _of_artery(name: str, label: str, unit: str, gas: str, factor: float = 1.0) 
         name, f"{label} of the right radial artery", unit,
         "of the blood in the systemic arteries (of the upper body, where there are two)", ("Qpas",),
         lambda m: factor * m.gas(gas, "in", artery_of(m.circuit)), parameters=(GASES,), all_flows=True,
+        read_at=f"P{ARTERY[-1]}",
     )  # fmt: skip
 
 
 def _total(name: str, label: str, unit: str, definition: str, gas: str, law: str, sign: float) -> Output:
     return Output(
         name, label, unit, definition, ("Qpas",), lambda m: sign * _sum(m, gas, law), parameters=(GASES,),
-        all_flows=True,
+        all_flows=True, read_at="Qsart" if law == "Tissue" else "Qpart",
     )  # fmt: skip
 
 
@@ -106,7 +107,7 @@ GAS_OUTPUTS = (
     Output(
         "O2ER", "oxygen extraction ratio", "1", "VO2 / DO2", ("Qpas",),
         lambda m: -1.0 * _sum(m, "gained", "Tissue") / _sum(m, "supplied", "Tissue"),
-        parameters=(GASES,), all_flows=True,
+        parameters=(GASES,), all_flows=True, read_at="Qsart",
     ),
     *_tissue("", "sart", "the tissues"),
     *_tissue("upper", "upper", "tissues of the upper body"),

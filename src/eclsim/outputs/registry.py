@@ -115,6 +115,7 @@ _REGIONS = (
             ("Qarchupper",),
             lambda m, place=place: 100.0 * m.native(place),
             all_flows=True,
+            read_at=f"P{place}",
         )
         for place, label in (
             ("ao", "ascending aorta, which feeds the coronary arteries"),
@@ -269,6 +270,7 @@ def _of_instance(entry: Output, names: Naming) -> Output:
         needs=tuple(map(names.signal, entry.needs)),
         extremes=tuple(map(names.signal, entry.extremes)),
         parameters=tuple(map(names.parameter, entry.parameters)),
+        read_at=entry.read_at and names.signal(entry.read_at),
         compute=lambda measures: entry.compute(_RenamedMeasures(measures, names)),
     )
 

@@ -17,12 +17,13 @@ from eclsim.simulation.target_flow import solved_speed_of
 if TYPE_CHECKING:
     import xarray as xr
     from rich.table import Table
+    from rich.text import Text
 
     from eclsim.simulation.sweep import Sweep
 
 _MOST_COLUMNS = 3
 _OUTPUTS_OF_ROWS = (
-    "SP", "DP", "MAP", "right_atrial_pressure", "MPAP", "PCWP", "systemic_flow", "CO", "PF",
+    "SP", "DP", "MAP", "CVP", "MPAP", "PCWP", "systemic_flow", "CO", "PF",
     "ejection_fraction_lv",
 )  # fmt: skip
 _WIDTH_WITHOUT_TERMINAL = 120
@@ -32,8 +33,8 @@ _GROUPS = (
     (
         "Filling",
         (
-            "right_atrial_pressure", "MPAP", "SPAP", "DPAP", "PCWP", "end_diastolic_pressure_lv",
-            "pericardial_pressure", "caval_filling", "superior_caval_filling", "inferior_caval_filling",
+            "CVP", "MPAP", "SPAP", "DPAP", "PCWP", "end_diastolic_pressure_lv", "pericardial_pressure",
+            "caval_filling", "superior_caval_filling", "inferior_caval_filling",
         ),
     ),
     (
@@ -61,20 +62,22 @@ _GROUPS = (
     ("Regulation", tuple(one.name for one in REGULATED)),
 )  # fmt: skip
 """Main outputs in clinical order, without those that no case has; devices add their own."""
-_SYMBOLS = {
-    "pulse_pressure": "PP",
-    "right_atrial_pressure": "CVP",
-    "end_diastolic_pressure_lv": "LVEDP",
-    "ejection_fraction_lv": "EFLV",
-    "ejection_fraction_rv": "EFRV",
-    "systemic_flow": "Qs",
-}
-"""Short names of outputs in tables, where the keys are words."""
+_MARKED_AS = {"CVP": "right_atrial_pressure"}
+"""Outputs without limits of their own, and the output of the same number that has them."""
 _LONG_NAMES = {
-    "right_atrial_pressure": "central venous (right atrial) pressure",
+    "pulse_pressure": "arterial pulse pressure (PP)",
+    "CVP": "central venous (right atrial) pressure",
+    "end_diastolic_pressure_lv": "end-diastolic pressure of the left ventricle (LVEDP)",
+    "systemic_flow": "systemic flow, through all organs but the lungs (Qs)",
     "CO": "native cardiac output (in the pulmonary artery)",
     "LVO": "output of the left ventricle (aortic valve)",
 }
+_SHORT_HEADS = {
+    "systemic_flow": "Qs",
+    "ejection_fraction_lv": "EFLV",
+    "lowest_drainage_pressure": "drain",
+}
+"""Heads of narrow columns; a line below the table gives the outputs' names."""
 _SAME_FLOW_L_MIN = 0.05
 _MARKS = {"collapse": "x", "alarm": "!", "warning": "!", "caution": "*"}
 _MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", "*": "* to be read with care"}
@@ -91,9 +94,11 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
 
     width = None if sys.stdout.isatty() else _WIDTH_WITHOUT_TERMINAL
     console = Console(width=width, highlight=False)
-    console.print(
-        _side_by_side(results, changes) if len(results) <= _MOST_COLUMNS else _table_of_rows(results)
-    )
+    if len(results) <= _MOST_COLUMNS:
+        console.print(_side_by_side(results, changes))
+    else:
+        console.print(_table_of_rows(results))
+        console.print(_meaning_of_heads(_OUTPUTS_OF_ROWS, results))
     if text := legend(results):
         console.print(text)
 
@@ -110,29 +115,29 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
     from rich.text import Text
 
     table = Table(title="Steady beat", title_justify="left", box=None, pad_edge=False)
-    table.add_column("output")
+    table.add_column("output", no_wrap=True)
     table.add_column("")
     compared = changes is not None
     heads = ("before", "after", "change") if compared else [str(result.attrs["id"]) for result in results]
     for head in heads:
         table.add_column(Text(head), justify="right")
-    table.add_column("unit")
+    table.add_column("unit", no_wrap=True)
     for title, names in _groups(results):
         _add_group(table, title, [n for n in names if _is_shown(n, results)], results, changes)
     table.add_section()
     none = [""] if compared else []
-    table.add_row("", "converged", *(_verdict(result) for result in results), *none, "")
+    table.add_row("  converged", "", *(_verdict(result) for result in results), *none, "")
     if any(result.attrs.get("impossible") for result in results):
         verdicts = ("NO" if result.attrs.get("impossible") else "yes" for result in results)
-        table.add_row("", "possible in a patient", *verdicts, *none, "")
+        table.add_row("  possible in a patient", "", *verdicts, *none, "")
     policies = [str(result.attrs["blood_volume_policy"]) for result in results]
-    table.add_row("", "blood volume", *policies, *none, "")
-    if any(map(solved_speed_of, results)):
-        speeds = (_speed(result) or "-" for result in results)
-        table.add_row("", "pump speed for the flow wanted", *speeds, *none, "rpm")
+    table.add_row("  blood_volume_policy", _cut_to_fit("blood volume"), *policies, *none, "")
+    for key in dict.fromkeys(solved.speed_key for solved in map(solved_speed_of, results) if solved):
+        speeds = (_speed(result, key) or "-" for result in results)
+        table.add_row(f"  {key}", _cut_to_fit("pump speed for the flow wanted"), *speeds, *none, "rpm")
     if any("grid_error_percent" in result.attrs for result in results):
         errors = (_grid_error(result) for result in results)
-        table.add_row("", "largest change on half the step", *errors, *none, "%")
+        table.add_row("  --check-grid", _cut_to_fit("largest change on half the step"), *errors, *none, "%")
     return table
 
 
@@ -170,12 +175,18 @@ def _add_group(
     for name in names:
         about = next(result[name].attrs for result in results if name in result)
         description = _LONG_NAMES.get(name, about.get("long_name", ""))
-        symbol = _SYMBOLS.get(name, name if name.isupper() else "")
         cells = [cell(result, name) for result in results]
         if changes is not None:
             digits = _digits(about)
             cells.append(f"{changes[name]:+.{digits}f}" if name in changes else "")
-        table.add_row(f"  {symbol}", description, *cells, about.get("units", ""))
+        table.add_row(f"  {name}", _cut_to_fit(description or ""), *cells, about.get("units", ""))
+
+
+def _cut_to_fit(description: str) -> Text:
+    """Description in one line, which gives way in a narrow terminal: the key beside it does not."""
+    from rich.text import Text
+
+    return Text(description, no_wrap=True, overflow="ellipsis")
 
 
 def _table_of_rows(results: Sequence[xr.Dataset]) -> Table:
@@ -187,7 +198,7 @@ def _table_of_rows(results: Sequence[xr.Dataset]) -> Table:
     names = [name for name in _OUTPUTS_OF_ROWS if any(name in result for result in results)]
     for name in names:
         units = [result[name].attrs.get("units", "") for result in results if name in result]
-        table.add_column(f"{_SYMBOLS.get(name, name)}\n{units[0] if units else ''}", justify="right")
+        table.add_column(f"{_SHORT_HEADS.get(name, name)}\n{units[0] if units else ''}", justify="right")
     table.add_column("converged")
     for result in results:
         cells = [cell(result, name) for name in names]
@@ -202,13 +213,21 @@ def _verdict(result: xr.Dataset) -> str:
     return f"yes, {beats} beats" + (", one of many" if result.attrs.get("one_of_many") else "")
 
 
+def _meaning_of_heads(names: Sequence[str], results: Sequence[xr.Dataset]) -> str:
+    """Outputs of the heads that are shorter than their names, as in "Qs: systemic_flow"."""
+    shown = (name for name in names if name in _SHORT_HEADS and any(name in result for result in results))
+    return ", ".join(f"{_SHORT_HEADS[name]}: {name}" for name in shown)
+
+
 def _mark(result: xr.Dataset, name: str) -> str:
-    return _MARKS.get(result[name].attrs.get("finding", ""), "")
+    limited = result.get(_MARKED_AS.get(name, name), result[name])
+    return _MARKS.get(limited.attrs.get("finding", ""), "")
 
 
-def _speed(result: xr.Dataset) -> str:
+def _speed(result: xr.Dataset, key: str | None = None) -> str:
+    """Speed that was solved for, with a key if one is given; empty if there is none."""
     solved = solved_speed_of(result)
-    return "" if solved is None else f"{solved.speed_rpm:.0f}"
+    return "" if solved is None or key not in (None, solved.speed_key) else f"{solved.speed_rpm:.0f}"
 
 
 def _grid_error(result: xr.Dataset) -> str:
@@ -232,31 +251,29 @@ def cell(result: xr.Dataset, name: str) -> str:
 # --- one key varied -------------------------------------------------------------------------------
 
 _SWEPT = (
-    ("SP", "SP"), ("DP", "DP"), ("MAP", "MAP"), ("MPAP", "MPAP"), ("PCWP", "PCWP"),
-    ("right_atrial_pressure", "CVP"), ("systemic_flow", "Qs"), ("CO", "CO"), ("PF", "PF"),
-    ("lowest_drainage_pressure", "drain"), ("SaO2", "SaO2"), ("PaCO2", "PaCO2"),
+    "SP", "DP", "MAP", "MPAP", "PCWP", "CVP", "systemic_flow", "CO", "PF", "lowest_drainage_pressure",
+    "SaO2", "PaCO2",
 )  # fmt: skip
 
 
 def sweep_text(sweep: Sweep) -> str:
     """Table with one row for each value; without a steady beat it has the reason instead of numbers."""
-    columns = [(name, head) for name, head in _SWEPT if any(name in result for result in sweep.results)]
+    columns = [name for name in _SWEPT if any(name in result for result in sweep.results)]
     solved = any(map(solved_speed_of, sweep.results))
     head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
-    head += (["rpm"] if solved else []) + [f"{head} " for _, head in columns] + ["beat"]
+    head += (["rpm"] if solved else []) + [f"{_SHORT_HEADS.get(name, name)} " for name in columns] + ["beat"]
     rows = []
     for value, result in zip(sweep.values, sweep.results, strict=True):
         settled = bool(result.attrs["converged"])
-        numbers = [cell(result, name) if settled else "" for name, _ in columns]
+        numbers = [cell(result, name) if settled else "" for name in columns]
         speed = [_speed(result)] if solved else []
         rows.append([_value_text(value), *speed, *numbers, _beat_text(result)])
     policy = sweep.results[0].attrs["blood_volume_policy"]
-    saturations = ", SaO2 in %" if ("SaO2", "SaO2") in columns else ""
+    saturations = ", SaO2 in %" if "SaO2" in columns else ""
     title = f"{sweep.case_id}: steady beats, blood volume {policy}; mmHg, flows in L/min{saturations}"
     marks = legend([result for result in sweep.results if result.attrs["converged"]])
-    return "\n".join(
-        [title, text_table(head, rows, numeric=range(len(head) - 1)), *([marks] if marks else [])]
-    )
+    table = text_table(head, rows, numeric=range(len(head) - 1))
+    return "\n".join(filter(None, (title, table, _meaning_of_heads(columns, sweep.results), marks)))
 
 
 def sweep_doubts(sweep: Sweep) -> list[str]:
