@@ -113,6 +113,24 @@ def test_summaries_count_over_the_points(cohort):
     assert result["a"].smallest_flow <= result["a"].median_flow
 
 
+def test_a_flow_that_the_largest_speed_ends_is_at_least_that(cohort):
+    """The median of 4.0, 5.2 and 5.2, kept to the end in two points, was shown as if a limit broke at 5.2."""
+
+    def point(flow: float, throughout: bool):
+        one = Ranked("h", 1, True, True, 10.0, flow, throughout, 0.0, 1.0, (), flow, (1, 1))
+        return replace(cohort.points[0], ranking={"as_published": (one,)})
+
+    schemes = tuple(s for s in cohort.schemes if s.letter == "h")
+    for points, expected in (
+        ((point(4.0, False), point(5.2, True), point(5.2, True)), (False, True)),
+        ((point(4.0, False), point(4.5, False), point(5.2, True)), (False, False)),
+        ((point(4.0, False), point(5.2, True)), (False, True)),
+        ((point(5.2, True),), (True, True)),
+    ):
+        (one,) = summaries(replace(cohort, points=points, schemes=schemes), "as_published")
+        assert one.flows_at_least == expected
+
+
 def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
     """Of the last point the beat of d is missing: it may be first, or not."""
     last = cohort.points[-1]

@@ -127,6 +127,8 @@ class SchemeSummary:
             kept is known.
         smallest_flow: smallest of these flows [L/min]; 0 if the limits are kept at no speed in some point.
         median_flow: median of these flows [L/min].
+        flows_at_least: whether the smallest and the median of the flows may be larger, because of points in
+            which the limits are kept at the largest speed studied.
     """
 
     letter: str
@@ -141,6 +143,7 @@ class SchemeSummary:
     flow_known: int
     smallest_flow: float
     median_flow: float
+    flows_at_least: tuple[bool, bool]
 
 
 @dataclass(frozen=True)
@@ -253,7 +256,9 @@ def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
     for scheme in study.schemes:
         rankings = [point.ranked(policy, scheme.letter) for point in study.points]
         ranks, known = [r.rank for r in rankings if r.rank is not None], [r for r in rankings if r.known]
-        flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in rankings if r.flow_known]
+        of_flow = [r for r in rankings if r.flow_known]
+        flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in of_flow]
+        most = [np.inf if r.throughout else flow for r, flow in zip(of_flow, flows, strict=True)]
         result.append(
             SchemeSummary(
                 scheme.letter, winners[scheme.letter], len(ranks), _median(ranks), max(ranks, default=None),
@@ -261,6 +266,7 @@ def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
                 sum(bool(r.access_190_kept) for r in known),
                 sum(r.lowest_site_pressure >= 0.0 for r in known), len(flows),
                 min(flows, default=np.nan), _median(flows),
+                (min(most, default=0.0) == np.inf, _median(most) == np.inf),
             )
         )  # fmt: skip
     return tuple(sorted(result, key=_order))

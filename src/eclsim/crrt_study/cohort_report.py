@@ -97,12 +97,14 @@ def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
         decided = _of(total - len(study.undecided(policy)), total)
         worst = "–" if summary.worst_rank is None else summary.worst_rank
         median = "–" if math.isnan(summary.median_rank) else f"{summary.median_rank:g}"
+        smallest_more, median_more = ("+" if more else "" for more in summary.flows_at_least)
         rows.append(
             [
                 summary.letter, names[summary.letter], f"{summary.first}{decided}",
                 f"{median}{ranked}", f"{worst}{ranked}", f"{summary.alarms_kept}{result}",
                 f"{summary.access_190_kept}{result}", f"{summary.above_atmosphere}{result}",
-                f"{number(summary.median_flow, 1)}{flows}", f"{number(summary.smallest_flow, 1)}{flows}",
+                f"{number(summary.median_flow, 1)}{median_more}{flows}",
+                f"{number(summary.smallest_flow, 1)}{smallest_more}{flows}",
             ]
         )  # fmt: skip
     return rows
