@@ -17,7 +17,7 @@ def test_a_patient_is_made_to_have_measured_values_or_it_is_said():
     result = with_outputs(plain, ("Rmc", regulation.EXTRA_VOLUME), {"MAP": 80.0, "CO": 5.0})
     assert float(simulate(result)["MAP"]) == pytest.approx(80.0, rel=1e-5)
     assert float(simulate(result)["CO"]) == pytest.approx(5.0, rel=1e-5)
-    with pytest.raises(UnreachableError, match="no Emaxla give"):
+    with pytest.raises(UnreachableError, match="no values of Emaxla result"):
         with_outputs(plain, ("Emaxla",), {"MAP": 200.0})
 
 
