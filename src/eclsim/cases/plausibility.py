@@ -26,8 +26,6 @@ from eclsim.units import MMHG_PER_KPA
 
 _VESSELS = ("ao", "sart", "svn", "pas", "part", "pvn")
 _CHAMBERS = ("ra", "rv", "la", "lv")
-_OXYGENATING = ("ecmo", "renox")
-"""Devices that take up carbon dioxide."""
 _LARGEST_SHARE = 0.5
 _LEAST_VENOUS_ML = 20.0
 _LARGEST_SATURATION_DIFFERENCE = 15.0
@@ -92,7 +90,7 @@ def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
 def _note_ventilation(case: CaseValues, remarks: Remarks) -> None:
     """Note the default ventilation of a patient without an oxygenator: that of lungs at rest on ECMO."""
     gas = case.physiology.get("gas")
-    if gas is None or "alveolar_ventilation_l_min" in gas or any(map(case.of, _OXYGENATING)):
+    if gas is None or "alveolar_ventilation_l_min" in gas or case.of("ecmo"):
         return
     message = (
         "left out, so 2 L/min, as of lungs at rest on ECMO; without an oxygenator PaCO2 is then near 90 "
