@@ -25,6 +25,7 @@ OUTPUTS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sections", "scheme"),
     [
