@@ -99,7 +99,7 @@ def test_what_is_held_in_a_fit_is_named_with_it():
     file = PageState(turn(case, "gas.fio2", 0.8), "patient_held", origin="file")
     assert fitted_case(file) == file.case
     words = fitted_with(file)
-    for part in ("Rotaflow", "fio2 0.8", "Blood given", "RV_Pd_kappa 0.025", "primed"):
+    for part in ("Rotaflow", "fio2 0.8", "Extra blood volume", "RV_Pd_kappa 0.025", "primed"):
         assert part in words
     assert "Emaxlv" not in words, "it is fitted"
     fitted = PageState(file.case, origin="fit", verdict="good")

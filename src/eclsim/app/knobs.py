@@ -52,7 +52,7 @@ _FILLED = ("svn", "pvn")
 """Vessels whose start pressure accounts for given blood, in the order in which blood is taken from them."""
 START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
 """Parameters that account for given blood."""
-VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
+VOLUME_FIELD = Field("Extra blood volume", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 
 
 def cached_by_case(function: Callable[[Case], T]) -> Callable[[Case], T]:

@@ -107,7 +107,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "parameters.Rmc": "Systemic resistance",
         "parameters.Rpmc": "Pulm. resistance",
         "parameters.Csart": "Arterial compliance",
-        "volume_ml": "Blood given",
+        "volume_ml": "Extra blood volume",
         "volume_hint": "Blood in the veins in addition to that of the published patient (0 mL); each preset "
         "has its own value",
         "physiology.regional": "Separate upper and lower body",
