@@ -102,31 +102,36 @@ class FitProcess:
             self._turn.release()
 
     def stop(self) -> None:
-        """End the process."""
+        """End the process, and release the event, whose semaphores would outlast a command that is stopped."""
         if self._process is not None and self._process.is_alive():
             self._process.terminate()
-        self._process = None
+        self._process = self._line = None
 
-    def _started(self) -> tuple[Connection, Event]:
-        """Return the pipe to the process and the event that cancels its job; start the process if needed."""
+    def _started(self) -> Connection:
+        """Return the pipe to the process; start the process if needed."""
         if self._process is None or not self._process.is_alive() or self._line is None:
             pipe, far = self._spawn.Pipe()
             self._line = pipe, self._spawn.Event()
             self._process = self._spawn.Process(target=_serve, args=(far, self._line[1]), daemon=True)
             self._process.start()
             far.close()
-        return self._line
+        self._line[1].clear()
+        return self._line[0]
+
+    def _cancel(self) -> None:
+        """Ask the process to end its job."""
+        if self._line is not None:
+            self._line[1].set()
 
     def _exchange(self, order: Order, report: Callable[[str], None], stop: threading.Event) -> dict[str, Any]:
-        pipe, quit_now = self._started()
-        quit_now.clear()
+        pipe = self._started()
         cancelled_at = math.inf
         try:
             pipe.send(order)
             while True:
                 if stop.is_set() and cancelled_at == math.inf:
                     cancelled_at = time.monotonic()
-                    quit_now.set()
+                    self._cancel()
                 if time.monotonic() - cancelled_at > LONGEST_CANCEL_S:
                     self.stop()
                     raise CancelledError
