@@ -98,3 +98,20 @@ def test_a_row_each_for_many_keeps_the_marks(capsys, drained):
     assert "CVP" in text
     assert "Qs: systemic_flow, EFLV: ejection_fraction_lv\n" in text
     assert text.count(f"{float(drained['MAP']):.1f}!") == 4
+
+
+def test_zero_has_no_minus_sign(capsys):
+    """A reflex at rest was "-0.0 %" in use."""
+    result = simulated(regulation={"baroreflex": 1.0})
+    result["reflex_use"] -= float(result["reflex_use"]) + 1e-6
+    assert row(shown(capsys, [result]), "reflex_use")[-2:] == ["0.0", "%"]
+    summary.show([result, result], {"reflex_use": -1e-6})
+    assert row(capsys.readouterr().out, "reflex_use")[-4:] == ["0.0", "0.0", "+0.0", "%"]
+
+
+def test_a_mark_is_explained_only_where_the_table_has_it(capsys):
+    """The legend was that of all outputs, also of those that the table leaves out."""
+    result = simulated(ecmo=ECMO | {"speed_rpm": 4600})
+    assert result["post_pump_pressure"].attrs["finding"] == "alarm"
+    assert "! beyond a limit" in shown(capsys, [result])
+    assert "! beyond a limit" not in shown(capsys, [result] * 4)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 _HEART_AND_LUNGS = {
     "ra": "right atrium",
     "rv": "right ventricle",
-    "pas": "pulmonary aortic sinus",
+    "pas": "pulmonary sinus",
     "part": "pulmonary artery",
     "pvn": "pulmonary vein",
     "la": "left atrium",

@@ -95,17 +95,19 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
     width = None if sys.stdout.isatty() else _WIDTH_WITHOUT_TERMINAL
     console = Console(width=width, highlight=False)
     if len(results) <= _MOST_COLUMNS:
+        names = [n for _, group in _groups(results) for n in group if _is_shown(n, results)]
         console.print(_side_by_side(results, changes))
     else:
+        names = _OUTPUTS_OF_ROWS
         console.print(_table_of_rows(results))
-        console.print(_meaning_of_heads(_OUTPUTS_OF_ROWS, results))
-    if text := legend(results):
+        console.print(_meaning_of_heads(names, results))
+    if text := legend(results, names):
         console.print(text)
 
 
-def legend(results: Sequence[xr.Dataset]) -> str:
-    """Explanation of the marks after numbers; empty if there are none."""
-    messages = dict.fromkeys(_mark(result, str(name)) for result in results for name in result.data_vars)
+def legend(results: Sequence[xr.Dataset], names: Sequence[str]) -> str:
+    """Explanation of the marks after the numbers that a table shows; empty if there are none."""
+    messages = {_mark(result, name) for result in results for name in names if name in result}
     meanings = [meaning for mark, meaning in _MEANINGS.items() if mark in messages]
     return f"{', '.join(meanings)}: the warnings say why" if meanings else ""
 
@@ -177,8 +179,7 @@ def _add_group(
         description = _LONG_NAMES.get(name, about.get("long_name", ""))
         cells = [cell(result, name) for result in results]
         if changes is not None:
-            digits = _digits(about)
-            cells.append(f"{changes[name]:+.{digits}f}" if name in changes else "")
+            cells.append(_rounded(changes[name], about, sign="+") if name in changes else "")
         table.add_row(f"  {name}", _cut_to_fit(description or ""), *cells, about.get("units", ""))
 
 
@@ -245,7 +246,12 @@ def cell(result: xr.Dataset, name: str) -> str:
     value = float(result[name]) if name in result else math.nan
     if not math.isfinite(value):
         return "- "
-    return f"{value:.{_digits(result[name].attrs)}f}{_mark(result, name) or ' '}"
+    return f"{_rounded(value, result[name].attrs)}{_mark(result, name) or ' '}"
+
+
+def _rounded(value: float, about: Mapping[str, object], sign: str = "-") -> str:
+    """A number with the decimals of its unit, and zero without a minus sign."""
+    return f"{value:{sign}z.{_digits(about)}f}"
 
 
 # --- one key varied -------------------------------------------------------------------------------
@@ -271,7 +277,7 @@ def sweep_text(sweep: Sweep) -> str:
     policy = sweep.results[0].attrs["blood_volume_policy"]
     saturations = ", SaO2 in %" if "SaO2" in columns else ""
     title = f"{sweep.case_id}: steady beats, blood volume {policy}; mmHg, flows in L/min{saturations}"
-    marks = legend([result for result in sweep.results if result.attrs["converged"]])
+    marks = legend([result for result in sweep.results if result.attrs["converged"]], columns)
     table = text_table(head, rows, numeric=range(len(head) - 1))
     return "\n".join(filter(None, (title, table, _meaning_of_heads(columns, sweep.results), marks)))
 
