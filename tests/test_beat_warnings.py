@@ -79,7 +79,7 @@ def test_sensitivity_says_it_also_where_the_runs_are_read_again(case: Path, tmp_
     result = eclsim.sensitivity(case, settings=settings, folder=tmp_path)
     assert mentions(result.warnings, LABEL)
     assert result.indices.as_object()["warnings"] == list(result.warnings)
-    assert mentions(tuple(doubts(result.indices, "normal")), "normal: at the values varied around: ECMO flow")
+    assert mentions(tuple(doubts(result.indices, "normal")), "normal: at the central values: ECMO flow")
     assert merge_shards(tmp_path).warnings == result.warnings
 
 

@@ -25,6 +25,14 @@ def test_what_is_written_is_read(level):
     assert marked(level).endswith(PLAIN)
 
 
+def test_the_mark_is_in_plain_words_and_files_in_the_earlier_ones_are_read():
+    """The first line of a fitted case was "doubtful fit (of what has the mark daeaafab)"."""
+    plain = marked("doubtful")
+    assert plain.startswith("# eclsim identify: doubtful fit (checksum of the fitted case: ")
+    earlier = plain.replace("checksum of the fitted case:", "of what has the mark")
+    assert read_mark(earlier) == FitMark("doubtful", is_changed=False)
+
+
 def test_a_file_without_a_mark_or_with_one_elsewhere_has_none():
     first, _, rest = marked("good").partition("\n")
     assert read_mark(PLAIN) is None

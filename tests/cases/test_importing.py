@@ -251,6 +251,14 @@ def test_what_lies_further_apart_is_another_data_point(tmp_path):
     assert len(import_cohort(long_table(tmp_path, *rows), within=timedelta(minutes=1)).rows) == 3
 
 
+def test_values_of_one_data_point_are_counted(tmp_path):
+    """One was "1 values"."""
+    rows = [f"A,2024-03-01T08:0{m},{code},80,mmHg" for m, code in ((0, "MAP"), (1, "SP"), (2, "DP"))]
+    for count, words in ((2, "1 value up to 5 min"), (3, "2 values up to 5 min")):
+        (note,) = import_cohort(long_table(tmp_path, *rows[:count])).notes
+        assert words in str(note)
+
+
 def test_units_are_converted_or_refused_never_guessed():
     assert in_unit_of(80.0, "mm[Hg]", BY_CODE["MAP"]) == (80.0, "")
     assert in_unit_of(90.0, "1/min", BY_CODE["heart_rate_bpm"]) == (90.0, "")

@@ -165,7 +165,7 @@ def test_a_rate_that_the_device_cannot_have_is_said_in_what_was_asked(own):
 
 def test_without_a_device_that_removes_fluid_it_is_refused(own):
     bare = own.model_copy(update={"crrt": None})
-    with pytest.raises(GoalError, match="no device that removes fluid"):
+    with pytest.raises(GoalError, match=r"no device that removes fluid: add a section \[crrt\]"):
         plan_removal(bare, 300.0, "MAP > 62")
 
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from eclsim.identification.figures import (
     plot_boxes,
@@ -77,6 +78,8 @@ def test_slices_mark_the_optimum_and_where_there_is_no_heartbeat(tmp_path):
     assert [len(axes.lines) for axes in fig.axes] == [2, 3, 2, 2]
     assert not fig.axes[1].lines[2].get_clip_on()  # a cross at the edge of its axes is drawn whole
     assert save_figure(fig, tmp_path / "slices", ("svg",))
+    title = fig._suptitle.get_window_extent(FigureCanvasAgg(fig).get_renderer())
+    assert title.width < 0.85 * fig.bbox.width  # a browser may draw it in a wider font, and cut it off
 
 
 def test_profiles_show_the_limit_of_the_interval():

@@ -202,6 +202,15 @@ def test_doubts_stand_beside_every_prediction(result):
     assert table.count("NOT TO BE TRUSTED:\n  Pareto k of the weights is 0.83") == 3
 
 
+def test_the_verdict_on_the_fit_is_not_repeated_under_each_prediction(result):
+    verdict = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
+    first, second = result.predictions
+    warned = replace(second, warnings=(verdict, "MAP 50.0 mmHg is below 55 mmHg"))
+    table = posterior_text(replace(result, predictions=(first, warned)).as_object())
+    assert "At the medians of the draws: MAP 50.0 mmHg" in table
+    assert verdict not in table
+
+
 def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     first, second = result.predictions
     few, many = replace(second, without_beat=0.004), replace(second, without_beat=0.05)

@@ -105,6 +105,12 @@ def test_a_set_that_cannot_be_told_apart_is_not_proposed():
     assert loose.excluded == {}
     assert set(strict.chosen) == {"q", "r"}
     assert "cannot be told from q" in strict.excluded["p"]
+    same, near = (
+        propose(scaled({"p": [1000.0, off, 0.0], "q": [1000.0, 0.0, 0.0]}), threshold=1e-9)
+        for off in (0.0, 0.3)
+    )
+    assert "collinearity index infinite with the set" in "".join(same.excluded.values())
+    assert "collinearity index 4710 with the set" in "".join(near.excluded.values())  # it was 4.71e+03
 
 
 def test_a_parameter_with_next_to_no_effect_of_its_own_is_not_proposed():

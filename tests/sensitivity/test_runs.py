@@ -171,8 +171,11 @@ def test_it_stops_once_the_wanted_width_is_reached(tmp_path, plan):
     assert early.design.samples in (256, 512, 1024, 2048)
     assert early.indices.estimates.ST_conf.max() <= 0.15
     assert early.indices.evaluations == early.design.evaluations
+    assert early.indices.doubts == ()
     whole = run(plan, tmp_path / "b", until=1e-6)
     assert whole.design.samples == 4096
+    (doubt,) = whole.indices.doubts  # it ended without a word
+    assert "not to ±1e-06: raise --samples" in doubt
 
 
 def test_another_analysis_in_the_folder_is_refused_by_name(tmp_path, plan):

@@ -102,7 +102,7 @@ class FitProcess:
             self._turn.release()
 
     def stop(self) -> None:
-        """End the process, and release the event, whose semaphores would outlast a command that is stopped."""
+        """End the process, and release its event, whose semaphores would outlast a stopped command."""
         if self._process is not None and self._process.is_alive():
             self._process.terminate()
         self._process = self._line = None

@@ -23,7 +23,11 @@ _WORDS = {
     "poor": "its parameters are a POOR fit of eclsim identify: not to be used",
 }
 LEVELS = tuple(_WORDS)
-_MARK = re.compile(rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \(of what has the mark ([0-9a-f]{{8}})\)")
+_CHECKSUM = "checksum of the fitted case: "
+_MARK = re.compile(
+    rf"# eclsim identify: ({'|'.join(LEVELS)}) fit \((?:{_CHECKSUM}|of what has the mark )([0-9a-f]{{8}})\)"
+)
+"""First line of a fitted case, also in the words of files that were written before December 2026."""
 DOUBTS = "doubts"
 """Column with the reason why no number of a table can be trusted; present only if there is such a reason."""
 POSTERIOR = "posterior: "
@@ -77,7 +81,7 @@ def with_mark(text: str, level: str, headline: str) -> str:
         headline: the verdict in one sentence.
     """
     headline = " ".join(headline.split())
-    return f"# eclsim identify: {level} fit (of what has the mark {_digest(text)})\n# {headline}\n{text}"
+    return f"# eclsim identify: {level} fit ({_CHECKSUM}{_digest(text)})\n# {headline}\n{text}"
 
 
 def read_mark(text: str) -> FitMark | None:

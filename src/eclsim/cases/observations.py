@@ -260,7 +260,8 @@ def _rows_of(
     result.rows += _with_size(patient, rows, [*_HEAD, *about], result)
     if spread:
         minutes = within.total_seconds() / 60.0
-        message = f"{spread} values up to {minutes:g} min after the first of a data point belong to it"
+        values, belong = ("1 value", "belongs") if spread == 1 else (f"{spread} values", "belong")
+        message = f"{values} up to {minutes:g} min after the first of a data point {belong} to it"
         result.notes.append(Mistake(patient, message))
 
 

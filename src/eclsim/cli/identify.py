@@ -475,4 +475,5 @@ def import_data(options: ImportOptions) -> None:
     write_text(as_table(cohort.rows), target or STANDARD_OUTPUT)
     if target != STANDARD_OUTPUT:
         patients = len({row["patient_id"] for row in cohort.rows})
-        say(f"{target}: {len(cohort.rows)} data points of {patients} patients")
+        points = "1 data point" if len(cohort.rows) == 1 else f"{len(cohort.rows)} data points"
+        say(f"{target}: {points} of {patients} patient{'s' * (patients != 1)}")

@@ -230,7 +230,7 @@ def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
     removing = " or ".join(
         f"[{key}]" for key, instance in devices().items() if ULTRAFILTRATION in instance.section.fields()
     )
-    wrong = [f"no device that removes fluid; allowed: a case with {removing}"]
+    wrong = [f"the case has no device that removes fluid: add a section {removing}"]
     try:
         read_goals(keep, output_names(model_of(case).circuit))
     except GoalError as error:

@@ -169,8 +169,8 @@ def default_criteria(limits: tuple[Limit, ...] = LIMITS) -> tuple[Criterion, ...
         ),
         Criterion(
             FLOW, prefer="larger", step=0.1,
-            words="keeps its limits up to the larger ECMO flow, rounded to 0.1 L/min, or to the largest "
-            "speed studied",
+            words="keeps its limits up to a larger ECMO flow (rounded to 0.1 L/min, and up to the largest "
+            "speed studied)",
         ),
         Criterion(
             "recirculated_fraction", prefer="smaller", step=0.01, words="recirculates less, rounded to 1 %"

@@ -74,8 +74,8 @@ def plot_slices(slices: CostCurves, units: Mapping[str, str]) -> Figure:
                 level = np.full(missing.sum(), np.nanmin(costs))
                 axes.plot(values[missing], level, "x", color=GREY, markersize=3, clip_on=False)
             axes.set_yscale("log")
-        crosses = "; crosses: no steady heartbeat" if np.isnan(slices.costs).any() else ""
-        fig.suptitle(f"Cost along each parameter, the others at the optimum (dot){crosses}")
+        crosses = ", crosses: no steady heartbeat" if np.isnan(slices.costs).any() else ""
+        fig.suptitle(f"Cost along each parameter (dot: optimum{crosses})")
     return fig
 
 

@@ -90,13 +90,13 @@ class UndeterminedOutputs:
         """The finding in words, with advice."""
         held, are = ", ".join(self.held), "are" if len(self.held) > 1 else "is"
         each = ", ".join(
-            f"{name} {reach} {unit_of(name)} in place of {self.values[name]:.3g}"
+            f"{name} {reach} {unit_of(name)} (fitted: {self.values[name]:.3g})"
             for name, reach in self.outputs.items()
         )
         return (
-            f"{held} {are} held at the usual value, which determines what was not measured; if free as "
-            f"well, these measurements give {each} (90 %): measure it, free them (--free), or give "
-            "[parameters] that are known"
+            f"{held} {are} held at the usual value, on which outputs that were not measured depend; with "
+            f"all parameters free, the 90 % intervals are {each}: measure {' or '.join(self.outputs)}, free "
+            "what is held (--free), or give its value in [parameters] if it is known"
         )
 
 

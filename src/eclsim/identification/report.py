@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eclsim.cases.fit_mark import untrusted
 from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.files import write_text
@@ -211,7 +212,9 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
         yield f"{without} of {prediction['draws']} draws are beats {IMPOSSIBLE_BEAT} and are not counted"
     if without := prediction.get("draws_without_steady_gases"):
         yield f"{without} of {prediction['draws']} draws have no steady gas state there (excluded from gases)"
-    yield from (f"At the medians of the draws: {sentence}" for sentence in prediction.get("warnings", ()))
+    warnings = prediction.get("warnings", ())
+    shown_above = untrusted(warnings)
+    yield from (f"At the medians of the draws: {each}" for each in warnings if each not in shown_above)
 
 
 def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
@@ -233,7 +236,9 @@ def series_text(series: Data) -> str:
         for p in points
     ]  # fmt: skip
     head = ("id", *names, "p")
-    lines = [f"{series['id']}: medians after each measurement, and the probability p of its deviations"]
+    lines = [
+        f"{series['id']}: medians after each measurement, and the probability p of deviations this large"
+    ]
     lines.append(text_table(head, rows, numeric=range(1, len(head))))
     lines += [f"  !  {p['id']}: {p['message']}" for p in points if p["message"]]
     lines += [
@@ -394,7 +399,7 @@ def _method(settings: Data, point: Data | None = None) -> list[str]:
         lines += [
             f"Search: {point['message']} ({agree}; {point['explored']:,} sets of parameters explored, "
             f"{point['explored_without_steady_beat']:,} of them without a steady heartbeat, "
-            f"{point['explored_one_of_many']:,} with one of many because valves stay shut"
+            f"{point['explored_one_of_many']:,} whose beat is one of many because valves stay shut"
             f"{without_gases}).",
             f"Sum of squared residuals: {number(point['cost'])}.",
         ]

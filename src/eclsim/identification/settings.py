@@ -466,7 +466,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         elif value is not None:
             checked.targets[name] = value
     if not checked.targets:
-        checked.add_mistake("measurements", "nothing to fit", allowed=", ".join(OUTPUTS))
+        checked.add_mistake("measurements", "nothing to fit", allowed=f"at least one of {', '.join(OUTPUTS)}")
     for key, limits in bounds.items():
         _check_bounds(key, limits, checked)
     if 0 < len(checked.targets) < len(checked.free):

@@ -14,9 +14,9 @@ from typing import Literal
 
 Sex = Literal["female", "male"]
 
-_HUDSMITH = "Hudsmith 2005, magnetic resonance, 63 men and 45 women, mean +- 2 SD"
+_HUDSMITH = "Hudsmith 2005, magnetic resonance, 63 men and 45 women, mean ± 2 SD"
 _CATHETER = "right heart catheterisation, practical table, European Respiratory Society"
-_KAWEL_BOEHM = "Kawel-Boehm 2015, magnetic resonance, mean +- 2 SD"
+_KAWEL_BOEHM = "Kawel-Boehm 2015, magnetic resonance, mean ± 2 SD"
 _EXTRACTION = "McLellan and Walsh 2004; the critical one is 0.60 +- 0.13 (Ronco 1993)"
 _NURSING = "rnceus.com/hemo/term.htm, nursing reference"
 

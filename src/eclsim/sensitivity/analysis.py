@@ -216,7 +216,8 @@ def run_analysis(
             break
     store.finish(result.runs)
     seconds = time.perf_counter() - started
-    return replace(result, indices=replace(result.indices, seconds=seconds, warnings=plan.warnings))
+    known = replace(result.indices, seconds=seconds, warnings=plan.warnings, until=until)
+    return replace(result, indices=known)
 
 
 def merge_shards(folder: Path) -> SensitivityResult:

@@ -18,7 +18,7 @@ from eclsim.arguments import number_of
 from eclsim.cases.quantities import quantity
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
-from eclsim.reporting.numbers import text_table
+from eclsim.reporting.numbers import number, text_table
 from eclsim.sensitivity.inputs import (
     CARDIOVASCULAR,
     DEFAULTS,
@@ -290,8 +290,9 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
     gamma = scaled.collinearity([*chosen, name])
     if gamma > limit:
         cosine = scaled.cosines[scaled.parameters.index(name), scaled.parameters.index(others[0])]
+        index = number(gamma, digits=3, missing="infinite")
         return (
-            f"cannot be told from {like}: collinearity index {gamma:.3g} with the set (limit {limit:g}), "
+            f"cannot be told from {like}: collinearity index {index} with the set (limit {limit:g}), "
             f"cosine {cosine:+.3f} with {others[0]}"
         )
     remaining = left * float(np.linalg.norm(scaled.matrix[:, scaled.parameters.index(name)]))

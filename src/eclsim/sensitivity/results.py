@@ -77,6 +77,7 @@ class Indices:
         impossible: number of runs in these rows with a beat that no patient can have, with a chamber without
             blood or a vein sucked shut.
         where_failed: region that holds most of the failed runs; None if no input separates them.
+        until: half width that every total order was to reach; None if the number of rows was fixed.
     """
 
     factors: tuple[str, ...]
@@ -91,6 +92,7 @@ class Indices:
     constant: tuple[str, ...] = ()
     impossible: int = 0
     where_failed: FailedRegion | None = None
+    until: float | None = None
 
     @property
     def ranked(self) -> bool:
@@ -415,7 +417,7 @@ def pairs_text(indices: Indices) -> str:
 def doubts(indices: Indices, state: str = "", reported: Collection[str] = ()) -> list[str]:
     """Warnings about the base beat that are not in `reported`, and number and kind of failed runs."""
     before = f"{state}: " if state else ""
-    around = (f"at the values varied around: {line}" for line in indices.warnings if line not in reported)
+    around = (f"at the central values: {line}" for line in indices.warnings if line not in reported)
     return [f"{before}{sentence}" for sentence in (*around, *indices.doubts)]
 
 
@@ -437,6 +439,12 @@ def _doubts(indices: Indices) -> Iterator[str]:
             f"{indices.rows_used} of {indices.samples} rows are left to estimate from: nothing is ranked or "
             f"selected from fewer than {FEWEST_ROWS} or than half; raise --samples, or narrow --perturbation "
             "where runs failed"
+        )
+    widest = float(indices.estimates.ST_conf.max())
+    if indices.until is not None and widest > indices.until:
+        yield (
+            f"after {indices.samples} rows total orders are known to ±{widest:.2g} only, not to "
+            f"±{indices.until:g}: raise --samples (--resume keeps these runs)"
         )
     if indices.constant:
         verb = "does" if len(indices.constant) == 1 else "do"
