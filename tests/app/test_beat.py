@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from eclsim.app.beat import POINTS, compute_beat, page_circuit, plain
-from eclsim.app.display import display, output_specs
+from eclsim.app.display import display, named_specs, output_specs
 from eclsim.app.engine import Engine
 from eclsim.app.knobs import connect, turn
 from eclsim.app.session import BEATS_WORTH_A_CLOSER_START
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
+from eclsim.parameters.adult_ranges import adult_ranges
 from eclsim.simulation.single import simulate
 from patience import until
 
@@ -107,6 +108,17 @@ def test_drainage_pressure_above_zero_breaks_no_limit(paper):
     assert slow.outputs["lowest_drainage_pressure"] > 0
     assert slow.levels()["lowest_drainage_pressure"] == "ok"
     assert "range" not in output_specs()["lowest_drainage_pressure"]
+
+
+@pytest.mark.parametrize("sex", ["female", "male"])
+def test_reference_ranges_are_those_of_a_fit_for_the_same_sex(paper, sex):
+    """A woman's ventricles were compared with those of men, and CO with another range than in her report."""
+    patient = paper.case.patient.model_copy(update={"sex": sex})
+    specs = named_specs(paper.case.model_copy(update={"patient": patient}))
+    for name, one in adult_ranges(sex).items():
+        assert tuple(specs[name]["range"]) == (*one.healthy, one.source)
+    assert specs["MAP"]["limits"]
+    assert specs["SP"]["range"][:2] == [90.0, 140.0]
 
 
 def test_what_no_patient_can_have_is_marked_at_its_place(paper):

@@ -17,6 +17,7 @@ from eclsim.gas.network import gas_exchanges
 from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
+from eclsim.parameters.adult_ranges import adult_ranges
 from eclsim.patient.anthropometry import AGE, SIZE
 from eclsim.reporting.saturation import COLOUR_STOPS, text_colour_on
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
     from eclsim.devices.description import Output
+    from eclsim.parameters.adult_ranges import Sex
 
 
 def _figure(
@@ -280,29 +282,21 @@ def compared_of(case: Case) -> list[str]:
 
 _CATHETER = "practical table of right heart catheterisation, European Respiratory Society"
 _NURSING = "nursing reference of haemodynamic norms"
-_HUDSMITH = "Hudsmith et al. 2005, 63 men, mean ± 2 SD"
-_KAWEL = "Kawel-Boehm et al. 2015, men, mean ± 2 SD"
 
-REFERENCE: dict[str, tuple[float, float, str]] = {
+_FURTHER_RANGES: dict[str, tuple[float, float, str]] = {
     "SP": (90.0, 140.0, _NURSING),
     "DP": (60.0, 90.0, _NURSING),
-    "MAP": (70.0, 100.0, _NURSING),
-    "MPAP": (8.0, 20.0, _CATHETER),
-    "PCWP": (4.0, 12.0, _CATHETER),
-    "CO": (4.0, 8.0, _CATHETER),
-    "SPAP": (15.0, 25.0, _CATHETER),
     "DPAP": (4.0, 12.0, _CATHETER),
-    "right_atrial_pressure": (1.0, 6.0, _CATHETER),
-    "end_diastolic_pressure_rv": (1.0, 8.0, _CATHETER),
     "peak_pressure_rv": (15.0, 25.0, _CATHETER),
-    "EDVLV": (102.0, 218.0, _HUDSMITH),
-    "ESVLV": (18.0, 82.0, _HUDSMITH),
-    "EDVRV": (124.0, 256.0, _HUDSMITH),
-    "ESVRV": (38.0, 118.0, _HUDSMITH),
     "stroke_volume_lv": (50.0, 100.0, _NURSING),
-    "ejection_fraction_lv": (57.0, 77.0, _KAWEL),
 }
-"""Adult reference range of outputs, in their units, with its source."""
+"""Adult reference range of outputs that a fit does not judge, in their units, with its source."""
+
+
+def reference_ranges(sex: Sex) -> dict[str, tuple[float, float, str]]:
+    """Return adult reference ranges of outputs with their sources, the same as in the report of a fit."""
+    judged = {name: (*one.healthy, one.source) for name, one in adult_ranges(sex).items()}
+    return {**_FURTHER_RANGES, **judged}
 
 
 def bounds(quantity: str, values: Mapping[str, float] = NO_VALUES) -> list[dict[str, Any]]:
@@ -314,7 +308,7 @@ def bounds(quantity: str, values: Mapping[str, float] = NO_VALUES) -> list[dict[
 
 
 def output_specs() -> dict[str, dict[str, Any]]:
-    """Return label, unit, definition and reference range of every output, as plain data."""
+    """Return label, unit and definition of every output, and limits for all patients, as plain data."""
     result = {name: _spec(entry, name, entry.long_name) for name, entry in all_outputs().items()}
     return result | {
         name: {"label": about["long_name"], "unit": about["units"], "definition": about["definition"]}
@@ -323,19 +317,21 @@ def output_specs() -> dict[str, dict[str, Any]]:
 
 
 def named_specs(case: Case) -> dict[str, dict[str, Any]]:
-    """Return the same for outputs of named device instances, and for limits that depend on the patient."""
+    """Return the same for named device instances, and for ranges and limits that depend on the patient."""
     height, weight = case.patient.height_cm, case.patient.weight_kg
     own: dict[str, Mapping[str, float]] = {}
     if case.gas is not None and height is not None and weight is not None:
         own["DO2"] = dict(zip(SIZE, (height, weight), strict=True))
     if case.regulation is not None or case.drugs is not None:
         own["heart_rate"] = {AGE: case.patient.age_years}
-    limited = {
-        name: _spec(entry, name, entry.long_name) | {"limits": bounds(name, values)}
-        for name, values in own.items()
-        for entry in (all_outputs()[name],)
-    }
-    return limited | {
+    ranges = reference_ranges(case.patient.sex)
+    outputs = all_outputs()
+    result = {name: _spec(outputs[name], name, outputs[name].long_name) for name in (*ranges, *own)}
+    for name, ends_and_source in ranges.items():
+        result[name]["range"] = list(ends_and_source)
+    for name, values in own.items():
+        result[name]["limits"] = bounds(name, values)
+    return result | {
         instance.output(entry.name): _spec(
             entry, instance.output(entry.name), f"{entry.long_name}, {instance.label}"
         )
@@ -346,6 +342,4 @@ def named_specs(case: Case) -> dict[str, dict[str, Any]]:
 
 def _spec(entry: Output, name: str, label: str) -> dict[str, Any]:
     spec: dict[str, Any] = {"label": label, "unit": entry.unit, "definition": entry.definition}
-    if name in REFERENCE:
-        spec["range"] = list(REFERENCE[name])
     return spec | ({"limits": limits} if (limits := bounds(name)) else {})
