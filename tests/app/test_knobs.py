@@ -242,6 +242,14 @@ def test_sections_of_the_patient_are_switched_and_knobs_come_with_them():
     assert connect(on, "gas") == case
 
 
+def test_a_heart_is_shown_as_paced_only_if_it_is():
+    """With reflexes the knob stood at 0 (paced) while the heart rate followed them wholly."""
+    case = connect(PRESETS["paper"].case(), "regulation")
+    assert value_of(case, "regulation.heart_rate_response") == 1.0
+    assert value_of(turn(case, "regulation.heart_rate_response", 0), "regulation.heart_rate_response") == 0.0
+    assert value_of(case, "regulation.chemoreflex") == 0.0
+
+
 @pytest.mark.parametrize("preset", ["healthy", "cardiogenic-shock", "right-heart-failure", "lvad"])
 def test_lungs_that_nothing_helps_are_not_those_of_a_patient_on_an_oxygenator(preset):
     """Default lungs rest on ECMO; alone they gave a healthy adult a pH of 7.14 and a saturation of 83 %."""

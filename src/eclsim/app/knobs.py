@@ -21,6 +21,7 @@ from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.parameters import physiology, thiel2025
+from eclsim.parameters.regulation import HEART_RATE_RESPONSE
 from eclsim.patient.sites import PATIENT_SITES, SAME_IN_REGIONS
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
 _THOUSANDS_POINT = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 _CONSUMPTION = "gas.vo2_ml_min"
+_IF_OMITTED = {HEART_RATE_RESPONSE: 1.0}
+"""Omitted numbers of sections that are neither 0 (off) nor computed."""
 """A setting that is derived from the body surface area if omitted."""
 _SWITCH = MappingProxyType({"true": True, "false": False})
 _SWITCHED_ON = MappingProxyType({"regulation": {"baroreflex": 1.0}, "physiology": {"regional": True}})
@@ -143,7 +146,7 @@ def _value_if_omitted(case: Case, section: str, name: str) -> float | None:
     if key == _CONSUMPTION:
         return _resolved(case)[key]
     kind = next(kind for kind in PATIENT_SECTIONS if kind.section == section)
-    return 0.0 if kind.fields()[name].minimum == 0.0 else None
+    return _IF_OMITTED.get(key, 0.0 if kind.fields()[name].minimum == 0.0 else None)
 
 
 def _with_available_sites(control: Control, sites: Mapping[str, str]) -> Control:
