@@ -101,7 +101,7 @@ for name, function, summary in (
     ("outputs", outputs, "List the outputs of a beat with units, or explain one."),
     ("demo", demo, "Simulate the paper's patient, with figures and the printed numbers."),
     ("validate", validate, "Compare eclsim with published results."),
-    ("app", bedside_page, "Open the bedside page in a browser."),
+    ("app", bedside_page, "Serve the bedside page to a browser."),
     ("benchmark", benchmark, "Measure speed and memory on this machine."),
 ):
     app.command(name, cls=Command, short_help=summary)(as_command(function))
