@@ -36,9 +36,9 @@ _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
 _THOUSANDS_POINT = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 _CONSUMPTION = "gas.vo2_ml_min"
-_IF_OMITTED = {HEART_RATE_RESPONSE: 1.0}
-"""Omitted numbers of sections that are neither 0 (off) nor computed."""
 """A setting that is derived from the body surface area if omitted."""
+_IF_OMITTED = MappingProxyType({HEART_RATE_RESPONSE: 1.0})
+"""Omitted numbers of sections that are neither 0 (off) nor computed."""
 _SWITCH = MappingProxyType({"true": True, "false": False})
 _SWITCHED_ON = MappingProxyType({"regulation": {"baroreflex": 1.0}, "physiology": {"regional": True}})
 """Initial values of sections when they are switched on; other sections start with their defaults."""
