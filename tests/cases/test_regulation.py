@@ -10,7 +10,14 @@ from eclsim.cases.writing import write_case
 from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES
 from eclsim.orbit import rest
 from eclsim.orbit.model import model_of, values_of
-from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
+from eclsim.parameters.regulation import (
+    EXTRA_VOLUME,
+    GAIN,
+    PAO2_SET_POINT,
+    SET_POINT,
+    UNSTRESSED,
+    VENOUS_SET_POINT,
+)
 
 PATIENT = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
 
@@ -163,3 +170,11 @@ def test_what_reflexes_read_at_rest_asks_for_no_program_but_that_of_the_search(m
     rest._means.cache_clear()
     at_rest = model_of(read(regulation={"baroreflex": 1}).case).values
     assert at_rest[SET_POINT] > 60.0
+
+
+def test_gases_at_rest_of_a_case_written_without_gas_are_those_of_the_section_it_was_given(tmp_path):
+    """`--set gas.fio2=0.5 --set regulation.chemoreflex=1` ended with an IndexError."""
+    file = tmp_path / "patient.toml"
+    write_case(read().case, file)
+    changed = read_case(file, ["gas.fio2=0.5", "regulation.chemoreflex=1"]).case
+    assert 20.0 < model_of(changed).values[PAO2_SET_POINT] < 600.0

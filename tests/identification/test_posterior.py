@@ -10,6 +10,7 @@ import pytest
 
 from eclsim.cases import read_case, write_case
 from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import Gas
 from eclsim.identification.density import Prior
 from eclsim.identification.figures import plot_pairs, plot_predictive
@@ -18,12 +19,13 @@ from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.nuts import MissingPackageError
 from eclsim.identification.objective import Box
-from eclsim.identification.posterior import PosteriorSettings, piled_up, posterior, predict
+from eclsim.identification.posterior import PosteriorSettings, _predict_all, piled_up, posterior, predict
 from eclsim.identification.report import posterior_text
-from eclsim.identification.samples import read_samples
+from eclsim.identification.samples import doubts_of, read_samples
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.model import model_of
 from eclsim.sensitivity.inputs import Uncertainty
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
@@ -158,6 +160,27 @@ def test_a_reflex_that_is_switched_on_for_a_prediction_has_the_set_point_of_the_
     measured, there = posterior(fit, settings=settings, predictions=[("reflex", reflex)]).predictions
     k = measured.outputs.index("MAP")
     assert 88.0 < there.intervals[k, 1] < measured.intervals[k, 1]
+
+
+def test_a_prediction_takes_its_draws_from_all_chains(fit, result):
+    """Of two chains of 800 draws the first thousand were taken: all of one chain, a quarter of the other."""
+    chains = np.repeat([[0.4, 1.0], [0.8, 1.0]], 800, axis=0)
+    (found,) = _predict_all([("", model_of(fit.case))], result.density, chains)
+    pressures, counts = np.unique(found.column("MAP").round(2), return_counts=True)
+    assert len(found.values) == 1000
+    assert len(pressures) == 2
+    assert counts.tolist() == [500, 500]
+
+
+def test_draws_of_a_reflex_belong_to_the_fitted_case_only(tmp_path):
+    """With the file that was fitted every draw got a set point of its own, and nothing said so."""
+    reflex = CASE.model_copy(update={"regulation": Regulation(baroreflex=1.0)})
+    fitted = fit_case(reflex, settings=QUICK)
+    write_posterior(tmp_path, posterior(fitted, settings=PosteriorSettings(method="gaussian")))
+    for file in ("samples.csv", "posterior.nc"):
+        own, others = (" ".join(doubts_of(tmp_path / file, case)) for case in (fitted.case, reflex))
+        assert "leaves open" not in own
+        assert "its draws were fitted with regulation.set_point_mmHg = 88, which the case leaves open" in others
 
 
 def test_every_prediction_says_that_its_fit_is_doubtful(fit):

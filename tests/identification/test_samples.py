@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from eclsim.cases.case import Case, Patient
+from eclsim.cases.regulation import Regulation
 from eclsim.identification.samples import MOST_SAMPLES, SamplesError, doubts_of, read_samples, write_samples
 
 
@@ -115,3 +116,25 @@ def test_a_table_of_untrusted_draws_says_so_itself(tmp_path):
     write_samples(("Rmc", "Rsvn"), np.array([[0.8, 0.01], [0.9, 0.02]]), file, ("r_hat 1.4", "POOR FIT"))
     assert read_samples(file) == {"Rmc": [0.8, 0.9], "Rsvn": [0.01, 0.02]}
     assert doubts_of(file, CASE) == ("posterior: r_hat 1.4; POOR FIT",)
+
+
+def reflex(**more):
+    return Case(patient=CASE.patient, regulation=Regulation(baroreflex=1.0, **more))
+
+
+@pytest.mark.parametrize("form", ["csv", "nc"])
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        (CASE, "its draws were fitted with reflexes, and the case has no [regulation]"),
+        (reflex(), "its draws were fitted with regulation.set_point_mmHg = 90.8, which the case leaves open"),
+        (reflex(set_point_mmHg=70.0), ""),
+    ],
+)
+def test_draws_of_a_reflex_are_for_a_case_with_its_set_point(tmp_path, form, case, said):
+    """The file that was fitted has no set point, the fitted case has: every draw got one of its own."""
+    points = {"regulation.set_point_mmHg": 90.8, "regulation.venous_set_point_mmHg": 5.0}
+    about = TRUSTED | {"set_points": points if form == "csv" else json.dumps(points)}
+    doubts = doubts_of(posterior_file(tmp_path, form, about), case)
+    assert len(doubts) == bool(said)
+    assert all(text.startswith(f"posterior: {said}") for text in doubts)

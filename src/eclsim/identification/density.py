@@ -43,7 +43,7 @@ from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, Values, anchor
 from eclsim.outputs.coupling import open_parameters
 from eclsim.outputs.derivatives import Linearisation, linearise
-from eclsim.outputs.signals import needed_parameters
+from eclsim.outputs.signals import needed_parameters, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 PriorKind = Literal["log-uniform", "log-normal"]
@@ -153,6 +153,11 @@ class PosteriorDensity:
     def scale(self) -> np.ndarray:
         """Standard uncertainties, shape (outputs,)."""
         return np.array([self.errors[n] for n in self.outputs])
+
+    @property
+    def set_points(self) -> dict[str, float]:
+        """Set points of the reflexes that act on the draws, by key; empty without reflexes."""
+        return {n: self.model.values[n] for n in parameters_read(self.model.circuit) if "set_point" in n}
 
     def values(self, x: np.ndarray) -> dict[str, float | np.ndarray]:
         """Parameter values from coordinates x, shape (members, parameters) or (parameters,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,7 @@ def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
         "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
         "doubts": "; ".join(result.doubts), "warnings": "; ".join(first.warnings),
         "id": result.name, "blood_volume_policy": density.policy,
+        "set_points": json.dumps(density.set_points),
     }  # fmt: skip
 
     def of_outputs(dims: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, xr.Variable]:

@@ -320,6 +320,7 @@ class PosteriorResult:
         return {
             "id": self.name,
             "blood_volume_policy": self.density.policy,
+            "set_points": self.density.set_points,
             "method": self.settings.method,
             "kind": self.kind,
             "trusted": self.trusted,
@@ -519,7 +520,8 @@ def _fitted_model(fit: FitResult, case: Case) -> Model:
 def _predict_all(
     models: Sequence[tuple[str, Model]], density: PosteriorDensity, draws: np.ndarray
 ) -> tuple[Prediction, ...]:
-    chosen = draws[:: max(1, len(draws) // PREDICTED_DRAWS)][:PREDICTED_DRAWS]
+    count = min(len(draws), PREDICTED_DRAWS)
+    chosen = draws[np.arange(count) * len(draws) // count]  # evenly, since one chain follows the other
     parameters = {n: chosen[:, k] for k, n in enumerate(density.prior.names)}
     each = []
     for label, model in models:

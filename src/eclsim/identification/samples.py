@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -81,7 +81,7 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
 
 
 def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
-    """Doubts about a study with samples: those of the posterior, and whether they belong to this patient.
+    """Doubts about a study with samples: those of the posterior, and whether they belong to this case.
 
     A table has doubts in a column of its own; for `samples.csv`, the `posterior.json` beside it is read, too.
 
@@ -98,18 +98,36 @@ def doubts_of(path: str | Path, case: Case) -> tuple[str, ...]:
         doubts.append(f"its draws are those of patient '{name}', the case is that of '{case.patient.id}'")
     if policy and policy != own:
         doubts.append(f"its draws were fitted with the blood volume policy {policy}, the case has {own}")
+    doubts += _doubts_about_reflexes(about["set_points"], case)
     return tuple(f"{POSTERIOR}{doubt}" for doubt in doubts)
 
 
+def _doubts_about_reflexes(fitted: Mapping[str, float], case: Case) -> list[str]:
+    """Doubts where draws were fitted with reflexes whose set points the case does not have."""
+    if fitted and case.regulation is None:
+        return ["its draws were fitted with reflexes, and the case has no [regulation]"]
+    left_open = () if case.regulation is None else case.regulation.open_set_points
+    return [
+        f"its draws were fitted with {name} = {fitted[name]:g}, which the case leaves open, so that every draw "
+        "would have one of its own: use the fitted case, or give it"
+        for name in left_open
+        if name in fitted
+    ]
+
+
 def _about(path: Path) -> dict[str, Any]:
-    """Read the attributes of a posterior: id, volume policy, doubts, and whether it is trusted."""
-    usual: dict[str, Any] = {"id": "", "blood_volume_policy": "", "doubts": (), "trusted": True}
+    """Read the attributes of a posterior: id, volume policy, set points, doubts, whether it is trusted."""
+    usual: dict[str, Any] = {
+        "id": "", "blood_volume_policy": "", "set_points": {}, "doubts": (), "trusted": True,
+    }  # fmt: skip
     if path.suffix == ".nc":
         import xarray as xr
 
         with xr.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
             attributes = draws.attrs
-        return {**usual, "trusted": False, **attributes, "doubts": (attributes.get("doubts", ""),)}
+        points = json.loads(attributes.get("set_points", "{}"))
+        doubts = (attributes.get("doubts", ""),)
+        return {**usual, "trusted": False, **attributes, "doubts": doubts, "set_points": points}
     if DOUBTS in (table := read_table(path)).header:
         column = table.header.index(DOUBTS)
         usual["doubts"] = tuple(dict.fromkeys(cells[column] for _, cells in table.rows))

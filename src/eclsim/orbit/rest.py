@@ -45,9 +45,11 @@ def resting_gases(case: Case) -> Mapping[str, float]:
     """Set points of the responses to blood gases, from a case's steady beat at rest, by key.
 
     They are PO2 and PCO2 of the blood at the chemoreceptors, oxygen content and PCO2 of each bed, and the
-    lung's resistance relative to that without hypoxia. NaN if there is no steady beat or gas state.
+    lung's resistance relative to that without hypoxia. NaN if there is no steady beat or gas state. The gases
+    of a case written without [gas] are those of the section that it was given.
     """
-    model = model_of(case.at_rest())
+    rest = case.at_rest()
+    model = model_of(rest if rest.gas is not None else rest.model_copy(update={"gas": case.gas}))
     return _gases(model.circuit, tuple(model.values.items()), model.policy)
 
 
