@@ -1,5 +1,6 @@
 """From a fit to a posterior and its files."""
 
+import itertools
 import json
 import sys
 import warnings
@@ -194,6 +195,20 @@ def test_every_prediction_says_that_its_fit_is_doubtful(fit):
 
 def labels(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_names_of_outputs_do_not_run_into_each_other(result):
+    """The names of the pressures of a circuit were written over those of the next panels."""
+    names = ("drainage_pressure", "pump_inlet_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure")
+    renamed = [replace(p, outputs=names, values=p.values[:, :4]) for p in result.predictions]
+    figure = plot_predictive(
+        replace(result, predictions=tuple(renamed), gaussian_predictions=tuple(renamed))
+    )
+    figure.draw_without_rendering()
+    spans = [ax.xaxis.label.get_window_extent() for ax in figure.axes if ax.get_xlabel()]
+    assert len(spans) == 4
+    assert all(left.x1 < right.x0 for left, right in itertools.pairwise(spans))
+    assert spans[-1].x1 <= figure.bbox.x1
 
 
 def test_draws_are_called_what_they_are(result):

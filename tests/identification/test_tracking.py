@@ -127,10 +127,15 @@ def test_a_wrong_value_is_flagged_and_left_out(series, tracked, after):
 
 
 @pytest.mark.slow
-def test_a_value_that_stays_wrong_is_used_the_second_time(series, after):
+@pytest.mark.parametrize("between", [(), ("SP", "DP", "MAP")])
+def test_a_value_that_stays_wrong_is_used_the_second_time(series, after, between):
+    """An output that is measured every other time was left out each time, however often it missed."""
     tracker = after(5)
     results = []
     for k in (5, 6):
+        if k == 6 and between:
+            known = Measurements(**{n: getattr(series[5][0].measurements, n) for n in between})
+            tracker.update("between", series[5][0].model_copy(update={"measurements": known}))
         right = series[k][0]
         changed = right.measurements.model_copy(update={"CO": 2.2 * right.measurements.CO})
         results.append(tracker.update(str(k), right.model_copy(update={"measurements": changed})))

@@ -45,6 +45,8 @@ _MARKS = {
     "SP": ("o", "vermillion"), "DP": ("s", "blue"), "MAP": ("^", "black"), "MPAP": ("D", "bluish green"),
     "PCWP": ("v", "orange"), "CO": ("o", "vermillion"), "PF": ("s", "blue"),
 }  # fmt: skip
+LONGEST_BESIDE_UNIT = 12
+"""Largest number of letters of an output's name that has its unit behind it, not below."""
 _DOT: dict[str, Any] = {"color": OKABE_ITO["vermillion"], "markersize": 4, "clip_on": False}
 
 
@@ -344,7 +346,9 @@ def plot_predictive(result: PosteriorResult) -> Figure:
             _intervals(ax, result, name)
             ax.set_yticks(range(rows), [] if k % across else labels, fontsize=6)
             ax.set_ylim(rows - 0.4, -0.6)
-            ax.set_xlabel(f"{name} [{unit_of(name)}]")
+            long = len(name) > LONGEST_BESIDE_UNIT  # it would run into the name of the next panel
+            label = f"{name}\n[{unit_of(name)}]" if long else f"{name} [{unit_of(name)}]"
+            ax.set_xlabel(label, fontsize=6.5 if long else None)
         legend = panels[0].get_legend_handles_labels()
         fig.legend(*legend, loc="outside lower center", ncols=3, columnspacing=1.4, fontsize=7)
     return fig

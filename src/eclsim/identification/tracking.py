@@ -441,7 +441,8 @@ class Tracker:
         missed = np.array([self._left_out.get(n, np.nan) for n in names])
         test = InnovationTest.of(values, scales, outputs, available, missed)
         used = available & ~test.left_out
-        self._left_out = {n: float(test.deviations[k]) for k, n in enumerate(names) if test.left_out[k]}
+        left = np.where(test.left_out, test.deviations, np.where(available, np.nan, missed))
+        self._left_out |= dict(zip(names, left.tolist(), strict=True))
         state = updated(simulate, forecast.state, first, values, scales, used)
         self.estimate = replace(forecast, state=state)
         innovations = {
