@@ -14,13 +14,14 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import Gas
 from eclsim.identification.density import Prior
+from eclsim.identification.draw_remarks import away_from_fit, piled_up
 from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.nuts import MissingPackageError
 from eclsim.identification.objective import Box
-from eclsim.identification.posterior import PosteriorSettings, _predict_all, piled_up, posterior, predict
+from eclsim.identification.posterior import PosteriorSettings, _predict_all, posterior, predict
 from eclsim.identification.report import posterior_text
 from eclsim.identification.samples import doubts_of, read_samples
 from eclsim.identification.settings import FitSettings
@@ -71,6 +72,21 @@ def test_draws_that_pile_up_at_a_bound_are_said_to_be_limited_by_it():
 
 
 @pytest.mark.slow
+def test_draws_that_leave_the_fit_out_are_said_to(result):
+    """Two solutions, shunt 0.62 and 1.0: all draws were near the first, the fit was the second."""
+    box = {"gas.shunt_fraction": (0.4, 0.0, 1.0), "Rmc": (0.5, 0.05, 5.0)}
+    prior = Prior.within(Box.of(box))
+    random = np.random.default_rng(0)
+    x = prior.scale.coordinates(np.array([0.65, 0.57])) + [0.3, 0.1] * random.standard_normal((4000, 2))
+    z, fitted = prior.z_of(prior.clip(x)), prior.scale.coordinates(np.array([[1.0, 0.57], [0.66, 0.7]]))
+    (said,) = away_from_fit(prior, z[None], fitted[0])
+    assert said.startswith("gas.shunt_fraction: no draw is near the fitted value of 1 (the nearest has 0.")
+    assert away_from_fit(prior, z[None], fitted[1]) == ()
+    at_bound = prior.z_of(np.column_stack([prior.upper[0] - np.abs(x[:, 0] - x[:, 0].mean()), x[:, 1]]))
+    assert away_from_fit(prior, at_bound[None], fitted[0]) == ()
+    assert not any("no draw is near" in note for note in result.notes)
+
+
 def test_parameters_lie_in_their_bounds_around_the_fit(fit, result):
     assert result.trusted
     for k, name in enumerate(NAMES):
@@ -181,7 +197,9 @@ def test_draws_of_a_reflex_belong_to_the_fitted_case_only(tmp_path):
     for file in ("samples.csv", "posterior.nc"):
         own, others = (" ".join(doubts_of(tmp_path / file, case)) for case in (fitted.case, reflex))
         assert "leaves open" not in own
-        assert "its draws were fitted with regulation.set_point_mmHg = 88, which the case leaves open" in others
+        assert (
+            "its draws were fitted with regulation.set_point_mmHg = 88, which the case leaves open" in others
+        )
 
 
 def test_every_prediction_says_that_its_fit_is_doubtful(fit):
@@ -199,11 +217,14 @@ def labels(figure):
 
 def test_names_of_outputs_do_not_run_into_each_other(result):
     """The names of the pressures of a circuit were written over those of the next panels."""
-    names = ("drainage_pressure", "pump_inlet_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure")
-    renamed = [replace(p, outputs=names, values=p.values[:, :4]) for p in result.predictions]
-    figure = plot_predictive(
-        replace(result, predictions=tuple(renamed), gaussian_predictions=tuple(renamed))
+    names = (
+        "drainage_pressure",
+        "pump_inlet_pressure",
+        "pre_oxygenator_pressure",
+        "post_oxygenator_pressure",
     )
+    renamed = [replace(p, outputs=names, values=p.values[:, :4]) for p in result.predictions]
+    figure = plot_predictive(replace(result, predictions=tuple(renamed), gaussian_predictions=tuple(renamed)))
     figure.draw_without_rendering()
     spans = [ax.xaxis.label.get_window_extent() for ax in figure.axes if ax.get_xlabel()]
     assert len(spans) == 4

@@ -22,6 +22,7 @@ from eclsim.identification.density import (
     check_prior,
     gaussian_approximation,
 )
+from eclsim.identification.draw_remarks import away_from_fit, piled_up
 from eclsim.identification.draws import draws_as_tree
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
@@ -35,7 +36,7 @@ from eclsim.identification.settings import (
     remarks_on_unmeasured_oxygenator,
     without_measurement,
 )
-from eclsim.identification.verdict import SIDES, Aspect, Level, possible_limits
+from eclsim.identification.verdict import Aspect, Level
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
@@ -61,8 +62,6 @@ LARGEST_LOST_SHARE = 0.02
 """Largest share of draws without a steady beat; with more, too much of the posterior is missing."""
 LARGEST_STARVED_SHARE = 0.05
 """Largest share of draws whose tissues extract nearly all oxygen; with more, 90 % intervals include them."""
-OUTERMOST_LATENT, PILED_UP_SHARE = 1.96, 0.2
-"""|z| with 2.5 % of the prior beyond it, and share of draws there above which a bound limits a parameter."""
 EXTRACTION_OUTPUTS = ("VO2", "O2ER")
 UNCHECKED = (
     "a Gaussian approximation that was not checked against the posterior: where the true density is curved "
@@ -412,29 +411,10 @@ def posterior(
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
-        (*piled_up(density.prior, z), *remarks_on_fixed_volume(*point),
+        (*piled_up(density.prior, z), *away_from_fit(density.prior, z, fit.optimum.x),
+         *remarks_on_fixed_volume(*point),
          *remarks_on_unmeasured_oxygenator(*point)),
     )  # fmt: skip
-
-
-def piled_up(prior: Prior, z: np.ndarray) -> tuple[str, ...]:
-    """Return a sentence for each parameter whose draws pile up at a bound, which then limits it.
-
-    Args:
-        prior: prior of the parameters.
-        z: draws of the latent variables, shape (..., parameters).
-    """
-    ends = prior.scale.values(np.stack([prior.lower, prior.upper])).T.tolist()
-    flat = z.reshape(-1, z.shape[-1])
-    return tuple(
-        f"{name}: {share:.0%} of the draws are in the last 2.5 % of its range, at the {side} "
-        f"bound of {bound:.3g}: the bound limits it, not the measurements, and predictions depend on the "
-        "bound; give wider --bounds if such a value is possible"
-        for k, name in enumerate(prior.names)
-        for side, sign, bound in zip(SIDES, (-1.0, 1.0), ends[k], strict=True)
-        if (share := float(np.mean(sign * flat[:, k] > OUTERMOST_LATENT))) > PILED_UP_SHARE
-        and bound not in possible_limits(name)
-    )
 
 
 def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:

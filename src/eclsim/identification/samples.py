@@ -108,8 +108,8 @@ def _doubts_about_reflexes(fitted: Mapping[str, float], case: Case) -> list[str]
         return ["its draws were fitted with reflexes, and the case has no [regulation]"]
     left_open = () if case.regulation is None else case.regulation.open_set_points
     return [
-        f"its draws were fitted with {name} = {fitted[name]:g}, which the case leaves open, so that every draw "
-        "would have one of its own: use the fitted case, or give it"
+        f"its draws were fitted with {name} = {fitted[name]:g}, which the case leaves open, so that every "
+        "draw would have one of its own: use the fitted case, or give it"
         for name in left_open
         if name in fitted
     ]
