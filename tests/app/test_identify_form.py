@@ -339,6 +339,35 @@ def test_the_posterior_belongs_to_the_fitted_patient(slow):
     assert topics[-1][1]["posterior"]["trusted"]
 
 
+@pytest.mark.parametrize(
+    ("aspect", "level", "said"),
+    [
+        (Aspect.HELD, Level.DOUBTFUL, ["the oxygen consumption is a formula's"]),
+        (Aspect.AGREEMENT, Level.POOR, ["POOR FIT, not to be used: nothing was fitted"]),
+        (Aspect.AGREEMENT, Level.DOUBTFUL, []),
+        (Aspect.HELD, Level.GOOD, []),
+    ],
+)
+def test_draws_that_the_command_line_does_not_trust_are_not_trusted_on_the_page(slow, aspect, level, said):
+    """Its weights were good, so the page showed them as trusted beside a fit that said they are not."""
+    slow.may_end.set()
+    reason = Reason(aspect, level, "", "the oxygen consumption is a formula's")
+
+    async def action(one, messages):
+        await one.start(form())
+        subject = next(iter(one._fitted))
+        fitted = one._fitted[subject]
+        one._fitted[subject] = replace(fitted, case=CASE.model_copy(update={"parameters": {"Rmc": 0.9}}))
+        verdict = FitVerdict(None, (reason,)).as_object()
+        one._fits[subject] = {"parameters": {"Rmc": {}}, "verdict": verdict}
+        await one.compute_posterior()
+
+    topic, data = messages_of(slow, action)[-1]
+    assert topic == "posterior_ended"
+    assert data["posterior"]["doubts"] == said
+    assert data["posterior"]["trusted"] == (not said)
+
+
 def test_a_posterior_can_be_cancelled(slow):
     async def action(one, messages):
         slow.may_end.set()

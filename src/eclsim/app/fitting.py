@@ -287,6 +287,23 @@ def in_page_words(reason: Mapping[str, Any]) -> dict[str, Any]:
     return {**reason, "sentence": with_minus(_OPTION.sub(words, sentence))}
 
 
+def doubts_about_draws(fit: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what a fit's verdict says against its draws, as `eclsim identify` does: held values, a poor fit.
+
+    Args:
+        fit: "verdict" of `plain_fit`, or what a browser kept of it; empty if it is not known.
+    """
+    from eclsim.identification.verdict import Aspect, Level, headline
+
+    try:
+        verdict = fit["verdict"]
+        held = [r for r in verdict["reasons"] if r["aspect"] == Aspect.HELD and r["level"] != Level.GOOD]
+        poor = [headline(verdict)] if verdict["level"] == Level.POOR else []
+        return tuple(str(sentence) for sentence in (*poor, *(r["sentence"] for r in held)))
+    except (TypeError, KeyError, ValueError, AttributeError):  # the browser stored other data
+        return ()
+
+
 def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
     """Return the verdict on a fit updated with the posterior's intervals.
 

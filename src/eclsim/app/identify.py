@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.fitting import CancelledError, FitError, judged
+from eclsim.app.fitting import CancelledError, FitError, doubts_about_draws, judged
 from eclsim.app.knobs import ambiguous_comma, as_written
 from eclsim.app.marks import bare_id
 from eclsim.app.posterior import PosteriorDraws
@@ -201,7 +201,7 @@ class Identification:
         if posterior is not None:
             members = PosteriorDraws(
                 tuple(posterior["names"]), np.array(posterior.pop("members")), {}, posterior["method"],
-                tuple(posterior["doubts"]),
+                (*posterior["doubts"], *doubts_about_draws(fitted_by)),
             ).of(case)  # fmt: skip
             ended = {"posterior": posterior | members.as_object() | {"seconds": ended["seconds"]}}
             ended |= self._update_verdict(fitted, fit, posterior["parameters"])
