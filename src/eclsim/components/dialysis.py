@@ -43,6 +43,8 @@ BASE_PER_CITRATE = 3.0
 """Molecules of bicarbonate formed when one molecule of citrate is metabolised."""
 CARBON_PER_CITRATE, OXYGEN_PER_CITRATE = 6.0, 4.5
 """Carbon atoms, and O2 used, per molecule of citrate: C6H5O7(3-) + 4.5 O2 = 3 CO2 + 3 HCO3(-) + H2O."""
+STANDING_ML_MIN = 1e-6
+"""Blood flow that takes the place of none [mL/min]: all clearances are then below it."""
 EFFECTIVE_CLEARANCE, BASE_GAIN, CITRATE_LOAD = "effective_clearance", "base_gain", "citrate_load"
 """Default names of the outputs of a device with a filter; the first is followed by the name of a solute."""
 
@@ -232,7 +234,7 @@ def performance(numbers: Array) -> Array:
             temperature [C] of the blood that enters, where known; then the entries of `Settings`.
     """
     blood, inlet, outlet, pco2, ph, temperature, *rest = numbers
-    settings = Settings(*rest)
+    blood, settings = _moving(blood), Settings(*rest)
     fluids, haematocrit = settings.fluids, settings.haematocrit
 
     def cleared(name: str) -> Array:
@@ -264,6 +266,11 @@ def performance(numbers: Array) -> Array:
         60.0 * blood * (1.0 - haematocrit),
     )
     return jnp.stack(jnp.broadcast_arrays(*result))
+
+
+def _moving(blood: Array) -> Array:
+    """Blood flow [mL/min], hardly any where it stands still, so that shares of it are defined."""
+    return jnp.where(blood == 0.0, STANDING_ML_MIN, blood)
 
 
 def _losses(blood: Array, settings: Settings, own: PlasmaCarbonDioxide) -> tuple[Array, Array]:
@@ -313,7 +320,7 @@ class DialysedBlood(GasExchanger):
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         settings = Settings(*(jnp.asarray(values[name]) for name in self.filter.settings))
         own = PlasmaCarbonDioxide.of(inside.pressure[1], inside.ph, jnp.asarray(values[TEMPERATURE]))
-        lost, _ = _losses(1000.0 * jnp.asarray(flow), settings, own)
+        lost, _ = _losses(_moving(1000.0 * jnp.asarray(flow)), settings, own)
         gained = jnp.where(jnp.isfinite(lost), -CARBON_DIOXIDE_ML_PER_MMOL * lost, 0.0)
         return jnp.stack([jnp.zeros_like(gained), gained])
 

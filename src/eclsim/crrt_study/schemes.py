@@ -302,11 +302,11 @@ def check_flow(flow: float) -> None:
     from eclsim.inputs.numbers import suspected_unit
 
     field = Crrt.fields()["flow_ml_min"]
-    if not field.minimum <= flow <= field.maximum:
-        hint = suspected_unit(flow, field.unit, field.typical, (field.minimum, field.maximum))
+    if not field.least <= flow <= field.maximum:  # a pump that stands still tells no schemes apart
+        hint = suspected_unit(flow, field.unit, field.typical, (field.least, field.maximum))
         suggestion = f"; did you mean {hint}?" if hint else ""
         raise StudyError(
-            f"CRRT flow {flow:g} mL/min; allowed: {field.minimum:g} to {field.maximum:g}{suggestion}"
+            f"CRRT flow {flow:g} mL/min; allowed: {field.least:g} to {field.maximum:g}{suggestion}"
         )
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -197,11 +198,16 @@ _HAEMATOCRIT = Field(
 )  # fmt: skip
 
 
+_BLOOD_FLOW = replace(
+    number("Blood flow of the CRRT pump; 0: pump and fluids stand still", "mL/min", 0, 600, 200), least=10.0
+)
+
+
 class Crrt(Section):
     """Section [crrt]: blood flow in mL/min, sites of the access and return lines, and fluids."""
 
     section = GROUP
-    flow_ml_min: Annotated[float, number("Blood flow of the CRRT pump", "mL/min", 10, 600, 200)]
+    flow_ml_min: Annotated[float, _BLOOD_FLOW]
     access_site: Annotated[str, _site("Where the access line drains")]
     return_site: Annotated[str, _site("Where the return line ends")]
     dialysate_ml_h: Annotated[float | None, fluid_flow("Flow of dialysate", 1000.0)] = None
@@ -395,7 +401,7 @@ class CrrtDevice(Device[Crrt]):
         values = {"flow_ml_min": section.flow_ml_min}
         if section.dialyses:
             given = section.model_dump(exclude_none=True)
-            values |= {key: given.get(key, 0.0) for key in FLUIDS}
+            values |= {key: given.get(key, 0.0) if section.flow_ml_min else 0.0 for key in FLUIDS}
             values |= {key: given.get(key, usual) for key, usual in USUAL_FLUID.items()}
         return {f"{GROUP}.{key}": value for key, value in values.items()}
 
@@ -449,11 +455,26 @@ class CrrtDevice(Device[Crrt]):
     ) -> list[Finding]:
         """Findings on excessive water removal or blood flow, and on clearances beside other filters."""
         return [
+            *_pump_stopped(names, outputs, values),
             *haemoconcentration_findings(names, outputs, values),
             *no_plasma_water(names, outputs, "filtration_fraction", BY_PLASMA_WATER),
             *_draws_more_than_carried(names, outputs, circuit),
             *warn_of_other_filters(names, outputs, circuit),
         ]
+
+
+def _pump_stopped(
+    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
+) -> list[Finding]:
+    """Warning for a blood pump that stands still."""
+    flow = names.output("crrt_flow")
+    if flow not in outputs or values.get(names.parameter(f"{GROUP}.flow_ml_min")) != 0.0:
+        return []
+    text = (
+        f"{names.label}: pump and fluids stand still, so nothing is cleared or removed; the blood in the "
+        "filter clots within minutes (not modelled), and is lost if it cannot be given back: bleed_ml"
+    )
+    return [Finding("warning", flow, outputs[flow], math.nan, text, concerns=(flow,))]
 
 
 def _draws_more_than_carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:

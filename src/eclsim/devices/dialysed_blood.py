@@ -100,7 +100,8 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     gas, own = case.physiology.get("gas"), values.get("haematocrit_in")
     if gas is not None and own:
         check_red_cells(f"{key}.haematocrit_in", own, gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN), remarks)
-    if drawn := {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}:
+    drawn = {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}
+    if drawn and values.get("flow_ml_min") != 0.0:  # fluids stand still with the pump
         _check_water(drawn, values, case, key, remarks)
     _check_rate(case, key, remarks)
 
