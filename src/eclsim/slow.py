@@ -35,6 +35,24 @@ class SlowState(NamedTuple):
     scale: float
     is_amount: bool = False
 
+    @property
+    def words(self) -> str:
+        """Name in words, such as "plasma volume"."""
+        key = self.name.rpartition(".")[2].removesuffix(f"_{self.unit.lower()}").removesuffix(f"_{self.unit}")
+        return _WORDS.get(key) or key.replace("_outside", " outside cells").replace(
+            "_inside", " inside cells"
+        ).replace("_", " ")
+
+
+_WORDS = {
+    "plasma": "plasma volume",
+    "red_cells": "volume of red cells",
+    "interstitium": "interstitial fluid",
+    "given": "fluid and blood given",
+    "removed": "fluid and blood removed",
+    "refilled": "refill from the tissues",
+}
+
 
 class DerivedQuantity(NamedTuple):
     """A quantity that follows from slow states, such as a concentration.

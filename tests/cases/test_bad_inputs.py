@@ -100,6 +100,7 @@ ROWS = [
     Row(11, FULL, {"age_years": "140"}, "E", ("18 to 100 years",)),
     Row(11, FULL, {"age_years": '"70 y"'}, "E", ("18 to 100 years", "did you mean 70")),
     Row(11, FULL, {"age_years": "70 y"}, "E", ("TOML", "age_years = 70")),
+    Row(13, FULL, {"heart_rate_bpm": "195"}, "W", ("faster than a sinus node of", "arrhythmia")),
     Row(13, FULL, {"heart_rate_bpm": "0"}, "E", ("20 to 250 bpm",)),
     Row(13, FULL, {"heart_rate_bpm": "-60"}, "E", ("20 to 250 bpm",)),
     Row(13, FULL, {"heart_rate_bpm": "400"}, "E", ("20 to 250 bpm",)),

@@ -4,6 +4,7 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -171,6 +172,16 @@ def test_moments_of_one_minute_are_told_apart_in_the_table():
     halves = xr.Dataset(coords={"time_min": [0.0, 0.5, 1.0]})
     assert list(_rows(halves).values()) == ["00:00:00", "00:00:30", "00:01:00"]
     assert list(_rows(halves.isel(time_min=[0, 2])).values()) == ["00:00", "00:01"]
+
+
+def test_a_table_that_explains_a_star_has_a_row_with_it():
+    """A single impossible moment between two rows left the explanation without any star."""
+    minute = np.arange(60.0)
+    result = xr.Dataset({}, {"time_min": minute})
+    rows = _rows(result, impossible=minute == 17.0)
+    assert rows[17] == "00:17"
+    assert len(rows) == len(_rows(result)) + 1
+    assert list(_rows(result, impossible=minute == 18.0)) == list(_rows(result))
 
 
 def test_moments_that_no_patient_can_have_are_marked_in_table_and_json():

@@ -94,7 +94,7 @@ def test_a_course_ends_where_an_amount_is_used_up():
     solutes = {"bicarbonate_mmol_l": 24, "acid_generation_mmol_h": 500}
     result = course(read_mapping(RAW | {"crrt": crrt, "solutes": solutes}).case, minutes=2880.0)
     assert not result.attrs["converged"]
-    assert "bicarbonate_outside_mmol is used up" in result.attrs["message"]
+    assert "bicarbonate outside cells is used up" in result.attrs["message"]
     assert result["bicarbonate"].min() > -0.1
 
 
@@ -159,6 +159,27 @@ def test_removal_beyond_the_last_steady_beat_ends():
     assert 100.0 < result["fluid.plasma_ml"].values[-1] < 400.0
 
 
+@pytest.mark.slow
+def test_a_clotted_filter_is_stopped_and_started_again_with_its_fluids():
+    """A pump could not be stopped by an event: no blood flow below 10 mL/min was allowed."""
+    events = [
+        {"at_min": 60, "set": {"crrt.flow_ml_min": 0}, "give": {"bleed_ml": 150}},
+        {"at_min": 90, "set": {"crrt.net_ultrafiltration_ml_h": 50}},
+        {"at_min": 120, "set": {"crrt.flow_ml_min": 200}},
+    ]
+    result = course(read_mapping(RAW | {"crrt": FILTERING, "events": events}).case, minutes=180.0)
+    assert result.attrs["converged"], result.attrs["message"]
+    removed = result["fluid.removed_ml"].interp(time_min=[59.9, 62.0, 119.9, 180.0]).values
+    assert removed == pytest.approx([100, 250, 250, 300], abs=1)
+    cleared = result["effective_clearance_urea"].sel(time_min=[30.0, 100.0, 150.0], method="nearest").values
+    assert cleared == pytest.approx([26.6, 0.0, 25.8], abs=0.5)
+    urea = result["urea"].sel(time_min=[60.0, 119.0, 180.0], method="nearest").values
+    assert urea[1] > urea[0] > urea[2]
+    (said,) = [line for line in result.attrs["warnings"] if "pump and fluids stand still" in line]
+    assert said.startswith("at 01:00")
+    assert "until 02:00" in said
+
+
 def test_without_refill_all_that_is_filtered_leaves_the_blood():
     crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 100}
     dry, filled = (follow(120.0, crrt=crrt, fluid={"capillary_refill": on}) for on in (False, True))
@@ -186,6 +207,17 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
             {"fluid": {"pericapillary_share": 0.12}},
             ["more of it stays than in patients"],
         ),
+        (
+            {"crystalloid_ml": 500},
+            {"fluid": {"filtration_ml_min_mmHg": 6}},
+            ["wall of 10 mL/min/mmHg (here 6)"],
+        ),
+        ({"crystalloid_ml": 500}, {"fluid": {"filtration_ml_min_mmHg": 2}}, []),
+        (
+            {"crystalloid_ml": 500},
+            {"fluid": {"filtration_ml_min_mmHg": 1}},
+            ["mmHg (as here), three quarters"],
+        ),
         ({"red_cells_ml": 300}, {}, ["without the potassium"]),
         ({"bleed_ml": 150}, {}, []),
         ({"bleed_ml": 300, "blood_ml": 250}, {}, []),
@@ -203,6 +235,20 @@ def test_courses_say_what_of_a_gift_they_do_not_hold(give, sections, said):
     case = read_mapping(RAW | sections | {"events": [{"at_min": 1, "give": give, "over_min": 1}]}).case
     found = remarks_on_fluids(Timeline(case, 600.0))
     assert [words in sentence for words, sentence in zip(said, found, strict=True)] == [True] * len(said)
+
+
+@pytest.mark.parametrize(
+    ("wall", "regulation", "kept"),
+    [(10.0, {}, (0.20, 0.05)), (2.0, {}, (0.60, 0.22)), (1.0, {"baroreflex": 1.0}, (0.79, 0.50))],
+)
+@pytest.mark.slow
+def test_remarks_on_crystalloid_state_what_of_it_stays(wall, regulation, kept):
+    events = [{"at_min": 0, "give": {"crystalloid_ml": 1000}, "over_min": 30}]
+    sections = {"fluid": {"filtration_ml_min_mmHg": wall}, "regulation": regulation, "events": events}
+    raw = {key: RAW[key] for key in ("format", "patient")} | {k: v for k, v in sections.items() if v}
+    result = course(read_mapping(raw).case, minutes=61.0, every_min=10.0, outputs=["MAP"])
+    stays = result["fluid.plasma_ml"].interp(time_min=[30.0, 60.0]) - result["fluid.plasma_ml"][0]
+    np.testing.assert_allclose(stays / 1000.0, kept, atol=0.03)
 
 
 @pytest.mark.slow

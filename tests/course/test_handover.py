@@ -171,6 +171,20 @@ def test_what_is_not_followed_is_said_with_its_reason(tmp_path):
     assert not any(one.startswith("not followed") for one in steady.attrs["warnings"])
 
 
+def test_a_heart_that_an_event_paces_is_followed_beat_by_beat(tmp_path):
+    """The response of the heart rate was a part that the event added, and beats were not followed."""
+    paced = """[[events]]
+at_min = 2
+set = { "regulation.heart_rate_response" = 0, "patient.heart_rate_bpm" = 150 }
+"""
+    result = course(case(tmp_path, paced), minutes=5.0, every_min=1.0, outputs=(*OUTPUTS, "CO"))
+    ((begun, _),) = spans(result)
+    assert begun == 2.0
+    assert not any(one.startswith("not followed") for one in result.attrs["warnings"])
+    before, after = (result["heart_rate"].sel(time_min=t, method="nearest") for t in (1.0, 2.5))
+    assert (float(before), float(after)) == pytest.approx((80.0, 150.0), abs=0.01)
+
+
 AT_ONCE = """[[events]]
 at_min = 0
 set = { "ecmo.speed_rpm" = 1500, "drugs.noradrenaline" = 0.1 }

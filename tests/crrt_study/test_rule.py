@@ -124,6 +124,8 @@ def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refus
         ("[[criteria]]\nquantity = 'PF'\nat_least = 5\nat_most = 1", r"no value meets both"),
         ("[[criteria]]\nquantity = 'PF'\nat_least = nan", r"at_least = nan: allowed: finite numbers"),
         ("[[criteria]]\nquantity = 'PF'\nprefer = 'larger'\nstep = inf", r"step = inf: allowed: finite"),
+        ("[[criteria]]\nquantity = 'PF'\nat_least = true", r"at_least = True: allowed: a number, not true"),
+        ("[limits]\naccess_alarm = [true, 250]", r"access_alarm = True: allowed: \[low, high\] in mmHg"),
         ("criteria = ['alarms']", r"allowed: a table, \[\[criteria\]\] with quantity"),
         ("[[criteria", r"cannot be read as TOML"),
     ],

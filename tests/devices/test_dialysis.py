@@ -27,6 +27,9 @@ VV = {
         "return_fr": 21, "sweep_l_min": 4.0,
     },
 }  # fmt: skip
+OUTPUTS_OF_FLUIDS = (
+    *(f"{what}_{name}" for what in ("clearance", "effective_clearance") for name in SOLUTES), "citrate_load",
+)  # fmt: skip
 CASE = DATA / "cases" / "s4_crrt_g_3425.toml"
 
 
@@ -305,6 +308,28 @@ def test_keys_without_a_flow_are_pointed_out(tmp_path):
     reading = read_case(written(tmp_path, fluid_bicarbonate_mmol_l=32))
     assert any("has no effect" in str(remark) for remark in reading.warnings)
     assert not reading.case.crrt.dialyses
+
+
+def test_a_pump_that_stands_still_clears_nothing_and_its_fluids_stand_still_too():
+    still = read_mapping(VV | {"crrt": ON_ECMO | FLUIDS | {"flow_ml_min": 0, "citrate_mmol_l": 3}}).case
+    result = eclsim.simulate(still)
+    zero = (*OUTPUTS_OF_FLUIDS, "effluent_ml_h", "filtration_fraction", "crrt_flow", "base_gain")
+    assert [float(result[name]) for name in zero] == pytest.approx([0.0] * len(zero), abs=1e-5)
+    for line, site in (("access", "post_oxygenator"), ("return", "pre_oxygenator")):
+        assert float(result[f"crrt_{line}_pressure"] - result[f"{site}_pressure"]) == pytest.approx(0, abs=1)
+    (said,) = [line for line in result.attrs["warnings"] if "pump and fluids stand still" in line]
+    assert "is lost if it cannot be given back: bleed_ml" in said
+    with pytest.raises(CaseError, match=r"allowed: 0, or 10 to 600 mL/min; did you mean 0\.2 L/min"):
+        read_mapping(VV | {"crrt": ON_ECMO | {"flow_ml_min": 0.2}})
+
+
+def test_citrate_with_fluids_that_are_not_made_for_it_is_warned_of():
+    flows = ON_ECMO | FLUIDS | {"citrate_mmol_l": 3.0}
+    (said,) = [w for w in read_mapping(VV | {"crrt": flows}).warnings if w.key == "crrt.citrate_mmol_l"]
+    assert "36 mmol/h of citrate become up to 108 mmol/h of bicarbonate" in said.message
+    assert "fluids made for citrate hold 20 to 25 mmol/L" in said.message
+    made = read_mapping(VV | {"crrt": flows | {"fluid_bicarbonate_mmol_l": 22}}).warnings
+    assert not [w for w in made if w.key == "crrt.citrate_mmol_l"]
 
 
 def test_limits_of_filtration_and_of_the_membrane():

@@ -233,3 +233,5 @@ def test_why_there_is_no_impella_is_said():
     with pytest.raises(CaseError, match="no pressure-flow curves of these pumps are") as caught:
         case(impella={"model": "CP", "level": 6})
     assert len(caught.value.mistakes) == 1
+    for named in ("[lvad]", "[vent]", "[septostomy]", "eclsim.register_device"):
+        assert named in str(caught.value)

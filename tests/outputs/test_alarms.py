@@ -203,6 +203,14 @@ CAUTIONS = {
         {}, {"drugs.noradrenaline": 1.0, "drugs.adrenaline": 0.5, "drugs.vasopressin": 0.04},
         "noradrenaline, adrenaline, vasopressin together (contractility x 6.",
     ),
+    "vasopressin on noradrenaline": (
+        {}, {"drugs.noradrenaline": 0.3, "drugs.vasopressin": 0.03},
+        "vasopressin on noradrenaline: resistance x 1.9 on top of x 1.3",
+    ),
+    "two that add a quarter": (
+        {}, {"drugs.noradrenaline": 0.3, "drugs.adrenaline": 0.1}, "no combination was fitted",
+    ),
+    "two small doses": ({}, {"drugs.noradrenaline": 0.02, "drugs.vasopressin": 0.03}, ""),
     "two that pull apart": ({}, {"drugs.vasopressin": 0.04, "drugs.nitroprusside": 1.0}, ""),
     "hypercapnia with nerves": (
         {"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0},

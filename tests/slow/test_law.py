@@ -33,3 +33,17 @@ def test_a_law_states_everything():
 
     with pytest.raises(TypeError, match="abstract"):
         Nothing()
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "words"),
+    [
+        ("fluid.plasma_ml", "mL", "plasma volume"),
+        ("fluid.interstitial_protein_g", "g", "interstitial protein"),
+        ("solutes.bicarbonate_outside_mmol", "mmol", "bicarbonate outside cells"),
+        ("drugs.noradrenaline_in_effect", "ug/kg/min", "noradrenaline in effect"),
+        ("fluid.capillary_pressure_at_start_mmHg", "mmHg", "capillary pressure at start"),
+    ],
+)
+def test_a_state_has_a_name_in_words(name, unit, words):
+    assert SlowState(name, unit, 1.0).words == words

@@ -100,8 +100,9 @@ def _blood_ml(values: Raw) -> float:
 
 
 _WITHOUT_DATA = {
-    "impella": "not available: no pressure-flow curves of these pumps are openly published; with your own "
-    "curves, register it as your own device"
+    "impella": "not available: no pressure-flow curves of these pumps are openly published. What drains a "
+    "left ventricle here: [lvad] (pump HMII, HM3, HVAD or Incor), [vent], [septostomy]; with your own "
+    "curves, register a device of your own (eclsim.register_device, page Add a device of the documentation)"
 }
 """Requested sections that the package cannot offer, with the reason."""
 

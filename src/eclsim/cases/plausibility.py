@@ -18,6 +18,7 @@ from eclsim.parameters.physiology import SECTION
 from eclsim.patient.anthropometry import (
     body_mass_index,
     delivery_limits,
+    greatest_heart_rate,
     mean_height_weight,
     total_blood_volume_ml,
 )
@@ -141,6 +142,7 @@ def _check_patient(patient: Raw, refused: Collection[str], remarks: Remarks) -> 
         message = "looks like a name, birth date or record number; use a pseudonym"
         remarks.warning("patient.id", message, "(hidden)")
     height, weight = patient.get("height_cm"), patient.get("weight_kg")
+    _check_heart_rate(patient, remarks)
     if height is not None and weight is not None:
         _check_body_size(height, weight, remarks)
     elif height is not None or weight is not None:
@@ -150,6 +152,19 @@ def _check_patient(patient: Raw, refused: Collection[str], remarks: Remarks) -> 
             remarks.error(f"patient.{lacking}", f"missing, although {present} is given", allowed=allowed)
     elif patient and not {"patient.height_cm", "patient.weight_kg"} & set(refused):
         remarks.note("patient.height_cm", "height and weight: the mean of sex and age is taken")
+
+
+def _check_heart_rate(patient: Raw, remarks: Remarks) -> None:
+    """Warn of a heart rate faster than the sinus node of the patient's age."""
+    rate, age = patient.get("heart_rate_bpm"), patient.get("age_years")
+    if rate is None or age is None or rate <= (greatest := greatest_heart_rate(age)):
+        return
+    message = (
+        f"faster than a sinus node of {age:g} years, about {greatest:g} bpm (208 - 0.7 age, Tanaka et al. "
+        "2001): an arrhythmia or a pacemaker? Systole takes the same share of every beat here, so that the "
+        "output at such a rate is too high"
+    )
+    remarks.warning("patient.heart_rate_bpm", message, shown(rate))
 
 
 def _check_body_size(height: float, weight: float, remarks: Remarks) -> None:

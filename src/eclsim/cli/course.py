@@ -21,6 +21,7 @@ from eclsim.cli.destination import (
 from eclsim.cli.options import CaseChanges, Distributed, argument, option
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
     from eclsim.cases import Case, CaseReading
@@ -379,7 +380,7 @@ def _text(result: xr.Dataset) -> str:
             f"{at} *" if impossible[k] else at,
             *(number(float(result[name][k]), _decimals(result[name])) for name in names),
         )
-        for k, at in _rows(result, seconds).items()
+        for k, at in _rows(result, seconds, impossible).items()
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
     ml = {key: number(value, 0) for key, value in json.loads(result.attrs["balance"]).items()}
@@ -401,12 +402,19 @@ def _decimals(values: xr.DataArray) -> int:
     return _DECIMALS.get(values.attrs["units"], 1)
 
 
-def _rows(result: xr.Dataset, seconds: bool = False) -> dict[int, str]:
-    """Return the moments shown in a table with their times, to the second if minutes do not suffice."""
+def _rows(
+    result: xr.Dataset, seconds: bool = False, impossible: Sequence[bool] | np.ndarray = ()
+) -> dict[int, str]:
+    """Return the moments shown in a table with their times, to the second if minutes do not suffice.
+
+    At least one of the `impossible` moments is among them, if there are any.
+    """
     from eclsim.course.alarms import clock_time
 
     count, minute = result.sizes["time_min"], result["time_min"].to_numpy().tolist()
-    places = sorted({*range(0, count, -(-count // MOST_ROWS)), count - 1}) if count else []
+    shown = {*range(0, count, -(-count // MOST_ROWS)), count - 1} if count else set[int]()
+    marked = [k for k, wrong in enumerate(impossible) if wrong]
+    places = sorted(shown if shown.intersection(marked) else shown.union(marked[:1]))
     times = {k: clock_time(minute[k], seconds) for k in places}
     same = len(set(times.values())) < len(places)
     return {k: clock_time(minute[k], True) for k in places} if same else times

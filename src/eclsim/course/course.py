@@ -382,7 +382,7 @@ def _fast_slow_states(history: History, laws: Laws, settling: float) -> list[str
     state = laws.states[int(lags[worst].argmax())]
     amount = lags[worst].max() * state.scale
     return [
-        f"from {clock_time(history.times[over[0]] / MINUTE)} {state.name} changes by {amount:.0f} "
+        f"from {clock_time(history.times[over[0]] / MINUTE)} {state.words} changes by {amount:.0f} "
         f"{state.unit} in the {settling:.0f} s in which the circulation settles: steady beats run ahead "
         "of the patient; follow these minutes beat by beat"
     ]

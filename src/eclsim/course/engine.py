@@ -454,7 +454,7 @@ class Engine:
         for k in np.flatnonzero(missing.any(axis=0)):
             first = self.laws.states[int(np.argmax(missing[:, k]))]
             rates[:, k], solved[k] = np.nan, False
-            self.messages[active[k]] = f"{first.name} is used up: more is taken or needed than there is"
+            self.messages[active[k]] = f"{first.words} is used up: more is taken or needed than there is"
         for k in np.flatnonzero(solved & ~np.isfinite(rates).all(axis=0)):
             solved[k] = False
             lacking = [name for name in self.laws.reads if not np.isfinite(beat[name][k])]

@@ -175,7 +175,7 @@ def reason_to_follow(
     place = int((np.abs(rates) / laws.scales).argmax())
     state = laws.states[place]
     amount = abs(float(rates[place])) * settling_s
-    return f"{state.name} changes by {amount:.0f} {state.unit} in the {settling_s:.0f} s of settling"
+    return f"{state.words} changes by {amount:.0f} {state.unit} in the {settling_s:.0f} s of settling"
 
 
 class SteadyTarget(NamedTuple):

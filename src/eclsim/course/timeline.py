@@ -18,7 +18,14 @@ from eclsim.circuit.volumes import start_volume
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.parameters.fluid import SOLUTES_FOLLOWED
-from eclsim.parameters.regulation import DRUG_DOSES, DRUGS, EXTRA_VOLUME, UNSTRESSED
+from eclsim.parameters.regulation import (
+    DRUG_DOSES,
+    DRUGS,
+    EXTRA_VOLUME,
+    HEART_RATE_RESPONSE,
+    REGULATION,
+    UNSTRESSED,
+)
 from eclsim.slow import INFLOWS
 
 if TYPE_CHECKING:
@@ -31,6 +38,7 @@ BEFORE_S = 1.0
 """A moment this long before a sudden change shows the state before it [s]."""
 START = -1
 """Index of the segment before events at minute 0."""
+_RESPONSE = (REGULATION, HEART_RATE_RESPONSE.rpartition(".")[2])
 SENSITIVITIES = tuple(f"{drug}_sensitivity" for drug in DRUG_DOSES)
 
 
@@ -102,15 +110,17 @@ class Timeline:
     def start_case(self) -> Case:
         """The case with what a course needs: blood volume that can be changed, and stores of carbon dioxide.
 
-        Fluids, drugs and clamps that start with an event are 0.
+        Fluids, drugs and clamps that start with an event are 0, and the response of the heart rate is whole.
         """
         case = self.case.model_copy(update={"events": ()})
         added = {"fluid": case.fluid or Fluid(), "solutes": case.solutes or (Solutes() if case.gas else None)}
         case = case.model_copy(update=added)
-        paths = (section_and_key(key) for event in self.case.events for key in event.set)
+        paths = [section_and_key(key) for event in self.case.events for key in event.set]
         started = [p for p in paths if p and (p[1].endswith(("_ml_h", "_clamp")) or p[0] == DRUGS)]
-        off = {p: 0.0 for p in started if case.setting(*p) is None and p[1] not in SENSITIVITIES}
-        return _with_values(case, off) if off else case
+        first = {p: 0.0 for p in started if case.setting(*p) is None and p[1] not in SENSITIVITIES}
+        if _RESPONSE in paths and (case.regulation or DRUGS in {p[0] for p in first} or case.drugs):
+            first |= {_RESPONSE: 1.0} if case.setting(*_RESPONSE) is None else {}
+        return _with_values(case, first) if first else case
 
     def values_of(self, case: Case, overrides: Mapping[str, float]) -> dict[str, float]:
         """Parameters of a case with overrides; for a case without solutes, only their stores."""

@@ -21,10 +21,10 @@ import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, field_validator
 
 from eclsim.crrt_study.limits import LIMITS, Limit
 from eclsim.spelling import spelling_hint
@@ -47,6 +47,19 @@ class RuleError(ValueError):
     """Raised for a rule that cannot be used; the message has one line for each mistake."""
 
 
+_NO_NUMBER = "allowed: a number, not true or false"
+
+
+def _not_boolean(value: object) -> object:
+    """Return a value as it is; true and false, which pydantic would read as 1 and 0, are refused."""
+    if isinstance(value, bool):
+        raise ValueError(_NO_NUMBER)
+    return value
+
+
+_Number = Annotated[float, BeforeValidator(_not_boolean)]
+
+
 @dataclass(frozen=True)
 class Criterion:
     """One criterion of a rule.
@@ -62,10 +75,10 @@ class Criterion:
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
     quantity: str
-    at_least: float | None = None
-    at_most: float | None = None
+    at_least: _Number | None = None
+    at_most: _Number | None = None
     prefer: Literal["larger", "smaller"] | None = None
-    step: float = 0.0
+    step: _Number = 0.0
     words: str = ""
 
     def __post_init__(self) -> None:
@@ -74,6 +87,8 @@ class Criterion:
             raise ValueError('allowed: at_least or at_most, or prefer = "larger" or "smaller"')
         for name in ("at_least", "at_most", "step"):
             number = getattr(self, name)
+            if isinstance(number, bool):
+                raise ValueError(f"{name} = {str(number).lower()}: {_NO_NUMBER}")
             if number is not None and not math.isfinite(number):
                 raise ValueError(f"{name} = {number:g}: allowed: finite numbers; leave it out for none")
         if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
@@ -188,7 +203,7 @@ class _RuleFile(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=False)
     name: str
     criteria: tuple[Criterion, ...] | None = None
-    limits: dict[str, tuple[float | None, float | None]] = {}
+    limits: dict[str, tuple[_Number | None, _Number | None]] = {}
 
     @field_validator("criteria")
     @classmethod

@@ -463,9 +463,7 @@ class CrrtDevice(Device[Crrt]):
         ]
 
 
-def _pump_stopped(
-    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
-) -> list[Finding]:
+def _pump_stopped(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
     """Warning for a blood pump that stands still."""
     flow = names.output("crrt_flow")
     if flow not in outputs or values.get(names.parameter(f"{GROUP}.flow_ml_min")) != 0.0:

@@ -38,6 +38,8 @@ USUAL_FLUID = MappingProxyType(
     }
 )  # fmt: skip
 """Default values of these keys if dialysis is computed."""
+LARGEST_WITH_CITRATE_MMOL_L = 27.0
+"""Bicarbonate of fluids above which they are not made for citrate (a convention of this project)."""
 RED_CELL_HAEMOGLOBIN = 33.3
 """Usual mean corpuscular haemoglobin concentration [g/dL]."""
 USUAL_RED_CELLS = (28.0, 38.0)
@@ -104,6 +106,23 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     if drawn and values.get("flow_ml_min") != 0.0:  # fluids stand still with the pump
         _check_water(drawn, values, case, key, remarks)
     _check_rate(case, key, remarks)
+    _check_base(values, key, remarks)
+
+
+def _check_base(values: Raw, key: str, remarks: Remarks) -> None:
+    """Warn of citrate, which becomes bicarbonate, with fluids that are not made for it."""
+    citrate, flow = values.get("citrate_mmol_l") or 0.0, values.get("flow_ml_min") or 0.0
+    stated = values.get("fluid_bicarbonate_mmol_l")
+    bicarbonate = USUAL_FLUID["fluid_bicarbonate_mmol_l"] if stated is None else stated
+    if not citrate * flow or bicarbonate <= LARGEST_WITH_CITRATE_MMOL_L:
+        return
+    given = 0.06 * flow * citrate
+    message = (
+        f"{given:.0f} mmol/h of citrate become up to {3.0 * given:.0f} mmol/h of bicarbonate, less what the "
+        f"filter clears, and the fluids hold {bicarbonate:g} mmol/L as well: alkalosis within hours "
+        "(base_gain); fluids made for citrate hold 20 to 25 mmol/L (fluid_bicarbonate_mmol_l)"
+    )
+    remarks.warning(f"{key}.citrate_mmol_l", message, shown(citrate))
 
 
 def _check_water(

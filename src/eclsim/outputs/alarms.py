@@ -32,6 +32,7 @@ THIN_WALLED = {
 _PULMONARY_ARTERY = ("pas", "part")
 _SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
 _SMALLEST_FLOW_DIFFERENCE_L_MIN = 0.1
+_NOT_SETTLED = "pulmonary artery in a beat that has not settled"
 _LEFT = "the left ventricle itself ejects {} (LVO)"
 VALVE_OPEN_ML_S = 30.0
 """Peak flow above which a valve counts as opening even if its net flow is that of a closed valve."""
@@ -258,7 +259,8 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         return []
     place = "lungs"
     if "the lungs get {}" in apart:
-        place = f"pulmonary artery before the {_device_returning_to_pulmonary_artery(circuit)}return"
+        device = _device_returning_to_pulmonary_artery(circuit)
+        place = f"pulmonary artery before the {device}return" if device else _NOT_SETTLED
     messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
     if (organs := organ_flow(outputs)) is not None:
         messages.append(f"the organs get {organs:.2f} L/min")

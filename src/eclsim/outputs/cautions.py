@@ -57,8 +57,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         _venodilators_without_congestion(outputs, doses)
         + _vasopressin_without_sepsis(outputs, doses)
         + _extrapolated_doses(doses)
-        + _vasopressin_on_noradrenaline(doses)
-        + _combined_effects(doses)
+        + (_combined_effects(doses) or _vasopressin_on_noradrenaline(doses))
     )
     return result + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
@@ -129,12 +128,13 @@ def _vasopressin_on_noradrenaline(doses: Mapping[str, float]) -> list[Finding]:
     if min(first, added) < NOTABLE_LOGARITHM:
         return []
     text = (
-        f"vasopressin on noradrenaline: resistance x {math.exp(added):.2g} on top of x {math.exp(first):.2g}, "
-        "multiplied; no combination of doses was fitted. In septic shock on catecholamines with a mean "
-        "arterial pressure of 65 mmHg before it, 0.04 U/min multiplied resistance by 1.84, to 93 mmHg "
-        "(Landry 1997, to which it is fitted); after heart surgery on noradrenaline, which was lowered, 0.1 "
-        "U/min multiplied it by 1.46 (Argenziano 1997) and pressure rose by 17 mmHg (Morales 2000): read "
-        "the rise as an upper limit, above all from a pressure that is not low"
+        f"vasopressin on noradrenaline: resistance x {math.exp(added):.2g} on top of x "
+        f"{math.exp(first):.2g}, multiplied; no combination of doses was fitted. In septic shock on "
+        "catecholamines, with a mean arterial pressure of 65 mmHg before it, 0.04 U/min multiplied "
+        "resistance by 1.84, to 93 mmHg (Landry 1997, to which it is fitted); after heart surgery on "
+        "noradrenaline, which was lowered, 0.1 U/min multiplied it by 1.46 (Argenziano 1997), and pressure "
+        "rose by 17 mmHg (Morales 2000): read the rise as an upper limit, above all from a pressure that is "
+        "not low"
     )
     return [_caution("systemic_resistance_factor", first + added, text, "MAP", "CO")]
 
