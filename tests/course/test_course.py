@@ -166,6 +166,23 @@ def test_the_figure_shows_every_event(hour, tmp_path):
     assert np.diff(panels["Fluid and blood"].get_ylim()) > 100.0
 
 
+def test_the_figure_shades_beats_that_no_patient_can_have(hour):
+    """An LVAD that emptied the ventricle to -50 mL was drawn like any other curve."""
+    from matplotlib.colors import to_rgba
+
+    from eclsim.course.figures import impossible_spans, plot_course
+
+    marked = np.zeros(hour.sizes["time_min"], dtype=int)
+    marked[3:5] = 1
+    shaded = hour.assign(impossible=("time_min", marked))
+    minute = hour["time_min"].to_numpy()
+    assert impossible_spans(shaded) == [(minute[3], minute[5])]
+    assert impossible_spans(hour) == []
+    fig = plot_course(shaded)
+    assert "grey areas: beats that no patient can have" in fig._supxlabel.get_text()
+    assert all(any(p.get_facecolor() == to_rgba("0.85") for p in ax.patches) for ax in fig.axes)
+
+
 def test_rounding_is_no_curve_in_the_figure(tmp_path):
     from eclsim.course.figures import plot_course
 

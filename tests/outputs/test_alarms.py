@@ -200,16 +200,20 @@ CAUTIONS = {
     ),
     "usual dose": ({}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 1.0}, ""),
     "three at usual doses": (
-        {}, {"drugs.noradrenaline": 1.0, "drugs.adrenaline": 0.5, "drugs.vasopressin": 0.04},
-        "noradrenaline, adrenaline, vasopressin together (contractility x 6.",
+        {}, {"drugs.noradrenaline": 1.0, "drugs.adrenaline": 0.15, "drugs.vasopressin": 0.04},
+        "noradrenaline, adrenaline, vasopressin together (contractility x 5.",
     ),
     "vasopressin on noradrenaline": (
         {}, {"drugs.noradrenaline": 0.3, "drugs.vasopressin": 0.03},
-        "vasopressin on noradrenaline: resistance x 1.9 on top of x 1.3",
+        "vasopressin on noradrenaline: their factors",
     ),
     "two that add a quarter": (
         {}, {"drugs.noradrenaline": 0.3, "drugs.adrenaline": 0.1}, "no combination was fitted",
     ),
+    "adrenaline that would constrict": ({}, {"drugs.adrenaline": 0.3}, "larger doses constrict in patients"),
+    "adrenaline as fitted": ({}, {"drugs.adrenaline": 0.15}, ""),
+    "hypoxia without an answer": ({"SaO2": 60.0, "PaCO2": 40.0}, {}, "responds to these blood gases"),
+    "hypoxia with a reflex": ({"SaO2": 60.0}, {"regulation.chemoreflex": 1.0}, ""),
     "two small doses": ({}, {"drugs.noradrenaline": 0.02, "drugs.vasopressin": 0.03}, ""),
     "two that pull apart": ({}, {"drugs.vasopressin": 0.04, "drugs.nitroprusside": 1.0}, ""),
     "hypercapnia with nerves": (

@@ -202,7 +202,10 @@ class _EventChecker:
         """Warn of a changed temperature where the oxygen consumption is given and so does not follow it."""
         given = self.case.get("gas", {}).get("vo2_ml_min") is not None
         if _TEMPERATURE in values and given and "gas.vo2_ml_min" not in values:
-            message = "consumption does not follow the temperature: set gas.vo2_ml_min too"
+            message = (
+                "consumption does not follow the temperature: set gas.vo2_ml_min too; heart rate, "
+                "contractility, vessels and drugs do not follow it either"
+            )
             self.remarks.warning(f"{place}.{_TEMPERATURE}", message, shown(values[_TEMPERATURE]))
 
     def _allowed(self, key: str, path: Path, value: object) -> bool:

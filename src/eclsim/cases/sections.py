@@ -64,7 +64,8 @@ class Gas(Section):
         if abs(temperature - NORMAL_C) > TEMPERATURE_DOUBT_C and stated.get("vo2_ml_min") is None:
             message = (
                 "consumption is that of 37 C and does not follow the temperature (it falls by 6 to 10 % for "
-                "each degree of cooling): give vo2_ml_min"
+                "each degree of cooling): give vo2_ml_min; heart rate, contractility, vessels and drugs do "
+                "not follow it either"
             )
             remarks.warning(f"{cls.section}.temperature_c", message, shown(temperature))
         given_by_solutes = (

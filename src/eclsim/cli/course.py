@@ -354,7 +354,10 @@ def _cohort(o: CourseOptions) -> bool:
 
 # --- as text --------------------------------------------------------------------------------------
 
-SHOWN_OUTPUTS = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "DO2")
+SHOWN_OUTPUTS = (
+    "MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "SaO2", "PaCO2",
+    "DO2", "potassium", "bicarbonate",
+)  # fmt: skip
 MOST_ROWS = 25
 BAND_OUTPUTS = ("MAP", "PF", "drainage_pressure", "DO2")
 _DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}

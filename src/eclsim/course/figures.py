@@ -15,9 +15,10 @@ from matplotlib.ticker import MaxNLocator
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
 from eclsim.course.alarms import clock_time
-from eclsim.course.result import spans_in_words
+from eclsim.course.result import impossible_moments, spans_in_words
 from eclsim.devices.description import Panel
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting import style
 from eclsim.simulation.figures import panels_of
 
@@ -66,8 +67,11 @@ def plot_course(result: xr.Dataset) -> Figure:
     legend = _legend(events, result)
     fig = style.new_figure(style.PAGE_WIDTH_MM, 24 + 50 * rows + 4.0 * legend.count("\n"))
     axes = list(fig.subplots(rows, 2, squeeze=False, sharex=True).flat)
+    impossible = impossible_spans(result)
     for ax, panel in zip(axes, drawn, strict=False):
         _draw(ax, result, panel, events)
+        for begin, end in impossible:
+            ax.axvspan(*np.array([begin, end]) / _time_axis_unit(result)[1], color="0.85", lw=0, zorder=-1)
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
         _mark_spans(ax, json.loads(result.attrs.get("spans", "[]")), _time_axis_unit(result)[1])
         _bars(ax, [alarm for alarm in alarms if alarm["quantity"] in panel.names], result)
@@ -140,6 +144,14 @@ def _mark_spans(ax: Axes, spans: list[dict[str, Any]], minutes: float) -> None:
         ax.add_line(top)
 
 
+def impossible_spans(result: xr.Dataset) -> list[tuple[float, float]]:
+    """Spans [min] whose beats no patient can have, each up to the next moment that is possible."""
+    marked, minute = impossible_moments(result), result["time_min"].to_numpy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
+    last = len(minute) - 1
+    return [(float(minute[a]), float(minute[min(b, last)])) for a, b in edges.reshape(-1, 2)]
+
+
 def _legend_above(ax: Axes, columns: int = 2) -> None:
     ax.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
@@ -189,6 +201,8 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
         )
     else:
         lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
+    if impossible_spans(result):
+        lines.append(f"grey areas: beats {IMPOSSIBLE_BEAT}: ignore their numbers")
     if spans := spans_in_words(result):
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
     said = [*untrusted(result.attrs["warnings"]), result.attrs["message"]]

@@ -18,14 +18,19 @@ _DYN = 80.0
 """Conversion factor: dyn s/cm5 per mmHg min/L."""
 LARGEST_COMBINED_LOGARITHM = 0.1
 """Largest change of the logarithm of a factor by several drugs, beyond that of the strongest drug."""
+LARGEST_DILATING_ADRENALINE = 0.15
+"""Larger dose of the study to which adrenaline is fitted [ug/kg/min]."""
 PRESSORS = ("noradrenaline", "vasopressin")
-NOTABLE_LOGARITHM = 0.05
+NOTABLE_LOGARITHM = 0.02
 """Logarithm of a drug's factor below which the drug hardly acts."""
 BLOOD_PH = (6.8, 7.7)
 """Approximate range of pH for which the laws of blood gases were fitted."""
 WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
 """Elevation of PaCO2 above the set point beyond which the published response has the wrong sign, and beyond
 which the response measured in patients, up to 19 mmHg, is extrapolated [mmHg]."""
+DANGEROUS_SATURATION, DANGEROUS_PCO2_MMHG = 80.0, 80.0
+"""Saturation [%] and PCO2 [mmHg] of arterial blood beyond which their alarms begin."""
+_GAS_RESPONSES = (keys.CHEMOREFLEX, keys.DILATION, keys.HYPOXIA, keys.CARBON_DIOXIDE)
 STANDING_L_MIN = 1e-3
 """Mean flow below which blood counts as standing; its gases could not be sampled [L/min]."""
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
@@ -57,8 +62,10 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         _venodilators_without_congestion(outputs, doses)
         + _vasopressin_without_sepsis(outputs, doses)
         + _extrapolated_doses(doses)
+        + _constricting_adrenaline(doses)
         + (_combined_effects(doses) or _vasopressin_on_noradrenaline(doses))
     )
+    result += _unanswered_gases(outputs, values)
     return result + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
@@ -120,6 +127,19 @@ def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
     return result
 
 
+def _constricting_adrenaline(doses: Mapping[str, float]) -> list[Finding]:
+    """Caution about adrenaline at doses at which it constricts vessels, unlike those that were fitted."""
+    dose = doses.get("adrenaline", 0.0)
+    if not dose > LARGEST_DILATING_ADRENALINE:
+        return []
+    text = (
+        f"adrenaline: fitted at 0.075 and {LARGEST_DILATING_ADRENALINE:g} ug/kg/min, where it dilates; "
+        "larger doses constrict in patients, but dilate here, so that pressure is too low: not for a bolus "
+        "or a resuscitation"
+    )
+    return [_caution("systemic_resistance_factor", dose, text, "MAP", "CO")]
+
+
 def _vasopressin_on_noradrenaline(doses: Mapping[str, float]) -> list[Finding]:
     """Caution about vasopressin on noradrenaline: what was measured of it, which the model exceeds."""
     if not set(PRESSORS) <= doses.keys():
@@ -128,9 +148,8 @@ def _vasopressin_on_noradrenaline(doses: Mapping[str, float]) -> list[Finding]:
     if min(first, added) < NOTABLE_LOGARITHM:
         return []
     text = (
-        f"vasopressin on noradrenaline: resistance x {math.exp(added):.2g} on top of x "
-        f"{math.exp(first):.2g}, multiplied; no combination of doses was fitted. In septic shock on "
-        "catecholamines, with a mean arterial pressure of 65 mmHg before it, 0.04 U/min multiplied "
+        "vasopressin on noradrenaline: their factors are multiplied, and this was not fitted. In septic "
+        "shock on catecholamines, with a mean arterial pressure of 65 mmHg before it, 0.04 U/min multiplied "
         "resistance by 1.84, to 93 mmHg (Landry 1997, to which it is fitted); after heart surgery on "
         "noradrenaline, which was lowered, 0.1 U/min multiplied it by 1.46 (Argenziano 1997), and pressure "
         "rose by 17 mmHg (Morales 2000): read the rise as an upper limit, above all from a pressure that is "
@@ -166,6 +185,22 @@ def _logarithms(drug: str, dose: float) -> list[float]:
     published = PUBLISHED[drug]
     part = (dose / published.half_dose) ** published.steepness
     return [part / (1.0 + part) * most for most in published.at_most]
+
+
+def _unanswered_gases(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Caution about dangerous blood gases in a case in which nothing responds to them."""
+    saturation, pressure = outputs.get("SaO2", math.nan), outputs.get("PaCO2", math.nan)
+    beyond = saturation < DANGEROUS_SATURATION or pressure > DANGEROUS_PCO2_MMHG
+    if not beyond or any(values.get(key, 0.0) > 0.0 for key in _GAS_RESPONSES):
+        return []
+    text = (
+        "nothing in the circulation responds to these blood gases: heart rate, pressures and output are "
+        "those of normal gases, while the heart of a patient races, then fails ([regulation] chemoreflex, "
+        "hypoxic_vasodilation, hypoxic_vasoconstriction and carbon_dioxide_response hold part of the "
+        "response)"
+    )
+    name, value = ("SaO2", saturation) if saturation < DANGEROUS_SATURATION else ("PaCO2", pressure)
+    return [_caution(name, value, text, "MAP", "CO", "heart_rate")]
 
 
 def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
