@@ -7,6 +7,13 @@ from collections.abc import Iterable
 # Candidates less similar to the word than the best one by this much are not suggested.
 _SPREAD = 0.12
 _MOST = 3
+_OTHER_NAMES = {
+    "norepinephrine": "noradrenaline", "epinephrine": "adrenaline", "argipressin": "vasopressin",
+    "saline": "crystalloid_ml", "ringer": "crystalloid_ml", "rbc": "red_cells_ml", "prbc": "red_cells_ml",
+    "erythrocytes": "red_cells_ml", "phenylephrine": "", "dopamine": "", "dopexamine": "", "isoprenaline": "",
+    "isoproterenol": "", "terlipressin": "", "enoximone": "", "nitroglycerin": "", "plasma": "", "ffp": "",
+}  # fmt: skip
+"""Other names of drugs and fluids; an empty one is not offered, whatever name looks like it."""
 
 
 def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
@@ -27,6 +34,9 @@ def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
     for candidate in candidates:
         by_lower_case.setdefault(candidate.lower(), candidate)
     written = word.strip().lower()[:80]
+    if (other := _OTHER_NAMES.get(written.rpartition(".")[2].removesuffix("_ml"))) is not None:
+        places = (name for name in by_lower_case.values() if other)
+        return tuple(name for name in places if name == other or name.endswith(f".{other}"))
     if written in by_lower_case:
         return (by_lower_case[written],)
     begun = [name for name in by_lower_case if written and name.startswith(f"{written}_")]

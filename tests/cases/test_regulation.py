@@ -178,3 +178,19 @@ def test_gases_at_rest_of_a_case_written_without_gas_are_those_of_the_section_it
     write_case(read().case, file)
     changed = read_case(file, ["gas.fio2=0.5", "regulation.chemoreflex=1"]).case
     assert 20.0 < model_of(changed).values[PAO2_SET_POINT] < 600.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0.2 mg/kg/min", r"\"mg/kg/min\" follows it, but noradrenaline is in ug/kg/min; allowed: 0 to 3 ug"),
+        ("5 ml/h", r"\"ml/h\" follows it, but noradrenaline is in ug/kg/min; allowed: 0 to 3 ug"),
+        ("0.2 µg/kg/min", "did you mean 0.2"),
+        ("0.2 mcg/kg/min", "did you mean 0.2"),
+    ],
+)
+def test_a_dose_in_another_unit_is_not_offered_as_a_number_of_this_one(text, message):
+    """For 0.2 mg/kg/min, 0.2 ug/kg/min was offered, a thousandth of it."""
+    with pytest.raises(CaseError, match=message) as caught:
+        read(drugs={"noradrenaline": text})
+    assert ("did you mean" in str(caught.value)) == ("mean" in message)

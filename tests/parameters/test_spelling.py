@@ -14,3 +14,12 @@ def test_nearest_spellings_best_first():
 def test_in_words():
     assert did_you_mean("sped_rpm", KEYS) == "speed_rpm"
     assert did_you_mean("zzz", KEYS) == ""
+
+
+def test_other_names_of_drugs_and_fluids_lead_to_those_that_there_are():
+    """Saline was taken for albumin and phenylephrine for milrinone."""
+    drugs, fluids = ("noradrenaline", "adrenaline", "milrinone"), ("albumin_ml", "crystalloid_ml")
+    assert nearest("norepinephrine", drugs) == ("noradrenaline",)
+    assert nearest("drugs.epinephrine", [f"drugs.{one}" for one in drugs]) == ("drugs.adrenaline",)
+    assert nearest("saline_ml", fluids) == ("crystalloid_ml",)
+    assert nearest("phenylephrine", drugs) == nearest("plasma_ml", fluids) == ()

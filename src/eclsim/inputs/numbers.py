@@ -135,7 +135,16 @@ def _number_with_unit(text: str, number: float, unit: str, field: Field) -> floa
     if _DIGIT_GROUPS.fullmatch(text.strip()):
         message = "digits in groups; write them without spaces"
         raise RefusedValueError(message, field.allowed, number_meant(text))
+    if field.unit.endswith("/min") and not _same_unit(unit, field.unit) and any(map(str.isalpha, unit)):
+        message = f'"{unit.strip()}" follows it, but {field.name} is in {field.unit}'
+        raise RefusedValueError(message, field.allowed)  # the digits alone would be another dose
     raise RefusedValueError(f'not a number: "{unit.strip()}" follows it', field.allowed, number_meant(text))
+
+
+def _same_unit(one: str, other: str) -> bool:
+    """Whether two units are the same but for case, spaces and the sign for micro."""
+    plain = [re.sub(r"\s|\.", "", u).lower().replace("mcg", "ug") for u in (one, other)]
+    return re.sub("[µμ]", "u", plain[0]) == re.sub("[µμ]", "u", plain[1])
 
 
 def number_meant(text: str) -> str:
