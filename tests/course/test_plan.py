@@ -123,8 +123,20 @@ def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not(
     assert found.rate_ml_h == 40.0
     assert found.message == (
         "100 mL can be removed at 40 mL/h, in 2.5 h; at 80 mL/h MAP > 65 breaks after 0.5 h (60 mmHg); "
-        "do not go slower: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg)"
+        "slower is not safer here: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg)"
     )
+
+
+def test_a_pump_that_stands_still_removes_nothing(own):
+    stopped = apply_settings(own, ["crrt.flow_ml_min=0"])
+    with pytest.raises(GoalError, match=r"crrt\.flow_ml_min = 0: the pump stands still"):
+        plan_removal(stopped, 300.0, "MAP > 20")
+
+
+def test_a_rate_that_harmed_patients_is_named_in_the_first_words(own):
+    found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
+    assert "mL/kg/h are above 1.75: see the warning" in found.message
+    assert any("fewer critically ill patients survived" in line for line in found.warnings)
 
 
 def test_alarms_on_the_way_stand_in_the_first_words(own):

@@ -196,6 +196,7 @@ def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -
     )
     per_kg = removal.rate_ml_h / height_weight(case.patient)[1]
     if per_kg > HARMFUL_ML_KG_H:
+        message += f"; {per_kg:.1f} mL/kg/h are above {HARMFUL_ML_KG_H:g}: see the warning"
         sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}")
     return replace(removal, message=message, warnings=(*sentences, *result.attrs["cautions"]))
 
@@ -220,6 +221,9 @@ def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
         if ULTRAFILTRATION in one.device.section.fields()
     }
     key = next(iter(rates), None)
+    if key is not None and case.setting(key, "flow_ml_min") == 0.0:
+        message = f"{key}.flow_ml_min = 0: the pump stands still, so that nothing is removed; allowed: a flow"
+        raise GoalError([message])
     others = [f"{one}.{ULTRAFILTRATION}" for one, rate in rates.items() if rate > 0.0 and one != key]
     if others:
         raise GoalError(
@@ -313,7 +317,7 @@ def _removal_result(
         slower = [rate for rate, kept in tried.items() if not kept and rate < best]
         if slower:
             reason = " and ".join(map(_break_sentence, broken[max(slower)]))
-            text += f"; do not go slower: at {max(slower):.0f} mL/h {reason}"
+            text += f"; slower is not safer here: at {max(slower):.0f} mL/h {reason}"
     rate = math.nan if best is None else best
     keep = tuple(str(goal) for goal in goals)
     return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)
