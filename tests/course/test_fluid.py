@@ -237,6 +237,15 @@ def test_courses_say_what_of_a_gift_they_do_not_hold(give, sections, said):
     assert [words in sentence for words, sentence in zip(said, found, strict=True)] == [True] * len(said)
 
 
+def test_a_reflex_that_an_event_switches_on_counts():
+    events = [
+        {"at_min": 1, "set": {"regulation.baroreflex": 1.0}},
+        {"at_min": 5, "give": {"bleed_ml": 300}, "over_min": 5},
+    ]
+    case = read_mapping(RAW | {"regulation": {"baroreflex": 0}, "events": events}).case
+    assert not any("without a reflex" in one for one in remarks_on_fluids(Timeline(case, 600.0)))
+
+
 @pytest.mark.parametrize(
     ("wall", "regulation", "kept"),
     [(10.0, {}, (0.20, 0.05)), (2.0, {}, (0.60, 0.22)), (1.0, {"baroreflex": 1.0}, (0.79, 0.50))],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.timeline import Timeline
 from eclsim.parameters.fluid import PERICAPILLARY
-from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN
 
 _CRYSTALLOID = (
     "of crystalloid given in excess of losses, with the default capillary wall{own} and veins, a fifth is "
@@ -94,6 +94,7 @@ def remarks_on_fluids(timeline: Timeline) -> list[str]:
     case, values = timeline.case, timeline.start[1]
     refills = case.fluid is None or case.fluid.capillary_refill
     reflex = case.regulation is not None and bool(case.regulation.baroreflex)
+    reflex |= any(change.after.get(GAIN, 0.0) > 0.0 for change in timeline.changes)
     compliant = reflex and values.get("Csvn", 0.0) >= SMALLEST_COMPLIANCE_ML_MMHG
     wall = values[_WALL_KEY]
     retaining = wall <= (LARGEST_WALL_ML_MIN_MMHG if compliant else LARGEST_STIFF_WALL_ML_MIN_MMHG)
