@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from eclsim.cases.fit_mark import with_mark
-from eclsim.cli.course import CourseOptions, _cases, _rows, _text
+from eclsim.cli.course import SHOWN_OUTPUTS, CourseOptions, _cases, _rows, _text
 from eclsim.course.files import course_object
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
@@ -172,6 +172,11 @@ def test_moments_of_one_minute_are_told_apart_in_the_table():
     halves = xr.Dataset(coords={"time_min": [0.0, 0.5, 1.0]})
     assert list(_rows(halves).values()) == ["00:00:00", "00:00:30", "00:01:00"]
     assert list(_rows(halves.isel(time_min=[0, 2])).values()) == ["00:00", "00:01"]
+
+
+def test_the_table_of_a_course_holds_gases_and_potassium():
+    """A sweep that failed, and a dialysis of potassium, were tables in which nothing changed."""
+    assert {"SaO2", "PaCO2", "potassium", "bicarbonate"} <= set(SHOWN_OUTPUTS)
 
 
 def test_a_table_that_explains_a_star_has_a_row_with_it():

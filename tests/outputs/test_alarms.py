@@ -182,6 +182,15 @@ def test_drugs_fitted_to_congested_hearts_are_read_with_care_in_others(wedge, do
 
 
 SEPTIC = {"MAP": 70.0, "right_atrial_pressure": 8.0, "CO": 7.0}
+
+
+def test_a_beat_that_has_not_settled_is_named_where_no_device_parts_the_flows():
+    """The first beat of a faster heart had its CO "before the return", of no device at all."""
+    flows = {"CO": 11.8, "LVO": 12.0, "pulmonary_flow": 9.7}
+    (sentence,) = [one.sentence for one in findings(flows, {}, circulation()) if one.quantity == "CO"]
+    assert "through the pulmonary artery in a beat that has not settled; the lungs get 9.70" in sentence
+
+
 CAUTIONS = {
     "levosimendan in an empty heart": ({"PCWP": 6.0}, {"drugs.levosimendan": 0.1}, "levosimendan: fitted to"),
     "vasopressin without sepsis": (
