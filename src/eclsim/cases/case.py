@@ -24,7 +24,6 @@ from eclsim.cases.sections import (
 from eclsim.devices.description import Target
 from eclsim.devices.device import Instance, device_key, instance_key
 from eclsim.devices.registry import PublishedDevices, devices
-from eclsim.inputs.mistakes import CaseError
 from eclsim.inputs.sections import CHECKED, Section, plain
 from eclsim.patient.sites import patient_sites
 
@@ -102,9 +101,7 @@ class Case(PublishedDevices):
         Raises:
             CaseError: There is no such policy.
         """
-        checked = check_case(self.as_mapping() | {"blood_volume_policy": policy})
-        if checked.mistakes:
-            raise CaseError(checked.mistakes)
+        check_case(self.as_mapping() | {"blood_volume_policy": policy}).raise_mistakes()
         return self.model_copy(update={"blood_volume_policy": policy})
 
     def instances(self) -> tuple[Instance, ...]:

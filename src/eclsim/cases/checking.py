@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from eclsim.cases.events import check_events
@@ -23,9 +23,9 @@ from eclsim.cases.sections import (
 )
 from eclsim.devices.device import CaseValues, device_key, instance_key
 from eclsim.devices.registry import devices, parameter_of, parameters
-from eclsim.inputs.fields import Field
+from eclsim.inputs.fields import setting
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.inputs.numbers import RefusedValueError, read_number, suspected_unit
+from eclsim.inputs.numbers import suspected_unit
 from eclsim.inputs.sections import Raw, check_field, check_section, short
 from eclsim.parameters import thiel2025
 from eclsim.parameters.parameter import Parameter
@@ -77,19 +77,15 @@ def check_case(raw: object) -> Checked:
         needed = ", ".join(name for name, item in Patient.fields().items() if item.required)
         checked.error("patient", "this section is missing", allowed=f"[patient] with {needed}")
     parameters = check_parameters(raw.get("parameters", {}), connected, checked)
-    present = (
-        section_class.section for section_class in PATIENT_SECTIONS if section_class.section in checked.values
-    )
-    patient_sections = {name: checked.values[name] for name in present}
-    values = CaseValues(
-        checked.values.get("patient", {}), checked.values.get("measurements", {}), connected, patient_sections
-    )
-    checked.values["parameters"] = parameters
+    found = checked.values
+    extensions = {one.section: found[one.section] for one in PATIENT_SECTIONS if one.section in found}
+    values = CaseValues(found.get("patient", {}), found.get("measurements", {}), connected, extensions)
+    found["parameters"] = parameters
     check_plausibility(values, parameters, checked)
     if "events" in raw:
         without_events = {key: value for key, value in raw.items() if key != "events"}
-        blood_ml = None if checked.mistakes else _blood_ml(checked.values)
-        checked.values["events"] = check_events(raw["events"], without_events, blood_ml, check_case, checked)
+        blood_ml = None if checked.mistakes else _blood_ml(found)
+        found["events"] = check_events(raw["events"], without_events, blood_ml, check_case, checked)
     return checked
 
 
@@ -165,11 +161,9 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
         key = thiel2025.ALIASES.get(written, written)
         parameter = parameter_of(key, connected)
         if (place := section_and_key(key)) is not None and place[0] != PARAMETERS:
-            where = ".".join(place)
-            message = f"is set in the section [{place[0]}], not here"
-            remarks.error(
-                f"parameters.{written}", message, shown(value), f"{place[1]} in [{place[0]}]", where
-            )
+            section, name = place
+            message, allowed = f"is set in the section [{section}], not here", f"{name} in [{section}]"
+            remarks.error(f"parameters.{written}", message, shown(value), allowed, f"{section}.{name}")
         elif parameter is None:
             _refuse_unknown(written, value, remarks)
         elif key in values:
@@ -195,17 +189,8 @@ def _check_value(
     key: str, parameter: Parameter, value: object, values: dict[str, float], remarks: Remarks
 ) -> None:
     place, typical = f"parameters.{key}", parameter.value or 1.0
-    field = Field(
-        parameter.description, "number", parameter.unit, parameter.minimum, parameter.maximum, typical,
-        name=key,
-    )  # fmt: skip
-    try:
-        values[key] = read_number(value, field)
-    except RefusedValueError as error:
-        mistake = error.mistake
-        remarks.error(place, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
-        return
-    if parameter.value and not typical / 12.0 <= values[key] <= typical * 12.0:
+    check_field(place, value, replace(setting(parameter), name=key), values, remarks)
+    if key in values and parameter.value and not typical / 12.0 <= values[key] <= typical * 12.0:
         hint = suspected_unit(values[key], parameter.unit, typical, (typical / 3.0, typical * 3.0))
         remarks.warning(place, f"far from the usual {typical:g} {parameter.unit}", shown(value), hint)
 

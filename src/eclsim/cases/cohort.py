@@ -9,7 +9,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,8 @@ from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED, MEASURED_GASES
 from eclsim.devices.description import Columns
 from eclsim.devices.registry import devices
 from eclsim.files import unguarded
-from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, Remarks, shown
+from eclsim.inputs.numbers import NUMBER
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, looks_identifiable
 from eclsim.spelling import did_you_mean
 
@@ -57,7 +58,6 @@ OPTIONAL: MappingProxyType[str, str] = MappingProxyType(
 )
 """Optional columns. Without columns for its sites, ECMO is V-A at the usual sites. Gases are computed for
 rows that have a cell of [gas]."""
-_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _SPREADSHEET_ERROR = re.compile(r"#(REF!|DIV/0!|VALUE!|NAME\?|NUM!|NULL!|SPILL!|CALC!)", re.IGNORECASE)
 _TEXT_COLUMNS = {
     name
@@ -124,36 +124,30 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
     result = _Rows(table)
     result.check_header()
     cells = result.cells()
-    refused_lines, doubts = across_rows(cells)
-    result.refused += doubts.mistakes
-    result.warnings += doubts.warnings
+    refused_lines = across_rows(cells, result)
     points = [
         p for line, row in cells.items() if line not in refused_lines and (p := result.point(line, row))
     ]
     used = {point.line for point in points}
     lost = tuple((row["patient_id"].strip(), line) for line, row in cells.items() if line not in used)
-    ordered, notes = in_order_of_time(points)
-    result.notes += notes
-    result.refused += table.mistakes
+    ordered = in_order_of_time(points, result)
 
-    def placed(message: Sequence[Mistake]) -> tuple[Mistake, ...]:
-        put = (m.at(table.file, m.line) for m in message)
+    def placed(remarks: Sequence[Mistake]) -> tuple[Mistake, ...]:
+        put = (m.at(table.file, m.line) for m in remarks)
         return tuple(sorted(dict.fromkeys(put), key=lambda m: m.line or 0))
 
     return CohortReading(
-        tuple(ordered), placed(result.refused), placed(result.warnings),
+        tuple(ordered), placed([*result.mistakes, *table.mistakes]), placed(result.warnings),
         placed([*table.notes, *result.notes]), table.file, table.digest, lost,
     )  # fmt: skip
 
 
-class _Rows:
+class _Rows(Remarks):
     """Checks the rows of one table and collects errors, warnings and notes."""
 
     def __init__(self, table: Table):
+        super().__init__()
         self.table = table
-        self.refused: list[Mistake] = []
-        self.warnings: list[Mistake] = []
-        self.notes: list[Mistake] = []
         self.reported: set[tuple[str, Mistake]] = set()  # notes given: [gas] once per table, else per patient
 
     def check_header(self) -> None:
@@ -190,7 +184,7 @@ class _Rows:
         message = "an extra column; it is not read" + (
             "; it looks like names, birth dates or record numbers: remove it" if private else ""
         )
-        self.warnings.append(Mistake(name[:60] or "(no name)", message))
+        self.warning(name[:60] or "(no name)", message)
 
     def cells(self) -> dict[int, dict[str, str]]:
         """Return the cells by column for each row of the header's length, by line."""
@@ -200,11 +194,11 @@ class _Rows:
                 message = f"{len(row)} cells where the header has {len(self.table.header)}"
                 hint = "a comma inside a number or a text (put quotes around it)"
                 more = hint if len(row) > len(self.table.header) else ""
-                self.refused.append(Mistake("", message, suggestion=more, line=line))
+                self.error("", message, suggestion=more, line=line)
                 continue
             by_column = {k: unguarded(v.strip()) for k, v in zip(self.table.header, row, strict=True)}
             if row == self.table.header or all(k == v for k, v in by_column.items()):
-                self.refused.append(Mistake("", "the header again, in the middle of the table", line=line))
+                self.error("", "the header again, in the middle of the table", line=line)
                 continue
             if is_units_row(by_column):
                 self._check_units(by_column, line)
@@ -219,7 +213,7 @@ class _Rows:
             expected = ", ".join(f"{k} in {(expected_unit(k, v) or ('',))[0]}" for k, v in wrong.items())
             message = f"the row of units gives {text}"
             raise CaseError([Mistake("", message, allowed=expected, file=self.table.file, line=line)])
-        self.notes.append(Mistake("", "a row of units, the expected ones; not read as a patient", line=line))
+        self.note("", "a row of units, the expected ones; not read as a patient", line=line)
 
     def point(self, line: int, row: dict[str, str]) -> CohortPoint | None:
         """Return the data point of a row; None if the row is unusable, after recording the reasons."""
@@ -241,13 +235,12 @@ class _Rows:
                         self.reported.add(about)
                         self.notes.append(self._in_columns(m).at("", line))
                 return CohortPoint(name, row[MEASUREMENT], line, reading.case)
-        self.refused += [m.at("", line) for m in wrong]
+        self.mistakes += [m.at("", line) for m in wrong]
         return None
 
     def _in_columns(self, mistake: Mistake) -> Mistake:
         columns = {key: name for name, key in (COLUMNS | OPTIONAL).items()}
-        column = columns.get(mistake.key, mistake.key)
-        return Mistake(column, mistake.message, mistake.value, mistake.allowed, mistake.suggestion)
+        return replace(mistake, key=columns.get(mistake.key, mistake.key))
 
 
 def _refused_already(mistake: Mistake, wrong: Sequence[Mistake]) -> bool:
@@ -267,7 +260,7 @@ def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
             wrong.append(Mistake(column, "an error value of a spreadsheet", shown(text)))
             continue
         section, _, name = key.partition(".")
-        number = column not in _TEXT_COLUMNS and _NUMBER.fullmatch(text)
+        number = column not in _TEXT_COLUMNS and NUMBER.fullmatch(text)
         raw.setdefault(section, {})[name] = NumberAsWritten(text) if number else text
     for device in _WITH_COLUMNS:
         if device.key in raw and not any(row.get(column) for column in device.columns.optional):

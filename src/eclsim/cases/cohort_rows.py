@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from eclsim.cases.sections import sections
 from eclsim.devices.registry import devices
 from eclsim.inputs.files import decoded, file_error, read_bytes
-from eclsim.inputs.mistakes import Mistake, shown
+from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.units import MMHG_PER_KPA, known_unit
 
 if TYPE_CHECKING:
@@ -31,25 +31,21 @@ _DELIMITER_LINE = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNOR
 """Line before the header in which Excel states the delimiter."""
 
 
-@dataclass(slots=True)
-class Table:
-    """A table as written.
+@dataclass(slots=True, kw_only=True)
+class Table(Remarks):
+    """A table as written, with remarks on how it was read.
 
     Attributes:
         file: Path of the file.
         header: Column names.
         rows: Line, counted from 1, and cells of each row; blank rows are left out.
         digest: SHA-256 of the file as read.
-        mistakes: Errors that made it impossible to read the rows after a line.
-        notes: How the table was read, where that is not obvious.
     """
 
     file: str
-    header: list[str]
-    rows: list[tuple[int, list[str]]]
+    header: list[str] = field(default_factory=list)
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)
     digest: str
-    mistakes: list[Mistake] = field(default_factory=list)
-    notes: list[Mistake] = field(default_factory=list)
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -66,9 +62,9 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     lines, delimiter = _delimited(lines)
     if not lines.strip():
         raise file_error(file, "the first line states the column separator, and nothing follows: no patients")
-    table = Table(file, [], [], hashlib.sha256(data).hexdigest())
+    table = Table(file=file, digest=hashlib.sha256(data).hexdigest())
     if delimiter != ",":
-        table.notes.append(Mistake("", f"columns are separated by {_DELIMITERS[delimiter]}", file=file))
+        table.note("", f"columns are separated by {_DELIMITERS[delimiter]}")
     _read_rows(lines, delimiter, table)
     if not table.rows and not table.mistakes:
         raise file_error(file, "the first line is the header, and no rows follow: no patients")
@@ -104,14 +100,12 @@ def _read_rows(text: str, delimiter: str, table: Table) -> None:
             if not table.header:
                 table.header = [cell.strip() for cell in cells]
                 if len(cells) > MAXIMUM_COLUMNS:
-                    raise file_error(
-                        table.file, f"{len(cells)} columns", f"at most {MAXIMUM_COLUMNS} columns"
-                    )
+                    most = f"at most {MAXIMUM_COLUMNS} columns"
+                    raise file_error(table.file, f"{len(cells)} columns", most)
                 continue
             if len(table.rows) == MAXIMUM_ROWS:
-                raise file_error(
-                    table.file, "too many rows", f"at most {MAXIMUM_ROWS:,} rows; split the file"
-                )
+                most = f"at most {MAXIMUM_ROWS:,} rows; split the file"
+                raise file_error(table.file, "too many rows", most)
             table.rows.append((line, cells))
     except csv.Error as error:
         unclosed = "unexpected end" in str(error)
@@ -129,15 +123,9 @@ def _read_rows(text: str, delimiter: str, table: Table) -> None:
 _PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 _GASES = ("PaO2", "PaCO2", "PpostO2", "PexhaustCO2")
 _FEWEST_ROWS = 4
+Rows = Mapping[int, Mapping[str, str]]
+"""Cells by column of each row, by line."""
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
-
-
-@dataclass(slots=True)
-class RowRemarks:
-    """Errors and warnings about rows, each with its line."""
-
-    mistakes: list[Mistake] = field(default_factory=list)
-    warnings: list[Mistake] = field(default_factory=list)
 
 
 @cache
@@ -165,13 +153,14 @@ def is_units_row(row: Mapping[str, str]) -> bool:
     return len(columns) >= 2 and not any(_number(row.get(name, "")) is not None for name in _units())
 
 
-def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRemarks]:
-    """Compare the rows: return the lines that others make unusable, with errors and warnings."""
-    remarks = RowRemarks()
-    lines = _repeats(rows, remarks) | _in_kilopascal(rows, remarks)
+def across_rows(rows: Rows, remarks: Remarks) -> set[int]:
+    """Compare the rows, by line; return the lines of rows that others make unusable."""
+    lines = _repeats(rows, remarks)
+    for names in (_PRESSURES, _GASES):
+        lines |= _in_kilopascal(rows, names, remarks)
     _warn_of_similar_ids(rows, remarks)
     _warn_of_changed_patients(rows, remarks)
-    return lines, remarks
+    return lines
 
 
 def plain_id(written: str) -> str:
@@ -189,9 +178,9 @@ def when(label: str) -> datetime | None:
         return None
 
 
-def in_order_of_time(points: Sequence[CohortPoint]) -> tuple[list[CohortPoint], list[Mistake]]:
-    """Sort each patient's points by time, if all their labels are times; return the points and the notes."""
-    ordered, notes = list(points), []
+def in_order_of_time(points: Sequence[CohortPoint], remarks: Remarks) -> list[CohortPoint]:
+    """Sort each patient's points by time, if all their labels are times; what was done is noted."""
+    ordered = list(points)
     by_patient: dict[str, list[int]] = {}
     for k, point in enumerate(points):
         by_patient.setdefault(point.patient_id, []).append(k)
@@ -203,39 +192,33 @@ def in_order_of_time(points: Sequence[CohortPoint]) -> tuple[list[CohortPoint], 
             message = (
                 "times with and without a time zone: the rows of this patient stay in the order of the file"
             )
-            notes.append(Mistake("measurement", message, line=points[places[0]].line))
+            remarks.note("measurement", message, line=points[places[0]].line)
             continue
         sorted_places = [k for _, k in sorted(zip(times, places, strict=True))]  # pyright: ignore[reportArgumentType]  # none is None
         if sorted_places != places:
             for place, k in zip(places, sorted_places, strict=True):
                 ordered[place] = points[k]
-            first = points[places[0]]
-            notes.append(
-                Mistake("measurement", f"the {len(places)} rows of this patient are put in order of time",
-                        line=first.line)
-            )  # fmt: skip
-    return ordered, notes
+            message = f"the {len(places)} rows of this patient are put in order of time"
+            remarks.note("measurement", message, line=points[places[0]].line)
+    return ordered
 
 
-def _repeats(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
+def _repeats(rows: Rows, remarks: Remarks) -> set[int]:
     """Return the lines of all rows of repeated data points: it is not known which is right."""
     lines: dict[tuple[str, datetime | str], list[int]] = {}
     for line, row in rows.items():
         if row["patient_id"] and row["measurement"]:
-            key = (
-                unicodedata.normalize("NFC", row["patient_id"]),
-                when(row["measurement"]) or row["measurement"],
-            )
-            lines.setdefault(key, []).append(line)
+            name = unicodedata.normalize("NFC", row["patient_id"])
+            lines.setdefault((name, when(row["measurement"]) or row["measurement"]), []).append(line)
     repeated = {line: same for same in lines.values() if len(same) > 1 for line in same}
     for line, same in repeated.items():
         others = ", ".join(str(k) for k in same if k != line)
         message = f"the same patient and measurement as in line {others}"
-        remarks.mistakes.append(Mistake("measurement", message, shown(rows[line]["measurement"]), line=line))
+        remarks.error("measurement", message, shown(rows[line]["measurement"]), line=line)
     return set(repeated)
 
 
-def _warn_of_similar_ids(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
+def _warn_of_similar_ids(rows: Rows, remarks: Remarks) -> None:
     """Warn of different ids that a reader would take to be the same."""
     first: dict[str, tuple[str, int]] = {}
     text = set()
@@ -247,10 +230,10 @@ def _warn_of_similar_ids(rows: Mapping[int, Mapping[str, str]], remarks: RowRema
             message = (
                 f"differs from the id in line {where} only in case, spaces or Unicode form: two patients"
             )
-            remarks.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
+            remarks.warning("patient_id", message, shown(name[:80]), line=line)
 
 
-def _warn_of_changed_patients(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
+def _warn_of_changed_patients(rows: Rows, remarks: Remarks) -> None:
     """Warn of rows of one id that differ in what does not change in an adult: sex and height."""
     first: dict[tuple[str, str], tuple[str, int]] = {}
     for line, row in rows.items():
@@ -263,19 +246,11 @@ def _warn_of_changed_patients(rows: Mapping[int, Mapping[str, str]], remarks: Ro
             number = _number(text)
             if known != text and (number is None or number != _number(known)):
                 message = f"{known} in line {where}, under the same patient_id: one patient, or two?"
-                remarks.warnings.append(Mistake(column, message, text[:80], line=line))
+                remarks.warning(column, message, text[:80], line=line)
 
 
-def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
+def _in_kilopascal(rows: Rows, names: Sequence[str], remarks: Remarks) -> set[int]:
     """Return the lines of rows whose pressures are all smaller than others' by the factor mmHg to kPa."""
-    return _refuse_rows_in_kilopascal(rows, _PRESSURES, remarks) | _refuse_rows_in_kilopascal(
-        rows, _GASES, remarks
-    )
-
-
-def _refuse_rows_in_kilopascal(
-    rows: Mapping[int, Mapping[str, str]], names: Sequence[str], remarks: RowRemarks
-) -> set[int]:
     usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in names}
     result = set()
     for line, row in rows.items():
@@ -285,7 +260,7 @@ def _refuse_rows_in_kilopascal(
             name = next(iter(ratios))
             message = f"about 7.5 times smaller than in the other rows, as are {', '.join(list(ratios)[1:])}"
             hint = f"{values[name]:g} kPa = {values[name] * MMHG_PER_KPA:.4g} mmHg"  # pyright: ignore[reportOptionalOperand]  # has a ratio
-            remarks.mistakes.append(Mistake(name, message, row[name], "mmHg", hint, line=line))
+            remarks.error(name, message, row[name], "mmHg", hint, line)
             result.add(line)
     return result
 

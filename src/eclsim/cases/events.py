@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -149,8 +150,7 @@ class _EventChecker:
         try:
             values[key] = read_number(value, field)
         except RefusedValueError as error:
-            mistake = error.mistake
-            self.remarks.error(place, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
+            self.remarks.mistakes.append(replace(error.mistake, key=place, value=shown(value)))
 
     def _given(self, place: str, raw: object) -> dict[str, float]:
         values: dict[str, float] = {}
@@ -180,8 +180,8 @@ class _EventChecker:
         for written, value in sorted(_flat(raw), key=lambda pair: pair[0] == _TEMPERATURE):
             path, key = section_and_key(written), f"{place}.{short(written)}"
             if path is None:
-                mistake = unknown_key(written, shown(value))
-                self.remarks.error(key, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
+                unknown = unknown_key(written, shown(value))
+                self.remarks.mistakes.append(replace(unknown, key=key, value=shown(value), file=""))
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "has no effect on a course", shown(value))
             elif sets_initial_value(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):

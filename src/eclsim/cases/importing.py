@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from pathlib import Path
@@ -26,7 +25,7 @@ from eclsim.cases.sections import PATIENT_SECTIONS, Gas
 from eclsim.files import csv_text
 from eclsim.inputs.files import decoded, json_of, read_bytes
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
-from eclsim.inputs.numbers import is_missing, is_number
+from eclsim.inputs.numbers import NUMBER, is_missing, is_number
 from eclsim.spelling import did_you_mean
 from eclsim.units import known_unit
 
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
 DEFAULT_WINDOW = timedelta(minutes=5)
 LONG_TABLE_COLUMNS = ("patient", "time", "code", "value", "unit")
 """Column names of a long table."""
-_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _HEAD = ("patient_id", MEASUREMENT, *(c for c in COLUMNS if c != "patient_id"), *OPTIONAL)
 
 
@@ -63,10 +61,10 @@ def import_cohort(
         nothing_read = [m.message for m in result.mistakes] == [NOTHING_TO_FIT]
         message = [*result.warnings, *result.notes] if nothing_read else []
         raise CaseError([m.at(file, m.line) for m in [*message, *result.mistakes]])
+    if base is not None:
+        _fill(result, base)
     result.warnings = [m.at(file, m.line) for m in result.warnings]
     result.notes = [m.at(file, m.line) for m in result.notes]
-    if base is not None:
-        _fill(result, base, file)
     return result
 
 
@@ -76,7 +74,7 @@ def as_table(rows: list[dict[str, str]]) -> str:
     return csv_text(used, ([row.get(column, "") for column in used] for row in rows))
 
 
-def _fill(result: Imported, base: Case, file: str) -> None:
+def _fill(result: Imported, base: Case) -> None:
     stated = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
     gas = {} if base.gas is None else base.gas.model_dump(exclude_none=True)
     if base.gas is not None and "shunt_fraction" not in base.gas.model_fields_set:
@@ -92,16 +90,13 @@ def _fill(result: Imported, base: Case, file: str) -> None:
         for row in empty:
             row[column] = text
         if empty and key.startswith("patient."):
-            message = f"{text} of the base case, in {len(empty)} of {len(result.rows)} data points"
-            result.notes.append(Mistake(column, message, file=file))
-    result.notes += [
-        Mistake(device.key, "circuit of the base case, where the file says nothing", file=file)
-        for device in base.instances()
-        if device.device.columns.needed and not device.name
-    ]
+            result.note(column, f"{text} of the base case, in {len(empty)} of {len(result.rows)} data points")
+    for device in base.instances():
+        if device.device.columns.needed and not device.name:
+            result.note(device.key, "circuit of the base case, where the file says nothing")
     if lost := _without_column(base):
         message = "a cohort has no columns for these of the base case, so its data points are without them"
-        result.warnings.append(Mistake(", ".join(lost), message, file=file))
+        result.warning(", ".join(lost), message)
 
 
 def _without_column(base: Case) -> list[str]:
@@ -154,11 +149,11 @@ def read_long_table(
     for line, cells in table.rows:
         if len(cells) != len(table.header):
             message = f"{len(cells)} cells where the header has {len(table.header)}"
-            result.mistakes.append(Mistake("", message, line=line))
+            result.error("", message, line=line)
             continue
         row = {name: cells[k].strip() for name, k in place.items()}
         if not row["patient"]:
-            result.mistakes.append(Mistake("patient", "empty", line=line))
+            result.error("patient", "empty", line=line)
         elif row["code"] in PATIENT_COLUMNS:
             _collect_patient_data(row, about.setdefault(row["patient"], {}), line, result)
         else:
@@ -170,20 +165,20 @@ def _collect_patient_data(row: dict[str, str], cells: dict[str, str], line: int,
     unit = known_unit(row["unit"]) or row["unit"]
     if unit not in ("", "1", *(["years"] if row["code"] == "age_years" else [])):
         allowed = "years" if row["code"] == "age_years" else "no unit"
-        result.mistakes.append(Mistake(row["code"], "another unit", shown(row["unit"]), allowed, line=line))
+        result.error(row["code"], "another unit", shown(row["unit"]), allowed, line=line)
     if cells.setdefault(row["code"], row["value"]) != row["value"]:
         both = f"{cells[row['code']]} and {row['value']}"
-        result.mistakes.append(Mistake(row["code"], "two values for one patient", both, line=line))
+        result.error(row["code"], "two values for one patient", both, line=line)
 
 
 def _observation(row: dict[str, str], line: int, result: Imported) -> list[Observation]:
     if row["code"] in BY_CODE and is_missing(row["value"]):
-        result.notes.append(Mistake(BY_CODE[row["code"]].column, "missing", line=line))
+        result.note(BY_CODE[row["code"]].column, "missing", line=line)
         return []
-    is_number = _NUMBER.fullmatch(row["value"])
+    is_number = NUMBER.fullmatch(row["value"])
     if not is_number and row["code"] in BY_CODE:
         allowed, key = "a number with a decimal point", BY_CODE[row["code"]].column
-        result.mistakes.append(Mistake(key, "not a number", shown(row["value"]), allowed, line=line))
+        result.error(key, "not a number", shown(row["value"]), allowed, line=line)
         return []
     value = float(row["value"]) if is_number else 0.0
     return [Observation(row["patient"], row["time"], row["code"], value, row["unit"], line=line)]
@@ -219,9 +214,7 @@ def read_bundle(
             values += _observations(resource, place, names, result)
         elif resource.get("resourceType") != "Patient":
             kind = str(resource.get("resourceType"))
-            result.warnings.append(
-                Mistake(place, "neither a Patient nor an Observation: not read", shown(kind))
-            )
+            result.warning(place, "neither a Patient nor an Observation: not read", shown(kind))
     about = {
         name: _about(name, patients.get(name), values, result) for name in sorted({o.patient for o in values})
     }
@@ -251,7 +244,7 @@ def _patients(
         name = str(resource.get("id") or _last(url))
         if not _same_person(patients.setdefault(name, resource), resource):
             message = "two Patient resources of this id that differ in gender or birth date"
-            result.mistakes.append(Mistake(place, message, shown(name)))
+            result.error(place, message, shown(name))
         names |= {key: name for key in (url, f"Patient/{name}") if key}
     return patients, names
 
@@ -300,7 +293,7 @@ def _resources(bundle: Mapping[str, Any], result: Imported) -> Iterator[tuple[st
         if isinstance(resource, dict):
             yield f"entry {number}", str(entry.get("fullUrl") or ""), resource
         else:
-            result.mistakes.append(Mistake(f"entry {number}", "holds no resource"))
+            result.error(f"entry {number}", "holds no resource")
 
 
 def _observations(
@@ -308,22 +301,22 @@ def _observations(
 ) -> list[Observation]:
     """Return the values of an Observation: its own, or those of its components (blood pressure panels)."""
     if resource.get("status") in _NOT_VALID:
-        result.notes.append(Mistake(place, f"status {resource['status']}: not read"))
+        result.note(place, f"status {resource['status']}: not read")
         return []
     patient, wrong = _subject(resource, names)
     if not patient:
-        result.mistakes.append(Mistake(place, wrong))
+        result.error(place, wrong)
         return []
     when = resource.get("effectiveDateTime") or resource.get("effectiveInstant")
     when = when or _mapping(resource.get("effectivePeriod")).get("start") or ""
     if wrong := _misshapen(resource):
-        result.mistakes.append(Mistake(place, wrong))
+        result.error(place, wrong)
         return []
     parts = [resource, *(resource.get("component") or [])]
     values = [(code_of(part), part) for part in parts if "valueQuantity" in part or part is not resource]
     if not values and "dataAbsentReason" not in resource:
         if code_of(resource) in BY_CODE:
-            result.mistakes.append(Mistake(place, "no valueQuantity: a number with a unit is needed"))
+            result.error(place, "no valueQuantity: a number with a unit is needed")
         return []
     read = []
     for code, part in values:
@@ -331,9 +324,7 @@ def _observations(
         if code not in BY_CODE:
             read.append(Observation(patient, str(when), code, 0.0, "", place))
         elif "dataAbsentReason" in part:
-            result.notes.append(
-                Mistake(place, f"{BY_CODE[code].column}: absent, with a reason: treated as missing")
-            )
+            result.note(place, f"{BY_CODE[code].column}: absent, with a reason: treated as missing")
         else:
             read += _value(patient, str(when), code, quantity, place, result)
     return read
@@ -344,15 +335,15 @@ def _value(
 ) -> list[Observation]:
     value, key = quantity.get("value"), f"{place} {BY_CODE[code].column}"
     if not is_number(value):
-        result.mistakes.append(Mistake(key, "not a number", shown(value) if value is not None else ""))
+        result.error(key, "not a number", shown(value) if value is not None else "")
         return []
     if quantity.get("comparator"):
-        result.mistakes.append(Mistake(key, "a limit, not a value", f"{quantity['comparator']}{value}"))
+        result.error(key, "a limit, not a value", f"{quantity['comparator']}{value}")
         return []
     coded, written = str(quantity.get("code") or ""), str(quantity.get("unit") or "")
     if are_different_units(coded, written):
         message = "its code and its text give different units: which one is right?"
-        result.mistakes.append(Mistake(key, message, f"{value:g} {coded}, {value:g} {written}"))
+        result.error(key, message, f"{value:g} {coded}, {value:g} {written}")
         return []
     return [Observation(patient, when, code, float(value), coded or written, place)]
 
@@ -389,26 +380,24 @@ def _about(
 ) -> dict[str, str]:
     """Return sex, and age at the first observation, as cells of a cohort."""
     if resource is None:
-        result.warnings.append(Mistake(name, "no Patient resource: sex and age are not known"))
+        result.warning(name, "no Patient resource: sex and age are not known")
         return {}
     cells = {}
     gender = resource.get("gender")
     if gender in ("female", "male"):
         cells["sex"] = str(gender)
     else:
-        result.mistakes.append(
-            Mistake(f"Patient {name} gender", "needed for the blood volume", shown(gender), "female, male")
-        )
+        result.error(f"Patient {name} gender", "needed for the blood volume", shown(gender), "female, male")
     try:
         born = date.fromisoformat(str(resource.get("birthDate", "")))
         day = date.fromisoformat(min(o.time for o in values if o.patient == name)[:10])
     except ValueError:
         message = "no full date, so no age"
-        result.mistakes.append(Mistake(f"Patient {name} birthDate", message, allowed="1955-04-17"))
+        result.error(f"Patient {name} birthDate", message, allowed="1955-04-17")
         return cells
     if day < born:
         message = f"after the first observation, of {day}"
-        result.mistakes.append(Mistake(f"Patient {name} birthDate", message, str(born)))
+        result.error(f"Patient {name} birthDate", message, str(born))
         return cells
     cells["age_years"] = str(day.year - born.year - ((day.month, day.day) < (born.month, born.day)))
     return cells

@@ -17,7 +17,7 @@ from types import MappingProxyType
 
 from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
 from eclsim.devices.registry import devices
-from eclsim.inputs.mistakes import Mistake, shown
+from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.units import convert, known_unit, quantity_of
 
 LOINC, SNOMED = "http://loinc.org", "http://snomed.info/sct"
@@ -149,20 +149,14 @@ class Observation:
 
 
 @dataclass(slots=True)
-class Imported:
+class Imported(Remarks):
     """Rows of a cohort, with the remarks about their import.
 
     Attributes:
         rows: Cells by column of each data point, in order of patient and time.
-        mistakes: Errors that make the import unusable.
-        warnings: Warnings, and data that were not read.
-        notes: Conversions and groupings.
     """
 
     rows: list[dict[str, str]] = field(default_factory=list)
-    mistakes: list[Mistake] = field(default_factory=list)
-    warnings: list[Mistake] = field(default_factory=list)
-    notes: list[Mistake] = field(default_factory=list)
 
 
 def data_points(
@@ -189,41 +183,33 @@ def data_points(
             placed.setdefault(record.patient, []).append((entry[0], record, kind, entry[1]))
     for code, count in unread.items():
         times = f"{count} times" if count > 1 else "once"
-        result.warnings.append(Mistake("", f"code {shown(code)}, {times}: not read"))
+        result.warning("", f"code {shown(code)}, {times}: not read")
     for patient in sorted(placed):
         _rows_of(patient, placed[patient], about.get(patient, {}), within, result)
     if not result.rows and not result.mistakes:
-        result.mistakes.append(Mistake("", NOTHING_TO_FIT, allowed=", ".join(BY_CODE)))
+        result.error("", NOTHING_TO_FIT, allowed=", ".join(BY_CODE))
 
 
 def _checked(record: Observation, kind: Measurable, result: Imported) -> tuple[datetime, float] | None:
     """Return the time and the converted value; None after recording an error."""
     key = f"{record.place} {kind.column}".strip()
-    when, wrong = _time(record.time)
-    if wrong:
-        result.mistakes.append(Mistake(key, wrong, shown(record.time), "2024-03-01T08:00", line=record.line))
+    when = None
+    try:
+        when = datetime.fromisoformat(record.time.strip())
+    except ValueError:
+        wrong = "not a time in ISO 8601" if record.time.strip() else "no time"
+        result.error(key, wrong, shown(record.time), "2024-03-01T08:00", line=record.line)
     if not math.isfinite(record.value):
-        result.mistakes.append(Mistake(key, "not a finite number", f"{record.value}", line=record.line))
+        result.error(key, "not a finite number", f"{record.value}", line=record.line)
         return None
     try:
         value, converted = in_unit_of(record.value, record.unit, kind)
     except UnitError as error:
-        result.mistakes.append(Mistake(key, str(error), f"{record.value:g}", line=record.line))
+        result.error(key, str(error), f"{record.value:g}", line=record.line)
         return None
     if converted:
-        result.notes.append(
-            Mistake(f"{record.patient} {record.time} {kind.column}", converted, line=record.line)
-        )
+        result.note(f"{record.patient} {record.time} {kind.column}", converted, line=record.line)
     return (when, value) if when is not None else None
-
-
-def _time(text: str) -> tuple[datetime | None, str]:
-    try:
-        when = datetime.fromisoformat(text.strip())
-    except ValueError:
-        return None, "not a time in ISO 8601" if text.strip() else "no time"
-    # Times without a zone are compared with each other; a mixture cannot be ordered.
-    return when, ""
 
 
 def _rows_of(
@@ -237,7 +223,7 @@ def _rows_of(
     if len(with_zone) > 1:
         both = f"{with_zone[True]} and {with_zone[False]}"
         message = "times with and without a time zone cannot be put in order"
-        result.mistakes.append(Mistake(patient, message, both))
+        result.error(patient, message, both)
         return
     first: datetime | None = None
     row: dict[str, str] = {}
@@ -253,16 +239,15 @@ def _rows_of(
         if row.get(kind.column, text) != text and kind.column not in about:
             both = f"{row[kind.column]} and {text} {kind.unit}"
             message = "two values of one data point: which one is right?"
-            result.mistakes.append(
-                Mistake(f"{patient} {row['measurement']} {kind.column}", message, both, line=record.line)
-            )
+            key = f"{patient} {row['measurement']} {kind.column}"
+            result.error(key, message, both, line=record.line)
         row[kind.column] = text
     result.rows += _with_size(patient, rows, [*_HEAD, *about], result)
     if spread:
         minutes = within.total_seconds() / 60.0
         values, belong = ("1 value", "belongs") if spread == 1 else (f"{spread} values", "belong")
         message = f"{values} up to {minutes:g} min after the first of a data point {belong} to it"
-        result.notes.append(Mistake(patient, message))
+        result.note(patient, message)
 
 
 _HEAD = ("patient_id", "measurement")
@@ -281,6 +266,6 @@ def _with_size(
             if known and name not in row and not {*row} <= {*other, *SIZE_COLUMNS}:
                 _, row[name], time = max((k for k in known if k[0] <= when), default=known[0])
                 message = f"{row[name]}, measured {time}"
-                result.notes.append(Mistake(f"{patient} {row['measurement']} {name}", message))
+                result.note(f"{patient} {row['measurement']} {name}", message)
     measured = [row for _, row in rows if not {*row} <= {*other, *SIZE_COLUMNS}]
     return measured or [row for _, row in rows]

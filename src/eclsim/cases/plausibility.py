@@ -8,20 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from eclsim.cases.sections import PATIENT_SECTIONS, Measurements
+from eclsim.cases.resolve import blood_volume_ml
+from eclsim.cases.sections import PATIENT_SECTIONS, Measurements, Patient
 from eclsim.devices.device import CaseValues, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, looks_identifiable
 from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.physiology import SECTION
-from eclsim.patient.anthropometry import (
-    body_mass_index,
-    delivery_limits,
-    greatest_heart_rate,
-    mean_height_weight,
-    total_blood_volume_ml,
-)
+from eclsim.patient.anthropometry import body_mass_index, delivery_limits, greatest_heart_rate
 from eclsim.patient.sites import ONLY_REGIONAL, SAME_IN_REGIONS, patient_sites
 from eclsim.units import MMHG_PER_KPA
 
@@ -230,12 +225,8 @@ def _check_blood(case: CaseValues, stated: Mapping[str, float], remarks: Remarks
     key = max(concerned, key=lambda name: stressed[name.removeprefix("P0") if name[1] == "0" else name[1:]])
     message = f"the stressed volume is {total_stressed:.0f} mL of a blood volume of {total:.0f} mL"
     if total_stressed > total:
-        remarks.error(
-            f"parameters.{key}",
-            f"{message}: more than the patient has",
-            shown(stated[key]),
-            "less than the blood volume",
-        )
+        message += ": more than the patient has"
+        remarks.error(f"parameters.{key}", message, shown(stated[key]), "less than the blood volume")
     elif total_stressed > _LARGEST_SHARE * total:
         message += f", {100.0 * total_stressed / total:.0f} %; about 25 to 30 % is usual"
         remarks.warning(f"parameters.{key}", message, shown(stated[key]))
@@ -280,10 +271,6 @@ def _check_vessel(
 
 
 def _blood_volume(patient: Raw) -> float | None:
-    sex, age = patient.get("sex"), patient.get("age_years")
-    if sex is None or age is None:
+    if "sex" not in patient or "age_years" not in patient:
         return None
-    height, weight = patient.get("height_cm"), patient.get("weight_kg")
-    if height is None or weight is None:
-        height, weight = mean_height_weight(sex, age)
-    return total_blood_volume_ml(sex, age, height, weight)
+    return blood_volume_ml(Patient.model_construct(**patient))

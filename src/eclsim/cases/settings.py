@@ -123,18 +123,15 @@ def _without_instance(
     mistakes: dict[tuple[str, str], Mistake] = {}
     for (section, key), value in values.items():
         there = raw.get(section) if device_of(section) else None
-        named = list(there) if isinstance(there, dict) and all(map(_is_table, there.values())) else []
-        if named:
+        tables = isinstance(there, dict) and all(isinstance(one, dict) for one in there.values())
+        if there and tables:
+            named = list(there)
             message = f"the case has {' and '.join(f'[{section}.{name}]' for name in named)}"
             meant = " or ".join(f"{section}.{name}.{key}" for name in named)
             mistakes[section, key] = Mistake(
                 f"{section}.{key}", message, shown(value), suggestion=meant, file=SETTING_SOURCE
             )
     return mistakes
-
-
-def _is_table(value: object) -> bool:
-    return isinstance(value, dict)
 
 
 def apply_settings(case: Case, settings: Iterable[str]) -> Case:

@@ -14,7 +14,7 @@ from eclsim.units import convert, known_unit, quantity_of, units_of
 _MISSING = frozenset(
     {"", "na", "n/a", "#n/a", "#nv", "#n/d", "nan", "-", "--", ".", "?", "none", "null", "missing"}
 )
-_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _TWO_PRESSURES = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+(?:\.\d+)?)\s*")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _GROUPED_NUMBER = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})+[.,]\d+")
@@ -23,7 +23,7 @@ _LETTERS_LIKE_DIGITS = re.compile(r"[0-9OoIl|]+(?:\.[0-9OoIl|]+)?(?<!l)")
 _LETTERS_TO_DIGITS = str.maketrans("OoIl|", "00111")
 _UNIT_LIKE = re.compile(r"[^\W\d_%°µ/][^\W\d_]*|[%°]|[^\W\d_]+[/*·. ].+")
 _MONTH = re.compile(r"(jan|feb|m[aä]r|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])", re.IGNORECASE)
-_WITH_UNIT = re.compile(rf"\s*({_NUMBER.pattern})\s*(\D.*?)\s*")
+_WITH_UNIT = re.compile(rf"\s*({NUMBER.pattern})\s*(\D.*?)\s*")
 
 
 class RefusedValueError(Exception):
@@ -109,7 +109,7 @@ def _digits(value: object) -> bool:
 def _number_in_text(text: str, field: Field) -> float:
     if is_missing(text):
         raise RefusedValueError("not given, and this value is needed", field.allowed)
-    if _NUMBER.fullmatch(text.strip()):
+    if NUMBER.fullmatch(text.strip()):
         raise RefusedValueError("text in quotes where a number belongs", field.allowed, text.strip())
     if result := _WITH_UNIT.fullmatch(text):
         return _number_with_unit(text, float(result[1]), result[5], field)
