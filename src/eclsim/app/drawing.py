@@ -12,6 +12,8 @@ from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import instances_in, naming_of
+from eclsim.reporting import schematic_layout as layout
+from eclsim.reporting import schematic_routes as routes
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -39,17 +41,14 @@ def drawing_of(case: Case) -> dict[str, Any]:
 
 @lru_cache(maxsize=512)
 def _drawing(circuit: Circuit) -> dict[str, Any]:
-    from eclsim.reporting.schematic_layout import TITLE_HEIGHT, plan_of, without_flow
-    from eclsim.reporting.schematic_routes import route
-
-    plan = plan_of(circuit)
+    plan = layout.plan_of(circuit)
     page, sides = _page(plan)
-    paths = route(plan, page)
+    paths = routes.route(plan, page)
     reach = [x for path in paths.values() for x, _ in path]
     left, right = min([sides[0], *reach]) - 2.0, max([sides[1], *reach]) + 2.0
-    top = TITLE_HEIGHT - 2.0
+    top = layout.TITLE_HEIGHT - 2.0
     groups = {c.name: c.group for c in circuit.connections}
-    silent = without_flow(circuit)
+    silent = layout.without_flow(circuit)
     lines = [
         _line(line, plan, paths[line.name], page) | {"silent": line.name in silent} for line in plan.lines
     ]
@@ -70,21 +69,20 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
 
 def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
     """Return the page, stretched to fill the pane, and the left and right edges of its frames."""
-    from eclsim.reporting.schematic_layout import BODY, BOX_WIDTH, FRAME, LOWER_BODY, MIDDLE, arrange
-
     more = {row: _FIRST_ROW_MM if row[1] == 0 else (0.0, 0.0) for row in plan.heights}
-    more |= {BODY: _LAST_ROW_MM, LOWER_BODY: _LAST_ROW_MM}
+    more |= {layout.BODY: _LAST_ROW_MM, layout.LOWER_BODY: _LAST_ROW_MM}
     rows = {row: (up + more[row][0], down + more[row][1]) for row, (up, down) in plan.heights.items()}
-    page, sides = arrange(plan, rows), FRAME
+    page, sides = layout.arrange(plan, rows), layout.FRAME
     bronchial = any(wire.name == "bronchial" for wire in plan.wires)
-    if not (plan.lines or plan.bridges or plan.spare or bronchial or LOWER_BODY in plan.heights):
-        half = WIDTH_WITHOUT_DEVICES * (MIDDLE - 30.0) + 0.5 * BOX_WIDTH + BOX_MARGIN_MM + 2.0
-        sides = (MIDDLE - half, MIDDLE + half)
+    if not (plan.lines or plan.bridges or plan.spare or bronchial or layout.LOWER_BODY in plan.heights):
+        half = WIDTH_WITHOUT_DEVICES * (layout.MIDDLE - 30.0) + 0.5 * layout.BOX_WIDTH + BOX_MARGIN_MM + 2.0
+        sides = (layout.MIDDLE - half, layout.MIDDLE + half)
     stretch = min(max(HEIGHT_OVER_WIDTH * (sides[1] - sides[0]) / page.height, 1.0), MOST_STRETCH)
-    page = arrange(plan, {row: (stretch * up, stretch * down) for row, (up, down) in rows.items()})
-    if sides is not FRAME:
+    page = layout.arrange(plan, {row: (stretch * up, stretch * down) for row, (up, down) in rows.items()})
+    if sides is not layout.FRAME:
         page.places = {
-            n: (MIDDLE + WIDTH_WITHOUT_DEVICES * (x - MIDDLE), y) for n, (x, y) in page.places.items()
+            n: (layout.MIDDLE + WIDTH_WITHOUT_DEVICES * (x - layout.MIDDLE), y)
+            for n, (x, y) in page.places.items()
         }
     return page, sides
 
@@ -117,30 +115,24 @@ def _moved(line: Attachment) -> dict[str, str]:
 
 def _title_side(plan: Plan, page: Layout, group: str) -> float:
     """Return the x position of a frame's title: the centre, or left of it if a line has its label there."""
-    from eclsim.reporting.schematic_layout import MIDDLE
-    from eclsim.reporting.schematic_routes import stub_middle
-
-    lines = [stub_middle(page, line)[0] for line in plan.lines if line.frame == group]
-    return MIDDLE - TITLE_SHIFT_MM if any(abs(x - MIDDLE) < LABEL_MM for x in lines) else MIDDLE
+    lines = [routes.stub_middle(page, line)[0] for line in plan.lines if line.frame == group]
+    has_label = any(abs(x - layout.MIDDLE) < LABEL_MM for x in lines)
+    return layout.MIDDLE - TITLE_SHIFT_MM * has_label
 
 
 def _title_height(plan: Plan, page: Layout, group: str) -> float:
     """Return the y position of a frame's title, clear of labels and lines."""
-    from eclsim.reporting.schematic_layout import HEART_UPPER, PATIENT, PER_BRIDGE, SPARE
-
-    if group == SPARE or (group == PATIENT and HEART_UPPER not in page.rows):
+    if group == layout.SPARE or (group == layout.PATIENT and layout.HEART_UPPER not in page.rows):
         return -page.frames[group][1] + 4.6
-    if group == PATIENT:
-        return -page.rows[HEART_UPPER] - 1.0 - PER_BRIDGE * max(len(plan.bridges) - 1, 0)
+    if group == layout.PATIENT:
+        return -page.rows[layout.HEART_UPPER] - 1.0 - layout.PER_BRIDGE * max(len(plan.bridges) - 1, 0)
     return -page.rows[group, 0] + (13.0 if (group, 1) in page.rows else 10.5)
 
 
 def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
-    from eclsim.reporting.schematic_layout import drawn_as
-
     positions = {node: site for names in instances_in(circuit) for site, node in names.sites().items()}
     result = []
-    for compartment in (c for c in circuit.compartments if drawn_as(c.name) == c.name):
+    for compartment in (c for c in circuit.compartments if layout.drawn_as(c.name) == c.name):
         left, bottom, right, top = page.box(compartment.name)
         names = naming_of(compartment.group)
         place = compartment.name if names is None else names.device_place(compartment.name)
@@ -162,11 +154,8 @@ def _short(names: Naming | None, place: str | None) -> str:
 
 def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     """Return a line between neighbours."""
-    from eclsim.reporting.schematic_layout import MIDDLE
-    from eclsim.reporting.schematic_routes import detour
-
-    way = detour(plan, page, wire, BOX_MARGIN_MM)
-    path = way.path if way else list(_between(page.box(wire.source), page.box(wire.target)))
+    way = routes.detour(plan, page, wire, BOX_MARGIN_MM)
+    path = way.path if way else list(page.between(wire.source, wire.target))
     start, stop = path[0], path[-1]
     x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])
     body = _in_body(plan, wire.source)
@@ -176,7 +165,7 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     elif start[1] == stop[1]:
         label = (x, y + 10.2 if body else y - 11.8, "middle")
     else:
-        right = x < MIDDLE or body
+        right = x < layout.MIDDLE or body
         down = body and stop[1] < start[1]  # below the label of the wire above
         label = (x + (5.0 if right else -5.0), y + (2.0 if down else -1.0), "start" if right else "end")
     return {
@@ -189,19 +178,15 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
 
 def _in_body(plan: Plan, name: str) -> bool:
     """Whether a box is in the rows of the body, where labels are below the lines."""
-    from eclsim.reporting.schematic_layout import BODY
-
     frame, row = plan.places[name].row
-    return frame == BODY[0] and row >= BODY[1]
+    return frame == layout.BODY[0] and row >= layout.BODY[1]
 
 
 def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, Any]:
     """Return a device's line to its site, in the direction of flow; `site` is the end that can be moved."""
-    from eclsim.reporting.schematic_routes import stub_label, stub_middle
-
     points = [_down(p) for p in (path if line.into_device else path[::-1])]
-    x, y = stub_middle(page, line)
-    (beside, _), align = stub_label(plan, page, line)
+    x, y = routes.stub_middle(page, line)
+    (beside, _), align = routes.stub_label(plan, page, line)
     return {
         "name": line.name, "text": line.mark.label, "symbol": line.mark.symbol, "path": points,
         "ends": [line.site, line.node] if line.into_device else [line.node, line.site],
@@ -212,10 +197,8 @@ def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, A
 
 def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     """Return a pump or shunt inside the ring of the patient."""
-    from eclsim.reporting.schematic_routes import bridge_label, bridge_paths
-
-    into, out = bridge_paths(plan, page, bridge)
-    (x, y), align = bridge_label(plan, page, bridge)
+    into, out = routes.bridge_paths(plan, page, bridge)
+    (x, y), align = routes.bridge_label(plan, page, bridge)
     names = naming_of(group)
     return {
         "name": bridge.name, "text": names.label if names else bridge.name, "symbol": bridge.mark.symbol,
@@ -223,16 +206,6 @@ def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, A
         "at": [into[-1][0], -y], "label": (x, -y - 1.0, "start" if align == "left" else "end"),
         "end": _down(into[0]), "site": bridge.source, "moves": "", "ends": [bridge.source, bridge.target],
     }  # fmt: skip
-
-
-def _between(first: Sequence[float], second: Sequence[float]) -> tuple[tuple[float, float], ...]:
-    """Return the straight segment between two boxes beside or above each other."""
-    (l1, b1, r1, t1), (l2, b2, r2, t2) = first, second
-    if abs((b1 + t1) - (b2 + t2)) < 1e-6:
-        y = 0.5 * (b1 + t1)
-        return ((r1, y), (l2, y)) if l2 > r1 else ((l1, y), (r2, y))
-    x = 0.5 * (l1 + r1)
-    return ((x, t1), (x, b2)) if b2 > t1 else ((x, b1), (x, t2))
 
 
 def _down(point: Sequence[float]) -> list[float]:

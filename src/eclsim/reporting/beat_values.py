@@ -82,14 +82,9 @@ def summary_lines(result: "xr.Dataset") -> list[str]:
     systolic, diastolic, mean = (scalar(result, name) for name in ("SP", "DP", "MAP"))
     if systolic is not None and diastolic is not None and mean is not None:
         lines.append(f"aortic pressure {number(systolic, 0)}/{number(diastolic, 0)} ({number(mean, 0)}) mmHg")
-    for name, unit, digits in (
-        ("MPAP", "mmHg", 1),
-        ("PCWP", "mmHg", 1),
-        ("CO", "L/min", 2),
-        ("PF", "L/min", 2),
-    ):
-        value = scalar(result, name)
-        if value is not None:
+    units = {"MPAP": ("mmHg", 1), "PCWP": ("mmHg", 1), "CO": ("L/min", 2), "PF": ("L/min", 2)}
+    for name, (unit, digits) in units.items():
+        if (value := scalar(result, name)) is not None:
             lines.append(f"{name} {number(value, digits)} {unit}")
     for names in namings(device.key for device in devices().values()):
         share = scalar(result, f"{names.key}_recirculated_fraction")
@@ -102,51 +97,23 @@ def summary_lines(result: "xr.Dataset") -> list[str]:
 
 
 COMPARTMENTS = {
-    "ao": "aorta",
-    "sart": "systemic arteries",
-    "svn": "systemic veins",
-    "arch": "aortic arch",
-    "descending": "descending aorta",
-    "upper": "upper body arteries",
-    "lower": "lower body arteries",
-    "svc": "superior vena cava",
-    "ivc": "inferior vena cava",
-    "tvc": "thoracic vena cava",
-    "tsvc": "thoracic superior vena cava",
-    "tivc": "thoracic inferior vena cava",
-    "pericardium": "pericardium",
-    "ra": "right atrium",
-    "rv": "right ventricle",
-    "pas": "pulmonary sinus",
-    "part": "pulmonary arteries",
-    "pvn": "pulmonary veins",
-    "la": "left atrium",
-    "lv": "left ventricle",
-}
+    "ao": "aorta", "sart": "systemic arteries", "svn": "systemic veins", "arch": "aortic arch",
+    "descending": "descending aorta", "upper": "upper body arteries", "lower": "lower body arteries",
+    "svc": "superior vena cava", "ivc": "inferior vena cava", "tvc": "thoracic vena cava",
+    "tsvc": "thoracic superior vena cava", "tivc": "thoracic inferior vena cava",
+    "pericardium": "pericardium", "ra": "right atrium", "rv": "right ventricle", "pas": "pulmonary sinus",
+    "part": "pulmonary arteries", "pvn": "pulmonary veins", "la": "left atrium", "lv": "left ventricle",
+}  # fmt: skip
 
 CONNECTIONS = {
-    "ao": "aorta",
-    "sart": "organs",
-    "svn": "venous return",
-    "arch": "descending aorta",
-    "archupper": "arch vessels",
-    "descending": "iliac arteries",
-    "upper": "upper body",
-    "lower": "lower body",
-    "svc": "superior vena cava",
-    "ivc": "inferior vena cava",
-    "tvc": "thoracic vena cava",
-    "tsvc": "thoracic superior vena cava",
-    "tivc": "thoracic inferior vena cava",
-    "bronchial": "bronchial return",
-    "ra": "tricuspid valve",
-    "rv": "pulmonary valve",
-    "pas": "pulmonary artery",
-    "part": "lungs",
-    "pvn": "pulmonary veins",
-    "la": "mitral valve",
-    "lv": "aortic valve",
-}
+    "ao": "aorta", "sart": "organs", "svn": "venous return", "arch": "descending aorta",
+    "archupper": "arch vessels", "descending": "iliac arteries", "upper": "upper body",
+    "lower": "lower body", "svc": "superior vena cava", "ivc": "inferior vena cava",
+    "tvc": "thoracic vena cava", "tsvc": "thoracic superior vena cava",
+    "tivc": "thoracic inferior vena cava", "bronchial": "bronchial return", "ra": "tricuspid valve",
+    "rv": "pulmonary valve", "pas": "pulmonary artery", "part": "lungs", "pvn": "pulmonary veins",
+    "la": "mitral valve", "lv": "aortic valve",
+}  # fmt: skip
 
 
 def naming_at(place: str) -> Naming | None:

@@ -57,14 +57,9 @@ def render(template: str, **values: object) -> str:
 @lru_cache(maxsize=1)
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("eclsim", ""),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        finalize=_printable,
-    )
+        loader=jinja2.PackageLoader("eclsim", ""), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True, finalize=_printable,
+    )  # fmt: skip
     environment.globals["version"] = __version__
     environment.filters |= {"inline_svg": _labelled_svg, "number": number}
     return environment

@@ -10,39 +10,13 @@ from matplotlib.figure import Figure
 from eclsim.arguments import Kind
 from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import device_of, naming_of
+from eclsim.reporting import schematic_layout as layout
+from eclsim.reporting import schematic_routes as routes
 from eclsim.reporting.beat_values import beat_mean, case_name, check_beat, in_unit, summary_lines
 from eclsim.reporting.numbers import number
-from eclsim.reporting.schematic_layout import (
-    BODY,
-    BOX_HEIGHT,
-    BOX_WIDTH,
-    FRAME,
-    HEART_UPPER,
-    MIDDLE,
-    PATIENT,
-    PATIENT_PLACES,
-    PER_BRIDGE,
-    SPARE,
-    TITLE_HEIGHT,
-    Layout,
-    Plan,
-    arrange,
-    fixed_site,
-    plan_of,
-    without_flow,
-)
+from eclsim.reporting.schematic_layout import Layout, Plan
 from eclsim.reporting.schematic_pen import Pen, look_of
-from eclsim.reporting.schematic_routes import (
-    PUMP_RADIUS,
-    Path,
-    Point,
-    bridge_label,
-    bridge_paths,
-    detour,
-    route,
-    stub_label,
-    stub_middle,
-)
+from eclsim.reporting.schematic_routes import Path, Point
 from eclsim.reporting.style import GREY, MM_PER_INCH, figure_style, plain_text
 
 if TYPE_CHECKING:
@@ -81,11 +55,11 @@ def draw_circuit(
     if result is not None:
         check_beat(result)
     circuit = circuit.with_chosen_sites(values or {})
-    plan = plan_of(circuit)
-    page = arrange(plan)
-    paths = route(plan, page)
+    plan = layout.plan_of(circuit)
+    page = layout.arrange(plan)
+    paths = routes.route(plan, page)
     groups = {part.name: part.group for part in (*circuit.compartments, *circuit.connections)}
-    labels = Labels(result, groups, without_flow(circuit))
+    labels = Labels(result, groups, layout.without_flow(circuit))
     with_gas = any(labels.saturation(name) is not None for name in page.places)
     note, scale = 5.0 if plan.undrawn else 0.0, 5.0 if with_gas else 0.0
     pen = _pen(ax, page, paths.values(), extra=note + scale)
@@ -97,7 +71,7 @@ def draw_circuit(
     _draw_others(pen, plan, page, labels, circuit)
     _note_undrawn(pen, page, plan.undrawn)
     if with_gas:
-        pen.saturation_scale(FRAME[1], -page.height - note - 2.0)
+        pen.saturation_scale(layout.FRAME[1], -page.height - note - 2.0)
     return pen.figure
 
 
@@ -172,7 +146,7 @@ class Labels:
 
 def _pen(ax: Axes | None, page: Layout, paths: Iterable[Path], extra: float) -> Pen:
     reach = [x for path in paths for x, _ in path]
-    left, right = min([FRAME[0], *reach]) - 3.0, max([FRAME[1], *reach]) + 3.0
+    left, right = min([layout.FRAME[0], *reach]) - 3.0, max([layout.FRAME[1], *reach]) + 3.0
     width, height = right - left, page.height + 2.0 + extra
     if ax is None:
         figure = Figure(figsize=(width / MM_PER_INCH, height / MM_PER_INCH))
@@ -192,11 +166,11 @@ def _pen(ax: Axes | None, page: Layout, paths: Iterable[Path], extra: float) -> 
 def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str | None) -> None:
     left = pen.ax.get_xlim()[0] + 3.0
     pen.text(left, -4.0, labels.title(title), size=9.5, weight="bold", ha="left")
-    pen.text(left, -TITLE_HEIGHT + 3.4, labels.subtitle(), size=7, ha="left", color=GREY)
+    pen.text(left, -layout.TITLE_HEIGHT + 3.4, labels.subtitle(), size=7, ha="left", color=GREY)
     for frame, (bottom, top) in page.frames.items():
         look = look_of(frame)
-        pen.frame(FRAME[0], bottom + 1.0, FRAME[1], top - 1.0, look)
-        label = "Further compartments" if frame == SPARE else plan.frames[frame]
+        pen.frame(layout.FRAME[0], bottom + 1.0, layout.FRAME[1], top - 1.0, look)
+        label = "Further compartments" if frame == layout.SPARE else plan.frames[frame]
         x, y, align = _title_place(plan, page, frame)
         pen.text(x, y, plain_text(label, 40), size=8, weight="bold", ha=align, color=look.colour)
     for upper, lower in _HEART_SIDES:
@@ -204,18 +178,19 @@ def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str 
             left, bottom, _, _ = page.box(lower)
             _, _, right, top = page.box(upper)
             pen.shade(left - 1.5, bottom - 1.5, right + 1.5, top + 1.5)
-    if HEART_UPPER in page.rows:
-        y = page.rows[HEART_UPPER] + 9.0 + PER_BRIDGE * max(len(plan.bridges) - 1, 0)
-        beside = any(page.places[site][0] < MIDDLE for b in plan.bridges[1:] for site in (b.source, b.target))
+    if layout.HEART_UPPER in page.rows:
+        y = page.rows[layout.HEART_UPPER] + 9.0 + layout.PER_BRIDGE * max(len(plan.bridges) - 1, 0)
+        sites = {site for bridge in plan.bridges[1:] for site in (bridge.source, bridge.target)}
+        beside = any(page.places[site][0] < layout.MIDDLE for site in sites)
         for line, text in enumerate(labels.summary()):
-            pen.text(MIDDLE + (4.0 if beside else 0.0), y - 3.9 * line, text, size=7)
+            pen.text(layout.MIDDLE + (4.0 if beside else 0.0), y - 3.9 * line, text, size=7)
 
 
 def _title_place(plan: Plan, page: Layout, frame: str) -> tuple[float, float, str]:
     """Return position and alignment of a frame's title: in its second row if there is room, else top left."""
     second = [place.x for place in plan.places.values() if place.row == (frame, 1)]
-    if frame != PATIENT and second and all(abs(x - MIDDLE) > 30.0 for x in second):
-        return MIDDLE, page.rows[frame, 1], "center"
+    if frame != layout.PATIENT and second and all(abs(x - layout.MIDDLE) > 30.0 for x in second):
+        return layout.MIDDLE, page.rows[frame, 1], "center"
     return 15.5, page.frames[frame][1] - 4.2, "left"
 
 
@@ -223,12 +198,8 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     for name, (x, y) in page.places.items():
         pen.box(page.box(name), look_of(labels.groups[name]), gid=f"node-{name}")
         label, key, pressure = labels.box(plan, name)
-        lines = [
-            (label, 7.0, "normal", "black"),
-            (key, 6.0, "normal", GREY),
-            (pressure, 7.0, "bold", "black"),
-        ]
-        shown = [line for line in lines if line[0]]
+        plain, small = (label, 7.0, "normal", "black"), (key, 6.0, "normal", GREY)
+        shown = [line for line in (plain, small, (pressure, 7.0, "bold", "black")) if line[0]]
         saturation = labels.saturation(name)
         for index, (text, size, weight, colour) in enumerate(shown):
             height = y + 3.5 * ((len(shown) - 1) / 2 - index)
@@ -236,25 +207,24 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
             if saturation is None or text != pressure:
                 pen.text(x, height, text, **style)
                 continue
-            pen.text(x - BOX_WIDTH / 2 + 0.9, height, text, ha="left", **style | {"size": 6.3})
-            pen.saturation(
-                (x + BOX_WIDTH / 2 - _SATURATION_WIDTH / 2 - 0.7, height), saturation, _SATURATION_WIDTH
-            )
+            pen.text(x - layout.BOX_WIDTH / 2 + 0.9, height, text, ha="left", **style | {"size": 6.3})
+            right = x + layout.BOX_WIDTH / 2 - _SATURATION_WIDTH / 2 - 0.7
+            pen.saturation((right, height), saturation, _SATURATION_WIDTH)
 
 
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     """Draw the connections between neighbours."""
     for wire in plan.wires:
-        if way := detour(plan, page, wire):
+        if way := routes.detour(plan, page, wire):
             pen.line(way.path, look_of(labels.groups[wire.name]))
             pen.label_beside(way.label, [wire.mark.label, labels.flow(wire.name)], way.align)
             continue
-        start, stop = pen.between(page.box(wire.source), page.box(wire.target))
+        start, stop = page.between(wire.source, wire.target)
         middle = (0.5 * (start[0] + stop[0]), 0.5 * (start[1] + stop[1]))
         look = look_of(labels.groups[wire.name])
         pen.line([start, stop], look)
         pen.symbol(wire.mark.symbol, middle, (stop[0] - start[0], stop[1] - start[1]), look)
-        below = wire.source in PATIENT_PLACES and plan.places[wire.source].row[1] >= BODY[1]
+        below = wire.source in layout.PATIENT_PLACES and plan.places[wire.source].row[1] >= layout.BODY[1]
         _label_wire(
             pen, middle, wire.mark.label, labels.flow(wire.name), level=start[1] == stop[1], below=below
         )
@@ -263,14 +233,14 @@ def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
 def _label_wire(pen: Pen, middle: Point, label: str, flow: str, *, level: bool, below: bool) -> None:
     x, y = middle
     if not level:
-        beside = x < MIDDLE or below
+        beside = x < layout.MIDDLE or below
         pen.label_beside((x + (5.0 if beside else -5.0), y), [label, flow], "left" if beside else "right")
     elif below:
-        pen.text(x, y - BOX_HEIGHT / 2 - 2.6, label, size=6.5)
-        pen.text(x, y - BOX_HEIGHT / 2 - 5.9, flow, size=7, weight="bold")
+        pen.text(x, y - layout.BOX_HEIGHT / 2 - 2.6, label, size=6.5)
+        pen.text(x, y - layout.BOX_HEIGHT / 2 - 5.9, flow, size=7, weight="bold")
     else:
-        pen.text(x, y + BOX_HEIGHT / 2 + 5.6, label, size=6.5)
-        pen.text(x, y + BOX_HEIGHT / 2 + 2.3, flow, size=7, weight="bold")
+        pen.text(x, y + layout.BOX_HEIGHT / 2 + 5.6, label, size=6.5)
+        pen.text(x, y + layout.BOX_HEIGHT / 2 + 2.3, flow, size=7, weight="bold")
 
 
 def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mapping[str, Path]) -> None:
@@ -280,8 +250,8 @@ def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mappi
         path = paths[line.name] if line.into_device else paths[line.name][::-1]
         pen.line(path, look, gid=f"line-{line.name}")
         # The tips of cannulae point to the patient.
-        pen.symbol(line.mark.symbol, stub_middle(page, line), (0.0, -1.0), look)
-        at, align = stub_label(plan, page, line)
+        pen.symbol(line.mark.symbol, routes.stub_middle(page, line), (0.0, -1.0), look)
+        at, align = routes.stub_label(plan, page, line)
         pen.label_beside(at, [line.mark.label, labels.flow(line.name)], align)
 
 
@@ -289,13 +259,13 @@ def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     """Draw assist pumps and shunts inside the ring of the patient."""
     for bridge in plan.bridges:
         look = look_of(labels.groups[bridge.name])
-        into, out = bridge_paths(plan, page, bridge)
+        into, out = routes.bridge_paths(plan, page, bridge)
         for path in (into, out):
             pen.line(path, look, gid=f"line-{bridge.name}")
         direction = out[0][1] - into[-1][1]
-        middle = (MIDDLE, into[-1][1] + PUMP_RADIUS * (1.0 if direction > 0 else -1.0))
+        middle = (layout.MIDDLE, into[-1][1] + routes.PUMP_RADIUS * (1.0 if direction > 0 else -1.0))
         pen.symbol(bridge.mark.symbol, middle, (0.0, direction), look)
-        at, align = bridge_label(plan, page, bridge)
+        at, align = routes.bridge_label(plan, page, bridge)
         lines = [plain_text(bridge.mark.label, 24), labels.flow(bridge.name), labels.head(bridge.name)]
         pen.label_beside(at, lines, align)
 
@@ -304,7 +274,7 @@ def _draw_others(pen: Pen, plan: Plan, page: Layout, labels: Labels, circuit: "C
     """Draw connections without a place as arcs, with labels where there is room."""
     blocked = [page.box(name) for name in page.places]
     for connection in (c for c in circuit.connections if c.name in plan.others):
-        source, target = fixed_site(connection.source), fixed_site(connection.target)
+        source, target = layout.fixed_site(connection.source), layout.fixed_site(connection.target)
         if source not in page.places or target not in page.places or source == target:
             continue
         look = look_of(connection.group)

@@ -365,6 +365,14 @@ class Layout:
         x, y = self.places[name]
         return x - BOX_WIDTH / 2, y - BOX_HEIGHT / 2, x + BOX_WIDTH / 2, y + BOX_HEIGHT / 2
 
+    def between(self, first: str, second: str) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the ends of a straight line between the boxes of neighbours in a row or column [mm]."""
+        (l1, b1, r1, t1), (l2, b2, r2, t2) = self.box(first), self.box(second)
+        x, y = 0.5 * (l1 + r1), 0.5 * (b1 + t1)
+        if abs(0.5 * (b2 + t2) - y) < 0.5:
+            return ((r1, y), (l2, y)) if l2 > r1 else ((l1, y), (r2, y))
+        return ((x, t1), (x, b2)) if b2 > t1 else ((x, b1), (x, t2))
+
 
 def arrange(plan: Plan, heights: Mapping[Row, tuple[float, float]] | None = None) -> Layout:
     """Place the compartments of a plan on a page that extends downwards from 0.

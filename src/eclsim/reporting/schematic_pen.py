@@ -65,19 +65,10 @@ class Pen:
 
     def frame(self, left: float, bottom: float, right: float, top: float, look: Look) -> None:
         """Draw the tinted background of a frame."""
-        style = "round,pad=0,rounding_size=2.5"
-        self.ax.add_patch(
-            FancyBboxPatch(
-                (left, bottom),
-                right - left,
-                top - bottom,
-                boxstyle=style,
-                zorder=0,
-                facecolor=look.fill,
-                edgecolor="#C9C9C9",
-                linewidth=0.6 * self.scale,
-            )
-        )
+        self._rounded(
+            (left, bottom, right, top), 2.5, zorder=0, facecolor=look.fill, edgecolor="#C9C9C9",
+            linewidth=0.6 * self.scale,
+        )  # fmt: skip
 
     def shade(self, left: float, bottom: float, right: float, top: float) -> None:
         """Draw a grey background behind the chambers of one side of the heart."""
@@ -89,19 +80,16 @@ class Pen:
 
     def box(self, box: Box, look: Look, gid: str) -> None:
         """Draw a white box with rounded corners."""
+        look_of_box = {"facecolor": "white", "edgecolor": look.colour, "linewidth": 0.9 * self.scale}
+        self._rounded(box, 1.5, zorder=4, **look_of_box).set_gid(gid)
+
+    def _rounded(self, box: Box, radius: float, **look: object) -> FancyBboxPatch:
+        """Draw a box with rounded corners."""
         left, bottom, right, top = box
-        patch = FancyBboxPatch(
-            (left, bottom),
-            right - left,
-            top - bottom,
-            boxstyle="round,pad=0,rounding_size=1.5",
-            facecolor="white",
-            edgecolor=look.colour,
-            linewidth=0.9 * self.scale,
-            zorder=4,
-        )
-        patch.set_gid(gid)
+        style = f"round,pad=0,rounding_size={radius}"
+        patch = FancyBboxPatch((left, bottom), right - left, top - bottom, boxstyle=style, **look)  # pyright: ignore[reportArgumentType] - keywords of a patch
         self.ax.add_patch(patch)
+        return patch
 
     def line(self, points: Sequence[Point], look: Look, gid: str | None = None) -> None:
         """Draw a line with an arrow head at its end, and a white outline where it crosses other lines."""
@@ -112,23 +100,11 @@ class Pen:
         end = (x1 - 0.8 * size * direction[0], y1 - 0.8 * size * direction[1])
         xs, ys = zip(*points[:-1], end, strict=True)
         (line,) = self.ax.plot(
-            xs,
-            ys,
-            color=look.colour,
-            linewidth=look.width * self.scale,
-            zorder=3,
-            linestyle=look.dash,
-            solid_joinstyle="round",
-            solid_capstyle="butt",
-        )
-        line.set_path_effects(
-            [
-                patheffects.Stroke(
-                    linewidth=(look.width + 2.2) * self.scale, foreground="white", capstyle="butt"
-                ),
-                patheffects.Normal(),
-            ]
-        )
+            xs, ys, color=look.colour, linewidth=look.width * self.scale, zorder=3, linestyle=look.dash,
+            solid_joinstyle="round", solid_capstyle="butt",
+        )  # fmt: skip
+        outline = {"linewidth": (look.width + 2.2) * self.scale, "foreground": "white", "capstyle": "butt"}
+        line.set_path_effects([patheffects.Stroke(**outline), patheffects.Normal()])
         line.set_gid(gid)
         head = _turned([(0.0, 0.0), (-size, 0.42 * size), (-size, -0.42 * size)], (x1, y1), direction)
         self.ax.add_patch(Polygon(head, closed=True, facecolor=look.colour, edgecolor="none", zorder=6))
@@ -154,15 +130,6 @@ class Pen:
         for index, (percent, _) in enumerate(reversed(COLOUR_STOPS)):
             self.saturation((right - 4.5 - 9.0 * index, y), percent, 9.0)
         self.text(right - 9.0 * len(COLOUR_STOPS) - 1.5, y, "oxygen saturation", size=6.5, ha="right")
-
-    def between(self, first: Box, second: Box) -> tuple[Point, Point]:
-        """Return the ends of a straight line between two boxes in the same row or column."""
-        x, y = 0.5 * (first[0] + first[2]), 0.5 * (first[1] + first[3])
-        if abs(0.5 * (second[1] + second[3]) - y) < 0.5:
-            return (
-                ((first[2], y), (second[0], y)) if second[0] > first[2] else ((first[0], y), (second[2], y))
-            )
-        return ((x, first[3]), (x, second[1])) if second[1] > first[3] else ((x, first[1]), (x, second[3]))
 
     def arc(self, first: Box, second: Box, look: Look, blocked: Sequence[Box]) -> Point:
         """Draw a curved arrow between any two boxes, avoiding boxes and text, and return its middle."""
@@ -238,13 +205,8 @@ def _patches(kind: str, at: Point, direction: Point, colour: str) -> list[Patch]
     """Return the patches of a symbol at a point, oriented along the flow."""
 
     def shape(points: list[Point], face: str = "white", closed: bool = True) -> Polygon:
-        return Polygon(
-            _turned(points, at, direction),
-            closed=closed,
-            fill=face != "none",
-            facecolor=face,
-            edgecolor=colour,
-        )
+        corners, fill = _turned(points, at, direction), face != "none"
+        return Polygon(corners, closed=closed, fill=fill, facecolor=face, edgecolor=colour)
 
     match kind:
         case "valve":
