@@ -22,7 +22,8 @@ from eclsim.paper.sensitivity import (
 from eclsim.sensitivity.design import Estimates
 from eclsim.sensitivity.inputs import Categorical, Continuous
 from eclsim.sensitivity.results import Indices
-from eclsim.sensitivity.runs import Analysis, Runs
+from eclsim.sensitivity.runs import Analysis
+from known_indices import runs_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -54,7 +55,7 @@ class Doubles:
     outputs = ("x", "site")
 
     def __call__(self, settings, count):
-        return Runs.of(np.stack([settings["x"], settings["site"]], axis=1))
+        return runs_of(np.stack([settings["x"], settings["site"]], axis=1))
 
     def description(self):
         return {}

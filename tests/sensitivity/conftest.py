@@ -8,7 +8,7 @@ import pytest
 
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.runs import Analysis, Runs
-from known_indices import ISHIGAMI_INPUTS, ishigami
+from known_indices import ISHIGAMI_INPUTS, ishigami, runs_of
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class FunctionEvaluator:
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
         y = self.function(**settings)
         assert y.shape == (count,)
-        return Runs.of(np.stack([y, y**2], axis=1))
+        return runs_of(np.stack([y, y**2], axis=1))
 
     def description(self) -> dict:
         return {"function": self.function.__name__}

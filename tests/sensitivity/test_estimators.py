@@ -8,12 +8,13 @@ from eclsim.orbit.status import Status
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices
 from eclsim.sensitivity.inputs import Continuous
 from eclsim.sensitivity.results import FEWEST_ROWS, Indices, indices_of_runs, indices_text
-from eclsim.sensitivity.runs import WITHOUT_GASES, Runs
+from eclsim.sensitivity.runs import WITHOUT_GASES
 from known_indices import (
     ISHIGAMI_INPUTS,
     IshigamiWithChoice,
     ishigami,
     ishigami_indices,
+    runs_of,
     sobol_g,
     sobol_g_indices,
 )
@@ -57,7 +58,7 @@ def test_rounding_is_no_effect():
     noise = random.standard_normal((len(design.unit()), 2))
     effect = ishigami(**design.settings(design.unit()))[:, None]
     values = np.concatenate([250.0 + 1e-13 * noise[:, :1], 1e-29 * noise[:, 1:], effect], axis=1)
-    indices = indices_of_runs(design, ("VO2", "recirculation_fraction", "y"), Runs.of(values)).indices
+    indices = indices_of_runs(design, ("VO2", "recirculation_fraction", "y"), runs_of(values)).indices
     assert indices.constant == ("VO2", "recirculation_fraction")
     assert np.all(indices.estimates.ST[:2] == 0.0)
     assert indices.selected()["VO2"] == indices.ranking("VO2") == []
@@ -74,7 +75,7 @@ def test_nothing_is_ranked_from_a_handful_of_rows(samples):
     status = np.zeros(len(values), dtype=int)
     if samples > FEWEST_ROWS:
         status[: design.runs_per_row * (samples // 2 + 1)] = Status.NOT_CONVERGED
-    runs = replace(Runs.of(values), status=status)
+    runs = replace(runs_of(values), status=status)
     indices = indices_of_runs(design, ("y",), runs).indices
     assert not indices.ranked
     assert indices.selected() == {"y": []}
@@ -151,7 +152,7 @@ def test_sizes_of_which_no_part_has_two_whole_rows_have_no_convergence():
     design = Design((Continuous("x", 0.0, 1.0), Continuous("y", 0.0, 1.0)), 32, second_order=False)
     values = design.unit().sum(axis=1, keepdims=True)
     failed = ~np.isin(np.repeat(np.arange(32), design.runs_per_row), (3, 20))
-    runs = replace(Runs.of(values), status=np.where(failed, 3, 0))
+    runs = replace(runs_of(values), status=np.where(failed, 3, 0))
     mean = indices_of_runs(design, ("sum",), runs).convergence["mean"]
     assert np.isnan(mean.sel(rows=16)).all()
     assert np.isfinite(mean.sel(rows=32)).all()
@@ -162,6 +163,6 @@ def test_a_design_whose_runs_failed_says_of_what():
     values = np.full((8 * design.runs_per_row, 1), np.nan)
     status = np.full(len(values), WITHOUT_GASES + 1)
     status[0] = int(Status.NOT_CONVERGED)
-    runs = replace(Runs.of(values), status=status)
+    runs = replace(runs_of(values), status=status)
     with pytest.raises(ValueError, match=rf"no_oxygen {len(values) - 1}, not_converged 1\)"):
         indices_of_runs(design, ("sum",), runs)

@@ -89,13 +89,9 @@ def sensitivity(options: SensitivityOptions) -> None:
         results, reported = (_merged(options), ()) if merges else _analysed(options, distribution)
     pairs = bool(options.second_order)
     states = {state: indices.as_object(pairs) for state, indices in results.items()}
-    if "" in results:
-        _show(options, states[""], results, target, reported)
-    else:
-        from eclsim.sensitivity.analysis import union_over
-
-        union = union_over([indices.union() for indices in results.values()])
-        _show(options, {"states": states, "union": union}, results, target, reported)
+    union = list(dict.fromkeys(name for indices in results.values() for name in indices.union()))
+    content = states.get("", {"states": states, "union": union})
+    _show(options, content, results, target, reported)
     if any(indices.failed for indices in results.values()):
         raise typer.Exit(INCOMPLETE)
 
@@ -169,17 +165,11 @@ def _settings(o: SensitivityOptions, case: Case, state: str) -> SobolSettings:
     from eclsim.sensitivity.analysis import SobolSettings, state_values
 
     return SobolSettings(
-        samples=o.samples,
-        perturbation_percent=o.perturbation,
-        parameters=names_of(o.parameters),
-        include=names_of(o.include) or (),
-        groups=names_of(o.groups) or (),
-        outputs=names_of(o.outputs),
-        seed=o.seed,
-        second_order=o.second_order is not False,
+        samples=o.samples, perturbation_percent=o.perturbation, parameters=names_of(o.parameters),
+        include=names_of(o.include) or (), groups=names_of(o.groups) or (), outputs=names_of(o.outputs),
+        seed=o.seed, second_order=o.second_order is not False, until=o.until,
         values=state_values(model_of(case), state, case.volume_policy) if state else None,
-        until=o.until,
-    )
+    )  # fmt: skip
 
 
 def _write_files(o: SensitivityOptions, folder: Path, result: SensitivityResult) -> None:
@@ -193,12 +183,9 @@ def _write_files(o: SensitivityOptions, folder: Path, result: SensitivityResult)
 
 
 def _show(
-    o: SensitivityOptions,
-    content: object,
-    results: Mapping[str, Indices],
-    target: Target,
+    o: SensitivityOptions, content: object, results: Mapping[str, Indices], target: Target,
     reported: Collection[str],
-) -> None:
+) -> None:  # fmt: skip
     from eclsim.sensitivity.results import doubts, indices_text, pairs_text
 
     for state, indices in results.items():
@@ -251,13 +238,10 @@ def identifiability(options: IdentifiabilityOptions) -> None:
 
     try:
         result = analyse(
-            reading.case,
-            parameters=names_of(options.parameters),
-            outputs=names_of(options.outputs),
-            uncertainties=read_uncertainties(options.uncertainty or ""),
-            limit=options.limit,
+            reading.case, parameters=names_of(options.parameters), outputs=names_of(options.outputs),
+            uncertainties=read_uncertainties(options.uncertainty or ""), limit=options.limit,
             threshold=options.threshold,
-        )
+        )  # fmt: skip
     except InputError as error:
         fail(*error.mistakes)
     except NoDerivativesError as error:

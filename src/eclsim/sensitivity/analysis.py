@@ -78,14 +78,10 @@ class SobolSettings:
             if (names := getattr(self, what)) is not None:
                 object.__setattr__(self, what, as_names(names, what))
         check_fields(
-            self,
-            samples=WholeNumber(None),
-            perturbation_percent=number_of,
-            seed=WholeNumber(None),
-            second_order=flag,
-            values=Kind(Mapping, 'numbers by parameter, such as {"Rmc": 0.8}'),
+            self, samples=WholeNumber(None), perturbation_percent=number_of, seed=WholeNumber(None),
+            second_order=flag, values=Kind(Mapping, 'numbers by parameter, such as {"Rmc": 0.8}'),
             until=number_of,
-        )
+        )  # fmt: skip
 
 
 def sensitivity(
@@ -136,7 +132,8 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     from eclsim.outputs.signals import output_names
 
     s = settings
-    _check(s)
+    if s.until is not None and not 0.0 < s.until < math.inf:
+        raise InputError([f"until = {s.until:g}: allowed: above 0, such as 0.02"])
     base = dict(model_of(case).with_values(s.values).values)
     parameters = CARDIOVASCULAR if s.parameters is None else s.parameters
     chosen = varied_inputs(case, base, parameters, s.include, s.groups, s.perturbation_percent)
@@ -153,11 +150,6 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
         chosen.circuit, chosen.base, outputs, policy, case.patient.id, resolution=resolution
     )
     return Analysis(design, evaluator)
-
-
-def _check(settings: SobolSettings) -> None:
-    if settings.until is not None and not 0.0 < settings.until < math.inf:
-        raise InputError([f"until = {settings.until:g}: allowed: above 0, such as 0.02"])
 
 
 def check_memory(design: Design, outputs: int) -> None:
@@ -313,8 +305,3 @@ def _mean_arterial_pressure(model: Model, policy: str) -> float:
             f"pressure, there is no steady beat ({Status(int(beat.status[0])).word}): {beat.message()}"
         )
     return float(beat.output("MAP")[0])
-
-
-def union_over(unions: Sequence[Sequence[str]]) -> list[str]:
-    """Names selected in any state, in order of appearance."""
-    return list(dict.fromkeys(name for names in unions for name in names))

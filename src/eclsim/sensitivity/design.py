@@ -237,12 +237,8 @@ def _separated(values: np.ndarray, factors: int, size: float) -> _Samples:
     usable = varies(values, size)
     scaled = np.where(usable, (values - flat.mean(axis=0)) / np.where(usable, spread, 1.0), 0.0)
     second = values.shape[1] == 2 * factors + 2
-    return _Samples(
-        A=scaled[:, 0],
-        B=scaled[:, -1],
-        AB=scaled[:, 1 : factors + 1],
-        BA=scaled[:, factors + 1 : 2 * factors + 1] if second else None,
-    )
+    exchanged, reverse = scaled[:, 1 : factors + 1], scaled[:, factors + 1 : 2 * factors + 1]
+    return _Samples(scaled[:, 0], scaled[:, -1], exchanged, reverse if second else None)
 
 
 def _means(weights: np.ndarray, terms: np.ndarray) -> np.ndarray:

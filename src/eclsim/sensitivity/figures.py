@@ -98,6 +98,7 @@ def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Seq
 # --- Sobol indices ---------------------------------------------------------------------------------
 
 
+@figure_style()
 def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -> Figure:
     """Indices of every output (rows) and factor (columns) as colours, with numbers from 0.01 up.
 
@@ -116,14 +117,13 @@ def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -
     def text(value: float) -> str:
         return f"{value:.2f}".removeprefix("0") if value >= 0.01 else ""
 
-    with figure_style():
-        fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + _room_for_names(names))
-        axes = draw_matrix(
-            fig, shown, names, result.outputs, "Blues", (0.0, top), text, lambda v: v > 0.5 * top,
-            label=LABELS[index], shrink=0.9,
-        )  # fmt: skip
-        if layout == "paper":
-            _mark_kinds(axes, names)
+    fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + _room_for_names(names))
+    axes = draw_matrix(
+        fig, shown, names, result.outputs, "Blues", (0.0, top), text, lambda v: v > 0.5 * top,
+        label=LABELS[index], shrink=0.9,
+    )  # fmt: skip
+    if layout == "paper":
+        _mark_kinds(axes, names)
     return fig
 
 
@@ -162,34 +162,35 @@ def _mark_kinds(axes: Axes, names: Sequence[str]) -> None:
         first += count
 
 
+@figure_style()
 def plot_bars(result: Indices) -> Figure:
     """First and total order of the leading factors of each output, with 95 % intervals."""
     e, chosen = result.estimates, result.selected()
-    with figure_style():
-        fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 44, 4)
-        for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
-            sizes = -e.ST[k] if result.ranked else np.zeros(len(result.factors))
-            order = np.argsort(sizes, kind="stable")[: min(8, len(result.factors))]
-            place = np.arange(len(order))
-            for shift, numbers, widths, colour, label in (
-                (-0.2, e.S1[k, order], e.S1_conf[k, order], OKABE_ITO["sky blue"], "first order $S_1$"),
-                (0.2, e.ST[k, order], e.ST_conf[k, order], OKABE_ITO["blue"], "total order $S_T$"),
-            ):
-                axes.barh(place + shift, numbers, 0.38, color=colour, label=label)
-                whiskers = {"fmt": "none", "ecolor": "black", "elinewidth": 0.7, "capsize": 1.5}
-                axes.errorbar(numbers, place + shift, xerr=widths, **whiskers)
-            names = [result.factors[j] for j in order]
-            labels = [short_name(name) + (" *" if name in chosen[output] else "") for name in names]
-            axes.set_yticks(place, labels)
-            axes.invert_yaxis()
-            axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
-            axes.axvline(0.0, color=GREY, linewidth=0.6)
-            axes.set_title(output)
-            axes.set_xlabel("index")
-        _legend(legend_panel, panels[0], "bars: 95 % intervals\n* among those that\n  make up 90 %")
+    fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 44, 4)
+    for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
+        sizes = -e.ST[k] if result.ranked else np.zeros(len(result.factors))
+        order = np.argsort(sizes, kind="stable")[: min(8, len(result.factors))]
+        place = np.arange(len(order))
+        for shift, numbers, widths, colour, label in (
+            (-0.2, e.S1[k, order], e.S1_conf[k, order], OKABE_ITO["sky blue"], "first order $S_1$"),
+            (0.2, e.ST[k, order], e.ST_conf[k, order], OKABE_ITO["blue"], "total order $S_T$"),
+        ):
+            axes.barh(place + shift, numbers, 0.38, color=colour, label=label)
+            whiskers = {"fmt": "none", "ecolor": "black", "elinewidth": 0.7, "capsize": 1.5}
+            axes.errorbar(numbers, place + shift, xerr=widths, **whiskers)
+        names = [result.factors[j] for j in order]
+        labels = [short_name(name) + (" *" if name in chosen[output] else "") for name in names]
+        axes.set_yticks(place, labels)
+        axes.invert_yaxis()
+        axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
+        axes.axvline(0.0, color=GREY, linewidth=0.6)
+        axes.set_title(output)
+        axes.set_xlabel("index")
+    _legend(legend_panel, panels[0], "bars: 95 % intervals\n* among those that\n  make up 90 %")
     return fig
 
 
+@figure_style()
 def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> Figure:
     """Total orders of each factor stacked over the outputs; those selected for any output are in bold.
 
@@ -199,27 +200,26 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
     """
     order = by_sum(result)
     union = {name for names in result.selected().values() for name in names}
-    with figure_style():
-        names = [result.factors[k] for k in order]
-        fig = new_figure(height_mm=68 + _room_for_names(names))
-        axes = fig.add_subplot()
-        bottom = np.zeros(len(order))
-        # Hatched as well, to be distinguishable when printed in grey.
-        colours = [colour for colour, _ in CURVES][1:]
-        for k, output in enumerate(result.outputs):
-            heights = np.clip(result.estimates.ST[k, order], 0.0, None)
-            axes.bar(
-                range(len(order)), heights, 0.75, bottom=bottom, label=output, edgecolor="white",
-                linewidth=0.4, facecolor=colours[k % len(colours)], hatch=("", "///", "...", "xxx")[k % 4],
-            )  # fmt: skip
-            bottom += heights
-        _label_sums(axes, names, bottom, published or {})
-        labels = list(map(short_name, names))
-        axes.set_xticks(range(len(names)), labels, rotation=turned_names(names))
-        for label, name in zip(axes.get_xticklabels(), names, strict=True):
-            label.set_fontweight("bold" if name in union else "normal")
-        axes.set_ylabel("sum of $S_T$ over the outputs")
-        axes.legend(ncols=2, title="output; bold: selected for any")
+    names = [result.factors[k] for k in order]
+    fig = new_figure(height_mm=68 + _room_for_names(names))
+    axes = fig.add_subplot()
+    bottom = np.zeros(len(order))
+    # Hatched as well, to be distinguishable when printed in grey.
+    colours = [colour for colour, _ in CURVES][1:]
+    for k, output in enumerate(result.outputs):
+        heights = np.clip(result.estimates.ST[k, order], 0.0, None)
+        axes.bar(
+            range(len(order)), heights, 0.75, bottom=bottom, label=output, edgecolor="white",
+            linewidth=0.4, facecolor=colours[k % len(colours)], hatch=("", "///", "...", "xxx")[k % 4],
+        )  # fmt: skip
+        bottom += heights
+    _label_sums(axes, names, bottom, published or {})
+    labels = list(map(short_name, names))
+    axes.set_xticks(range(len(names)), labels, rotation=turned_names(names))
+    for label, name in zip(axes.get_xticklabels(), names, strict=True):
+        label.set_fontweight("bold" if name in union else "normal")
+    axes.set_ylabel("sum of $S_T$ over the outputs")
+    axes.legend(ncols=2, title="output; bold: selected for any")
     return fig
 
 
@@ -238,6 +238,7 @@ def _label_sums(axes: Axes, names: Sequence[str], sums: np.ndarray, published: M
             axes.text(x, place, f"{height:.2f}", ha="center", va="bottom", fontsize=6)
 
 
+@figure_style()
 def plot_convergence(convergence: xr.Dataset) -> Figure:
     """Total orders of the seven leading factors against the number of rows."""
     numbers = convergence.sel(index="ST")
@@ -245,43 +246,42 @@ def plot_convergence(convergence: xr.Dataset) -> Figure:
     sums = numbers["mean"].isel(rows=-1).sum("output")
     leading: list[str] = [str(name) for name in numbers["factor"].values[np.argsort(-sums.values)][:LEADING]]
     outputs = numbers["output"].values
-    with figure_style():
-        fig, (*panels, legend_panel) = panel_grid(len(outputs) + 1, COLUMNS, 42, 4)
-        for output, axes in zip(outputs, panels, strict=True):
-            for k, name in enumerate(leading):
-                curve, (colour, line) = numbers.sel(output=output, factor=name), CURVES[k]
-                mean, spread = curve["mean"].values, curve["spread"].values
-                spread = np.where(np.isnan(spread), curve["mean_conf"].values / 1.96, spread)
-                axes.plot(rows, mean, label=name, color=colour, linestyle=line)
-                axes.fill_between(rows, mean - spread, mean + spread, color=colour, alpha=0.15, lw=0)
-            axes.set_xscale("log", base=2)
-            axes.set_xticks(rows[-1::-3], [str(n) for n in rows[-1::-3]])
-            axes.minorticks_off()
-            axes.set_title(str(output))
-            axes.set_xlabel("rows N")
-            axes.set_ylabel("$S_T$")
-        note = "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap"
-        _legend(legend_panel, panels[0], note)
+    fig, (*panels, legend_panel) = panel_grid(len(outputs) + 1, COLUMNS, 42, 4)
+    for output, axes in zip(outputs, panels, strict=True):
+        for k, name in enumerate(leading):
+            curve, (colour, line) = numbers.sel(output=output, factor=name), CURVES[k]
+            mean, spread = curve["mean"].values, curve["spread"].values
+            spread = np.where(np.isnan(spread), curve["mean_conf"].values / 1.96, spread)
+            axes.plot(rows, mean, label=name, color=colour, linestyle=line)
+            axes.fill_between(rows, mean - spread, mean + spread, color=colour, alpha=0.15, lw=0)
+        axes.set_xscale("log", base=2)
+        axes.set_xticks(rows[-1::-3], [str(n) for n in rows[-1::-3]])
+        axes.minorticks_off()
+        axes.set_title(str(output))
+        axes.set_xlabel("rows N")
+        axes.set_ylabel("$S_T$")
+    note = "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap"
+    _legend(legend_panel, panels[0], note)
     return fig
 
 
+@figure_style()
 def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
     """Histograms of the outputs over the sampled inputs (points A and B), with median and central 90 %."""
     points = np.concatenate([values[:, 0], values[:, -1]])
     bins = int(np.clip(np.sqrt(len(points)), 8, 40))
-    with figure_style():
-        fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 40, 4)
-        for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
-            low, middle, high = np.quantile(points[:, k], (0.05, 0.5, 0.95))
-            axes.hist(points[:, k], bins=bins, density=True, color=OKABE_ITO["sky blue"])
-            axes.axvline(middle, color="black", linewidth=1.0, label="median")
-            axes.axvspan(low, high, color=GREY, alpha=0.15, lw=0, label="central 90 %")
-            unit = output_unit(output)
-            axes.set_title(output)
-            axes.set_xlabel(f"{output} [{unit}]" if unit else output)
-            of = f"({unit})" if "/" in unit else unit
-            axes.set_ylabel(f"density [1/{of}]" if unit else "density")
-        _legend(legend_panel, panels[0], f"{len(points)} runs")
+    fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 40, 4)
+    for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
+        low, middle, high = np.quantile(points[:, k], (0.05, 0.5, 0.95))
+        axes.hist(points[:, k], bins=bins, density=True, color=OKABE_ITO["sky blue"])
+        axes.axvline(middle, color="black", linewidth=1.0, label="median")
+        axes.axvspan(low, high, color=GREY, alpha=0.15, lw=0, label="central 90 %")
+        unit = output_unit(output)
+        axes.set_title(output)
+        axes.set_xlabel(f"{output} [{unit}]" if unit else output)
+        of = f"({unit})" if "/" in unit else unit
+        axes.set_ylabel(f"density [1/{of}]" if unit else "density")
+    _legend(legend_panel, panels[0], f"{len(points)} runs")
     return fig
 
 
@@ -301,6 +301,7 @@ def _legend(place: Axes, panel: Axes, note: str) -> None:
     place.text(0.05, -0.3, note, transform=place.transAxes, va="bottom", fontsize=7, color=GREY)
 
 
+@figure_style()
 def plot_pairs(result: Indices) -> Figure:
     """For each output, factors as circles (area: first order) and pairs as lines (width: second order).
 
@@ -311,18 +312,17 @@ def plot_pairs(result: Indices) -> Figure:
     leading.sort()
     angle = np.linspace(0.5 * np.pi, 2.5 * np.pi, len(leading), endpoint=False)
     place = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    with figure_style():
-        fig, places = panel_grid(len(result.outputs) + 1, COLUMNS, 46)
-        right = 2.6 if any("." in result.factors[i] for i in leading) else 1.95
-        for axes in places:
-            axes.set_axis_off()
-            axes.set_aspect("equal")
-            axes.set(xlim=(-1.95, right), ylim=(-1.55, 1.55))
-        drawn = 0
-        for k, (axes, output) in enumerate(zip(places, result.outputs, strict=False)):
-            drawn += _draw_pairs(axes, result, k, leading, place)
-            axes.set_title(output)
-        _explain_pairs(places[-1], drawn)
+    fig, places = panel_grid(len(result.outputs) + 1, COLUMNS, 46)
+    right = 2.6 if any("." in result.factors[i] for i in leading) else 1.95
+    for axes in places:
+        axes.set_axis_off()
+        axes.set_aspect("equal")
+        axes.set(xlim=(-1.95, right), ylim=(-1.55, 1.55))
+    drawn = 0
+    for k, (axes, output) in enumerate(zip(places, result.outputs, strict=False)):
+        drawn += _draw_pairs(axes, result, k, leading, place)
+        axes.set_title(output)
+    _explain_pairs(places[-1], drawn)
     return fig
 
 
@@ -382,37 +382,38 @@ def _explain_pairs(axes: Axes, drawn: int) -> None:
 # --- Identifiability ----------------------------------------------------------------------------------
 
 
+@figure_style()
 def plot_scaled(result: Identifiability) -> Figure:
     """Change of each measurement, in standard uncertainties, if a parameter changes by 10 %."""
     scaled = result.scaled
     order = np.argsort(-scaled.effect, kind="stable")
     shown = 0.1 * scaled.matrix[:, order]
     top = float(np.abs(shown).max())
-    with figure_style():
-        fig = new_figure(height_mm=22 + 8.5 * len(scaled.outputs) + 12)
-        draw_matrix(
-            fig, shown, [scaled.parameters[k] for k in order], scaled.outputs, "PuOr", (-top, top),
-            lambda v: f"{v:+.1f}" if abs(v) >= 0.05 else "", lambda v: abs(v) > 0.6 * top,
-            label="uncertainties per 10 %",
-        )  # fmt: skip
+    fig = new_figure(height_mm=22 + 8.5 * len(scaled.outputs) + 12)
+    draw_matrix(
+        fig, shown, [scaled.parameters[k] for k in order], scaled.outputs, "PuOr", (-top, top),
+        lambda v: f"{v:+.1f}" if abs(v) >= 0.05 else "", lambda v: abs(v) > 0.6 * top,
+        label="uncertainties per 10 %",
+    )  # fmt: skip
     return fig
 
 
+@figure_style()
 def plot_orthogonality(result: Identifiability) -> Figure:
     """Sine of the angle between the effects of two parameters; 0 if they cannot be distinguished."""
     order = np.argsort(-result.scaled.effect, kind="stable")[:14]
     names = [result.scaled.parameters[k] for k in order]
     shown = result.scaled.orthogonality[np.ix_(order, order)]
     np.fill_diagonal(shown, np.nan)
-    with figure_style():
-        fig = new_figure(width_mm=130, height_mm=105)
-        draw_matrix(
-            fig, shown, names, names, "cividis", (0.0, 1.0), lambda v: f"{v:.2f}" if np.isfinite(v) else "",
-            lambda v: v < 0.5, label="orthogonality: 1 unlike, 0 alike", aspect="equal", pad=0.02,
-        )  # fmt: skip
+    fig = new_figure(width_mm=130, height_mm=105)
+    draw_matrix(
+        fig, shown, names, names, "cividis", (0.0, 1.0), lambda v: f"{v:.2f}" if np.isfinite(v) else "",
+        lambda v: v < 0.5, label="orthogonality: 1 unlike, 0 alike", aspect="equal", pad=0.02,
+    )  # fmt: skip
     return fig
 
 
+@figure_style()
 def plot_collinearity(result: Identifiability) -> Figure:
     """Collinearity index against the size of the set: smallest, and 5, 50 and 95 % quantiles of all sets."""
     sizes = np.array([s.size for s in result.subsets])
@@ -420,28 +421,28 @@ def plot_collinearity(result: Identifiability) -> Figure:
     low, middle, high = (np.array([s.quantiles[k] for s in result.subsets]) for k in range(3))
     finite = [x for x in (*smallest, *low, *middle, *high) if np.isfinite(x)]
     ceiling = 3.0 * max([*finite, 20.0])
-    with figure_style():
-        fig = new_figure(width_mm=110, height_mm=85)
-        axes = fig.add_subplot()
-        band = {"color": OKABE_ITO["sky blue"], "alpha": 0.4, "lw": 0}
-        axes.fill_between(sizes, low, np.minimum(high, ceiling), label="5 to 95 %", **band)
-        axes.plot(sizes, middle, color=OKABE_ITO["blue"], label="median of all sets")
-        axes.plot(sizes, smallest, "o-", color="black", markersize=3, label="best set")
-        axes.axhspan(10.0, 15.0, color=GREY, alpha=0.25, lw=0, label="limit 10 to 15")
-        chosen = len(result.proposal.chosen)
-        if chosen > 1:
-            axes.plot(
-                chosen, result.proposal.collinearity, "D", color=OKABE_ITO["vermillion"], label="proposed set"
-            )
-        axes.set_yscale("log")
-        axes.set_ylim(0.9, ceiling)
-        axes.set_xticks(sizes)
-        axes.set_xlabel("parameters in the set")
-        axes.set_ylabel("collinearity index")
-        fig.legend(loc="outside upper center", ncols=3)
+    fig = new_figure(width_mm=110, height_mm=85)
+    axes = fig.add_subplot()
+    band = {"color": OKABE_ITO["sky blue"], "alpha": 0.4, "lw": 0}
+    axes.fill_between(sizes, low, np.minimum(high, ceiling), label="5 to 95 %", **band)
+    axes.plot(sizes, middle, color=OKABE_ITO["blue"], label="median of all sets")
+    axes.plot(sizes, smallest, "o-", color="black", markersize=3, label="best set")
+    axes.axhspan(10.0, 15.0, color=GREY, alpha=0.25, lw=0, label="limit 10 to 15")
+    chosen = len(result.proposal.chosen)
+    if chosen > 1:
+        axes.plot(
+            chosen, result.proposal.collinearity, "D", color=OKABE_ITO["vermillion"], label="proposed set"
+        )
+    axes.set_yscale("log")
+    axes.set_ylim(0.9, ceiling)
+    axes.set_xticks(sizes)
+    axes.set_xlabel("parameters in the set")
+    axes.set_ylabel("collinearity index")
+    fig.legend(loc="outside upper center", ncols=3)
     return fig
 
 
+@figure_style()
 def plot_fisher(result: Identifiability) -> Figure:
     """Eigenvectors of the Fisher information: combinations of parameters that the measurements determine."""
     count = min(len(result.scaled.outputs), len(result.scaled.parameters))
@@ -450,11 +451,10 @@ def plot_fisher(result: Identifiability) -> Figure:
     vectors = result.fisher.eigenvectors[order, :count].T
     errors = 100.0 / np.sqrt(np.maximum(result.fisher.eigenvalues[:count], 1e-300))
     labels = [f"{k + 1}: ±{e:.0f} %" if e <= 100.0 else f"{k + 1}: over 100 %" for k, e in enumerate(errors)]
-    with figure_style():
-        fig = new_figure(height_mm=24 + 8.5 * count)
-        axes = draw_matrix(
-            fig, vectors, names, labels, "PuOr", (-1.0, 1.0), lambda v: f"{v:+.2f}" if abs(v) >= 0.1 else "",
-            lambda v: abs(v) > 0.6, label="share of the parameter",
-        )  # fmt: skip
-        axes.set_ylabel("combination: standard error")
+    fig = new_figure(height_mm=24 + 8.5 * count)
+    axes = draw_matrix(
+        fig, vectors, names, labels, "PuOr", (-1.0, 1.0), lambda v: f"{v:+.2f}" if abs(v) >= 0.1 else "",
+        lambda v: abs(v) > 0.6, label="share of the parameter",
+    )  # fmt: skip
+    axes.set_ylabel("combination: standard error")
     return fig

@@ -463,16 +463,10 @@ def identifiability(
         measured, names, slopes.values, np.asarray(slopes["parameter_value"]), np.array(list(errors.values()))
     )
     return Identifiability(
-        name=case.patient.id,
-        simulated=simulated,
-        measured=values,
-        uncertainties=errors,
-        scaled=scaled,
-        subsets=all_subsets(scaled, limit),
-        fisher=fisher_information(scaled),
-        proposal=propose(scaled, limit, threshold),
-        warnings=beat_warnings(model, volume_policy, measured),
-    )
+        case.patient.id, simulated, values, errors, scaled, all_subsets(scaled, limit),
+        fisher_information(scaled), propose(scaled, limit, threshold),
+        beat_warnings(model, volume_policy, measured),
+    )  # fmt: skip
 
 
 def _measured(case: Case, model: Model) -> tuple[str, ...]:

@@ -374,33 +374,18 @@ class Uncertainty:
 UNCERTAINTY = "eclsim.Uncertainty(3.0) in its unit, or eclsim.Uncertainty(relative=0.05)"
 _ROUNDING_L_MIN = 0.03
 """Standard deviation due to rounding, for a flow given to 0.1 L/min [L/min]."""
-DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
-    {
-        "SP": Uncertainty(4.0),
-        "DP": Uncertainty(4.0),
-        "MAP": Uncertainty(3.0),
-        "MPAP": Uncertainty(2.0),
-        "PCWP": Uncertainty(2.0),
-        "CO": Uncertainty(_ROUNDING_L_MIN, 0.10),
-        "PF": Uncertainty(_ROUNDING_L_MIN, 0.05),
-        "CVP": Uncertainty(2.0),
-        "drainage_pressure": Uncertainty(10.0),
-        "pump_inlet_pressure": Uncertainty(10.0),
-        "pre_oxygenator_pressure": Uncertainty(10.0),
-        "post_oxygenator_pressure": Uncertainty(10.0),
-        "crrt_access_pressure": Uncertainty(10.0),
-        "crrt_return_pressure": Uncertainty(10.0),
-        "crrt_filter_pressure_drop": Uncertainty(5.0),
-        "SaO2": Uncertainty(1.5),
-        "PaO2": Uncertainty(3.0, 0.05),
-        "PaCO2": Uncertainty(2.0, 0.04),
-        "SvO2": Uncertainty(2.0),
-        "SpreO2": Uncertainty(2.0),
-        "SpostO2": Uncertainty(1.0),
-        "PpostO2": Uncertainty(5.0, 0.05),
-        "PexhaustCO2": Uncertainty(2.0, 0.05),
-    }
-)
+DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType({
+    "SP": Uncertainty(4.0), "DP": Uncertainty(4.0), "MAP": Uncertainty(3.0), "MPAP": Uncertainty(2.0),
+    "PCWP": Uncertainty(2.0), "CO": Uncertainty(_ROUNDING_L_MIN, 0.10),
+    "PF": Uncertainty(_ROUNDING_L_MIN, 0.05), "CVP": Uncertainty(2.0),
+    "drainage_pressure": Uncertainty(10.0), "pump_inlet_pressure": Uncertainty(10.0),
+    "pre_oxygenator_pressure": Uncertainty(10.0), "post_oxygenator_pressure": Uncertainty(10.0),
+    "crrt_access_pressure": Uncertainty(10.0), "crrt_return_pressure": Uncertainty(10.0),
+    "crrt_filter_pressure_drop": Uncertainty(5.0),
+    "SaO2": Uncertainty(1.5), "PaO2": Uncertainty(3.0, 0.05), "PaCO2": Uncertainty(2.0, 0.04),
+    "SvO2": Uncertainty(2.0), "SpreO2": Uncertainty(2.0), "SpostO2": Uncertainty(1.0),
+    "PpostO2": Uncertainty(5.0, 0.05), "PexhaustCO2": Uncertainty(2.0, 0.05),
+})  # fmt: skip
 """Assumed uncertainties, since the paper gives none. They include, for pressures, fluid-filled catheters
 (transducer, damping, levelling) and, for sensors of the circuit, 10 mmHg for 14 cm of height between them
 and the heart, which the model does not have; thermodilution; an ultrasonic flow meter; for blood gases the

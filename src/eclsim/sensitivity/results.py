@@ -173,33 +173,22 @@ class Indices:
             return None
         i, j = np.triu_indices(len(self.factors), 1)
         names, count = np.array(self.factors), len(self.outputs)
-        return pd.DataFrame(
-            {
-                "output": np.repeat(self.outputs, len(i)),
-                "factor": np.tile(names[i], count),
-                "other_factor": np.tile(names[j], count),
-                "S2": e.S2[:, i, j].ravel(),
-                "S2_conf": e.S2_conf[:, i, j].ravel(),
-            }
-        )
+        return pd.DataFrame({
+            "output": np.repeat(self.outputs, len(i)), "factor": np.tile(names[i], count),
+            "other_factor": np.tile(names[j], count), "S2": e.S2[:, i, j].ravel(),
+            "S2_conf": e.S2_conf[:, i, j].ravel(),
+        })  # fmt: skip
 
     def as_object(self, second_order: bool = False) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
-            "samples": self.samples,
-            "evaluations": self.evaluations,
-            "failed": len(self.failed),
+            "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
             "where_failed": None if self.where_failed is None else self.where_failed.as_object(),
-            "rows_used": self.rows_used,
-            "impossible": self.impossible,
-            "seconds": round(self.seconds, 3),
-            "warnings": [*self.warnings, *self.doubts],
-            "constant": list(self.constant),
+            "rows_used": self.rows_used, "impossible": self.impossible, "seconds": round(self.seconds, 3),
+            "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
             "outputs": {o: self._output_object(k, second_order) for k, o in enumerate(self.outputs)},
-            "sum_ST": self.sums,
-            "selected": self.selected(),
-            "union": self.union(),
-        }
+            "sum_ST": self.sums, "selected": self.selected(), "union": self.union(),
+        }  # fmt: skip
 
     def _output_object(self, k: int, second_order: bool) -> dict[str, dict[str, Any]]:
         e = self.estimates
@@ -341,7 +330,9 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
     """Write indices.json, indices.csv, second_order.csv, failed.csv and convergence.csv."""
     indices = result.indices
     write_json(indices.as_object(second_order=True), folder / "indices.json")
-    frames = {"indices": indices.table, "convergence": _convergence_table(result.convergence)}
+    order = ["rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf"]
+    converging = result.convergence.to_dataframe(dim_order=["rows", "output", "factor", "index"])
+    frames = {"indices": indices.table, "convergence": converging.reset_index().loc[:, order]}
     if (pairs := indices.pairs) is not None:
         frames["second_order"] = pairs
     for name, frame in frames.items():
@@ -351,12 +342,6 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
     head = ("run", "row", "point", "status", *(indices.failed[0].inputs if indices.failed else ()))
     rows = ((f.run, f.row, f.point, f.status, *f.inputs.values()) for f in indices.failed)
     write_text(csv_text(head, rows, digits=None), folder / "failed.csv")
-
-
-def _convergence_table(numbers: xr.Dataset) -> pd.DataFrame:
-    order = ["rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf"]
-    frame = numbers.to_dataframe(dim_order=["rows", "output", "factor", "index"]).reset_index()
-    return frame.loc[:, order]
 
 
 # --- terminal text ----------------------------------------------------------------------------------
@@ -395,11 +380,7 @@ def pairs_text(indices: Indices) -> str:
     s2, width = indices.estimates.S2, indices.estimates.S2_conf
     if s2 is None or width is None or not indices.ranked:
         return ""
-    pairs = [
-        (k, i, j)
-        for k, i, j in zip(*(s2 > width).nonzero(), strict=True)
-        if s2[k, i, j] > SMALLEST_PAIR_INDEX
-    ]
+    pairs = list(zip(*((s2 > width) & (s2 > SMALLEST_PAIR_INDEX)).nonzero(), strict=True))
     if not pairs:
         return "second order: no pair of factors is beyond its 95 % half width"
     pairs.sort(key=lambda at: -s2[at])

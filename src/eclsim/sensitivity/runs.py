@@ -53,13 +53,6 @@ class Runs:
     impossible: np.ndarray
 
     @classmethod
-    def of(cls, values: np.ndarray) -> Runs:
-        """Return runs of a function that needs no solver; non-finite values count as failed."""
-        failed = ~np.isfinite(values).all(axis=1)
-        zeros = np.zeros(len(values))
-        return cls(values, np.where(failed, 3, 0), zeros.astype(int), zeros, zeros.astype(bool))
-
-    @classmethod
     def joined(cls, pieces: list[Runs]) -> Runs:
         """Concatenate runs."""
         names = ("values", "status", "beats", "residual", "impossible")
