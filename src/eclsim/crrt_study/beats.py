@@ -162,12 +162,8 @@ def means(
     dims = ("policy", "scheme", "speed")
     shape = (len(circuits.schemes), len(speeds))
     data = _variables(runs, dims, shape)
-    change = np.stack(
-        [
-            r.volume("patient").reshape(shape) - a.volume("patient")
-            for r, a in zip(runs, without_crrt, strict=True)
-        ]
-    )
+    pairs = zip(runs, without_crrt, strict=True)
+    change = np.stack([r.volume("patient").reshape(shape) - a.volume("patient") for r, a in pairs])
     about = "stressed volume of the patient at phase 0, minus that without CRRT at the same speed and policy"
     data["patient_volume_change"] = (dims, change, {"units": "mL", "long_name": about})
     data["recirculated_fraction"] = (
@@ -303,10 +299,8 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
         units = means[name].attrs.get("units", "")
         with warnings.catch_warnings():  # NaN if no scheme is known
             warnings.filterwarnings("ignore", message="All-NaN")
-            median, variation = (
-                np.nanmedian(values, axis=0),
-                np.nanmax(values, axis=0) - np.nanmin(values, axis=0),
-            )
+            median = np.nanmedian(values, axis=0)
+            variation = np.nanmax(values, axis=0) - np.nanmin(values, axis=0)
         percent = 100.0 * variation / np.where(median == 0.0, np.nan, np.abs(median))
         for word, numbers, unit, long_name in (
             ("median", median, units, f"median of {name} over the schemes"),
@@ -415,12 +409,14 @@ class MissingBeats:
     state: str = "beat"
 
     @property
-    def sentence(self) -> str:
+    def reason(self) -> str:
         """Speeds without a steady state, and the reason."""
-        where = f"{self.place} {self.condition}".strip()
-        return (
-            f"{where}: {speeds_without_solution(self.speeds, [self.status] * len(self.speeds), self.state)}"
-        )
+        return speeds_without_solution(self.speeds, [self.status] * len(self.speeds), self.state)
+
+    @property
+    def sentence(self) -> str:
+        """Place and speeds without a steady state, and the reason."""
+        return f"{f'{self.place} {self.condition}'.strip()}: {self.reason}"
 
     @property
     def advice(self) -> str:
@@ -470,12 +466,10 @@ def unsettled(study: CrrtStudy) -> tuple[MissingBeats, ...]:
 def _grouped(policy: str, place: str, data: xr.Dataset) -> Iterator[MissingBeats]:
     """One entry for each reason; gas states of beats that were not found are left out."""
     speeds, beats = data["speed"].values, data["status"].values.astype(str)
-    gases = (
-        np.where(data["converged"], data["gas_status"], SOLVED_STATUSES[1])
-        if "gas_status" in data
-        else beats[:0]
-    )
-    for state, reasons in (("beat", beats), (GASES, gases.astype(str))):
+    kinds = {"beat": beats}
+    if "gas_status" in data:
+        kinds[GASES] = np.where(data["converged"], data["gas_status"], SOLVED_STATUSES[1]).astype(str)
+    for state, reasons in kinds.items():
         for reason in dict.fromkeys(reason for reason in reasons if reason not in SOLVED_STATUSES):
             yield MissingBeats(policy, place, tuple(speeds[reasons == reason].tolist()), reason, state=state)
 
@@ -484,9 +478,8 @@ def _primed(study: CrrtStudy) -> Iterator[MissingBeats]:
     """Schemes whose beat with the blood volume of the patient without CRRT was not found."""
     if study.uptake is None:
         return
-    for letter, status in zip(
-        study.uptake["scheme"].values.astype(str), study.uptake["status"].values.astype(str), strict=True
-    ):
+    letters, statuses = (study.uptake[name].values.astype(str) for name in ("scheme", "status"))
+    for letter, status in zip(letters, statuses, strict=True):
         if status not in (*SOLVED_STATUSES, NOT_COMPUTED):
             yield MissingBeats("patient_held", f"scheme {letter}", (study.case_speed,), status, PRIMED)
 
@@ -494,13 +487,6 @@ def _primed(study: CrrtStudy) -> Iterator[MissingBeats]:
 PRIMED = "with the volume of the patient without CRRT"
 NOT_COMPUTED = "not_computed"
 """Status of a beat that was not computed because the beat to compare with was not found."""
-
-
-def samples_without_a_beat(uncertainty: xr.Dataset) -> dict[str, int]:
-    """Number of samples without a physically possible steady beat, for schemes that have any."""
-    count = np.rint((1.0 - uncertainty["settled"].values) * uncertainty.attrs["samples"]).astype(int)
-    letters = uncertainty["scheme"].values.astype(str)
-    return {str(letter): int(n) for letter, n in zip(letters, count, strict=True) if n}
 
 
 MOST_LINES = 20
@@ -514,8 +500,7 @@ def missing_beats_text(study: CrrtStudy) -> list[str]:
     lines = []
     for entry, places in places_of.items():
         how = entry.condition or POLICY_WORDS[entry.policy].partition(":")[0]
-        reasons = speeds_without_solution(entry.speeds, [entry.status] * len(entry.speeds), entry.state)
-        lines.append(f"{_places(places)}, {how}: {reasons}")
+        lines.append(f"{_places(places)}, {how}: {entry.reason}")
     if len(lines) > MOST_LINES:
         lines = [*lines[:MOST_LINES], f"and {len(lines) - MOST_LINES} more, see the list in the JSON object"]
     if study.samples_without_a_beat and study.uncertainty is not None:
@@ -523,9 +508,8 @@ def missing_beats_text(study: CrrtStudy) -> list[str]:
         total = study.uncertainty.attrs["samples"]
         what = "Samples of the patient's parameters without a steady beat that a patient can have"
         lines.append(f"{what}, of {total}: {count}")
-    return lines + [
-        f"What this means: {advice}" for advice in dict.fromkeys(u.advice for u in study.unsettled)
-    ]
+    advice = dict.fromkeys(entry.advice for entry in study.unsettled)
+    return [*lines, *(f"What this means: {text}" for text in advice)]
 
 
 def _places(places: list[str]) -> str:

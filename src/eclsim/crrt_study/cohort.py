@@ -215,9 +215,8 @@ def crrt_cohort(
     policy = options.volume_policy or policy_of_cases(list(fitted.cases.values()))
     compute = replace(options, volume_policy=policy, rule=judged_by.as_object())
     groups = [tuple((n, fitted.cases[n]) for n in names if n in fitted.cases) for names in fitted.groups]
-    tasks = Tasks(
-        "schemes", "groups of data points", compute, groups, {**fitted.inputs, "study": vars(compute)}
-    )
+    inputs = {**fitted.inputs, "study": vars(compute)}
+    tasks = Tasks("schemes", "groups of data points", compute, groups, inputs)
     # Studies with different options have separate folders, so the fits can be reused.
     mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
     place = None if folder is None else folder / f"studies-{mark}"
@@ -311,12 +310,11 @@ def _reasons_in_other_points(study: CohortStudy, policy: str, letter: str) -> st
         return f"Elsewhere {letter} shares the first place."
     alarms = sum(not ranked.alarms_kept for ranked in not_first)
     access = sum(bool(ranked.alarms_kept) and not ranked.access_190_kept for ranked in not_first)
-    reasons = [
-        f"breaks an alarm in {alarms}" if alarms else "",
-        f"exceeds {study.rule.access_mmhg:g} mmHg of access pressure in {access}" if access else "",
-        f"ranks lower for other reasons in {len(not_first) - alarms - access}"
-        if len(not_first) > alarms + access
-        else "",
-    ]
+    reasons = {
+        "breaks an alarm": alarms,
+        f"exceeds {study.rule.access_mmhg:g} mmHg of access pressure": access,
+        "ranks lower for other reasons": len(not_first) - alarms - access,
+    }
+    listed = ", ".join(f"{reason} in {count}" for reason, count in reasons.items() if count)
     place = f"and is placed {max(ranked.places[1] for ranked in not_first if ranked.places)} at worst"
-    return f"Elsewhere {letter} {', '.join(filter(None, reasons))}, {place}."
+    return f"Elsewhere {letter} {listed}, {place}."

@@ -29,15 +29,11 @@ def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
     """Write all files to a folder, which is created if necessary, and return their paths."""
     folder.mkdir(exist_ok=True)
     drawn = svg_text(_figure(study))
+    schemes = [{"policy": p, **asdict(each)} for p in study.policies for each in summaries(study, p)]
     texts = {
-        "report.html": _page(study, drawn),
-        "cohort.json": cohort_json(study),
-        "points.csv": _csv(_point_rows(study)),
-        "schemes.csv": _csv(
-            [{"policy": p, **asdict(summary)} for p in study.policies for summary in summaries(study, p)]
-        ),
-        "ranks.svg": drawn,
-    }
+        "report.html": _page(study, drawn), "cohort.json": cohort_json(study),
+        "points.csv": _csv(_point_rows(study)), "schemes.csv": _csv(schemes), "ranks.svg": drawn,
+    }  # fmt: skip
     for name, content in texts.items():
         write_text(content, folder / name)
     return [folder / name for name in texts]
@@ -45,14 +41,12 @@ def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
 
 def cohort_json(study: CohortStudy) -> str:
     """The study as JSON text."""
+    policies = {
+        policy: {"answer": conclusion(study, policy), "schemes": list(map(asdict, summaries(study, policy)))}
+        for policy in study.policies
+    }
     content = {
-        "policies": {
-            policy: {
-                "answer": conclusion(study, policy),
-                "schemes": [asdict(summary) for summary in summaries(study, policy)],
-            }
-            for policy in study.policies
-        },
+        "policies": policies,
         "first_not_known": {policy: list(study.undecided(policy)) for policy in study.policies},
         "points": _point_rows(study),
         "parameters": study.fitted.description,
@@ -169,13 +163,7 @@ def _page(study: CohortStudy, drawn: str) -> str:
         schemes=len(study.schemes),
         answer=[*answers, _differences(study)],
         doubts=_doubts(study),
-        policy_summaries=[
-            (
-                POLICY_WORDS[policy],
-                Table(_with_bound(_HEAD, study), _scheme_rows(study, policy), numeric=range(2, len(_HEAD))),
-            )
-            for policy in study.policies
-        ],
+        policy_summaries=[(POLICY_WORDS[policy], _schemes_table(study, policy)) for policy in study.policies],
         beats_missing=bool(study.unsettled),
         main=POLICY_WORDS[main],
         ranks=drawn,
@@ -184,6 +172,10 @@ def _page(study: CohortStudy, drawn: str) -> str:
         point_table=_points_table(study),
         parameters=study.fitted.description,
     )
+
+
+def _schemes_table(study: CohortStudy, policy: str) -> Table:
+    return Table(_with_bound(_HEAD, study), _scheme_rows(study, policy), numeric=range(2, len(_HEAD)))
 
 
 def _differences(study: CohortStudy) -> str:
@@ -220,16 +212,14 @@ def _points_table(study: CohortStudy) -> Table:
     for policy in study.policies:
         policy_label = POLICY_WORDS[policy].partition(":")[0]
         head += [f"Best to worst, {policy_label}", f"MAP varies by [mmHg], {policy_label}"]
-    ordered = sorted(study.points, key=lambda point: point.flow)
-    return Table(head, [_point_cells(study, point) for point in ordered], numeric=(1, 2, 3, 4, 6, 8))
-
-
-def _point_cells(study: CohortStudy, point: PointResult) -> list[str]:
-    taken = number(point.taken_up, 0)
-    cells = [point.name, f"{point.speed:.0f}", number(point.flow, 2), number(point.pressure, 0), taken]
-    for policy in study.policies:
-        cells += [_order(point, policy), number(point.variation[policy], 1)]
-    return cells
+    rows = []
+    for point in sorted(study.points, key=lambda point: point.flow):
+        taken = number(point.taken_up, 0)
+        cells = [point.name, f"{point.speed:.0f}", number(point.flow, 2), number(point.pressure, 0), taken]
+        for policy in study.policies:
+            cells += [_order(point, policy), number(point.variation[policy], 1)]
+        rows.append(cells)
+    return Table(head, rows, numeric=(1, 2, 3, 4, 6, 8))
 
 
 # --- figure ---------------------------------------------------------------------------------------
@@ -260,13 +250,11 @@ def plot_cohort_ranks(
     height = max(34 + min(4.2 * len(names), 190.0), 85.0)
     fig = new_figure(PAGE_WIDTH_MM, height)
     left, right = fig.subplots(1, 2, width_ratios=(1.25, 1.0))
-    _draw_places(left, ranks[order], letters, [_row_name(str(names[k]), float(flows[k])) for k in order])
+    shown = [f"{flow:.1f}" if np.isfinite(flow) else "–" for flow in flows]
+    labels = [f"{plain_text(names[k], 18)}  {shown[k]}" for k in order]
+    _draw_places(left, ranks[order], letters, labels)
     _draw_flows(right, limits, letters, flows)
     return fig
-
-
-def _row_name(name: str, flow: float) -> str:
-    return f"{plain_text(name, 18)}  {f'{flow:.1f}' if np.isfinite(flow) else '–'}"
 
 
 def _draw_places(ax: Axes, ranks: np.ndarray, letters: Sequence[str], labels: Sequence[str]) -> None:

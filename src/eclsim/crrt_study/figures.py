@@ -6,7 +6,7 @@ The style follows Figures 5 and 6 of Thiel et al. 2025.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
 from eclsim.crrt_study.limits import LIMITS, Limit
+from eclsim.reporting.beat_values import two_beats
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:
@@ -22,15 +23,40 @@ if TYPE_CHECKING:
 
     from eclsim.crrt_study.schemes import Scheme
 
+Ends = Mapping[str, tuple[float, float]]
+"""Right end of each scheme's curve."""
 VESSELS = (("Psart", "systemic artery"), ("Ppart", "pulmonary artery"), ("Psvn", "systemic vein"))
 
 
-def extreme_schemes(means: xr.Dataset) -> tuple[str, str]:
+class Extremes(NamedTuple):
     """Letters of the schemes with the highest and the lowest arterial pressure; empty if none is known."""
-    pressure, letters = means["Psart"].values, means["scheme"].values.astype(str)
-    if not np.isfinite(pressure).any():
-        return "", ""
-    return str(letters[np.nanargmax(pressure)]), str(letters[np.nanargmin(pressure)])
+
+    highest: str
+    lowest: str
+
+    @classmethod
+    def of(cls, means: xr.Dataset) -> Extremes:
+        """Return the extremes of means over `scheme`."""
+        pressure, letters = means["Psart"].values, means["scheme"].values.astype(str)
+        if not np.isfinite(pressure).any():
+            return cls("", "")
+        return cls(str(letters[np.nanargmax(pressure)]), str(letters[np.nanargmin(pressure)]))
+
+    def style(self, letter: str) -> dict[str, Any]:
+        """Line style of a scheme; those with the highest and lowest arterial pressure are highlighted."""
+        if letter and letter == self.highest:
+            return {"color": HIGHEST_COLOUR, "linewidth": 1.7, "linestyle": (0, (6, 1.2)), "zorder": 4}
+        if letter and letter == self.lowest:
+            return {"color": LOWEST_COLOUR, "linewidth": 1.7, "linestyle": "-", "zorder": 4}
+        return {"color": OTHERS_COLOUR, "linewidth": 0.9, "linestyle": "-", "zorder": 3}
+
+    def colour(self, letters: Sequence[str]) -> str:
+        """Colour of a label for one or more schemes."""
+        if self.highest in letters and self.lowest not in letters:
+            return HIGHEST_COLOUR
+        if self.lowest in letters and self.highest not in letters:
+            return LOWEST_COLOUR
+        return "black" if len(letters) > 1 else GREY
 
 
 def schemes_without_beat(means: xr.Dataset) -> list[str]:
@@ -49,19 +75,19 @@ def plot_crrt_beat(
         means: cycle means over `scheme` at the same speed.
         rule_limits: limits to draw.
     """
-    highest, lowest = extreme_schemes(means)
-    fig, grid = _four_panels(_longest_label(means, highest, lowest))
-    _draw_vessels(grid[0, 0], waveforms, highest, lowest)
-    _draw_loops(grid[0, 1], waveforms, highest, lowest)
+    extremes = Extremes.of(means)
+    fig, grid = _four_panels(_longest_label(means, extremes))
+    _draw_vessels(grid[0, 0], waveforms, extremes)
+    _draw_loops(grid[0, 1], waveforms, extremes)
     for ax, (line, signal) in zip(grid[1], _PRESSURES.items(), strict=True):
-        _finish_line(ax, line, _curves(ax, waveforms, signal, highest, lowest), highest, lowest, rule_limits)
-    explain_colours(grid[0, 0], highest, lowest, missing=schemes_without_beat(means))
+        _finish_line(ax, line, _curves(ax, waveforms, signal, extremes), extremes, rule_limits)
+    explain_colours(grid[0, 0], extremes, missing=schemes_without_beat(means))
     return fig
 
 
-def _longest_label(means: xr.Dataset, highest: str, lowest: str) -> int:
+def _longest_label(means: xr.Dataset, extremes: Extremes) -> int:
     """Number of characters of the longest label beside a curve."""
-    return 9 if means.sizes["scheme"] <= MOST_LABELS else len(f"{highest} {lowest}")
+    return 9 if means.sizes["scheme"] <= MOST_LABELS else len(" ".join(extremes))
 
 
 def _four_panels(characters: int, legend_rows: int = 2) -> tuple[Figure, np.ndarray]:
@@ -82,30 +108,21 @@ def _four_panels(characters: int, legend_rows: int = 2) -> tuple[Figure, np.ndar
     return fig, grid
 
 
-def two_beats(waveforms: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Time [s] and values, shape (schemes, points), of a waveform over two beats."""
-    time = waveforms["time"].values
-    values = waveforms[name].transpose("scheme", "phase").values
-    return np.r_[time, time[1:] + time[-1]], np.concatenate([values, values[:, 1:]], axis=1)
-
-
-def _curves(
-    ax: Axes, waveforms: xr.Dataset, name: str, highest: str, lowest: str
-) -> dict[str, tuple[float, float]]:
-    time, values = two_beats(waveforms, name)
-    letters = waveforms["scheme"].values.astype(str)
-    for letter, row in zip(letters, values, strict=True):
-        ax.plot(time, row, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+def _curves(ax: Axes, waveforms: xr.Dataset, name: str, extremes: Extremes) -> Ends:
+    time, values = two_beats(waveforms.transpose("phase", "scheme", ...), name)
+    by_letter = dict(zip(waveforms["scheme"].values.astype(str), values.T, strict=True))
+    for letter, row in by_letter.items():
+        ax.plot(time, row, **extremes.style(letter))
     ax.set_xlim(time[0], time[-1])
     ax.set_xlabel("Time [s]")
     ax.set_ylabel("Pressure [mmHg]")
-    return {letter: (float(time[-1]), float(row.mean())) for letter, row in zip(letters, values, strict=True)}
+    return {letter: (float(time[-1]), float(row.mean())) for letter, row in by_letter.items()}
 
 
-def _draw_vessels(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
+def _draw_vessels(ax: Axes, waveforms: xr.Dataset, extremes: Extremes) -> None:
     for name, label in VESSELS:
-        _curves(ax, waveforms, name, highest, lowest)
-        _, values = two_beats(waveforms, name)
+        _curves(ax, waveforms, name, extremes)
+        values = waveforms[name].values
         values = values[np.isfinite(values)]
         if len(values):
             _name_vessel(ax, name, label, float(values.min()), float(values.max()))
@@ -122,11 +139,11 @@ def _name_vessel(ax: Axes, name: str, label: str, lowest: float, highest: float)
     )  # fmt: skip
 
 
-def _draw_loops(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
+def _draw_loops(ax: Axes, waveforms: xr.Dataset, extremes: Extremes) -> None:
     volumes, pressures = (waveforms[n].transpose("scheme", "phase").values for n in ("Vrv", "Prv"))
     letters = waveforms["scheme"].values.astype(str)
     for letter, volume, pressure in zip(letters, volumes, pressures, strict=True):
-        ax.plot(volume, pressure, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+        ax.plot(volume, pressure, **extremes.style(letter))
     ax.set_xlabel("Right-ventricular volume [mL]")
     ax.set_ylabel("Right-ventricular pressure [mmHg]")
     ax.set_title("b) Right ventricle", loc="left")
@@ -135,13 +152,10 @@ def _draw_loops(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> N
 _PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
 
 
-def _finish_line(
-    ax: Axes, line: str, ends: Mapping[str, tuple[float, float]], highest: str, lowest: str,
-    rule_limits: tuple[Limit, ...],
-) -> None:  # fmt: skip
+def _finish_line(ax: Axes, line: str, ends: Ends, extremes: Extremes, rule_limits: tuple[Limit, ...]) -> None:
     """Add alarm limits, letters at the ends of the curves, and title to the panel of a line."""
     _alarms(ax, line, rule_limits)
-    label_ends(ax, ends, highest, lowest)
+    label_ends(ax, ends, extremes)
     ax.set_title({"access": "c) Access line", "return": "d) Return line"}[line], loc="left")
 
 
@@ -169,11 +183,11 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float, rule_limits: tuple[Li
         case_speed: speed that is marked [rpm]; it also determines which schemes are highlighted.
         rule_limits: limits to draw.
     """
-    highest, lowest = extreme_schemes(means.sel(speed=case_speed))
+    extremes = Extremes.of(means.sel(speed=case_speed))
     gaps = bool(np.isnan(means["Psart"].values).any())
-    fig, grid = _four_panels(_longest_label(means, highest, lowest), 3 if gaps else 2)
+    fig, grid = _four_panels(_longest_label(means, extremes), 3 if gaps else 2)
     for name, label in VESSELS:
-        _over_flow(grid[0, 0], means, name, highest, lowest)
+        _over_flow(grid[0, 0], means, name, extremes)
         some = means[name].dropna("speed", how="all")
         if some.sizes["speed"]:
             start = some.isel(speed=0)
@@ -181,30 +195,26 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float, rule_limits: tuple[Li
             _name_vessel(grid[0, 0], name, label, float(start.min()), highest_start)
     grid[0, 0].set_ylim(bottom=min(-9.0, grid[0, 0].get_ylim()[0]))
     grid[0, 0].set_title("a) Patient", loc="left")
-    label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", highest, lowest), highest, lowest)
+    label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", extremes), extremes)
     suction = next(limit.low for limit in rule_limits if limit.name == "suction")
     limit_line(grid[0, 1], suction, f"suction feared below {suction:g}".replace("-", "−"), dotted=True)
     grid[0, 1].set_title("b) ECMO drainage cannula", loc="left")
     for ax, (line, signal) in zip(grid[1], _PRESSURES.items(), strict=True):
-        _finish_line(ax, line, _over_flow(ax, means, signal, highest, lowest), highest, lowest, rule_limits)
+        _finish_line(ax, line, _over_flow(ax, means, signal, extremes), extremes, rule_limits)
     at = means["PF"].sel(speed=case_speed).median().item()
     for ax in grid.flat if np.isfinite(at) else ():
         ax.axvline(at, color=GREY, linewidth=0.6, zorder=1)
     mark = "ECMO flow of the case" if np.isfinite(at) else None
-    explain_colours(
-        grid[0, 0], highest, lowest, mark, schemes_without_beat(means.sel(speed=case_speed)), gaps
-    )
+    explain_colours(grid[0, 0], extremes, mark, schemes_without_beat(means.sel(speed=case_speed)), gaps)
     return fig
 
 
-def _over_flow(
-    ax: Axes, means: xr.Dataset, name: str, highest: str, lowest: str
-) -> dict[str, tuple[float, float]]:
+def _over_flow(ax: Axes, means: xr.Dataset, name: str, extremes: Extremes) -> Ends:
     ends = {}
     values_of = {n: means[n].transpose("scheme", "speed").values for n in (name, "PF")}
     for k, letter in enumerate(means["scheme"].values.astype(str)):
-        flow, values, look = values_of["PF"][k], values_of[name][k], style_of(letter, highest, lowest)
-        ax.plot(flow, values, **look)  # pyright: ignore[reportArgumentType] - keywords of a line
+        flow, values, look = values_of["PF"][k], values_of[name][k], extremes.style(letter)
+        ax.plot(flow, values, **look)
         mark_gaps(ax, flow, values, look["color"])
         known = np.flatnonzero(np.isfinite(flow) & np.isfinite(values))
         if len(known):
@@ -323,29 +333,11 @@ MOST_LABELS = 12
 """With more schemes than this, only the highest and the lowest curves are labelled."""
 
 
-def style_of(letter: str, highest: str, lowest: str) -> dict[str, object]:
-    """Line style of a scheme; those with the highest and lowest arterial pressure are highlighted."""
-    if letter and letter == highest:
-        return {"color": HIGHEST_COLOUR, "linewidth": 1.7, "linestyle": (0, (6, 1.2)), "zorder": 4}
-    if letter and letter == lowest:
-        return {"color": LOWEST_COLOUR, "linewidth": 1.7, "linestyle": "-", "zorder": 4}
-    return {"color": OTHERS_COLOUR, "linewidth": 0.9, "linestyle": "-", "zorder": 3}
-
-
-def colour_of(letters: Sequence[str], highest: str, lowest: str) -> str:
-    """Colour of a label for one or more schemes."""
-    if highest in letters and lowest not in letters:
-        return HIGHEST_COLOUR
-    if lowest in letters and highest not in letters:
-        return LOWEST_COLOUR
-    return "black" if len(letters) > 1 else GREY
-
-
-def label_ends(ax: Axes, ends: Mapping[str, tuple[float, float]], highest: str, lowest: str) -> None:
+def label_ends(ax: Axes, ends: Ends, extremes: Extremes) -> None:
     """Write letters at the right ends of curves; curves with the same end share a label."""
     shown = {k: v for k, v in ends.items() if np.isfinite(v).all()}
     if len(shown) > MOST_LABELS:
-        shown = {k: v for k, v in shown.items() if k in (highest, lowest)}
+        shown = {k: v for k, v in shown.items() if k in extremes}
     bottom, top = ax.get_ylim()
     gap = 0.06 * (top - bottom)
     clusters: list[list[str]] = []
@@ -361,8 +353,8 @@ def label_ends(ax: Axes, ends: Mapping[str, tuple[float, float]], highest: str, 
         text = "all" if len(cluster) == len(ends) > 2 else plain_text(" ".join(sorted(cluster)), 40)
         ax.annotate(
             text, (max(shown[k][0] for k in cluster), height), xytext=(3, 0), textcoords="offset points",
-            va="center", ha="left", fontsize=7.5, color=colour_of(cluster, highest, lowest),
-            fontweight="bold" if {highest, lowest} & set(cluster) else "normal", annotation_clip=False,
+            va="center", ha="left", fontsize=7.5, color=extremes.colour(cluster),
+            fontweight="bold" if {*extremes} & set(cluster) else "normal", annotation_clip=False,
         )  # fmt: skip
 
 
@@ -396,38 +388,28 @@ GAP_LABEL = "not known beyond: no steady beat found"
 
 
 def explain_colours(
-    ax: Axes,
-    highest: str,
-    lowest: str,
-    mark: str | None = None,
-    missing: Sequence[str] = (),
-    gaps: bool = False,
+    ax: Axes, extremes: Extremes, mark: str | None = None, missing: Sequence[str] = (), gaps: bool = False
 ) -> None:
     """Add a legend below the figure.
 
     Args:
         ax: one of the figure's axes.
-        highest: scheme with the highest arterial pressure; empty if none is known.
-        lowest: scheme with the lowest arterial pressure; empty if none is known.
+        extremes: schemes that are highlighted.
         mark: name of the thin vertical line, if there is one.
         missing: schemes whose beat at the case's speed was not found.
         gaps: whether curves end in hollow circles.
     """
     among = " of those known" if missing else ""
-    shown = [
-        (highest, f"{plain_text(highest, 30)}: highest arterial pressure{among}"),
-        (lowest, f"{plain_text(lowest, 30)}: lowest arterial pressure{among}"),
-        ("", "other schemes"),
-    ]
-    shown = [entry for entry in shown if highest or not entry[0]][0 if highest else 2 :]
-    handles = [Line2D([], [], **style_of(letter, highest, lowest)) for letter, _ in shown]  # pyright: ignore[reportArgumentType] - keywords of a line
-    texts = [text for _, text in shown]
+    shown = [*zip(extremes, ("highest", "lowest"), strict=True)] if extremes.highest else []
+    handles = [Line2D([], [], **extremes.style(letter)) for letter in (*(k for k, _ in shown), "")]
+    texts = [f"{plain_text(k, 30)}: {word} arterial pressure{among}" for k, word in shown]
+    texts.append("other schemes")
     if mark is not None:
         handles.append(Line2D([], [], color=GREY, linewidth=0.6))
         texts.append(mark)
     if gaps:
-        look = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": "black"}
-        handles.append(Line2D([], [], linestyle="none", **look))  # pyright: ignore[reportArgumentType] - keywords of a line
+        look: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"}
+        handles.append(Line2D([], [], linestyle="none", markersize=3.6, **look))
         texts.append(GAP_LABEL)
     if missing:
         handles.append(Line2D([], [], linestyle="none"))
@@ -489,9 +471,8 @@ def draw_scheme(ax: Axes, scheme: Scheme, place: str | None = None) -> None:
     title = f"{plain_text(scheme.letter, 20)})" + _rank(place)
     ax.text(-0.3, 1.85, title, fontsize=8.5, fontweight="bold", va="center")
     ax.text(-0.3, 1.2, plain_text(scheme.name, 46), fontsize=6.4, va="center", color="black")
-    ax.annotate(
-        "", (9.9, 0), (-0.3, 0), arrowprops={"arrowstyle": "->", "color": ECMO_COLOUR, "linewidth": 1.6}
-    )
+    arrow = {"arrowstyle": "->", "color": ECMO_COLOUR, "linewidth": 1.6}
+    ax.annotate("", (9.9, 0), (-0.3, 0), arrowprops=arrow)
     ax.add_patch(Circle((PUMP, 0), 0.45, facecolor="white", edgecolor=ECMO_COLOUR, linewidth=1.2, zorder=3))
     ax.text(PUMP, 0, "P", ha="center", va="center", fontsize=6.5, zorder=4)
     box = Rectangle((OXYGENATOR - 0.55, -0.42), 1.1, 0.84, facecolor="white", edgecolor=ECMO_COLOUR, zorder=3)

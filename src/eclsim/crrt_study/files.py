@@ -83,19 +83,14 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
         "crrt_flow_ml_min": study.crrt_flow_ml_min,
         "rule": {**study.rule.as_object(), "in_words": [c.sentence for c in study.rule.criteria]},
         "not_known": [
-            {
-                "policy": entry.policy,
-                "of": entry.place,
-                "speeds_rpm": entry.speeds,
-                "status": entry.status,
-                "message": f"{entry.sentence}; {entry.advice}",
-            }
+            {"policy": entry.policy, "of": entry.place, "speeds_rpm": entry.speeds, "status": entry.status,
+             "message": f"{entry.sentence}; {entry.advice}"}
             for entry in study.unsettled
         ],
         "assumed": list(study.assumed),
         "warnings": list(study.warnings),
         "policies": {policy: _policy(study, policy) for policy in study.policies},
-    }
+    }  # fmt: skip
     if study.uncertainty is not None:
         content["uncertainty"] = _uncertainty(study.uncertainty)
     return {key: finite(value) for key, value in content.items()}
@@ -122,38 +117,28 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
     for scheme in study.schemes:
         scheme_means = means.sel(scheme=scheme.letter)
         schemes[scheme.letter] = {
-            "name": scheme.name,
-            "access_site": scheme.access_site,
-            "return_site": scheme.return_site,
-            "note": scheme.note,
-            "returns_behind_oxygenator": scheme.returns_behind_oxygenator,
+            "name": scheme.name, "access_site": scheme.access_site, "return_site": scheme.return_site,
+            "note": scheme.note, "returns_behind_oxygenator": scheme.returns_behind_oxygenator,
             "means": _values(scheme_means, _names(study)),
             "patient_volume_change_ml": scheme_means["patient_volume_change"].item(),
             **_values(scheme_means, _states(scheme_means)),
-        }
+        }  # fmt: skip
         if study.uptake is not None and policy == AS_PUBLISHED:
             split = study.uptake.sel(scheme=scheme.letter)
-            schemes[scheme.letter]["difference_to_no_crrt"] = {
-                **{
-                    name: _values(split, {p: f"{name}_{p}" for p in DIFFERENCES}) for name in SPLIT_QUANTITIES
-                },
-                **_values(split, {"blood_taken_up_ml": "blood_taken_up", "status": "status"}),
-            }
+            parts = {n: _values(split, {p: f"{n}_{p}" for p in DIFFERENCES}) for n in SPLIT_QUANTITIES}
+            whole = _values(split, {"blood_taken_up_ml": "blood_taken_up", "status": "status"})
+            schemes[scheme.letter]["difference_to_no_crrt"] = parts | whole
     best = first_choice(study.ranking[policy])
+    known = [*(n for n in MEANS if n in without_crrt), *_states(without_crrt)]
     return {
-        "speed_rpm": study.case_speed,
-        "schemes": schemes,
-        "without_crrt": _values(
-            without_crrt, [*(n for n in MEANS if n in without_crrt), *_states(without_crrt)]
-        ),
-        "summary": _summary(study.summary.sel(at_case)),
-        "speeds": _at_speeds(study, policy),
+        "speed_rpm": study.case_speed, "schemes": schemes, "without_crrt": _values(without_crrt, known),
+        "summary": _summary(study.summary.sel(at_case)), "speeds": _at_speeds(study, policy),
         "limits": _limits(study.limits.sel(policy=policy), study.rule.limits),
         "first_choice": None if best is None else best.letter,
         "first_choice_in_words": choice_text(study, policy),
         "ranking": [asdict(ranked) for ranked in study.ranking[policy]],
         **({"renox": compared_with_schemes(study, policy)} if study.renox is not None else {}),
-    }
+    }  # fmt: skip
 
 
 def _summary(summary: xr.Dataset) -> dict[str, object]:
@@ -169,17 +154,12 @@ def _at_speeds(study: CrrtStudy, policy: str) -> list[dict[str, object]]:
     means = study.means.sel(policy=policy)
     names = (*_states(means), *_names(study))
     values = {name: means[name].transpose("scheme", "speed").values.tolist() for name in names}
-    letters = means["scheme"].values.tolist()
-    return [
-        {
-            "speed_rpm": speed,
-            "schemes": {
-                letter: {name: values[name][s][k] for name in names} for s, letter in enumerate(letters)
-            },
-            "summary": _summary(study.summary.sel(policy=policy, speed=speed)),
-        }
-        for k, speed in enumerate(means["speed"].values.tolist())
-    ]
+    letters, rows = means["scheme"].values.tolist(), []
+    for k, speed in enumerate(means["speed"].values.tolist()):
+        schemes = {letter: {n: values[n][s][k] for n in names} for s, letter in enumerate(letters)}
+        summary = _summary(study.summary.sel(policy=policy, speed=speed))
+        rows.append({"speed_rpm": speed, "schemes": schemes, "summary": summary})
+    return rows
 
 
 _LIMIT_KEYS = {
@@ -195,12 +175,10 @@ def _limits(limits: xr.Dataset, rule_limits: Sequence[Limit]) -> dict[str, objec
                      "meaning": limit.meaning}
         for limit in rule_limits
     }  # fmt: skip
+    names, letters = (limits[dim].values.tolist() for dim in ("limit", "scheme"))
     schemes = {
-        letter: {
-            name: _values(limits.sel(scheme=letter, limit=name), _LIMIT_KEYS)
-            for name in limits["limit"].values.tolist()
-        }
-        for letter in limits["scheme"].values.tolist()
+        letter: {name: _values(limits.sel(scheme=letter, limit=name), _LIMIT_KEYS) for name in names}
+        for letter in letters
     }
     return {"definitions": definitions, "schemes": schemes}
 
@@ -234,14 +212,11 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
         ["schemes_known", *(f"{name}_{statistic}" for name in SUMMARISED for statistic in STATISTICS)]
     ]
     about = ("policy", "scheme", "connection", "access_site", "return_site", "speed")
+    by_speed = _frame(summary, ("policy", "speed")).rename(columns={"schemes_known [1]": "schemes_known"})
     result = {
-        "means": _frame(means, about),
-        "summary": _frame(summary, ("policy", "speed")).rename(
-            columns={"schemes_known [1]": "schemes_known"}
-        ),
-        "limits": _frame(study.limits),
+        "means": _frame(means, about), "summary": by_speed, "limits": _frame(study.limits),
         "ranking": ranking_table(study),
-    }
+    }  # fmt: skip
     return result if study.uptake is None else result | {"uptake": _frame(study.uptake)}
 
 
@@ -259,25 +234,19 @@ def ranking_table(study: CrrtStudy) -> pd.DataFrame:
     """Table with one row for each policy and scheme, best first; rank is empty if not known."""
     import pandas as pd
 
-    rows = []
-    for policy, ranked in study.ranking.items():
-        for scheme in ranked:
-            rows.append(
-                {
-                    "policy": policy,
-                    "rank": scheme.rank,
-                    "scheme": scheme.letter,
-                    "best_place": scheme.places and scheme.places[0],
-                    "worst_place": scheme.places and scheme.places[1],
-                    "largest_flow [L/min]": scheme.largest_flow,
-                    "flow_at_most [L/min]": scheme.flow_at_most,
-                    "kept_at_the_largest_speed": scheme.throughout,
-                    "margin [mmHg]": scheme.margin,
-                    "decided_by": scheme.decided_by,
-                    "why_no_rank": scheme.why_no_rank,
-                    "reasons": "; ".join(scheme.reasons),
-                }
-            )
+    rows = [
+        {
+            "policy": policy, "rank": scheme.rank, "scheme": scheme.letter,
+            "best_place": scheme.places and scheme.places[0],
+            "worst_place": scheme.places and scheme.places[1],
+            "largest_flow [L/min]": scheme.largest_flow, "flow_at_most [L/min]": scheme.flow_at_most,
+            "kept_at_the_largest_speed": scheme.throughout, "margin [mmHg]": scheme.margin,
+            "decided_by": scheme.decided_by, "why_no_rank": scheme.why_no_rank,
+            "reasons": "; ".join(scheme.reasons),
+        }
+        for policy, ranked in study.ranking.items()
+        for scheme in ranked
+    ]  # fmt: skip
     places = ("rank", "best_place", "worst_place")
     return pd.DataFrame(rows).astype(dict.fromkeys(places, "Int64"))
 

@@ -148,12 +148,10 @@ def largest_flows(
 _COLUMNS = {
     "largest_flow": ("flow", {"units": "L/min", "long_name": "largest ECMO flow known to keep the limit"}),
     "largest_speed": ("speed", {"units": "rpm", "long_name": "pump speed at that flow"}),
-    "flow_at_most": (
-        "flow_at_most",
-        {"units": "L/min", "long_name": "flow that may keep the limit, at most"},
-    ),
+    "flow_at_most":
+        ("flow_at_most", {"units": "L/min", "long_name": "flow that may keep the limit, at most"}),
     "state": ("state", {"long_name": "how far the limit is kept"}),
-}
+}  # fmt: skip
 
 
 def _margins(values: Mapping[str, np.ndarray], rule_limits: tuple[Limit, ...]) -> dict[str, np.ndarray]:
@@ -222,11 +220,8 @@ def limit_range_text(reach: LimitRange, missing: str, noun: str = "its limits") 
         return f"keeps {noun} at no speed whose beat was found{doubt}"
     text = f"keeps {noun} up to {reach.flow:.1f} L/min"
     if reach.state == NOT_KNOWN_ABOVE:
-        further = (
-            f" up to {reach.flow_at_most:.1f} L/min, where it is broken"
-            if reach.flow_at_most < np.inf
-            else ""
-        )
+        further = f" up to {reach.flow_at_most:.1f} L/min, where it is broken"
+        further = further if reach.flow_at_most < np.inf else ""
         text += f" ({reach.speed:.0f} rpm); above that it is not known{further}: {missing}"
     elif reach.state == KEPT_TO_THE_END:
         text += f", the largest flow studied{doubt}"
@@ -295,12 +290,9 @@ def uncertainty(
     counts = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
     known, total = settled.sum(axis=1)[:, None], settled.shape[1]
     dims = ("scheme", "limit")
+    of_known = np.where(known > 0, counts / np.maximum(known, 1), np.nan)
     data: Variables = {
-        "probability_kept": (
-            dims,
-            np.where(known > 0, counts / np.maximum(known, 1), np.nan),
-            {"units": "1"},
-        ),
+        "probability_kept": (dims, of_known, {"units": "1"}),
         "probability_at_least": (dims, counts / total, {"units": "1"}),
         "probability_at_most": (dims, (counts + total - known) / total, {"units": "1"}),
         "settled": (("scheme",), settled.mean(axis=1), {"units": "1"}),
@@ -310,11 +302,8 @@ def uncertainty(
             warnings.filterwarnings("ignore", message="All-NaN")
             quantiles = np.nanquantile(values(name), QUANTILES, axis=1).T
         data[f"{name}_quantiles"] = (("scheme", "quantile"), quantiles, {})
-    coordinates = {
-        "scheme": [s.letter for s in circuits.schemes],
-        "limit": list(margins),
-        "quantile": list(QUANTILES),
-    }
+    letters = [s.letter for s in circuits.schemes]
+    coordinates = {"scheme": letters, "limit": list(margins), "quantile": list(QUANTILES)}
     attributes = {"blood_volume_policy": policy, "samples": settled.shape[1], "speed_rpm": speed}
     return xr.Dataset(data, coordinates, attributes)
 
@@ -350,10 +339,8 @@ def beat_warnings(
                 schemes.setdefault(key, []).append(scheme.letter)
                 first.setdefault(key, *sentences([finding]))
     known = {(finding.kind, finding.quantity) for finding in alone}
-    own = (
-        f"without CRRT: {sentence}"
-        for sentence in sentences(f for f in alone if f.quantity not in LIMITED_OUTPUTS)
-    )
+    further = (finding for finding in alone if finding.quantity not in LIMITED_OUTPUTS)
+    own = (f"without CRRT: {sentence}" for sentence in sentences(further))
     more = (
         f"scheme {', '.join(schemes[key])}: {sentence}" for key, sentence in first.items() if key not in known
     )

@@ -198,20 +198,14 @@ def _assessed(means: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule)
         name: float(means[name]) for name in (*quantities, "recirculated_fraction") if name not in numbers
     }
     ranked = Ranked(
-        letter=scheme.letter,
-        rank=None,
-        alarms_kept=None if missing else numbers["alarms"] >= 0.0,
+        letter=scheme.letter, rank=None, alarms_kept=None if missing else numbers["alarms"] >= 0.0,
         access_190_kept=None if missing else margin["access_190"] >= 0.0,
-        lowest_site_pressure=numbers["lowest_site_pressure"],
-        largest_flow=numbers[FLOW],
-        throughout=limit["state"].item() == KEPT_TO_THE_END,
-        recirculated=numbers["recirculated_fraction"],
-        margin=numbers["margin"],
-        reasons=(),
-        flow_at_most=float(limit["flow_at_most"]),
+        lowest_site_pressure=numbers["lowest_site_pressure"], largest_flow=numbers[FLOW],
+        throughout=limit["state"].item() == KEPT_TO_THE_END, recirculated=numbers["recirculated_fraction"],
+        margin=numbers["margin"], reasons=(), flow_at_most=float(limit["flow_at_most"]),
         why_no_rank=f"no place: {missing}" if missing else "",
         numbers={name: numbers[name] for name in quantities},
-    )
+    )  # fmt: skip
     return replace(ranked, reasons=tuple(_sentences(ranked, means, limit["in_words"].item(), scheme, rule)))
 
 
@@ -275,11 +269,6 @@ def choice_text(study: CrrtStudy, policy: str) -> list[str]:
     if best is not None:
         left_out = [*_alternatives_text(study, ranking, best), *left_out]
         tied = ties(ranking)
-        equal = (
-            [f"schemes {joined_with_and(tied)} share its place: the rule does not tell them apart"]
-            if tied
-            else []
-        )
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
         if not unknown:
             second = next((r for r in ranking if r.decided_by), None)
@@ -294,7 +283,8 @@ def choice_text(study: CrrtStudy, policy: str) -> list[str]:
             return [f"First choice for this patient: {name}", *by, *best.reasons, *left_out]
         of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
-        return [answer, *equal, *best.reasons, *left_out]
+        share = f"schemes {joined_with_and(tied)} share its place: the rule does not tell them apart"
+        return [answer, *[share] * bool(tied), *best.reasons, *left_out]
     possible = candidates(ranking)
     if not possible:
         return ["No scheme can be ranked", *left_out]

@@ -149,13 +149,9 @@ def _ranking_table(study: CrrtStudy, policy: str) -> Table:
         for r in study.ranking[policy]
     ]  # fmt: skip
     head = [
-        "Rank",
-        "Scheme",
-        "Access – return",
-        "Limits kept up to [L/min]",
-        "What the one above does better",
+        "Rank", "Scheme", "Access – return", "Limits kept up to [L/min]", "What the one above does better",
         "Why",
-    ]
+    ]  # fmt: skip
     return Table(head, rows, numeric=(0, 3))
 
 
@@ -172,12 +168,10 @@ EXCHANGE_COLUMNS = (
         Column("effluent_pressure", "Effluent pressure [mmHg]", 0),
     ),
     (
-        Column("SreturnO2", "SO2 from the ECMO [%]", 1),
-        Column("PreturnCO2", "PCO2 from the ECMO [mmHg]", 1),
-        Column("SaO2", "SaO2 [%]", 1),
-        Column("PaCO2", "PaCO2 [mmHg]", 1),
+        Column("SreturnO2", "SO2 from the ECMO [%]", 1), Column("PreturnCO2", "PCO2 from the ECMO [mmHg]", 1),
+        Column("SaO2", "SaO2 [%]", 1), Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
-)
+)  # fmt: skip
 """Columns for the effect of the CRRT on the blood, one table for each group that a study has."""
 
 
@@ -195,19 +189,17 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
 
 RENOX_COLUMNS = (
     (
-        Column("access_mmhg", "Access [mmHg]", 0),
-        Column("return_mmhg", "Return [mmHg]", 0),
-        Column("blood_taken_up_ml", "Blood taken up [mL]", 0),
-        Column("effluent_pressure_mmhg", "Effluent pressure [mmHg]", 0),
+        Column("access_mmhg", "Access [mmHg]"), Column("return_mmhg", "Return [mmHg]"),
+        Column("blood_taken_up_ml", "Blood taken up [mL]"),
+        Column("effluent_pressure_mmhg", "Effluent pressure [mmHg]"),
         Column("open_effluent_l_h", "Filtered with an open effluent [L/h]", 1),
     ),
     (
         Column("urea_ml_min", "Urea cleared [mL/min]", 1),
         Column("filtration_fraction", "Filtration fraction [%]", 1, 100.0),
-        Column("SaO2", "SaO2 [%]", 1),
-        Column("PaCO2", "PaCO2 [mmHg]", 1),
+        Column("SaO2", "SaO2 [%]", 1), Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
-)
+)  # fmt: skip
 """Quantities compared with RenOx, in tables that fit a page; names are keys in JSON."""
 KEPT_LABELS: dict[float | bool | None, str] = {True: "kept", False: "broken", None: "not known"}
 
@@ -227,10 +219,7 @@ def _means_table(study: CrrtStudy, policy: str) -> Table:
     means, summary = study.means.sel(at_case), study.summary.sel(at_case)
     of, percent = _of_schemes(study, summary), [column._replace(decimals=1) for column in MEAN_COLUMNS]
     rows = [
-        *(
-            [letter, *_cells(means.sel(scheme=letter), MEAN_COLUMNS)]
-            for letter in means["scheme"].values.astype(str)
-        ),
+        *([k, *_cells(means.sel(scheme=k), MEAN_COLUMNS)] for k in means["scheme"].values.astype(str)),
         ["no CRRT", *_cells(study.without_crrt.sel(at_case), MEAN_COLUMNS)],
         [f"median{of}", *_cells(summary, MEAN_COLUMNS, "_median")],
         [f"variation{of}", *_cells(summary, MEAN_COLUMNS, "_variation")],
@@ -272,17 +261,10 @@ def _limits_table(study: CrrtStudy, policy: str) -> Table:
         cells = []
         for name in ("access_alarm", "return_alarm", "access_190", "suction", "crrt"):
             data = limits.sel(scheme=ranked.letter, limit=name)
-            to_the_end = data["state"].item() == KEPT_TO_THE_END
-            cells.append(
-                limit_flow_text(float(data["largest_flow"]), float(data["flow_at_most"]), to_the_end)
-            )
-        rows.append(
-            [
-                ranked.letter,
-                *cells,
-                number(float(limits["margin"].sel(scheme=ranked.letter, limit="crrt")), 0),
-            ]
-        )
+            flow, at_most = float(data["largest_flow"]), float(data["flow_at_most"])
+            cells.append(limit_flow_text(flow, at_most, data["state"].item() == KEPT_TO_THE_END))
+        margin = limits["margin"].sel(scheme=ranked.letter, limit="crrt")
+        rows.append([ranked.letter, *cells, number(float(margin), 0)])
     bounds = {limit.name: (f"{limit.low:g}", f"{limit.high:g}") for limit in study.rule.limits}
     head = [
         "Scheme",
@@ -366,44 +348,34 @@ _PARTS = ("difference", "flow")
 
 def drawings(study: CrrtStudy) -> dict[str, str]:
     """All figures by name, for the first policy studied."""
-    from eclsim.crrt_study.figures import (
-        draw_schemes,
-        plot_crrt_beat,
-        plot_crrt_limits,
-        plot_crrt_speeds,
-        plot_crrt_uptake,
-    )
+    from eclsim.crrt_study import figures
 
     policy, speed = study.policies[0], study.case_speed
-    means = study.means.sel(policy=policy)
+    means, waves = study.means.sel(policy=policy), study.waveforms.sel(policy=policy)
     ranked, rule_limits = study.ranking[policy], study.rule.limits
     best_first = [r.letter for r in ranked]
     flow = float(study.without_crrt["PF"].sel(policy=policy, speed=speed))
-    figures = {
-        "schemes": draw_schemes(study.schemes, {r.letter: place(r) for r in ranked}),
-        "beat": plot_crrt_beat(study.waveforms.sel(policy=policy), means.sel(speed=speed), rule_limits),
-        "speeds": plot_crrt_speeds(means, speed, rule_limits),
-        "limits": plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first, rule_limits),
+    drawn = {
+        "schemes": figures.draw_schemes(study.schemes, {r.letter: place(r) for r in ranked}),
+        "beat": figures.plot_crrt_beat(waves, means.sel(speed=speed), rule_limits),
+        "speeds": figures.plot_crrt_speeds(means, speed, rule_limits),
+        "limits": figures.plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first, rule_limits),
     }
     if study.uptake is not None:
-        figures["uptake"] = plot_crrt_uptake(
-            study.uptake, study.means.sel(speed=speed), study.without_crrt.sel(speed=speed)
-        )
-    return {name: svg_text(drawing) for name, drawing in figures.items()}
+        at_speed = study.means.sel(speed=speed), study.without_crrt.sel(speed=speed)
+        drawn["uptake"] = figures.plot_crrt_uptake(study.uptake, *at_speed)
+    return {name: svg_text(drawing) for name, drawing in drawn.items()}
 
 
 # --- terminal -------------------------------------------------------------------------------------
 
 
 _COLUMNS = (
-    Column("Psart", "arterial\nmmHg", 1),
-    Column("Psvn", "venous\nmmHg", 1),
-    Column("Pcrrttuin", "access\nmmHg", 0),
-    Column("Pcrrttuout", "return\nmmHg", 0),
-    Column("Pecmodrain", "drainage\nmmHg", 0),
-    Column("PF", "ECMO\nL/min", 2),
-    Column("patient_volume_change", "blood volume\nmL", 0),
-)
+    Column("Psart", "arterial\nmmHg", 1), Column("Psvn", "venous\nmmHg", 1),
+    Column("Pcrrttuin", "access\nmmHg"), Column("Pcrrttuout", "return\nmmHg"),
+    Column("Pecmodrain", "drainage\nmmHg"), Column("PF", "ECMO\nL/min", 2),
+    Column("patient_volume_change", "blood volume\nmL"),
+)  # fmt: skip
 
 
 def show(study: CrrtStudy) -> None:

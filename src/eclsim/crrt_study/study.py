@@ -120,9 +120,10 @@ class CrrtStudy:
     @property
     def samples_without_a_beat(self) -> dict[str, int]:
         """Number of samples of the patient's parameters without a steady beat, for schemes that have any."""
-        from eclsim.crrt_study.beats import samples_without_a_beat
-
-        return {} if self.uncertainty is None else samples_without_a_beat(self.uncertainty)
+        if (found := self.uncertainty) is None:
+            return {}
+        counts = np.rint((1.0 - found["settled"].values) * found.attrs["samples"]).astype(int).tolist()
+        return {k: n for k, n in zip(found["scheme"].values.tolist(), counts, strict=True) if n}
 
 
 def crrt_study(
