@@ -4,8 +4,7 @@ import pytest
 
 from eclsim.app.files import export, parse_file
 from eclsim.app.knobs import connect, turn
-from eclsim.app.marks import opened_state
-from eclsim.app.provenance import MOST_NAMED, changes, kind_of, provenance, title_of
+from eclsim.app.provenance import MOST_NAMED, changes, kind_of, opened_state, provenance, title_of
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.case import Measurements
 from eclsim.cases.fit_mark import with_mark

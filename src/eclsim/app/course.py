@@ -13,8 +13,7 @@ import numpy as np
 from eclsim.app.display import figures_of, unit_of, written_unit
 from eclsim.app.knobs import (
     VOLUME,
-    ambiguous_comma,
-    ambiguous_point,
+    ambiguous_number,
     as_written,
     controls,
     is_whole,
@@ -234,7 +233,7 @@ def _number(key: str, value: object, missing: str, whole: bool) -> object:
     """Convert a typed text to a number if it is one; other texts are returned for the check to refuse."""
     if value is None or (isinstance(value, str) and not value.strip()):
         raise CaseError([Mistake(key, text(missing))])
-    if suggestion := ambiguous_comma(value) or ambiguous_point(value, whole):
+    if suggestion := ambiguous_number(value, whole):
         raise CaseError([Mistake(key, suggestion)])
     return as_written(value)
 

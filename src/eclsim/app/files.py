@@ -18,8 +18,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.marks import marked_id
-from eclsim.app.provenance import kind_of, provenance
+from eclsim.app.provenance import marked_id, provenance
 from eclsim.app.texts import text, with_minus
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.reading import read_case
@@ -277,12 +276,10 @@ def _as_shown(state: PageState) -> Case:
     if case.volume_policy != state.policy:
         case = case.with_volume_policy(state.policy)
     if state.changed:
-        case = _with_set_points(
-            state.computed_case.model_copy(update={"blood_volume_policy": case.blood_volume_policy})
-        )
-    person = case.patient.model_copy(update={"id": marked_id(state, kind_of(state))})
-    case = case.model_copy(update={"patient": person})
-    return case
+        changed = {"blood_volume_policy": case.blood_volume_policy}
+        case = _with_set_points(state.computed_case.model_copy(update=changed))
+    person = case.patient.model_copy(update={"id": marked_id(state)})
+    return case.model_copy(update={"patient": person})
 
 
 def _with_set_points(case: Case) -> Case:

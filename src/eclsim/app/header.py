@@ -22,7 +22,7 @@ from eclsim.app.files import (
     shown_name,
     with_speeds,
 )
-from eclsim.app.marks import opened_state
+from eclsim.app.provenance import opened_state
 from eclsim.app.state import LONGEST_NAME, MOST_SAVED, link_of, preset_state
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.presets import PRESETS
@@ -92,9 +92,10 @@ class OpenDialog:
         with labelled(ui.dialog(), text("open_title")) as self.dialog, ui.card().classes("ecl-dialog"):
             ui.label(text("open_title")).classes("ecl-dialog-title")
             ui.label(text("open_text", size=LARGEST_FILE_TEXT))
+            rejected = text("rejected", size=LARGEST_FILE_TEXT)
             upload = ui.upload(
                 label=text("open_drop"), auto_upload=True, max_file_size=LARGEST_FILE, max_files=1,
-                on_upload=self._read, on_rejected=self._rejected,
+                on_upload=self._read, on_rejected=lambda: self._show(None, [text("refused"), rejected]),
             )  # fmt: skip
             self.upload = upload.props('accept=".toml,.csv,.nc" flat bordered').classes("ecl-upload")
             self.upload.add_slot("header", _CHOOSE_FILE.replace("{label}", text("open_drop")))
@@ -136,9 +137,6 @@ class OpenDialog:
         self._show(opened, remarks)
         if len(opened.cases) == 1 and not remarks:
             self._use()
-
-    def _rejected(self) -> None:
-        self._show(None, [text("refused"), text("rejected", size=LARGEST_FILE_TEXT)])
 
     def _show(self, opened: OpenedFile | None, messages: list[str]) -> None:
         self.opened = opened

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.fitting import CancelledError, FitError, doubts_about_draws, judged
-from eclsim.app.knobs import ambiguous_comma, as_written
-from eclsim.app.marks import bare_id
+from eclsim.app.knobs import ambiguous_number, as_written
 from eclsim.app.posterior import PosteriorDraws
-from eclsim.app.provenance import fitted_case, fitted_with, title_of
+from eclsim.app.provenance import bare_id, fitted_case, fitted_with, title_of
 from eclsim.app.state import PageState, link_of, state_of, subject_of
 from eclsim.app.texts import beside_field, text
 from eclsim.cases.checking import Checked, check_case
@@ -77,7 +76,7 @@ def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
             if str(value).strip() != "":
                 raw[section][item.name] = as_written(value) if item.kind == "number" else str(value)[:200]
     checked = check_case(raw)
-    doubted = {key: suggestion for key, value in typed.items() if (suggestion := ambiguous_comma(value))}
+    doubted = {key: suggestion for key, value in typed.items() if (suggestion := ambiguous_number(value))}
     checked.mistakes = [m for m in checked.mistakes if m.key not in doubted]
     checked.mistakes += [Mistake(key, suggestion) for key, suggestion in doubted.items()]
     if not raw["measurements"] and not checked.mistakes:
@@ -151,24 +150,24 @@ class Identification:
         if self.running or not self.check(typed):
             return
         state = self.session.state
-        raw = checked_form(fitted_case(state), typed).values | {"format": 1}
+        raw: dict[str, Any] = checked_form(fitted_case(state), typed).values | {"format": 1}
         subject, policy = subject_of(state), state.policy
         ended = await self._run("fit", raw, policy, EXPECTED_S)
         result = ended.pop("found", None)
         if result is not None:
             case = result.pop("case")
-            ended = {"fit": result | {"seconds": ended["seconds"], "of": _subject_and_devices(raw, state)}}
+            of = text("fit_of", name=raw["patient"]["id"], circuit=fitted_with(state))
+            fit = result | {"seconds": ended["seconds"], "of": of}
             if result["usable"]:
-                ended["fit"]["link"] = self._keep_fit(case, policy, subject, result)
+                fit["link"] = self._keep_fit(case, policy, subject, result)
+            ended = {"fit": fit}
         ended["subject"] = subject
         self.send("fit_ended", ended)
 
     def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, result: Mapping[str, Any]) -> str:
         """Store the fitted patient; return the link that restores it after the server has forgotten it."""
-        case = read_mapping(raw).case
-        state = PageState(
-            case, policy, "fit", self.bands.new_key(), verdict=verdict_of(result), subject=subject
-        )
+        case, verdict = read_mapping(raw).case, str((result.get("verdict") or {}).get("level", ""))
+        state = PageState(case, policy, "fit", self.bands.new_key(), verdict=verdict, subject=subject)
         self._fitted[subject], self._fits[subject] = state, result
         return link_of(state)
 
@@ -254,9 +253,13 @@ class Identification:
         """Run a job in the process and report its progress; return its result, or why there is none."""
         self._stop = stop = threading.Event()
         self._report = text(PREPARING[job])
+
+        def report(message: str) -> None:
+            self._report = message
+
         started = time.monotonic()
         work = asyncio.ensure_future(
-            asyncio.to_thread(self.process.run, job, raw, policy, self._reported, stop, free)
+            asyncio.to_thread(self.process.run, job, raw, policy, report, stop, free)
         )
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:
@@ -275,20 +278,6 @@ class Identification:
         finally:
             if self._stop is stop:
                 self._stop = None
-
-    def _reported(self, message: str) -> None:
-        self._report = message
-
-
-def verdict_of(fit: Mapping[str, Any]) -> str:
-    """Return the level of a fit's verdict: "good", "doubtful" or "poor"; empty without one."""
-    verdict = fit.get("verdict") or {}
-    return str(verdict.get("level", ""))
-
-
-def _subject_and_devices(raw: Mapping[str, Any], state: PageState) -> str:
-    """Return the patient's id and the devices of a fit, for its title."""
-    return text("fit_of", name=raw["patient"]["id"], circuit=fitted_with(state))
 
 
 def _by_field(mistakes: list[Mistake]) -> dict[str, str]:

@@ -183,11 +183,10 @@ def value_of(case: Case, key: str) -> float | str | None:
     if section == _PARAMETERS:
         return _resolved(case)[name]
     instance = _instances(case).get(section)
-    value = (
-        getattr(getattr(case, section), name)
-        if instance is None
-        else instance.device.shown(instance.section, name)
-    )
+    if instance is None:
+        value = getattr(getattr(case, section), name)
+    else:
+        value = instance.device.shown(instance.section, name)
     if value is None:
         return _value_if_omitted(case, section, name)
     if isinstance(value, bool):
@@ -236,7 +235,7 @@ def turned_value(case: Case, key: str, value: object) -> object:
     """
     if key not in {control.key for control in controls(case)}:
         raise CaseError([Mistake(str(key)[:64], "cannot be changed here")])
-    if suggestion := ambiguous_comma(value) or ambiguous_point(value, is_whole(case, key)):
+    if suggestion := ambiguous_number(value, is_whole(case, key)):
         raise CaseError([Mistake(key, suggestion)])
     section, name = section_and_name(key)
     switch = isinstance(getattr(getattr(case, section, None), name, None), bool)
@@ -297,16 +296,8 @@ def as_written(value: object) -> object:
     return NumberAsWritten(typed) if _DIGITS.fullmatch(typed) else value
 
 
-def ambiguous_comma(value: object) -> str:
-    """Return what to type for a number whose comma may be decimal or separate thousands; else empty."""
-    typed = value.strip() if isinstance(value, str) else ""
-    if not _THOUSANDS.fullmatch(typed):
-        return ""
-    return text("ambiguous_comma", typed=typed, point=typed.replace(",", "."), whole=typed.replace(",", ""))
-
-
-def ambiguous_point(value: object, whole: bool) -> str:
-    """Return what to type for a number whose point may separate thousands; else empty.
+def ambiguous_number(value: object, whole: bool = False) -> str:
+    """Return what to type for a number whose comma or point may separate thousands; else empty.
 
     Args:
         value: value as typed.
@@ -314,10 +305,13 @@ def ambiguous_point(value: object, whole: bool) -> str:
             likely a thousand than a one with three decimals.
     """
     typed = value.strip() if isinstance(value, str) else ""
-    if not (whole and _THOUSANDS_POINT.fullmatch(typed)):
+    if _THOUSANDS.fullmatch(typed):
+        point, digits = typed.replace(",", "."), typed.replace(",", "")
+    elif whole and _THOUSANDS_POINT.fullmatch(typed):
+        point, digits = f"{float(typed):g}" if typed.endswith("0") else f"{typed}0", typed.replace(".", "")
+    else:
         return ""
-    point = f"{float(typed):g}" if typed.endswith("0") else f"{typed}0"
-    return text("ambiguous_comma", typed=typed, point=point, whole=typed.replace(".", ""))
+    return text("ambiguous_comma", typed=typed, point=point, whole=digits)
 
 
 def is_whole(case: Case, key: str) -> bool:
@@ -330,18 +324,14 @@ def _volume(value: object) -> float:
     try:
         return read_number(value, VOLUME_FIELD)
     except RefusedValueError as error:
-        refused = error.mistake
-        raise CaseError(
-            [Mistake(VOLUME, refused.message, shown(value), refused.allowed, refused.suggestion)]
-        ) from None
+        raise CaseError([replace(error.mistake, key=VOLUME, value=shown(value))]) from None
 
 
 def _given_volume(case: Case) -> float:
     """Return the blood [mL] in the veins at the start in excess of the published start pressures."""
     values = _resolved(case)
-    return sum(
-        (values["P0" + at] - thiel2025.PARAMETERS["P0" + at].value) * values["C" + at] for at in _FILLED
-    )
+    published = thiel2025.PARAMETERS
+    return sum((values["P0" + at] - published["P0" + at].value) * values["C" + at] for at in _FILLED)
 
 
 def _start_pressures(case: Case, volume_ml: float) -> dict[str, float]:

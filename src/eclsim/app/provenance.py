@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import reduce
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import group_name
@@ -18,18 +19,18 @@ from eclsim.app.knobs import (
     switchable,
     value_of,
 )
-from eclsim.app.marks import was_changed
-from eclsim.app.state import POLICIES
+from eclsim.app.state import POLICIES, PageState
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import CaseError, shown
+from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
 from eclsim.parameters.thiel2025 import BOUNDS
 
 if TYPE_CHECKING:
-    from eclsim.app.state import PageState
     from eclsim.cases.case import Case, Measurements
+    from eclsim.cases.fit_mark import FitMark
 
 LONGEST_SOURCE = 60
 MOST_NAMED = 4
@@ -38,7 +39,8 @@ MOST_NAMED = 4
 
 def title_of(state: PageState) -> str:
     """Return the title of a state's numbers; that of a changed patient or preset says that it was changed."""
-    name = _name(state)
+    origin = state.start.origin
+    name = PRESETS[origin].name if origin in PRESETS else state.case.patient.id
     return text("provenance_title_changed", name=name) if state.changed else name
 
 
@@ -56,7 +58,7 @@ def provenance(state: PageState) -> dict[str, Any]:
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
         sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
-    before, not_stated = was_changed(state.start.case), kind == "parameters" and measured is not None
+    before, not_stated = _read(state.start.case.patient.id)[2], kind == "parameters" and measured is not None
     if kind == "fit" and (others := held_parameters(state.start.case)):
         sentences[0] += " " + text("provenance_held", what=", ".join(others))
     if kind == "fit" and state.source:
@@ -209,6 +211,64 @@ def _parts(case: Case) -> dict[str, str]:
     return labels | {key: group_name(key) for key in connected(case) if key not in devices()}
 
 
-def _name(state: PageState) -> str:
-    origin = state.start.origin
-    return PRESETS[origin].name if origin in PRESETS else state.case.patient.id
+# --- marks after a patient's id -------------------------------------------------------------------
+# In files written by the page they keep how the patient was fitted, and manual changes; the marks of `eclsim
+# identify` are in `eclsim.cases.fit_mark`.
+
+_WORDS = MappingProxyType({
+    "not fitted": ("unfitted", ""), "fitted": ("fit", "good"), "doubtful fit": ("fit", "doubtful"),
+    "poor fit": ("fit", "poor"), "fit without a verdict": ("fit", ""), "central draw": ("posterior", ""),
+})  # fmt: skip
+"""Origin and verdict of a `PageState`, by the words of the mark."""
+_BY_STATE = MappingProxyType({meant: word for word, meant in _WORDS.items()})
+_CHANGED = "changed"
+
+
+def marked_id(state: PageState) -> str:
+    """Return the id of a state's patient for files, such as "P01 (poor fit, changed)"."""
+    kind = kind_of(state)
+    name, _, changed_before = _read(state.case.patient.id)
+    marks: list[str] = []
+    if kind != "unfitted" or state.changed or state.case.parameters:
+        marks += [word] if (word := _BY_STATE.get((kind, state.verdict))) else []
+    marks += [_CHANGED] if state.changed or changed_before else []
+    mark = f" ({', '.join(marks)})" if marks else ""
+    return name[: MAXIMUM_ID_LENGTH - len(mark)] + mark
+
+
+def bare_id(case: Case) -> str:
+    """Return the patient's id without marks."""
+    return _read(case.patient.id)[0]
+
+
+def opened_state(case: Case, source: str, fit: FitMark | None = None) -> PageState:
+    """Return the state of a case read from a file; a fitted case keeps its origin and verdict.
+
+    Args:
+        case: case of the file.
+        source: name of the file.
+        fit: verdict written by `eclsim identify`; None for that of the case. The page itself writes the
+            verdict after the id.
+    """
+    fit, case = fit or case.fit_mark, case.model_copy(update={"fit_mark": None})
+    name, word, changed = _read(case.patient.id)
+    state = PageState(case, case.volume_policy, origin="file", source=source)
+    if fit is not None and not word:
+        word, changed = _BY_STATE["fit", fit.level], changed or fit.is_changed
+    if not word:
+        return state
+    origin, verdict = _WORDS[word]
+    person = case.patient.model_copy(update={"id": f"{name} ({_CHANGED})" if changed else name})
+    bare = case.model_copy(update={"patient": person})
+    return PageState(bare, case.volume_policy, origin=origin, source=source, verdict=verdict)
+
+
+def _read(written: str) -> tuple[str, str, bool]:
+    """Return the name without marks, the words on its fit (or an empty text), and whether it was changed."""
+    name, _, rest = written.rpartition(" (")
+    marks = rest.removesuffix(")").split(", ")
+    fits = [mark for mark in marks if mark in _WORDS]
+    known = rest.endswith(")") and len(fits) <= 1 and {*marks} <= {*fits, _CHANGED}
+    if not name or not known:
+        return written, "", False
+    return name, "".join(fits), _CHANGED in marks

@@ -50,7 +50,7 @@ def app(options: AppOptions) -> None:
     except ModuleNotFoundError as error:
         fail(f'the page needs {error.name}: pip install "eclsim[app]"')
     from eclsim.app.files import shown_name
-    from eclsim.app.marks import opened_state
+    from eclsim.app.provenance import opened_state
     from eclsim.app.state import preset_state
 
     state = preset_state("healthy")

@@ -71,19 +71,13 @@ _SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 _STOPPED_BY = {"SIGINT": "stopped by Ctrl-C", "SIGTERM": "stopped by SIGTERM"}
 
 app = typer.Typer(
-    help=_HELP,
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings=_SETTINGS,
-)
+    help=_HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    rich_markup_mode=None, context_settings=_SETTINGS,
+)  # fmt: skip
 parameters = typer.Typer(
     help="List, explain and export the model's parameters with unit, source and allowed range.",
-    no_args_is_help=False,
-    invoke_without_command=True,
-    rich_markup_mode=None,
-)
+    no_args_is_help=False, invoke_without_command=True, rich_markup_mode=None,
+)  # fmt: skip
 for name, function, summary in (
     ("simulate", simulate, "Simulate the steady heartbeat of each case."),
     ("course", course, "Follow a case over hours, with its events."),

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
     from eclsim.cases import CaseReading, Mistake
     from eclsim.cases.cohort import CohortReading
 
-TABLES = (".csv", ".tsv")
+
+def is_table(file: str) -> bool:
+    """Whether a file is a table of measurements, by its suffix."""
+    return Path(file).suffix.lower() in (".csv", ".tsv")
 
 
 def read_all(
@@ -54,15 +57,15 @@ def read_each(
     from eclsim.cases import CaseError, read_case
 
     readings: list[CaseReading] = []
-    mistakes: list[Mistake] = []
+    mistakes: dict[Mistake, None] = {}
     for file, settings, policy in sources:
         try:
             readings.append(read_case(file, settings, policy))
         except CaseError as error:
-            mistakes += [renamed(mistake) for mistake in error.mistakes]
+            mistakes |= dict.fromkeys(map(renamed, error.mistakes))
+    for mistake in mistakes:
+        say(mistake)
     if mistakes:
-        for mistake in dict.fromkeys(mistakes):
-            say(mistake)
         raise SystemExit(BAD_INPUT)
     return readings
 

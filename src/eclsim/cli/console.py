@@ -50,6 +50,11 @@ def mistakes_in(checks: Mapping[str, Callable[[], object]]) -> list[str]:
     return mistakes
 
 
+def broken_rules(rules: Mapping[str, object]) -> list[str]:
+    """Return the messages of the rules that are broken, of rules as message and whether it is broken."""
+    return [message for message, broken in rules.items() if broken]
+
+
 def warn(lines: Iterable[object], label: str = "warning") -> None:
     """Write warnings, which do not stop a command."""
     for line in lines:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, say, warn
+from eclsim.cli.cases import case_files_in, is_table, read_all, read_table, warn_of_new_findings, with_speeds
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, refuse, say, warn
 from eclsim.cli.destination import (
     Destinations,
     Target,
@@ -84,11 +84,7 @@ class CourseOptions(CaseChanges, Distributed):
     @property
     def has_several_patients(self) -> bool:
         """Whether there may be more than one patient."""
-        return len(self.files) > 1 or _is_table_or_folder(self.files[0])
-
-
-def _is_table_or_folder(file: str) -> bool:
-    return Path(file).suffix.lower() in TABLES or Path(file).is_dir()
+        return len(self.files) > 1 or is_table(self.files[0]) or Path(self.files[0]).is_dir()
 
 
 def course(options: CourseOptions) -> None:
@@ -110,7 +106,7 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
     from eclsim.cases.settings import apply_settings
     from eclsim.identification.cohort import with_name
 
-    tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
+    refused, tables = False, list(filter(is_table, o.files))
     if tables and len(o.files) > 1:
         fail(
             f"{tables[0]}: a table cannot be combined with other files; allowed: one table, one folder, or "
@@ -127,10 +123,7 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
     else:
         files = [name for file in o.files for name in case_files_in(file)]
         readings = read_all(files, o.settings, o.volume_policy)
-        solved, refused = (
-            readings if o.has_several_patients else with_speeds(readings, o.volume_policy),
-            False,
-        )
+        solved = readings if o.has_several_patients else with_speeds(readings, o.volume_policy)
     if o.events is None:
         return solved, refused
     followed = _with_events(solved, o.events, refuses_rows=bool(tables))
@@ -194,20 +187,15 @@ def _destinations(o: CourseOptions) -> Destinations:
             f"--beats: {o.minutes:g} min; allowed: up to {LONGEST_MIN:g} min (--until), or longer without "
             "--beats"
         )
-    if o.beats and tasks:
-        places.mistakes.append("--beats: works for one patient only, without --posterior")
-    if o.has_several_patients and o.posterior is not None:
-        places.mistakes.append(
-            "--posterior: works for one case file only; it contains the draws of one patient"
-        )
-    if not tasks and (o.continues or o.dask):
-        places.mistakes.append(
-            "--resume, --shard, --dask: work only for several patients or with --posterior"
-        )
-    if o.out is None and o.json is None and o.figures is None:
-        places.mistakes.append(
-            "--out DIR, --json FILE or --figures DIR: give at least one, to write the course to"
-        )
+    places.mistakes += broken_rules({
+        "--beats: works for one patient only, without --posterior": o.beats and tasks,
+        "--posterior: works for one case file only; it contains the draws of one patient":
+            o.has_several_patients and o.posterior is not None,
+        "--resume, --shard, --dask: work only for several patients or with --posterior":
+            not tasks and (o.continues or o.dask),
+        "--out DIR, --json FILE or --figures DIR: give at least one, to write the course to":
+            o.out is None and o.json is None and o.figures is None,
+    })  # fmt: skip
     return places
 
 

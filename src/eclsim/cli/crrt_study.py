@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.cases import TABLES, case_files_in, read_all, read_table, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, say, warn
+from eclsim.cli.cases import case_files_in, is_table, read_all, read_table, warn_of_new_findings, with_speeds
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, say, warn
 from eclsim.cli.destination import Destinations, Target, explaining_resume, reporting_write_errors
 from eclsim.cli.options import Distributed, argument, option
 from eclsim.paper.reproduction import DEFAULT_EXPLORE
@@ -92,7 +92,7 @@ def crrt_study(options: CrrtStudyOptions) -> None:
 
     Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
     """
-    cohort = Path(options.file).suffix.lower() in TABLES or Path(options.file).is_dir()
+    cohort = is_table(options.file) or Path(options.file).is_dir()
     if doubts := _study_cohort(options) if cohort else _study_case(options):
         warn(doubts)
         raise typer.Exit(INCOMPLETE)
@@ -167,15 +167,8 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
 
 def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:
     """Return the JSON destination and the samples, after checking all options before any computation."""
+    from eclsim.crrt_study import schemes as ways
     from eclsim.crrt_study.files import file_names
-    from eclsim.crrt_study.schemes import (
-        case_speed,
-        check_speeds,
-        crrt_flow,
-        in_patient,
-        parse_speeds,
-        select_schemes,
-    )
     from eclsim.identification.samples import read_samples
 
     samples: list[Mapping[str, Sequence[float]]] = []
@@ -185,10 +178,10 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
     places.mistakes += _check_options(
         o,
         {
-            "--schemes": lambda: in_patient(case, select_schemes(o.schemes, o.scheme_h)),
-            "--crrt-flow:": lambda: crrt_flow(case, o.crrt_flow),
-            "": lambda: case_speed(case),
-            "--speeds": lambda: o.speeds is None or check_speeds(case, parse_speeds(o.speeds)),
+            "--schemes": lambda: ways.in_patient(case, ways.select_schemes(o.schemes, o.scheme_h)),
+            "--crrt-flow:": lambda: ways.crrt_flow(case, o.crrt_flow),
+            "": lambda: ways.case_speed(case),
+            "--speeds": lambda: o.speeds is None or ways.check_speeds(case, ways.parse_speeds(o.speeds)),
             "--posterior": lambda: samples.append(read_samples(o.posterior)) if o.posterior else None,
         },
     )
@@ -251,17 +244,13 @@ def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
     target = places.target("--json", o.json)
     places.folder("--out", o.out, (*FILES, FITS))
     distribution = o.distribution(places.mistakes)
-    if o.settings:
-        places.mistakes.append(
-            "--set: works for one case file only; change the table or the case files instead"
-        )
-    if o.posterior is not None:
-        places.mistakes.append(
-            "--posterior: works for one case file only; it contains the samples of one patient"
-        )
-    places.mistakes += _check_options(
-        o, {"--crrt-flow:": lambda: None if o.crrt_flow is None else check_flow(o.crrt_flow)}
-    )
+    places.mistakes += broken_rules({
+        "--set: works for one case file only; change the table or the case files instead": o.settings,
+        "--posterior: works for one case file only; it contains the samples of one patient":
+            o.posterior is not None,
+    })  # fmt: skip
+    flow = o.crrt_flow
+    places.mistakes += _check_options(o, {"--crrt-flow:": lambda: flow is None or check_flow(flow)})
     places.check()
     return target, distribution
 

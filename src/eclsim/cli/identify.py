@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from eclsim.cli.cases import TABLES, names_of, read_all, read_table
-from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, say, warn
+from eclsim.cli.cases import is_table, names_of, read_all, read_table
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, say, warn
 from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, Target, explaining_resume, write_json_output
 from eclsim.cli.options import (
-    REASON_FOR_FURTHER_FREE,
     CaseChanges,
     Distributed,
     Force,
@@ -99,7 +98,7 @@ def identify(options: IdentifyOptions) -> None:
     A cohort has one row per data point; a bad row does not stop the others. Exit status: 0 all fitted
     (see the verdict: doubtful fits count), 1 some were not fitted or are poor, 2 bad input.
     """
-    cohort = Path(options.file).suffix.lower() in TABLES
+    cohort = is_table(options.file)
     target, distribution = _checked_json(options, cohort)
     content, refused = _fit_cohort(options, distribution) if cohort else (_fit_case(options), False)
     if write_json_output(content, target):
@@ -114,26 +113,23 @@ def _checked_json(o: IdentifyOptions, cohort: bool) -> tuple[Target, Distributio
     places = Destinations(force=o.force, resume=o.continues if cohort else None, inputs=[o.file])
     target = places.target("--json", o.json)
     places.folder("--out", o.out, [SUMMARY])
-    wrong = places.mistakes
-    if cohort and o.settings:
-        wrong.append("--set: works for case files only; change the table of the cohort instead")
-    if cohort and o.samples:
-        wrong.append(
-            "--posterior, --predict: work for case files only; `eclsim identify` of a cohort gives intervals"
-        )
-    if not cohort and o.shared is not None:
-        wrong.append("--shared: works for cohorts only; a case is one data point")
-    if not cohort and (o.continues or o.dask):
-        wrong.append("--resume, --shard, --dask: work for cohorts only; a case is fitted as a whole")
-    if (o.chains, o.warmup, o.draws) != CHAINS and not (o.posterior and o.posterior_method == "nuts"):
-        wrong.append("--chains, --warmup, --draws: need --posterior with --posterior-method nuts")
-    if o.posterior_method != "nuts" and not o.posterior:
-        wrong.append("--posterior-method: needs --posterior")
-    if o.prior != "log-uniform" and not o.samples:
-        wrong.append("--prior: needs --posterior or --predict; the fit itself uses no prior")
-    if o.predict_with != "importance" and (o.posterior or not o.predict):
-        wrong.append("--predict-with: needs --predict without --posterior")
-    distribution = o.distribution(wrong)
+    others = (o.chains, o.warmup, o.draws) != CHAINS
+    places.mistakes += broken_rules({
+        "--set: works for case files only; change the table of the cohort instead": cohort and o.settings,
+        "--posterior, --predict: work for case files only; `eclsim identify` of a cohort gives intervals":
+            cohort and o.samples,
+        "--shared: works for cohorts only; a case is one data point": not cohort and o.shared is not None,
+        "--resume, --shard, --dask: work for cohorts only; a case is fitted as a whole":
+            not cohort and (o.continues or o.dask),
+        "--chains, --warmup, --draws: need --posterior with --posterior-method nuts":
+            others and not (o.posterior and o.posterior_method == "nuts"),
+        "--posterior-method: needs --posterior": o.posterior_method != "nuts" and not o.posterior,
+        "--prior: needs --posterior or --predict; the fit itself uses no prior":
+            o.prior != "log-uniform" and not o.samples,
+        "--predict-with: needs --predict without --posterior":
+            o.predict_with != "importance" and (o.posterior or not o.predict),
+    })  # fmt: skip
+    distribution = o.distribution(places.mistakes)
     places.check()
     return target, distribution
 
@@ -183,6 +179,12 @@ def source_of_mistake(mistake: Mistake, settings: FitSettings, file: str, line: 
     if mistake.key in ("parameters", "uncertainty"):
         return replace(mistake, key="").at(f"--{mistake.key}", None)
     return mistake.at(file, line)
+
+
+def free_parameters_text(names: Sequence[str]) -> str:
+    """Sentence on the free parameters, if they are other than the paper's seven."""
+    reason = "blood gases, CVP or pressures of the CRRT were measured"
+    return f"{reason}: the free parameters are {', '.join(names)} (--parameters chooses others)"
 
 
 def _unique(names: str | None) -> tuple[str, ...]:
@@ -247,12 +249,7 @@ def _with_informed_parameters(case: Case, settings: FitSettings) -> FitSettings:
     case = case_to_fit(case, replace(settings, parameters=usual))
     names = free_parameters(case, usual, settings.volume_policy)
     if names != settings.parameters:
-        note(
-            [
-                f"{REASON_FOR_FURTHER_FREE}: the free parameters are {', '.join(names)} (--parameters "
-                "chooses others)"
-            ]
-        )
+        note([free_parameters_text(names)])
     return replace(settings, parameters=names)
 
 
@@ -320,44 +317,31 @@ def _mistakes_of_prediction(
 
 
 def _with_posterior(
-    o: IdentifyOptions,
-    fit: FitResult,
-    predictions: Sequence[tuple[str, Case]],
-    folder: Path,
+    o: IdentifyOptions, fit: FitResult, predictions: Sequence[tuple[str, Case]], folder: Path,
     progress: Progress,
-) -> tuple[FitResult, dict[str, Any]]:
-    """Return the fit with its verdict updated by the draws, and the posterior as content for JSON."""
-    from eclsim.identification.verdict import interval_agreement
+) -> tuple[FitResult, dict[str, Any]]:  # fmt: skip
+    """Sample the posterior and write its files.
 
-    posterior = _sample(o, fit, predictions, folder, progress)
-    if posterior["method"] != "gaussian" and posterior["trusted"]:
-        fitted = fit.as_object()["parameters"]
-        fit = fit.judged(interval_agreement(fitted, posterior["parameters"], "posterior"))
-    return fit, {"posterior": posterior}
-
-
-def _sample(
-    o: IdentifyOptions,
-    fit: FitResult,
-    predictions: Sequence[tuple[str, Case]],
-    folder: Path,
-    progress: Progress,
-) -> dict[str, Any]:
-    """Sample the posterior and write the files of the draws."""
+    Returns:
+        The fit with its verdict updated by the draws, and the posterior as content for JSON.
+    """
     from eclsim.identification.files import write_posterior
     from eclsim.identification.nuts import Sampling
     from eclsim.identification.posterior import PosteriorSettings, posterior
+    from eclsim.identification.verdict import interval_agreement
 
     chosen = PosteriorSettings(
-        method=o.posterior_method if o.posterior else o.predict_with,
-        prior=o.prior,
-        sampling=Sampling(o.chains, o.warmup, o.draws, o.seed),
-        volume_policy=fit.settings.volume_policy,
-    )
+        method=o.posterior_method if o.posterior else o.predict_with, prior=o.prior,
+        sampling=Sampling(o.chains, o.warmup, o.draws, o.seed), volume_policy=fit.settings.volume_policy,
+    )  # fmt: skip
     result = posterior(fit, settings=chosen, predictions=predictions, progress=progress)
     write_posterior(folder / "posterior", result)
     say(f"posterior: {folder / 'posterior'}")
-    return result.as_object()
+    content = result.as_object()
+    if content["method"] != "gaussian" and content["trusted"]:
+        fitted = fit.as_object()["parameters"]
+        fit = fit.judged(interval_agreement(fitted, content["parameters"], "posterior"))
+    return fit, {"posterior": content}
 
 
 # --- a table of data points -----------------------------------------------------------------------

@@ -82,11 +82,8 @@ class Command(TyperCommand):
         """Return the help, with keys of devices in place of {setting}, {target} and {lines}."""
         from eclsim.devices.registry import example_setting, example_target, line_keys
 
-        keys = {
-            "{setting}": example_setting(),
-            "{target}": example_target(),
-            "{lines}": ", ".join(line_keys()),
-        }
+        lines = ", ".join(line_keys())
+        keys = {"{setting}": example_setting(), "{target}": example_target(), "{lines}": lines}
         for shown in self.params:
             if isinstance(shown, TyperOption) and shown.help:
                 for placeholder, key in keys.items():
@@ -175,10 +172,6 @@ class CaseChanges:
     )
 
 
-REASON_FOR_FURTHER_FREE = "blood gases, CVP or pressures of the CRRT were measured"
-"""Reason why parameters other than the paper's seven are free by default."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class FreeParameters:
     """Free parameters, their bounds, and uncertainties of measurements."""
@@ -207,14 +200,7 @@ class FreeParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Resumable(Json):
-    """Options of a command that keeps finished tasks."""
-
-    resume: bool = option(False, "Continue from the results in --out.", "--resume")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Distributed(Resumable, ResultsFolder):
+class Distributed(Json, ResultsFolder):
     """Options for where tasks run, and which."""
 
     workers: int | None = option(None, "Threads, or local Dask workers; default: all processors.", minimum=1)
@@ -226,6 +212,7 @@ class Distributed(Resumable, ResultsFolder):
         "Run only part k of n (from 1); finish with `eclsim merge DIR` when all parts are done.",
         metavar="k/n",
     )
+    resume: bool = option(False, "Continue from the results in --out.", "--resume")
 
     @property
     def locked_folder(self) -> tuple[str | None, str]:

@@ -227,10 +227,6 @@ def _text(result: Reached) -> str:
         )
         for g in result.goals
     ]  # fmt: skip
-    return "\n\n".join(
-        (
-            f"{result.id}: {result.message}",
-            text_table(("setting", "value", "unit", "range"), turned, (1,)),
-            text_table(("goal", "value", "unit", "reached", "binding"), goals, (1,)),
-        )
-    )
+    settings_table = text_table(("setting", "value", "unit", "range"), turned, (1,))
+    goals_table = text_table(("goal", "value", "unit", "reached", "binding"), goals, (1,))
+    return f"{result.id}: {result.message}\n\n{settings_table}\n\n{goals_table}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from eclsim.cli.cases import names_of, read_all, read_each, warn_of_new_findings
-from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, warn
 from eclsim.cli.destination import NETCDF, Destinations, Target, reporting_write_errors, write_json_output
 from eclsim.cli.options import CaseChanges, Json, argument, option
 from eclsim.files import file_stems
@@ -86,31 +86,25 @@ def simulate(options: SimulateOptions) -> None:
     if options.sweep:
         results = _sweep(options)
     elif options.compare:
-        readings, labels = _compared_cases(options)
-        results = _simulate_each(options, readings, labels)
+        results = _simulate_each(options, *_compared_cases(options))
     else:
-        results = _simulate_each(
-            options, read_all(options.case_files, options.settings, options.volume_policy)
-        )
+        readings = read_all(options.case_files, options.settings, options.volume_policy)
+        results = _simulate_each(options, readings)
     if not all(result.attrs["converged"] for result in results):
         raise typer.Exit(INCOMPLETE)
 
 
 def _check_modes(o: SimulateOptions) -> None:
     """Check that a sweep varies one key of one case, without options that apply to a single beat."""
-    wrong = []
-    if o.sweep and o.compare:
-        wrong.append("--sweep, --compare: give only one")
-    if len(o.sweep) > 1:
-        wrong.append(f"--sweep: given {len(o.sweep)} times; one key is varied at a time")
-    if o.sweep and len(o.case_files) > 1:
-        wrong.append(f"--sweep: {len(o.case_files)} case files; one case is swept at a time")
-    if o.sweep and (o.solver != "semi-implicit" or o.transient or o.check_grid or o.save):
-        wrong.append(
-            "--sweep: cannot be combined with --solver, --transient, --check-grid or --save, which apply to "
-            "one beat"
-        )
-    refuse(wrong)
+    of_one_beat = o.solver != "semi-implicit" or o.transient or o.check_grid or o.save
+    refuse(broken_rules({
+        "--sweep, --compare: give only one": o.sweep and o.compare,
+        f"--sweep: given {len(o.sweep)} times; one key is varied at a time": len(o.sweep) > 1,
+        f"--sweep: {len(o.case_files)} case files; one case is swept at a time":
+            o.sweep and len(o.case_files) > 1,
+        "--sweep: cannot be combined with --solver, --transient, --check-grid or --save, which apply to one "
+        "beat": o.sweep and of_one_beat,
+    }))  # fmt: skip
 
 
 def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> OutputPlaces:
@@ -256,32 +250,25 @@ def _change(results: Sequence[xr.Dataset]) -> dict[str, float]:
 
 def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
     """Simulate the case at each value of one key, write and show the results."""
+    from eclsim.simulation import sweep as sweeps
     from eclsim.simulation.summary import sweep_doubts, sweep_text
-    from eclsim.simulation.sweep import (
-        SweepError,
-        sweep_cases,
-        sweep_object,
-        write_csv,
-        write_figure,
-        write_netcdf,
-    )
 
     readings = read_sweep(o.case_files[0], o.settings, o.sweep[0], o.volume_policy)
     name = next(iter(readings.cases.values())).patient.id
     places = _places(o, [f"{name}_sweep"], tables=())
     try:
-        sweep = sweep_cases(readings.key, readings.unit, readings.case_value, readings.cases)
-    except SweepError as error:
+        sweep = sweeps.sweep_cases(readings.key, readings.unit, readings.case_value, readings.cases)
+    except sweeps.SweepError as error:
         fail(f"--sweep {error}")
     (stem,) = places.stems
     with reporting_write_errors():
         if places.out is not None:
-            write_netcdf(sweep, places.out)
+            sweeps.write_netcdf(sweep, places.out)
         if places.csv is not None:
-            write_csv(sweep, places.csv / f"{stem}.csv")
+            sweeps.write_csv(sweep, places.csv / f"{stem}.csv")
         if places.figures is not None:
-            write_figure(sweep, places.figures / stem)
-        if write_json_output(sweep_object(sweep), places.json):
+            sweeps.write_figure(sweep, places.figures / stem)
+        if write_json_output(sweeps.sweep_object(sweep), places.json):
             typer.echo(sweep_text(sweep))
     warn(f"{o.case_files[0]}: {line}" for line in sweep_doubts(sweep))
     return sweep.results

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import TABLES, read_all, read_table
+from eclsim.cli.cases import is_table, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
 from eclsim.cli.destination import Destinations, write_json_output
-from eclsim.cli.identify import Prior, fit_settings, source_of_mistake
+from eclsim.cli.identify import Prior, fit_settings, free_parameters_text, source_of_mistake
 from eclsim.cli.options import (
-    REASON_FOR_FURTHER_FREE,
     FreeParameters,
     Json,
     ResultsFolder,
@@ -82,8 +81,7 @@ def track(options: TrackOptions) -> None:
     each = _settings_of_each(options, series, settings)
     _check_points(series, each)
     timed = {patient: _names_are_times(patient, points) for patient, points in series.items()}
-    _note_assumed([p for p, known in timed.items() if not known and len(series[p]) > 1], options.interval)
-    _note_refused_rows({p: sum(lost) for p, lost in left_out.items() if not timed[p]}, options.interval)
+    _note_assumed_times(series, timed, left_out, options.interval)
 
     from eclsim.identification.files import write_tracks
     from eclsim.identification.report import series_text
@@ -116,7 +114,7 @@ def _is_unusable(point: Mapping[str, Any]) -> bool:
 
 def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
     """Return each patient's points, the refused rows' errors, and how many were refused before each point."""
-    tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
+    tables = list(filter(is_table, o.files))
     if not tables:
         _refuse_duplicates(o.files)
         readings = read_all(o.files, (), o.volume_policy)
@@ -178,23 +176,22 @@ def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
         fail(*(f"{patient}: {mistake}" for mistake in error.mistakes))
 
 
-def _note_assumed(patients: Sequence[str], interval: float) -> None:
-    if patients:
+def _note_assumed_times(
+    series: Series, timed: Mapping[str, bool], left_out: Mapping[str, Sequence[int]], interval: float
+) -> None:
+    """Note what is assumed where names are not times; refused rows still count as elapsed time."""
+    if patients := [name for name, known in timed.items() if not known and len(series[name]) > 1]:
         line = (
             f"{', '.join(patients)}: not all names of the measurements are times such as 2024-03-01T08:00 "
             f"(all with a time zone or all without); each is taken as {interval:g} h after the one before "
             "(--interval)"
         )
         note([line])
-
-
-def _note_refused_rows(rows: Mapping[str, int], interval: float) -> None:
-    """Note that refused rows still count as elapsed time."""
     note(
         f"{patient}: refused rows between used ones: {count}; each still counts as {interval:g} h of "
         "elapsed time"
-        for patient, count in rows.items()
-        if count
+        for patient, lost in left_out.items()
+        if (count := sum(lost)) and not timed[patient]
     )
 
 
@@ -219,12 +216,7 @@ def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) 
     result = {}
     for patient, own in names.items():
         if own != usual:
-            note(
-                [
-                    f"{patient}: {REASON_FOR_FURTHER_FREE}: the free parameters are {', '.join(own)} "
-                    "(--parameters chooses others)"
-                ]
-            )
+            note([f"{patient}: {free_parameters_text(own)}"])
         bounds = {n: limits for n, limits in settings.fit.bounds.items() if n in own or n not in free}
         result[patient] = replace(settings, fit=replace(settings.fit, parameters=own, bounds=bounds))
     return result
