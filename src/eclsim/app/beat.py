@@ -208,19 +208,12 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
     return {
         "period": round(beat.period, 5),
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
-        "means": finite(beat.means, digits=6),
-        "outputs": finite(beat.outputs, digits=6),
+        "means": finite(beat.means, digits=6), "outputs": finite(beat.outputs, digits=6),
         "notes": [[f.kind, with_minus(f.sentence)] for f in beat.findings],
-        "cautions": _cautions(beat.findings),
-        "levels": beat.levels(),
-        "places": beat.place_levels(),
-        "possible": beat.possible,
-        "converged": beat.converged,
-        "transient": beat.transient,
-        "status": beat.status.word,
-        "message": with_minus(beat.message),
-        "gas": _plain_gases(beat),
-    }
+        "cautions": _cautions(beat.findings), "levels": beat.levels(), "places": beat.place_levels(),
+        "possible": beat.possible, "converged": beat.converged, "transient": beat.transient,
+        "status": beat.status.word, "message": with_minus(beat.message), "gas": _plain_gases(beat),
+    }  # fmt: skip
 
 
 def _plain_gases(beat: Beat) -> dict[str, Any] | None:
@@ -229,12 +222,9 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         return None
     result: dict[str, Any] = {"message": with_minus(beat.gas_status.message), "places": {}, "exchanged": {}}
     if beat.gases is None:
-        steady = beat.converged and not beat.transient
-        return (
-            result
-            if steady
-            else result | {"message": text("gases_passing") if beat.transient else beat.message}
-        )
+        if beat.transient or not beat.converged:
+            result["message"] = text("gases_passing") if beat.transient else beat.message
+        return result
     without = dead_ends(beat.circuit)  # a balloon contains no blood of the patient
     for place, blood in beat.gases.places.items():
         if place in without:

@@ -147,15 +147,13 @@ def display(case: Case) -> dict[str, Any]:
     """Return groups of knobs, traces, key figures and outputs to compare, for the browser."""
     shown = _displays(case)
     return {
-        "groups": _groups(case),
-        "traces": _plain_traces(shown),
+        "groups": _groups(case), "traces": _plain_traces(shown),
         "figures": [_plain_figure(figure) for figure in figures_of(case)],
-        "specs": named_specs(case),
-        "compared": compared_of(case),
+        "specs": named_specs(case), "compared": compared_of(case),
         "samples": [vars(s) | {"outputs": dict(s.outputs)} for _, v in shown for s in v.samples],
         "exchangers": _exchangers(circuit_of(case)),
         "saturations": [[percent, colour, text_colour_on(percent)] for percent, colour in COLOUR_STOPS],
-    }
+    }  # fmt: skip
 
 
 def figures_of(case: Case) -> list[KeyFigure]:
@@ -232,11 +230,6 @@ def _in_order(figures: Sequence[KeyFigure]) -> list[KeyFigure]:
     """Sort key figures: arterial pressure, all flows, then the rest."""
     flows = [figure for figure in figures[1:] if figure.unit == "L/min"]
     return [figures[0], *flows, *(figure for figure in figures[1:] if figure not in flows)]
-
-
-def shape_of(case: Case) -> Circuit:
-    """Return the circuit, on which the drawing depends; while it is the same, only numbers change."""
-    return circuit_of(case)
 
 
 def described(control: Control) -> dict[str, Any]:
@@ -326,18 +319,16 @@ def named_specs(case: Case) -> dict[str, dict[str, Any]]:
         own["heart_rate"] = {AGE: case.patient.age_years}
     ranges = reference_ranges(case.patient.sex)
     outputs = all_outputs()
-    result = {name: _spec(outputs[name], name, outputs[name].long_name) for name in (*ranges, *own)}
+    specs = {name: _spec(outputs[name], name, outputs[name].long_name) for name in (*ranges, *own)}
     for name, ends_and_source in ranges.items():
-        result[name]["range"] = list(ends_and_source)
+        specs[name]["range"] = list(ends_and_source)
     for name, values in own.items():
-        result[name]["limits"] = bounds(name, values)
-    return result | {
-        instance.output(entry.name): _spec(
-            entry, instance.output(entry.name), f"{entry.long_name}, {instance.label}"
-        )
-        for instance in case.instances()
-        for entry in (instance.device.outputs if instance.name else ())
-    }
+        specs[name]["limits"] = bounds(name, values)
+    for instance in (one for one in case.instances() if one.name):
+        for entry in instance.device.outputs:
+            name = instance.output(entry.name)
+            specs[name] = _spec(entry, name, f"{entry.long_name}, {instance.label}")
+    return specs
 
 
 def _spec(entry: Output, name: str, label: str) -> dict[str, Any]:

@@ -117,9 +117,8 @@ class Guard:
             return 400, "unknown host name; see --allow-host"
         if self._is_cross_site(scope, headers, path):
             return 403, "another site may not use this page"
-        if path not in OPEN_PATHS and not path.startswith(OPEN_PREFIX):
-            return 404, "not found"
-        if ".." in path.split("/"):
+        is_open = path in OPEN_PATHS or path.startswith(OPEN_PREFIX)
+        if not is_open or ".." in path.split("/"):
             return 404, "not found"
         if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD", "POST", "OPTIONS"):
             return 405, "not allowed"
@@ -146,9 +145,8 @@ class Guard:
             port, own_port = parts.port, urlsplit(f"//{headers.get('host', '')}").port
         except ValueError:
             return False
-        if _host_name(parts.netloc) not in self.rules.hosts or _host_name(parts.netloc) != _host_name(
-            headers.get("host", "")
-        ):
+        host = _host_name(parts.netloc)
+        if host not in self.rules.hosts or host != _host_name(headers.get("host", "")):
             return False
         forwarded = headers.get("x-forwarded-proto", "").partition(",")[0].strip()
         if forwarded or own_port is not None:

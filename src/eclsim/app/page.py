@@ -210,15 +210,11 @@ class BedsidePage:
         if newest is not None:
             tab_state.history.change(newest, "", 0.0)
         self.session.restore(tab_state)
-        steps, saved, pinned = (
-            len(tab_state.history.past),
-            len(tab_state.saved),
-            int(tab_state.pinned is not None),
-        )
-        message = text(
-            "tab_restored", name=title_of(tab_state.history.now), steps=steps, saved=saved, pinned=pinned
-        )
-        notify(message, "info")
+        counts = {
+            "steps": len(tab_state.history.past), "saved": len(tab_state.saved),
+            "pinned": int(tab_state.pinned is not None),
+        }  # fmt: skip
+        notify(text("tab_restored", name=title_of(tab_state.history.now), **counts), "info")
         return True
 
     def _state_of_link(self, link: str) -> PageState | None:

@@ -107,12 +107,10 @@ class PosteriorDraws:
         return dict(zip(self.names, map(float, self.draws[int(np.argmin(away))]), strict=True))
 
 
-def _ranges(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return smallest and largest values allowed in a case file, shape (parameters,) each."""
+def _ranges(names: tuple[str, ...]) -> np.ndarray:
+    """Return smallest and largest values allowed in a case file, shape (2, parameters)."""
     known = [parameter for name in names if (parameter := quantity(name)) is not None]
-    return np.array([parameter.minimum for parameter in known]), np.array(
-        [parameter.maximum for parameter in known]
-    )
+    return np.array([(parameter.minimum, parameter.maximum) for parameter in known]).T
 
 
 def read_posterior(name: str, content: bytes) -> PosteriorDraws:

@@ -5,20 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.course import (
-    BEATS,
-    plain_events,
-    possible_events,
-    with_event,
-    with_turn,
-    without_event,
-)
-from eclsim.app.display import display, panel_of, shape_of, waves_of
+from eclsim.app.course import BEATS, plain_events, possible_events, with_event, with_turn, without_event
+from eclsim.app.display import display, panel_of, waves_of
 from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import provenance, title_of
 from eclsim.app.shown_beat import ShownBeat, knobs_at, recomputed
@@ -36,6 +29,7 @@ from eclsim.app.state import (
     subject_of,
 )
 from eclsim.app.texts import beside_field, text
+from eclsim.cases.resolve import circuit_of
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
@@ -252,15 +246,11 @@ class Session:
 
     def undo(self) -> None:
         """Undo one change."""
-        if self.history.undo():
-            self.show_state()
-            self._request(0)
+        self._show_again(self.history.undo())
 
     def redo(self) -> None:
         """Redo one change."""
-        if self.history.redo():
-            self.show_state()
-            self._request(0)
+        self._show_again(self.history.redo())
 
     def roll_back(self, of: str, link: str = "") -> bool:
         """Return to the state that the page shows, if it had no answer to later changes.
@@ -276,11 +266,14 @@ class Session:
         if not self.history.back_to(lambda state: key_of(state) == of) and link:
             with suppress(CaseError):
                 self.history.replace(state_of(link))
-        if changed := self.state is not before:
-            self.show_state()
-            self._request(0)
+        self._show_again(changed := self.state is not before)
         self.send("taken_back", key_of(self.state))
         return changed
+
+    def _show_again(self, changed: bool) -> None:
+        if changed:
+            self.show_state()
+            self._request(0)
 
     def reset(self) -> None:
         """Return to the patient as loaded."""
@@ -288,10 +281,7 @@ class Session:
 
     def pin(self) -> None:
         """Pin the displayed beat as a shadow, or remove the pinned one."""
-        if self.pinned is not None:
-            self.pinned = None
-        else:
-            self.pinned = self.seen
+        self.pinned = self.seen if self.pinned is None else None
         self._send_pinned()
         self.show_state()
         self._notify()
@@ -345,9 +335,8 @@ class Session:
         try:
             state = make()
         except CaseError as error:
-            self.send(
-                "error", {"key": key, "messages": [beside_field(m) for m in error.mistakes], "seq": seq}
-            )
+            messages = [beside_field(mistake) for mistake in error.mistakes]
+            self.send("error", {"key": key, "messages": messages, "seq": seq})
             return False
         self._change(state, key, seq)
         return True
@@ -362,8 +351,7 @@ class Session:
         self._requested = (self.state, seq or self._requested[1])
         if not self._running and not self.closed:
             self._running = True
-            task = asyncio.get_running_loop().create_task(self._run())
-            task.add_done_callback(_report)
+            _started(self._run())
 
     async def _run(self) -> None:
         try:
@@ -405,10 +393,7 @@ class Session:
         known = self._anchor is not None and self._anchor.circuit is beat.circuit
         idle = self._preparing_start is None or self._preparing_start.done()
         if beat.converged and idle and not (known and beat.effort <= BEATS_WORTH_A_CLOSER_START):
-            self._preparing_start = asyncio.get_running_loop().create_task(
-                self._prepare_search_start(state, beat)
-            )
-            self._preparing_start.add_done_callback(_report)
+            self._preparing_start = _started(self._prepare_search_start(state, beat))
 
     async def _prepare_search_start(self, state: PageState, beat: Beat) -> None:
         await self.engine.prepare_nearby_searches(state, beat)
@@ -417,8 +402,7 @@ class Session:
     def _complete_soon(self) -> None:
         """Start `_complete` if the page lacks beats other than the displayed one."""
         if self._completing is None and not self.closed and self._incomplete():
-            self._completing = asyncio.get_running_loop().create_task(self._complete())
-            self._completing.add_done_callback(_report)
+            self._completing = _started(self._complete())
 
     def _incomplete(self) -> bool:
         return self._restored is not None or self.base is None or self.base[0] != self.state.start
@@ -468,7 +452,7 @@ class Session:
         from eclsim.app.drawing import drawing_of
 
         state, case = self.state, self.state.case
-        shape, there = shape_of(case), connected(case)
+        shape, there = circuit_of(case), connected(case)
         if (parts := (there, [instance.key for instance in case.instances()], shape)) != self._display:
             self._display = parts
             self.send("display", display(case))
@@ -518,6 +502,13 @@ def _compared(beat: Beat) -> dict[str, Any]:
 
     everything = plain(beat, ())
     return {name: everything[name] for name in ("outputs", "possible")}
+
+
+def _started(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+    """Start work in the event loop; an error in it goes to the log."""
+    task = asyncio.get_running_loop().create_task(work)
+    task.add_done_callback(_report)
+    return task
 
 
 def _report(task: asyncio.Task[None]) -> None:

@@ -142,15 +142,9 @@ def beat_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
     if solved is None:
         return None
     result = {
-        "of": key_of(state),
-        "count": count,
-        "lost": solved.lost,
-        "impossible": solved.impossible,
-        "fewest": solved.count,
-        "outputs": {},
-        "waves": {},
-        "loops": {},
-    }
+        "of": key_of(state), "count": count, "lost": solved.lost, "impossible": solved.impossible,
+        "fewest": solved.count, "outputs": {}, "waves": {}, "loops": {},
+    }  # fmt: skip
     if solved.count < FEWEST_DRAWS:
         return result
     even = np.linspace(0.0, 1.0, POINTS, endpoint=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.course import BEATS, LENGTHS, compute_course, plain_course
@@ -59,7 +60,7 @@ class ViewStudy(_OneAtATime):
         while (job := self._next(session)) is not None:
             topic, state = job
             self._done[topic] = state
-            study = await self._study(state)
+            study = await _study(self.engine, state, self.view, partial(_compute, self.view, state))
             if not session.closed:
                 session.send(topic, study)
 
@@ -74,22 +75,20 @@ class ViewStudy(_OneAtATime):
                 return topic, state
         return None
 
-    async def _study(self, state: PageState) -> Any:
-        def work() -> Any:
-            from eclsim.app import studies
 
-            return getattr(studies, self.view)(state)
+def _compute(study: str, *inputs: Any) -> Any:
+    from eclsim.app import studies
 
-        try:
-            return await self.engine.study(work)
-        except Exception:  # the view reports it; the page continues
-            log.exception("%s failed", self.view)
-            return failed_study(state)
+    return getattr(studies, study)(*inputs)
 
 
-def failed_study(state: PageState) -> dict[str, Any]:
-    """Return the data for a view whose numbers could not be computed."""
-    return {"of": key_of(state), "failed": text("study_failed")}
+async def _study(engine: Engine, state: PageState, name: str, work: Callable[[], Any]) -> Any:
+    """Run a study; if it fails, return data with which the view reports it, so that the page continues."""
+    try:
+        return await engine.study(work)
+    except Exception:
+        log.exception("%s failed", name)
+        return {"of": key_of(state), "failed": text("study_failed")}
 
 
 class CourseStudy(_OneAtATime):
@@ -251,7 +250,9 @@ class PosteriorBands(_OneAtATime):
             if not self._is_newest(shown):
                 return  # the beat being computed calls again
             self._done[topic] = shown, members
-            bands = await self._bands(shown, members, topic)
+            compute = "ramp_bands" if topic == "ramp_bands" else "beat_bands"
+            work = partial(_compute, compute, shown[0], members, partial(self._is_newest, shown))
+            bands = await _study(self.engine, shown[0], "bands", work)
             if self.on and self._is_newest(shown):
                 self.session.send(topic, bands or {"of": key_of(shown[0])})
 
@@ -259,18 +260,3 @@ class PosteriorBands(_OneAtATime):
         """Whether a beat is still displayed and no knob has been turned since."""
         one = self.session
         return not one.closed and one.shown is shown and one.state == shown[0]
-
-    async def _bands(
-        self, shown: tuple[PageState, Beat], members: PosteriorDraws, topic: str
-    ) -> dict[str, Any] | None:
-        def work() -> dict[str, Any] | None:
-            from eclsim.app import studies
-
-            compute = studies.ramp_bands if topic == "ramp_bands" else studies.beat_bands
-            return compute(shown[0], members, lambda: self._is_newest(shown))
-
-        try:
-            return await self.engine.study(work)
-        except Exception:  # there are no bands, which the page reports
-            log.exception("bands failed")
-            return failed_study(shown[0])
