@@ -1,6 +1,6 @@
 """The bedside page: turn a knob, see the patient. Served by `eclsim app`, for people who do not write Python.
 
-texts       all texts of the page
+texts       the texts of the page, from english.toml
 state       state of the page, as values: undo, links, snapshots stored by a browser
 provenance  sources of the numbers, in words
 knobs       knobs and pickers, and applying them to a case; reference ranges and limits are in display
