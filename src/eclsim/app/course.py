@@ -25,7 +25,9 @@ from eclsim.app.texts import ENGLISH, text, with_minus
 from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
+from eclsim.course.alarms import clock_time
 from eclsim.course.result import impossible_moments
+from eclsim.course.timeline import case_with_settings
 from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.files import finite
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
@@ -95,7 +97,6 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
     Raises:
         CaseError: An event is after the end, or changes the circuit during a course beat by beat.
     """
-    from eclsim.course.alarms import clock_time
     from eclsim.course.beats import beat_by_beat_course
     from eclsim.course.course import steady_beat_course
 
@@ -257,8 +258,6 @@ def with_turn(case: Case, key: str, value: object, minute: float) -> Case:
 
 def case_at(case: Case, minute: float) -> Case:
     """Return the case, without events, as its events have changed it by a given minute."""
-    from eclsim.course.timeline import case_with_settings
-
     start = now = case.model_copy(update={"events": ()})
     for event in case.events:
         if event.set and event.at_min <= minute + 1e-6:

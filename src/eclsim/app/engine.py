@@ -13,7 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, TypeVar
 
 from eclsim.app.fitting import FitProcess
+from eclsim.app.knobs import connect, turn
 from eclsim.app.state import PageState
+from eclsim.cases.presets import PRESETS
 
 if TYPE_CHECKING:
     from eclsim.app.beat import Beat, Program
@@ -140,9 +142,6 @@ class Engine:
 
 def _warm_states() -> list[PageState]:
     """Return the presets, the presets with devices often added, then all of these with a slow heart."""
-    from eclsim.app.knobs import connect, turn
-    from eclsim.cases.presets import PRESETS
-
     states = [PageState(preset.case(), origin=key) for key, preset in PRESETS.items()]
     more = [PageState(connect(start.case(), key)) for start in PRESETS.values() for key in start.often]
     usual = [*states, *more]

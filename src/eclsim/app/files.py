@@ -18,10 +18,14 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from eclsim.app.provenance import marked_id, provenance
 from eclsim.app.texts import text, with_minus
+from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.reading import read_case
+from eclsim.cases.writing import case_text
 from eclsim.files import file_stems, write_json
 from eclsim.inputs.mistakes import CaseError, Mistake
 
@@ -30,7 +34,6 @@ if TYPE_CHECKING:
 
     from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.state import PageState
-    from eclsim.cases.case import Case
 
 LARGEST_FILE = 5_000_000
 LARGEST_FILE_TEXT = "5 MB"
@@ -72,8 +75,6 @@ def read_file(name: str, content: bytes) -> OpenedFile:
     Raises:
         CaseError: The file has errors, all of which are listed, or reading takes too much memory or time.
     """
-    from eclsim.cases.case import Case
-
     plain = _read_in_own_process("file", name, content)
     cases = tuple((label, Case.model_validate(case)) for label, case in plain["cases"])
     fit = FitMark(**plain["fit"]) if plain["fit"] else None
@@ -86,8 +87,6 @@ def read_posterior_file(name: str, content: bytes) -> PosteriorDraws:
     Raises:
         CaseError: As for `read_file`.
     """
-    import numpy as np
-
     from eclsim.app.posterior import PosteriorDraws
 
     plain = _read_in_own_process("posterior", name, content)
@@ -256,8 +255,6 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
     state = replace(state, case=_as_shown(state))
     (stem,) = file_stems([state.case.patient.id])
     if kind == "case":
-        from eclsim.cases.writing import case_text
-
         return f"{stem}.toml", f"# {about}\n{case_text(state.case)}".encode()
     if kind in ("outputs", "waveforms"):
         return _table(state, kind, stem)
@@ -322,7 +319,6 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
 
 def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
     from eclsim.app.course import BEATS, compute_course, usual_length
-    from eclsim.cases.writing import case_text
     from eclsim.course.files import course_object, write_figure, write_tables
 
     try:

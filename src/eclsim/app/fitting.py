@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import ASSUMED_SHUNTS
 from eclsim.app.texts import text, with_minus
+from eclsim.cases.quantities import quantity
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import Gas
+from eclsim.inputs.mistakes import CaseError
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
 if TYPE_CHECKING:
@@ -240,7 +242,6 @@ def _run_job(
     job: str, raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str], report: Callable[[str], None]
 ) -> tuple[str, Any]:
     from eclsim.app.posterior import plain_posterior
-    from eclsim.inputs.mistakes import CaseError
 
     try:
         if job == "posterior":
@@ -256,7 +257,6 @@ def _run_job(
 
 def plain_fit(fit: FitResult) -> dict[str, Any]:
     """Return a fit as plain data: the output of `eclsim identify`, with units, bounds and the fitted case."""
-    from eclsim.cases.quantities import quantity
     from eclsim.identification.verdict import headline
 
     result = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}

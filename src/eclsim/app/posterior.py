@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from eclsim.app.fitting import prepared_for_fit
 from eclsim.app.texts import text
@@ -25,8 +26,6 @@ from eclsim.orbit.model import VolumePolicy, model_of
 from eclsim.outputs.signals import parameters_read
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.cases.case import Case
 
 BAND_MEMBERS = 128
@@ -119,8 +118,6 @@ def read_posterior(name: str, content: bytes) -> PosteriorDraws:
     Raises:
         CaseError: It is not such a file, or has a variable that is not a parameter.
     """
-    import xarray as xr
-
     with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
         path = Path(folder) / "posterior.nc"
         path.write_bytes(content)

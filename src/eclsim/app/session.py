@@ -30,6 +30,7 @@ from eclsim.app.state import (
 )
 from eclsim.app.texts import beside_field, text
 from eclsim.cases.resolve import circuit_of
+from eclsim.course.alarms import clock_time
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
@@ -206,8 +207,6 @@ class Session:
         Raises:
             CaseError: The event is at the end or later.
         """
-        from eclsim.course.alarms import clock_time
-
         if 0 < self.minutes <= minute:
             raise CaseError(
                 [Mistake(key, text("timeline_end", time=clock_time(minute, self.minutes in BEATS)))]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from eclsim.app.course import BEATS, LENGTHS, compute_course, plain_course
 from eclsim.app.state import key_of
 from eclsim.app.texts import text, with_minus
+from eclsim.course.alarms import clock_time
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -172,7 +173,6 @@ class CourseStudy(_OneAtATime):
                 self.session.show_moment(course.state, beat, minute)
 
     def _clock(self, minute: float) -> str:
-        from eclsim.course.alarms import clock_time
 
         return clock_time(minute, self.minutes in BEATS)
 

@@ -12,13 +12,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from eclsim.cases.case import Case
 from eclsim.parameters.thiel2025 import TABLE_S4
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
-
 
 CARDIAC_INDEX = "cardiac_index"
 """Cardiac output per body surface area after Mosteller [L/min/m2]."""
@@ -63,8 +60,6 @@ class Preset:
 
     def case(self) -> Case:
         """Return the checked case."""
-        from eclsim.cases.case import Case
-
         return Case.model_validate({"format": 1, **self.sections})
 
 

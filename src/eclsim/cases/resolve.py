@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.fluid import fluid_values, haemoglobin
 from eclsim.devices.registry import nominal_value, parameters
+from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
 from eclsim.patient.anthropometry import (
     AGE,
     SIZE,
@@ -66,8 +67,6 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
 
 def _regulated(patient: Circuit, case: Case) -> Circuit:
     """Return the patient with the reflexes, drugs and extra volume of the case."""
-    from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
-
     shifted = {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys()
     if not (case.regulation or case.drugs or case.fluid or shifted):
         return patient

@@ -317,31 +317,44 @@ def _mistakes_of_prediction(
 
 
 def _with_posterior(
-    o: IdentifyOptions, fit: FitResult, predictions: Sequence[tuple[str, Case]], folder: Path,
+    o: IdentifyOptions,
+    fit: FitResult,
+    predictions: Sequence[tuple[str, Case]],
+    folder: Path,
     progress: Progress,
-) -> tuple[FitResult, dict[str, Any]]:  # fmt: skip
-    """Sample the posterior and write its files.
+) -> tuple[FitResult, dict[str, Any]]:
+    """Return the fit with its verdict updated by the draws, and the posterior as content for JSON."""
+    from eclsim.identification.verdict import interval_agreement
 
-    Returns:
-        The fit with its verdict updated by the draws, and the posterior as content for JSON.
-    """
+    posterior = _sample(o, fit, predictions, folder, progress)
+    if posterior["method"] != "gaussian" and posterior["trusted"]:
+        fitted = fit.as_object()["parameters"]
+        fit = fit.judged(interval_agreement(fitted, posterior["parameters"], "posterior"))
+    return fit, {"posterior": posterior}
+
+
+def _sample(
+    o: IdentifyOptions,
+    fit: FitResult,
+    predictions: Sequence[tuple[str, Case]],
+    folder: Path,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Sample the posterior and write the files of the draws."""
     from eclsim.identification.files import write_posterior
     from eclsim.identification.nuts import Sampling
     from eclsim.identification.posterior import PosteriorSettings, posterior
-    from eclsim.identification.verdict import interval_agreement
 
     chosen = PosteriorSettings(
-        method=o.posterior_method if o.posterior else o.predict_with, prior=o.prior,
-        sampling=Sampling(o.chains, o.warmup, o.draws, o.seed), volume_policy=fit.settings.volume_policy,
-    )  # fmt: skip
+        method=o.posterior_method if o.posterior else o.predict_with,
+        prior=o.prior,
+        sampling=Sampling(o.chains, o.warmup, o.draws, o.seed),
+        volume_policy=fit.settings.volume_policy,
+    )
     result = posterior(fit, settings=chosen, predictions=predictions, progress=progress)
     write_posterior(folder / "posterior", result)
     say(f"posterior: {folder / 'posterior'}")
-    content = result.as_object()
-    if content["method"] != "gaussian" and content["trusted"]:
-        fitted = fit.as_object()["parameters"]
-        fit = fit.judged(interval_agreement(fitted, content["parameters"], "posterior"))
-    return fit, {"posterior": content}
+    return result.as_object()
 
 
 # --- a table of data points -----------------------------------------------------------------------

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from eclsim.cases.resolve import resolve_parameters, with_viscosity_of
 from eclsim.circuit import Choice, Circuit
@@ -36,8 +37,6 @@ from eclsim.parameters.fluid import SECTION as FLUID
 from eclsim.patient.sites import SAME_IN_REGIONS
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.cases.case import Case
     from eclsim.crrt_study.schemes import Scheme
     from eclsim.crrt_study.study import CrrtStudy
@@ -157,8 +156,6 @@ def means(
     speeds: np.ndarray,
 ) -> xr.Dataset:
     """Cycle means, outputs, volumes and recirculation over `policy`, `scheme` and `speed`."""
-    import xarray as xr
-
     dims = ("policy", "scheme", "speed")
     shape = (len(circuits.schemes), len(speeds))
     data = _variables(runs, dims, shape)
@@ -189,8 +186,6 @@ def means(
 
 def without(without_crrt: Sequence[SteadyBeat], policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset:
     """Cycle means, outputs and volumes without CRRT over `policy` and `speed`."""
-    import xarray as xr
-
     data = _variables(without_crrt, ("policy", "speed"), (len(speeds),))
     speed = ("speed", speeds, {"units": "rpm", "long_name": "ECMO pump speed"})
     return xr.Dataset(data, {"policy": list(policies), "speed": speed})
@@ -198,8 +193,6 @@ def without(without_crrt: Sequence[SteadyBeat], policies: Sequence[str], speeds:
 
 def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Sequence[str]) -> xr.Dataset:
     """Waveforms at the case's speed over `policy`, `scheme` and `phase`; volumes are total, not stressed."""
-    import xarray as xr
-
     first, data = runs[0], {}
     phases = next(iter(first.waveforms.values())).phases
     for k, signal in enumerate(first.signals):
@@ -289,8 +282,6 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
         `<name>_lowest` (letters of schemes; empty unless all are known); `schemes_known`, the number of
         schemes that these are computed from.
     """
-    import xarray as xr
-
     result: Variables = {}
     letters = means["scheme"].values.astype(str)
     dims = tuple(str(d) for d in means[SUMMARISED[0]].dims if d != "scheme")
@@ -340,8 +331,6 @@ def split_differences(
         Over `scheme`: `<name>_difference`, `<name>_uptake`, `<name>_flow`, and `blood_taken_up` [mL]; NaN if
         one of the beats was not found. `status` tells how the search with constant patient volume ended.
     """
-    import xarray as xr
-
     volume, letters = float(without.volume("patient")[0]), [scheme.letter for scheme in circuits.schemes]
     primed, status = None, [NOT_COMPUTED] * len(letters)
     if without.determined[0]:

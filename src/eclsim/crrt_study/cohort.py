@@ -13,7 +13,7 @@ import numpy as np
 
 from eclsim.crrt_study.ranking import Ranked, first_choice, ties
 from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, RuleError, read_rule
-from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
+from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, StudyError, policy_of_cases, select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
 from eclsim.execution.tasks import in_process
@@ -173,8 +173,6 @@ class StudyOptions:
 
     def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
         """Return the outcome for each case."""
-        from eclsim.crrt_study.schemes import StudyError
-
         outcomes = []
         for name, case in cases:
             announce(name)
@@ -208,8 +206,6 @@ def crrt_cohort(
         ExecutionError: The folder holds other studies, or workers cannot be reached.
         ShardDone: This run computed one shard only.
     """
-    from eclsim.crrt_study.schemes import StudyError, policy_of_cases
-
     options = options or StudyOptions()
     judged_by = read_rule(options.rule)
     policy = options.volume_policy or policy_of_cases(list(fitted.cases.values()))

@@ -8,19 +8,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pandas as pd
+import xarray as xr
+
 from eclsim import files
 from eclsim.crrt_study.beats import SPLIT_QUANTITIES, SUMMARISED
 from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.one_housing import compared_with_schemes
 from eclsim.crrt_study.ranking import choice_text, first_choice
-from eclsim.crrt_study.report import EXCHANGE_COLUMNS
+from eclsim.crrt_study.report import EXCHANGE_COLUMNS, drawings, study_page
 from eclsim.files import Json, finite, frame_text, json_text, write_text
 from eclsim.orbit.model import AS_PUBLISHED, CASE, case_record
 
 if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-
     from eclsim.crrt_study.study import CrrtStudy
 
 FILES = ("report.html", "study.json", "study.nc")
@@ -35,8 +35,6 @@ def file_names() -> tuple[str, ...]:
 
 def write_study(study: CrrtStudy, folder: Path) -> list[Path]:
     """Write all files to a folder, which is created if necessary, and return their paths."""
-    from eclsim.crrt_study.report import drawings, study_page
-
     folder.mkdir(exist_ok=True)
     drawn = drawings(study)
     texts = {"report.html": study_page(study, drawn), "study.json": study_json(study)}
@@ -222,8 +220,6 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
 
 def _frame(data: xr.Dataset, first: Sequence[str] = ()) -> pd.DataFrame:
     """Convert a dataset to a table with units in the headers and the given coordinates first."""
-    import pandas as pd
-
     frame = data.to_dataframe().reset_index()
     ordered = pd.DataFrame(frame[[*first, *map(str, data.data_vars)]]) if first else frame
     heads = {str(n): f"{n} [{u}]" for n, v in data.variables.items() if (u := v.attrs.get("units"))}
@@ -232,8 +228,6 @@ def _frame(data: xr.Dataset, first: Sequence[str] = ()) -> pd.DataFrame:
 
 def ranking_table(study: CrrtStudy) -> pd.DataFrame:
     """Table with one row for each policy and scheme, best first; rank is empty if not known."""
-    import pandas as pd
-
     rows = [
         {
             "policy": policy, "rank": scheme.rank, "scheme": scheme.letter,
@@ -264,8 +258,6 @@ def write_netcdf(study: CrrtStudy, path: Path) -> None:
 
     Of the means, only pressures and the quantities of the JSON object are written.
     """
-    import xarray as xr
-
     groups = {
         "": xr.Dataset(attrs={"id": study.case.patient.id, CASE: json.dumps(case_record(study.case))}),
         "means": study.means[_written(study.means)],

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from eclsim.crrt_study.beats import Variables, speeds_text, speeds_without_solution, value
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
@@ -19,8 +20,6 @@ from eclsim.devices.ecmo import SUCTION_MMHG
 from eclsim.outputs.alarms import sentences
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.crrt_study.beats import StudyCircuits
     from eclsim.outputs.steady_beat import SteadyBeat
 
@@ -113,8 +112,6 @@ def largest_flows(
         `kept_throughout`, whether the limit is kept at every speed studied; `in_words`; `margin` [mmHg] at
         the case's speed, negative if the limit is violated, NaN if the beat was not found.
     """
-    import xarray as xr
-
     keys = [limit.name for limit in rule_limits] + [CRRT_LIMITS]
     shape = (means.sizes["policy"], means.sizes["scheme"], len(keys))
     few = means[[*dict.fromkeys(limit.quantity for limit in rule_limits), "PF", "status"]]
@@ -275,8 +272,6 @@ def uncertainty(
         of all samples is between `probability_at_least`, if those without a beat violate the limit, and
         `probability_at_most`, if they keep it.
     """
-    import xarray as xr
-
     patients = {name: np.asarray(values, dtype=float) for name, values in samples.items()}
     records = circuits.run(np.array([speed]), policy, patients=patients)
     shape = (len(circuits.schemes), -1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from eclsim.cases.resolve import resolve_parameters
 from eclsim.components.dialysis import PLASMA_WATER
@@ -26,8 +27,6 @@ from eclsim.outputs.steady_beat import steady_beat
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    import xarray as xr
 
     from eclsim.cases.case import Case
     from eclsim.crrt_study.study import CrrtStudy
@@ -68,8 +67,6 @@ def section_of(case: Case) -> Renox | None:
 
 def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset | None:
     """Outputs of RenOx and the patient's gases over `policy` and `speed`; None without fluids of RenOx."""
-    import xarray as xr
-
     section = section_of(case)
     if section is None:
         return None

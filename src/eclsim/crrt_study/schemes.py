@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 
 from eclsim.arguments import number_of, written
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
+from eclsim.devices.crrt import Crrt
 from eclsim.devices.device import device_key
 from eclsim.devices.ecmo import ECMO, POSITION_WORDS, PUMPS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
 from eclsim.devices.plausibility import check_speed
 from eclsim.inputs.mistakes import Remarks
+from eclsim.inputs.numbers import suspected_unit
 from eclsim.patient.sites import PATIENT_SITES, RIGHT_HEART, SAME_IN_REGIONS, VENOUS_SITES, patient_sites
 from eclsim.spelling import spelling_hint
 
@@ -298,9 +300,6 @@ def check_flow(flow: float) -> None:
     Raises:
         StudyError: The flow is outside the range.
     """
-    from eclsim.devices.crrt import Crrt
-    from eclsim.inputs.numbers import suspected_unit
-
     field = Crrt.fields()["flow_ml_min"]
     if not field.least <= flow <= field.maximum:  # a pump that stands still tells no schemes apart
         hint = suspected_unit(flow, field.unit, field.typical, (field.least, field.maximum))

@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.crrt_study import beats as crrt_datasets
+from eclsim.crrt_study.beats import split_differences, study_circuits, summarise, unsettled
+from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
 from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, check_quantities, read_rule
 from eclsim.crrt_study.schemes import (
     AS_PUBLISHED,
@@ -31,6 +34,8 @@ from eclsim.crrt_study.schemes import (
     select_schemes,
 )
 from eclsim.orbit.model import CaseSource, as_case
+from eclsim.outputs.alarms import assumptions
+from eclsim.outputs.signals import parameters_read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,8 +118,6 @@ class CrrtStudy:
     @property
     def unsettled(self) -> tuple[MissingBeats, ...]:
         """Beats that were not found, by policy, scheme and reason."""
-        from eclsim.crrt_study.beats import unsettled
-
         return unsettled(self)
 
     @property
@@ -166,13 +169,8 @@ def crrt_study(
         SpeedError: A speed cannot be read or is not above 0.
     """
     from eclsim.cases.samples import as_samples, check_samples
-    from eclsim.crrt_study import beats as crrt_datasets
-    from eclsim.crrt_study.beats import split_differences, study_circuits, summarise
-    from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
     from eclsim.crrt_study.one_housing import in_one_housing, without_renox
     from eclsim.crrt_study.ranking import rank
-    from eclsim.outputs.alarms import assumptions
-    from eclsim.outputs.signals import parameters_read
     from eclsim.simulation.target_flow import with_speed
 
     case = as_case(case)

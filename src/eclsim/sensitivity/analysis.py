@@ -25,6 +25,10 @@ from eclsim.execution.tasks import run_tasks
 from eclsim.inputs.mistakes import as_names, as_settings
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.results import beat_warnings
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.sensitivity.design import Design, DesignError
 from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, missing_outputs, varied_inputs
 from eclsim.sensitivity.results import SensitivityResult, indices_of_runs
@@ -110,8 +114,6 @@ def sensitivity(
         ValueError: Hardly any row is free of failed runs.
         TypeError: The argument is no case, or the settings are no `SobolSettings`.
     """
-    from eclsim.outputs.results import beat_warnings
-
     settings = as_settings(settings, SobolSettings)
     folder = as_folder(folder)
     with ExitStack() as stack:
@@ -129,8 +131,6 @@ def sensitivity(
 
 def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     """Return the checked inputs and design of an analysis; nothing is run."""
-    from eclsim.outputs.signals import output_names
-
     s = settings
     if s.until is not None and not 0.0 < s.until < math.inf:
         raise InputError([f"until = {s.until:g}: allowed: above 0, such as 0.02"])
@@ -295,9 +295,6 @@ def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | No
 
 def _mean_arterial_pressure(model: Model, policy: str) -> float:
     """Mean arterial pressure of the steady beat [mmHg]; raises `StateError` if there is none."""
-    from eclsim.orbit.steady import Batch
-    from eclsim.outputs.steady_beat import steady_beat
-
     beat = steady_beat(Batch.of(model, policy), ("MAP",))
     if not beat.determined[0]:
         raise StateError(

@@ -13,11 +13,14 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from eclsim.arguments import number_of
 from eclsim.cases.quantities import quantity
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
+from eclsim.outputs.results import beat_warnings, derivatives
+from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.reporting.numbers import number, text_table
 from eclsim.sensitivity.inputs import (
     CARDIOVASCULAR,
@@ -33,8 +36,6 @@ from eclsim.sensitivity.inputs import (
 from eclsim.simulation.target_flow import with_speed
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.cases.case import Case
     from eclsim.orbit.model import Model
 
@@ -362,8 +363,6 @@ class Identifiability:
     @property
     def dataset(self) -> xr.Dataset:
         """Scaled sensitivities, effects, angles between effects and Fisher information, labelled."""
-        import xarray as xr
-
         names = list(self.scaled.parameters)
         pair = ("parameter", "other_parameter")
         return xr.Dataset(
@@ -441,8 +440,6 @@ def identifiability(
         InputError: The case does not have these names, or the limit is below 1 or the threshold below 0.
         NoDerivativesError: The case has no steady beat, or one without derivatives.
     """
-    from eclsim.outputs.results import beat_warnings, derivatives
-
     limit, threshold = number_of("limit", limit), number_of("threshold", threshold)
     if not (1.0 <= limit < np.inf and 0.0 <= threshold < np.inf):
         raise InputError(
@@ -471,15 +468,12 @@ def identifiability(
 
 def _measured(case: Case, model: Model) -> tuple[str, ...]:
     """Outputs that the case has measurements of, else all outputs that it has."""
-    from eclsim.outputs.signals import output_names
-
     available = output_names(model.circuit)
     named = tuple(o for o in DEFAULTS if getattr(case.measurements, o, None) is not None and o in available)
     return named or tuple(o for o in OUTPUTS if o in available)
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:
-    from eclsim.outputs.signals import output_names, parameters_read
 
     wrong = [
         f"no {kind} given" for kind, names in (("parameter", parameters), ("output", outputs)) if not names

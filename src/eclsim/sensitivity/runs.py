@@ -20,11 +20,13 @@ from typing import Protocol
 import numpy as np
 
 from eclsim._version import __version__
+from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
 from eclsim.execution.folder import read_inputs
 from eclsim.files import whole_file
+from eclsim.gas.network import GasStatus
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.inputs import Description
 
@@ -133,7 +135,6 @@ class SteadyBeatEvaluator:
 def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Design) -> int:
     """Resolution of the grid that the most demanding run of a design needs."""
     from eclsim.beat.grid import needed_resolution
-    from eclsim.circuit.assembly import assemble
 
     values = {**base, **design.settings(design.unit())}
     return int(np.max(needed_resolution(assemble(circuit), values)))
@@ -141,7 +142,6 @@ def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Desig
 
 def status_word(status: int) -> str:
     """Name of the way in which a run ended."""
-    from eclsim.gas.network import GasStatus
     from eclsim.orbit.status import Status
 
     if status >= WITHOUT_GASES:
