@@ -44,6 +44,14 @@ def mistakes(tmp_path, events):
         ("at_min = 30\ngive = { crystaloid_ml = 500 }", "did you mean crystalloid_ml?"),
         ("at_min = 30\ngive = { blood_ml = -5 }", "did you mean bleed_ml = 5?"),
         ("at_min = -1\ngive = { blood_ml = 5 }", "events[1].at_min = -1: outside the allowed range"),
+        (
+            'at_min = "2 h"\ngive = { blood_ml = 5 }',
+            "in h, but at_min is in min; allowed: 0 to 44640 min; did you mean 2 h = 120 min?",
+        ),
+        (
+            'at_min = 3\ngive = { blood_ml = "0.5 L" }',
+            "in L, but blood_ml is in mL; allowed: 0 to 20000 mL; did you mean 0.5 L = 500 mL?",
+        ),
         ("set = { Rmc = 1 }", "events[1].at_min: missing"),
         ("at_min = 3", "events[1]: nothing happens"),
         ("at_min = 3\nat_mn = 4\nset = { Rmc = 1 }", "did you mean at_min?"),

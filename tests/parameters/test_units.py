@@ -44,7 +44,7 @@ INTERNAL = {
     "flow": "mL/s", "pressure": "mmHg", "length": "cm", "volume": "mL", "mass": "kg", "age": "years",
     "rate": "bpm", "speed": "rpm", "resistance": "mmHg s/mL", "compliance": "mL/mmHg", "elastance": "mmHg/mL",
     "inertance": "mmHg s^2/mL", "viscosity": "Pa s", "density": "kg/mL", "mass concentration": "g/dL",
-    "fraction": "1",
+    "fraction": "1", "time": "s",
 }  # fmt: skip
 ONE_IS = {
     "L/min": 16.66666667, "mL/min": 0.01666666667, "L/s": 1000, "L/h": 0.2777777778, "mL/h": 2.777777778e-4,
@@ -52,7 +52,7 @@ ONE_IS = {
     "cmH2O": 0.73555924, "psi": 51.7149326, "mm": 0.1, "m": 100, "in": 2.54, "Fr": 0.0333333333, "L": 1000,
     "g": 1e-3, "lb": 0.45359237, "months": 0.0833333333, "Hz": 60, "krpm": 1000, "Wood units": 0.06,
     "dyn s/cm^5": 7.50061683e-4, "mL/kPa": 0.133322387, "kPa/mL": 7.50061683, "mPa s": 1e-3, "g/mL": 1e-3,
-    "kg/m^3": 1e-6, "g/L": 0.1, "%": 0.01,
+    "kg/m^3": 1e-6, "g/L": 0.1, "%": 0.01, "min": 60, "h": 3600, "d": 86400,
 }  # fmt: skip
 """By hand, from 101325 Pa = 760 Torr, the pound of 0.45359237 kg and the inch of 2.54 cm."""
 

@@ -148,7 +148,7 @@ class _EventChecker:
 
     def _number(self, place: str, value: object, field: Field, values: dict[str, Any], key: str) -> None:
         try:
-            values[key] = read_number(value, field)
+            values[key] = read_number(value, replace(field, name=key))
         except RefusedValueError as error:
             self.remarks.mistakes.append(replace(error.mistake, key=place, value=shown(value)))
 
