@@ -11,9 +11,9 @@ import numpy as np
 
 from eclsim.course.timeline import BEFORE_S, MINUTE
 from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding
-from eclsim.outputs.alarms import breach
+from eclsim.outputs.alarms import KINDS, breach
 from eclsim.outputs.limits import COURSE_LIMITS, group_of
-from eclsim.outputs.registry import UnknownOutputError, output
+from eclsim.outputs.registry import find_output
 
 if TYPE_CHECKING:
     from eclsim.slow import DerivedQuantity
@@ -23,7 +23,6 @@ LimitKey = tuple[str, str, str]
 """Key of a limit: kind, output or waveform, and the sentence without its numbers."""
 FindingsByMoment = dict[int, "Finding"]
 """The findings for one limit, by index of the moment at which it is violated."""
-KINDS = (*GRAVEST_FIRST, CAUTION)
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 """Numbers are removed before sentences are compared, since a limit's value may change between moments."""
 
@@ -178,10 +177,9 @@ def _consecutive_runs(places: list[int]) -> list[list[int]]:
     """Split indices into runs of consecutive ones."""
     runs: list[list[int]] = []
     for place in places:
-        if runs and place == runs[-1][-1] + 1:
-            runs[-1].append(place)
-        else:
-            runs.append([place])
+        if not runs or place != runs[-1][-1] + 1:
+            runs.append([])
+        runs[-1].append(place)
     return runs
 
 
@@ -225,25 +223,15 @@ def _sentence(
 ) -> str:
     """Sentence: "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
     when = f"at {begin}" + (f", until {end}" if end else "")
-    try:
-        long_name, unit = named.get(finding.quantity) or _words_of(finding.quantity)
-    except UnknownOutputError:
+    entry = find_output(finding.quantity)
+    words = named.get(finding.quantity) or (entry and (entry.long_name, entry.unit))
+    limited = finding.kind in GRAVEST_FIRST and np.isfinite(finding.limit)
+    if words is None or not limited or f" {finding.limit:g}" not in finding.sentence:
         return f"{when}: {finding.sentence}{_at_worst(finding, worst)}"
-    if (
-        finding.kind not in GRAVEST_FIRST
-        or not np.isfinite(finding.limit)
-        or f" {finding.limit:g}" not in (finding.sentence)
-    ):
-        return f"{when}: {finding.sentence}{_at_worst(finding, worst)}"
+    long_name, unit = words
     side, unit = "below" if worst < finding.limit else "above", "" if unit == "1" else f" {unit}"
     meaning = finding.sentence.partition(": ")[2]
     return f"{long_name} {side} {finding.limit:g}{unit} {when} ({worst:.4g}{unit} at worst): {meaning}"
-
-
-def _words_of(name: str) -> tuple[str, str]:
-    """Name in words and unit of an output."""
-    entry = output(name)
-    return entry.long_name, entry.unit
 
 
 def _at_worst(finding: Finding, worst: float) -> str:

@@ -24,7 +24,7 @@ from eclsim.execution import Executor, Progress, as_executor, as_folder
 from eclsim.orbit.model import CASE, CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import THIN_WALLED
-from eclsim.outputs.registry import UnknownOutputError, output
+from eclsim.outputs.registry import find_output
 from eclsim.outputs.results import variable
 from eclsim.simulation.target_flow import with_speed
 
@@ -196,12 +196,11 @@ def _alarm_probability(
 
 def _label(kind: str, quantity: str, side: str, limit: float) -> str:
     """A label such as "MAP below 65 mmHg (warning)" or "right atrium, Vra (collapse)"."""
-    try:
-        unit = output(quantity).unit
-    except UnknownOutputError:
+    entry = find_output(quantity)
+    if entry is None:
         place = THIN_WALLED.get(quantity[1:])
         return f"{f'{place}, ' if place else ''}{quantity} ({kind})"
-    bound = f" {side} {limit:g}{'' if unit == '1' else f' {unit}'}" if np.isfinite(limit) else ""
+    bound = f" {side} {limit:g} {entry.unit}".removesuffix(" 1") if np.isfinite(limit) else ""
     return f"{quantity}{bound} ({kind})"
 
 

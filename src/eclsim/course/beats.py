@@ -558,10 +558,8 @@ class BeatMarch:
         beat_findings: Sequence[Sequence[Finding]],
     ) -> xr.Dataset:
         """Return the beats as a labelled dataset."""
-        time, states = (
-            np.array([beat.time for beat in beats]),
-            np.stack([beat.slow for beat in beats], axis=-1),
-        )
+        time = np.array([beat.time for beat in beats])
+        states = np.stack([beat.slow for beat in beats], axis=-1)
         in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
         result = labelled_course(time, outputs, self.laws, states, in_effect)
         result[IMPOSSIBLE] = impossible_among(beat_findings)

@@ -268,12 +268,8 @@ def _groups(timelines: Sequence[Timeline], policy: str | None) -> dict[Any, list
 def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) -> xr.Dataset:
     """Return a member's course as a labelled dataset."""
     places = moments.of(member)
-    history, laws, time, states = (
-        engine.histories[member],
-        engine.laws,
-        moments.time[places],
-        moments.states[:, places],
-    )
+    history, laws = engine.histories[member], engine.laws
+    time, states = moments.time[places], moments.states[:, places]
     in_effect = {key: column[places] for key, column in moments.in_effect.items()}
     outputs = {name: moments.values[name][places] for name in moments.names}
     result = labelled_course(time, outputs, laws, states, in_effect)

@@ -322,12 +322,8 @@ class Engine:
 
     def _state_before_event(self, member: int) -> StateBeforeEvent | None:
         """A member's state before a segment begins; None if nothing happens at minute 0."""
-        predictor, segment, time = (
-            self.predictors[member],
-            int(self.segment[member]),
-            float(self.time[member]),
-        )
-        timeline = self.timelines[member]
+        predictor, timeline = self.predictors[member], self.timelines[member]
+        segment, time = int(self.segment[member]), float(self.time[member])
         nothing = not segment and not timeline.has_event_at_start
         if nothing or predictor.point is None or predictor.circuit is None:
             return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import textwrap
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from eclsim.devices.description import Panel
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting import style
-from eclsim.simulation.figures import panels_of
+from eclsim.simulation.figures import QUANTITY, draw_legend_above, panels_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,16 +35,9 @@ DISSOLVED = Panel("Dissolved", "mmol/L", ("urea", "potassium", "bicarbonate"),
                   ("urea", "potassium", "bicarbonate"))  # fmt: skip
 CARBON_DIOXIDE = Panel("Carbon dioxide", "mmHg", ("PaCO2", "tissue_PCO2"), ("arteries", "tissue"))
 BLOOD_CELLS = Panel("Haematocrit", "1", ("haematocrit",), ("haematocrit",))
-_AXES = {
-    "1": "Share",
-    "%": "Saturation",
-    "mmol/L": "Concentration",
-    "mmHg": "Pressure",
-    "L/min": "Flow",
-    "mL": "Volume",
-    "1/min": "Rate",
-    "mL/min": "Oxygen",
-}
+_AXES = QUANTITY | {
+    "1": "Share", "%": "Saturation", "mmol/L": "Concentration", "1/min": "Rate", "mL/min": "Oxygen",
+}  # fmt: skip
 _NARROWEST = {"1": 0.005, "mL": 2.0}
 """Smallest span of an axis in its unit, so that rounding is not shown as a curve; 0.1 for other units."""
 MOST_ALARMS = 5
@@ -99,7 +93,7 @@ def _has_values(result: xr.Dataset, name: str) -> bool:
 
 
 def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> None:
-    _, minutes = _time_axis_unit(result)
+    minutes = _time_axis_unit(result)[1]
     hours = result["time_min"].to_numpy() / minutes
     drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(drawn):
@@ -110,9 +104,8 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
         ax.set_ylim(low - 0.5 * short, high + 0.5 * short)
     _mark_events(ax, hours, events, minutes)
     ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
-    rows = -(-len(drawn) // 2)
-    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * rows)
-    _legend_above(ax)
+    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * -(-len(drawn) // 2))
+    draw_legend_above(ax)
 
 
 def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index: int) -> None:
@@ -139,9 +132,7 @@ def _mark_spans(ax: Axes, spans: list[dict[str, Any]], minutes: float) -> None:
     """Draw a grey bar at the top where every beat was followed."""
     for span in spans:
         ends = [span["from_min"] / minutes, span["until_min"] / minutes]
-        top = Line2D(ends, [1.01, 1.01], transform=ax.get_xaxis_transform(), color="0.65", linewidth=2.4)
-        top.set(solid_capstyle="projecting", clip_on=False)
-        ax.add_line(top)
+        _bar(ax, ends, 1.01, color="0.65", linewidth=2.4, solid_capstyle="projecting", clip_on=False)
 
 
 def impossible_spans(result: xr.Dataset) -> list[tuple[float, float]]:
@@ -152,11 +143,9 @@ def impossible_spans(result: xr.Dataset) -> list[tuple[float, float]]:
     return [(float(minute[a]), float(minute[min(b, last)])) for a, b in edges.reshape(-1, 2)]
 
 
-def _legend_above(ax: Axes, columns: int = 2) -> None:
-    ax.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
-        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
-    )  # fmt: skip
+def _bar(ax: Axes, ends: Sequence[float] | np.ndarray, height: float, **look: Any) -> None:
+    """Draw a bar between two times at a height in that of the axes."""
+    ax.add_line(Line2D(ends, [height, height], transform=ax.get_xaxis_transform(), **look))
 
 
 def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None:
@@ -166,13 +155,13 @@ def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None
     for index, (label, share) in enumerate(
         zip(gravest["alarm"].values, gravest["alarm_probability"].to_numpy(), strict=True)
     ):
-        look: dict[str, Any] = {**style.curve_style(index)}
-        ax.plot(hours, 100.0 * share, label=style.plain_text(str(label).replace("_", " "), 60), **look)
+        text = style.plain_text(str(label).replace("_", " "), 60)
+        ax.plot(hours, 100.0 * share, label=text, **style.curve_style(index))  # pyright: ignore[reportArgumentType] - dict of keywords
     _mark_events(ax, hours, events, minutes)
     ax.set_ylim(-3.0, 103.0)
     ax.set_ylabel("Draws [%]")
     ax.set_title("Limits broken", loc="left", pad=3 + 11.5 * gravest.sizes["alarm"])
-    _legend_above(ax, 1)
+    draw_legend_above(ax, 1)
 
 
 def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None:
@@ -180,13 +169,8 @@ def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None
     end = float(result["time_min"][-1])
     for alarm in sorted(alarms, key=lambda item: list(_BARS).index(str(item["kind"])), reverse=True):
         until = end if alarm["until_min"] is None else float(str(alarm["until_min"]))
-        spans, colour = (
-            np.array([float(str(alarm["at_min"])), until]) / _time_axis_unit(result)[1],
-            _BARS[str(alarm["kind"])],
-        )
-        foot = Line2D(spans, [0.02, 0.02], transform=ax.get_xaxis_transform(), color=colour, linewidth=3.0)
-        foot.set_solid_capstyle("butt")
-        ax.add_line(foot)
+        ends = np.array([float(str(alarm["at_min"])), until]) / _time_axis_unit(result)[1]
+        _bar(ax, ends, 0.02, color=_BARS[str(alarm["kind"])], linewidth=3.0, solid_capstyle="butt")
 
 
 def _legend(events: list[Event], result: xr.Dataset) -> str:

@@ -21,6 +21,7 @@ from eclsim.files import (
     write_text,
 )  # fmt: skip
 from eclsim.orbit.model import CASE
+from eclsim.simulation.files import column_head
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -92,8 +93,7 @@ def write_tables(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
         stem: stem of the file names; None takes that of the patient.
     """
     frame = result.to_dataframe().reset_index()
-    units = {str(n): result[n].attrs.get("units", "") for n in (*result.coords, *result.data_vars)}
-    frame.columns = [f"{name} [{units[name]}]" if units.get(name) else name for name in frame.columns]
+    frame.columns = [column_head(result, name) for name in frame.columns]
     frame = with_doubts(frame, result.attrs["warnings"])
     return _written(result, frame_text(frame), folder, stem)
 

@@ -208,11 +208,8 @@ def follow_until_settled(
         end: latest end [s], given by the longest span or the end of the course.
         reason: reason for following these beats.
     """
-    shown, at, until = (
-        ShownBeats(None, BEATS_PER_SPAN, march.timeline.moments_of_events),
-        start,
-        start.time + settling_s,
-    )
+    shown = ShownBeats(None, BEATS_PER_SPAN, march.timeline.moments_of_events)
+    at, until = start, start.time + settling_s
     pause = patience = settling_s / 3.0
     if start.gases is not None:
         pause, patience = max(pause, GAS_TIME_CONSTANT_S / 4.0), max(patience, GAS_TIME_CONSTANT_S)

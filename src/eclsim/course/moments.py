@@ -133,11 +133,8 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
 
 def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
     """Interpolate the point of the beat between two steps, if both ends have one."""
-    a, b, (begin, end) = (
-        history.points[left],
-        history.points[ahead],
-        (history.times[left], history.times[ahead]),
-    )
+    a, b = history.points[left], history.points[ahead]
+    begin, end = history.times[left], history.times[ahead]
     if a is None or b is None or len(a) != len(b) or end <= begin:
         return a
     return a + (now - begin) / (end - begin) * (b - a)
@@ -282,11 +279,8 @@ class _MomentSolver:
     def _move_last_moment(self, member: int, good: int, bad: int) -> None:
         """Replace the first moment without a steady beat by the last one that has a steady beat."""
         moments, history = self.moments, self.engine.histories[member]
-        low, high, before = (
-            float(moments.time[good]),
-            float(moments.time[bad]),
-            moments.values_in_effect(good),
-        )
+        low, high = float(moments.time[good]), float(moments.time[bad])
+        before = moments.values_in_effect(good)
         while high - low > 2.0 * SHORTEST_STEP_S:
             middle = 0.5 * (low + high)
             trial = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])

@@ -146,11 +146,8 @@ def plan_removal(
     outputs = output_names(model_of(slow).circuit)
     asked = read_goals(keep, outputs)
     goals = (*asked, *_implied_goals(slow, outputs, asked, volume_policy))
-    rates, tried, broken = (
-        np.geomspace(slowest, fastest, RATES_PER_ROUND),
-        dict[float, bool](),
-        dict[float, list[BrokenGoal]](),
-    )
+    rates = np.geomspace(slowest, fastest, RATES_PER_ROUND)
+    tried, broken = dict[float, bool](), dict[float, list[BrokenGoal]]()
     for _ in range(ROUNDS):
         fresh = [float(rate) for rate in rates if float(rate) not in tried]
         for rate, result in zip(
@@ -428,10 +425,8 @@ def _weaning_step(
         )
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
-    message, outputs = (
-        alarms if result.reached else result.message,
-        _weaning_outputs(dict(result.outputs), case),
-    )
+    message = alarms if result.reached else result.message
+    outputs = _weaning_outputs(dict(result.outputs), case)
     return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings)
 
 

@@ -249,13 +249,11 @@ def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circui
     from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube, TubeVolume
 
     (dialyzer,) = DIALYZERS.values()
+    volumes = {name: TubeVolume("L" + name, "D" + name) for name in CrrtDevice.compartments}
+    volumes |= {"crrtfil": dialyzer.priming_volume_ml or math.nan}
     compartments = tuple(
-        Compartment(name, ElasticVessel("C" + name), GROUP, rest_volume=TubeVolume("L" + name, "D" + name))
-        if name != "crrtfil"
-        else Compartment(
-            name, ElasticVessel("C" + name), GROUP, rest_volume=dialyzer.priming_volume_ml or math.nan
-        )
-        for name in CrrtDevice.compartments
+        Compartment(name, ElasticVessel("C" + name), GROUP, rest_volume=volume)
+        for name, volume in volumes.items()
     )
     connections = (
         Connection("crrttuin", Tube("Lcrrttuin", "Dcrrttuin"), access_site, "crrttuin", GROUP),
@@ -431,9 +429,8 @@ class CrrtDevice(Device[Crrt]):
         """Move lines to the patient's veins if the ECMO circuit to which they were connected is gone."""
         if raw["access_site"] not in sites:
             return raw | SITES_WITHOUT_ECMO
-        return (
-            raw if raw["return_site"] in sites else raw | {"return_site": SITES_WITHOUT_ECMO["return_site"]}
-        )
+        gone = raw["return_site"] not in sites
+        return raw | {"return_site": SITES_WITHOUT_ECMO["return_site"]} if gone else raw
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Check that sites exist and are plausible, and that flow and fluids are possible."""

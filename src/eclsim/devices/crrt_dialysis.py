@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
 
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import Naming
-from eclsim.devices.dialysed_blood import FLUIDS, filter_performance
+from eclsim.devices.dialysed_blood import FLUIDS, Fibres
 from eclsim.parameters.parameter import Parameter
-
-if TYPE_CHECKING:
-    from eclsim.components.dialysis import Performance
 
 GROUP = "crrt"
 _FILTER = "AN69 ST filter of 1.5 m2"
@@ -50,29 +46,7 @@ BY_PLASMA_WATER = (
 )  # fmt: skip
 """Outputs that are not computed where the filter would take all water of the plasma."""
 _EFFECTIVE_SHARES = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
-_SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
-_FILTER_FLOW = "Qcrrtfil"
-
-
-def _dialysis(
-    name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
-) -> Output:
-    """Output that is a field of `eclsim.components.dialysis.Performance`."""
-    return Output(
-        name, long_name, unit, definition, _SIGNALS,
-        lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
-        by_gases=by_gases, read_at=_FILTER_FLOW,
-    )  # fmt: skip
-
-
-def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
-    """Performance of the filter in a beat (`eclsim.components.dialysis.Performance`)."""
-
-    def compute() -> Performance:
-        blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
-        return filter_performance(m, blood, SETTINGS, "crrtfil" if by_gases else None)
-
-    return m.cached((GROUP, "performance", str(by_gases)), compute)
+_FIBRES = Fibres(("Qcrrtpump", "Pcrrtfil", "Pcrrttuout"), SETTINGS, "crrtfil", "Qcrrtfil")
 
 
 def _share(m: BeatMeasures, what: str) -> Numbers:
@@ -85,7 +59,7 @@ def _share(m: BeatMeasures, what: str) -> Numbers:
     """
 
     def compute() -> Sequence[Numbers]:
-        done = performance(m)
+        done = _FIBRES.performance(m)
         water = [done.urea_water if name == "urea" else done.plasma_water for name in _EFFECTIVE_SHARES]
         return m.effective("crrtfil", [getattr(done, name) for name in _EFFECTIVE_SHARES], water)
 
@@ -94,73 +68,86 @@ def _share(m: BeatMeasures, what: str) -> Numbers:
 
 def _effective(m: BeatMeasures, solute: str) -> Numbers:
     """Effective clearance [mL/min], relative to the blood that leaves the tissues."""
-    return getattr(performance(m), solute) * _share(m, solute)
+    return getattr(_FIBRES.performance(m), solute) * _share(m, solute)
 
 
 def _citrate(m: BeatMeasures) -> Numbers:
     """Citrate that reaches the tissues [mmol/h]."""
-    return performance(m).citrate * _share(m, "citrate_cleared")
+    return _FIBRES.performance(m).citrate * _share(m, "citrate_cleared")
 
 
 def _base_gain(m: BeatMeasures) -> Numbers:
     """Bicarbonate [mmol/h] that reaches the tissues, from citrate and from the fluids."""
     from eclsim.components.dialysis import BASE_PER_CITRATE
 
-    done = performance(m, by_gases=True)
+    done = _FIBRES.performance(m, by_gases=True)
     fluids = done.base_gain - BASE_PER_CITRATE * done.citrate
     return BASE_PER_CITRATE * _citrate(m) + fluids * _share(m, "carbon_dioxide_cleared")
 
 
+def _for_patient(
+    name: str,
+    long_name: str,
+    unit: str,
+    definition: str,
+    compute: Callable[[BeatMeasures], Numbers],
+    by_gases: bool = False,
+) -> Output:
+    """Output of the filter's effect on the patient, which depends on recirculation."""
+    return Output(
+        name, long_name, unit, definition, _FIBRES.signals, compute, parameters=SETTINGS, all_flows=True,
+        by_gases=by_gases, read_at=_FIBRES.read_at,
+    )  # fmt: skip
+
+
 OUTPUTS = (
-    _dialysis("effluent_ml_h", "effluent", "effluent of the CRRT", "mL/h", "dialysate, replacement and net"),
-    _dialysis(
+    _FIBRES.output(
+        "effluent_ml_h", "effluent", "effluent of the CRRT", "mL/h", "dialysate, replacement and net"
+    ),
+    _FIBRES.output(
         "filtration_fraction", "filtration_fraction", "filtration fraction", "1",
         "ultrafiltrate / (plasma flow + replacement before the filter)",
     ),
-    _dialysis(
+    _FIBRES.output(
         "transmembrane_pressure", "transmembrane_pressure", "transmembrane pressure of the dialyzer", "mmHg",
         "ultrafiltrate / Kuf",
     ),
-    _dialysis(
+    _FIBRES.output(
         "effluent_pressure", "effluent_pressure", "pressure of the effluent", "mmHg",
         "mean pressure of the blood in the dialyzer - transmembrane pressure",
     ),
     *(
-        _dialysis(
+        _FIBRES.output(
             f"clearance_{name}", name, f"clearance of {name} by the dialyzer", "mL/min",
             "removed / concentration in the water that enters the dialyzer",
         )
         for name in SOLUTES
     ),
     *(
-        Output(
+        _for_patient(
             f"effective_clearance_{name}", f"clearance of {name} for the patient", "mL/min",
             "removed / concentration in the blood that leaves the tissues, corrected for recirculation",
-            _SIGNALS, lambda m, name=name: _effective(m, name), parameters=SETTINGS, all_flows=True,
-            read_at=_FILTER_FLOW,
+            lambda m, name=name: _effective(m, name),
         )
         for name in SOLUTES
     ),
-    Output(
+    _for_patient(
         "base_gain", "bicarbonate gained from the CRRT", "mmol/h",
-        "from fluids and citrate (3 each), less what is removed, corrected for recirculation",
-        _SIGNALS, _base_gain, parameters=SETTINGS, all_flows=True, by_gases=True,
-        read_at=_FILTER_FLOW,
+        "from fluids and citrate (3 each), less what is removed, corrected for recirculation", _base_gain,
+        by_gases=True,
     ),
-    _dialysis(
+    _FIBRES.output(
         "crrt_carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the dialyzer", "mL/min",
         "STPD, as bicarbonate and dissolved, less what the fluids bring", by_gases=True,
     ),
-    Output(
+    _for_patient(
         "citrate_load", "citrate that reaches the patient", "mmol/h",
-        "dose - removed, corrected for recirculation", _SIGNALS, _citrate, parameters=SETTINGS,
-        all_flows=True, read_at=_FILTER_FLOW,
+        "dose - removed, corrected for recirculation", _citrate,
     ),
-    Output(
+    _for_patient(
         "fresh_plasma_ml_h", "plasma of the patient that reaches the dialyzer", "mL/h",
-        "plasma flow of the dialyzer less what comes back from it", _SIGNALS,
-        lambda m: performance(m).plasma * _share(m, "plasma_water"), parameters=SETTINGS, all_flows=True,
-        read_at=_FILTER_FLOW,
+        "plasma flow of the dialyzer less what comes back from it",
+        lambda m: _FIBRES.performance(m).plasma * _share(m, "plasma_water"),
     ),
 )  # fmt: skip
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from eclsim.devices.description import CAUTION, GASES, BeatMeasures, Finding, Numbers
+from eclsim.devices.description import CAUTION, GASES, BeatMeasures, Finding, Numbers, Output
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.parameters.gas import PARAMETERS as GAS
@@ -69,24 +69,48 @@ def dialysed_blood(section: Section, haemoglobin_g_dl: float, gases: bool) -> di
     return {f"{section.section}.{key}": own[key] for key in own if getattr(section, key) is None}
 
 
-def filter_performance(
-    m: BeatMeasures, blood: Sequence[Numbers], settings: Sequence[str], entering: str | None
-) -> Performance:
-    """Performance of a filter in a beat (`eclsim.components.dialysis.Performance`).
+@dataclass(frozen=True)
+class Fibres:
+    """Dialysate fibres of a device in a beat, and outputs that describe their performance.
 
     Args:
-        m: measures of the beat.
-        blood: blood flow [mL/min], and blood pressure before and after the fibres [mmHg].
-        settings: parameters of the filter.
+        signals: waveforms of blood flow, and of blood pressure before and after the fibres.
+        settings: parameters, in the order of `eclsim.components.dialysis.Settings`.
         entering: connection of the exchange whose entering blood gases are used, if gases are computed.
+        read_at: waveform of the place that the outputs describe.
+        prefix: prefix of the names of the outputs.
     """
-    from eclsim.components import dialysis
 
-    gases: Sequence[Numbers] = UNKNOWN_GASES
-    if entering is not None and GASES in m.circuit.content_names():
-        gases = [m.gas("PCO2", "into", entering), m.gas("pH", "into", entering), m.parameter(TEMPERATURE)]
-    numbers = [*blood, *gases, *map(m.parameter, settings)]
-    return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+    signals: tuple[str, str, str]
+    settings: tuple[str, ...]
+    entering: str
+    read_at: str
+    prefix: str = ""
+
+    def performance(self, m: BeatMeasures, by_gases: bool = False) -> Performance:
+        """Performance in a beat (`eclsim.components.dialysis.Performance`)."""
+        return m.cached((self.entering, str(by_gases)), lambda: self._performance(m, by_gases))
+
+    def _performance(self, m: BeatMeasures, by_gases: bool) -> Performance:
+        from eclsim.components import dialysis
+
+        flow, *pressures = map(m.mean, self.signals)
+        gases: Sequence[Numbers] = UNKNOWN_GASES
+        if by_gases and GASES in m.circuit.content_names():
+            gases = [m.gas(what, "into", self.entering) for what in ("PCO2", "pH")]
+            gases = [*gases, m.parameter(TEMPERATURE)]
+        numbers = [60.0 * flow, *pressures, *gases, *map(m.parameter, self.settings)]
+        return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+
+    def output(
+        self, name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
+    ) -> Output:
+        """Output that is a field of the performance."""
+        return Output(
+            f"{self.prefix}{name}", long_name, unit, definition, self.signals,
+            lambda m: getattr(self.performance(m, by_gases), field), parameters=self.settings,
+            all_flows=by_gases, by_gases=by_gases, read_at=self.read_at,
+        )  # fmt: skip
 
 
 def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:

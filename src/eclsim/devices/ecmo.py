@@ -915,19 +915,17 @@ def _without_exhaust_gas(
 
     brought = 1000.0 * FLOWMETER_TO_STPD * sweep
     left = brought - gained + removed
-    if not (
-        gained > 0.5 * brought > SMALLEST_EXHAUST and left < max(USED_UP_SHARE * brought, SMALLEST_EXHAUST)
-    ):
+    used_up = left < max(USED_UP_SHARE * brought, SMALLEST_EXHAUST)
+    if not (gained > 0.5 * brought > SMALLEST_EXHAUST and used_up):
         return []
     text = (
         f"the blood of the {names.label} takes up nearly all of its sweep gas ({gained:.0f} of "
         f"{brought:.0f} mL/min STPD): hardly any leaves the oxygenator, which removes "
         f"{max(removed, 0.0):.0f} mL/min of carbon dioxide; raise the sweep"
     )
-    about, *concerns = (
-        names.output(name) for name in ("VCO2_oxygenator", "VO2_oxygenator", "PpostCO2", "PexhaustCO2")
-    )
-    return [Finding(CAUTION, about, removed, math.nan, text, concerns=(about, *concerns))]
+    concerned = ("VCO2_oxygenator", "VO2_oxygenator", "PpostCO2", "PexhaustCO2")
+    concerns = tuple(map(names.output, concerned))
+    return [Finding(CAUTION, concerns[0], removed, math.nan, text, concerns=concerns)]
 
 
 def _caution_on_left_ventricle(
@@ -948,10 +946,9 @@ def _caution_on_left_ventricle(
 
 def _reason_for_left_ventricle(circuit: Circuit) -> str:
     """Reason why left ventricular filling on V-A ECMO differs from that of patients."""
-    bronchial = any(c.name == "bronchial" for c in circuit.connections)
     there = {
         "reflexes": any(c.name == REGULATION for c in circuit.controllers),
-        "bronchial return": bronchial,
+        "bronchial return": any(c.name == "bronchial" for c in circuit.connections),
     }
     missing = " and ".join(name for name, known in there.items() if not known)
     if not missing:

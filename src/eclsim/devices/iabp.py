@@ -12,6 +12,7 @@ its full volume; it is in the ascending aorta, whether or not the arteries are d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -125,27 +126,22 @@ class IabpDevice(Device[Iabp]):
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
         """Cautions about the ideal balloon, early inflation, and a peak pressure made by the balloon."""
-        volume, augmented = (
-            table.get(name, 0.0) for table, name in (
-                (values, names.parameter(_VOLUME)), (outputs, names.output(_AUGMENTED.name)),
-            )
-        )  # fmt: skip
+        if not values.get(names.parameter(_VOLUME), 0.0) > 0.0:
+            return []
         result = []
-        if volume > 0.0 and "CO" in outputs:
+        if "CO" in outputs:
             concerns = tuple(name for name in _AFFECTED_OUTPUTS if name in outputs)
-            result.append(
-                Finding(CAUTION, "CO", outputs["CO"], float("nan"), _IDEAL_BALLOON, concerns=concerns)
-            )
-        if volume > 0.0 and (early := _early_inflation_finding(names, outputs, values)):
+            result.append(Finding(CAUTION, "CO", outputs["CO"], math.nan, _IDEAL_BALLOON, concerns=concerns))
+        if early := _early_inflation_finding(names, outputs, values):
             result.append(early)
-        elif volume > 0.0 and "SP" in outputs and augmented >= outputs["SP"]:
+        elif "SP" in outputs and outputs.get(names.output(_AUGMENTED.name), 0.0) >= outputs["SP"]:
             text = (
                 "the highest aortic pressure is the balloon's, in diastole: SP, DP and pulse pressure are "
                 f"those of the {names.label}; for the heart's own output, read "
                 f"{names.output(_SYSTOLIC.name)} and LVO"
             )
             concerns = ("SP", "DP", "pulse_pressure")
-            result.append(Finding(CAUTION, "SP", outputs["SP"], float("nan"), text, concerns=concerns))
+            result.append(Finding(CAUTION, "SP", outputs["SP"], math.nan, text, concerns=concerns))
         return result
 
 
@@ -162,7 +158,7 @@ def _early_inflation_finding(
         "during ejection, and their difference is not an augmentation"
     )
     concerns = ("SP", name, *(names.output(one.name) for one in (_AUGMENTED, _DIFFERENCE)))
-    return Finding("warning", name, outputs[name], float("nan"), text, concerns=concerns)
+    return Finding("warning", name, outputs[name], math.nan, text, concerns=concerns)
 
 
 IABP = IabpDevice()

@@ -8,12 +8,12 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Collection, Iterable, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import lru_cache, wraps
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from pydantic import BaseModel
 
@@ -37,6 +37,8 @@ from eclsim.spelling import nearest, spelling_hint
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 _PACKAGE: tuple[AnyDevice, ...] = (ECMO, CRRT, LVAD, RENOX, VENT, SEPTOSTOMY, IABP)
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
@@ -85,8 +87,35 @@ class PublishedDevices(BaseModel):
 
 def devices() -> Mapping[str, AnyDevice]:
     """All devices by the key of their section, in the order in which case files are written."""
+    return {device.key: device for device in registered()}
+
+
+def registered() -> tuple[AnyDevice, ...]:
+    """All devices at present."""
     _load_others()
-    return {device.key: device for device in _PACKAGE} | _OTHERS
+    return (*_PACKAGE, *_OTHERS.values())
+
+
+def cached_by_devices(maxsize: int) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
+    """Cache a function that depends on the registered devices, until another one is registered.
+
+    Sequences and mappings among the arguments reach the function as tuples.
+    """
+
+    def decorate(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+        @lru_cache(maxsize)
+        def result(among: tuple[AnyDevice, ...], /, *arguments: Any, **named: Any) -> Result:
+            return function(*arguments, **named)
+
+        @wraps(function)
+        def cached(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+            given: tuple[Any, ...] = arguments
+            hashable = (tuple(one) if one.__hash__ is None else one for one in given)
+            return result(registered(), *hashable, **named)
+
+        return cached
+
+    return decorate
 
 
 def register_device(device: AnyDevice | type[AnyDevice]) -> AnyDevice:
@@ -266,14 +295,10 @@ def device_of(key: str) -> AnyDevice | None:
     return devices().get(device_key(key))
 
 
+@cached_by_devices(8)
 def parameters() -> Mapping[str, Parameter]:
     """All parameters that a case file may set, of the patient and of all devices."""
-    return _parameters(tuple(devices().values()))
-
-
-@lru_cache(maxsize=8)
-def _parameters(among: tuple[AnyDevice, ...]) -> Mapping[str, Parameter]:
-    of_devices = {p.key: p for device in among for p in device.parameters}
+    of_devices = {p.key: p for device in registered() for p in device.parameters}
     return MappingProxyType(patient_parameters() | of_devices)
 
 
@@ -380,19 +405,9 @@ def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -
     return result
 
 
-def registered() -> tuple[AnyDevice, ...]:
-    """All devices at present; a key for caches, which are valid while it does not change."""
-    _load_others()
-    return (*_PACKAGE, *_OTHERS.values())
-
-
+@cached_by_devices(4096)
 def named_output(name: str) -> tuple[Naming, Output] | None:
     """Instance and output with a name such as "lvad.left.flow"; None if it is no output of a device."""
-    return _named_output(name, registered())
-
-
-@lru_cache(maxsize=4096)
-def _named_output(name: str, among: tuple[AnyDevice, ...]) -> tuple[Naming, Output] | None:
     device = device_of(name)
     if device is None:
         owners = ((Naming(owner), entry) for owner in devices().values() for entry in owner.outputs)

@@ -26,9 +26,9 @@ from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.dialysed_blood import (
     FLUIDS,
     USUAL_FLUID,
+    Fibres,
     check_fluids,
     dialysed_blood,
-    filter_performance,
     fluid_flow,
     no_plasma_water,
 )
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from eclsim.circuit.network import Circuit
-    from eclsim.components.dialysis import Performance
 
 GROUP = "renox"
 _ASSUMED = "assumed: the membrane of the CRRT filter, no data of such a device are public"
@@ -51,7 +50,7 @@ _BLOOD = ("haematocrit_in", "fluid_bicarbonate_mmol_l", "plasma_bicarbonate_mmol
 SETTINGS = (*(f"{GROUP}.{key}" for key in (*FLUIDS, *_BLOOD)), *(p.key for p in MEMBRANE))
 """Parameters of the dialysate fibres, in the order of `eclsim.components.dialysis.Settings`."""
 _PERMEABILITY = MEMBRANE[0].key
-_SIGNALS = ("Qecmooxy", "Pecmooxy", "Pecmotuor")
+_FIBRES = Fibres(("Qecmooxy", "Pecmooxy", "Pecmotuor"), SETTINGS, "ecmotuor", "Qecmooxy", f"{GROUP}_")
 
 
 class Renox(Section):
@@ -67,25 +66,9 @@ class Renox(Section):
     plasma_bicarbonate_mmol_l: Annotated[float | None, Crrt.fields()["plasma_bicarbonate_mmol_l"]] = None
 
 
-def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
-    """Performance of the dialysate fibres in a beat (`eclsim.components.dialysis.Performance`)."""
-    blood = [m.mean("Qecmooxy") * 60.0, m.mean("Pecmooxy"), m.mean("Pecmotuor")]
-    return filter_performance(m, blood, SETTINGS, "ecmotuor" if by_gases else None)
-
-
 def _free_filtration(m: BeatMeasures) -> Numbers:
     """Ultrafiltration [mL/h] that the blood pressure drives through the membrane at an open effluent."""
     return 0.5 * (m.mean("Pecmooxy") + m.mean("Pecmotuor")) * m.parameter(_PERMEABILITY)
-
-
-def _output(
-    name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
-) -> Output:
-    return Output(
-        f"{GROUP}_{name}", long_name, unit, definition, _SIGNALS,
-        lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
-        by_gases=by_gases, read_at="Qecmooxy",
-    )  # fmt: skip
 
 
 _BY_FLOW = (*(f"{GROUP}_clearance_{name}" for name in SOLUTES), f"{GROUP}_base_gain",
@@ -109,31 +92,32 @@ class RenoxDevice(Device[Renox]):
         }
     )  # fmt: skip
     outputs = (
-        _output("effluent_ml_h", "effluent", "effluent of the RenOx", "mL/h", "dialysate and net"),
-        _output(
+        _FIBRES.output("effluent_ml_h", "effluent", "effluent of the RenOx", "mL/h", "dialysate and net"),
+        _FIBRES.output(
             "filtration_fraction", "filtration_fraction", "filtration fraction of the RenOx", "1",
             "ultrafiltrate / plasma flow",
         ),
-        _output(
+        _FIBRES.output(
             "transmembrane_pressure", "transmembrane_pressure",
             "transmembrane pressure needed for the ultrafiltration of the RenOx", "mmHg",
             "ultrafiltrate / Kuf",
         ),
-        _output(
+        _FIBRES.output(
             "effluent_pressure", "effluent_pressure", "pressure at which the effluent of the RenOx is held",
-            "mmHg",
-            "mean pressure of the blood in the housing - transmembrane pressure",
+            "mmHg", "mean pressure of the blood in the housing - transmembrane pressure",
         ),
         *(
-            _output(
+            _FIBRES.output(
                 f"clearance_{name}", name, f"clearance of {name} by the RenOx", "mL/min",
                 "removed / concentration in the water that enters",
             )
             for name in SOLUTES
         ),
-        _output("base_gain", "base_gain", "bicarbonate gained from the RenOx", "mmol/h",
-                "from the dialysate, less what is removed", by_gases=True),
-        _output(
+        _FIBRES.output(
+            "base_gain", "base_gain", "bicarbonate gained from the RenOx", "mmol/h",
+            "from the dialysate, less what is removed", by_gases=True,
+        ),
+        _FIBRES.output(
             "carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the RenOx", "mL/min",
             "STPD, as bicarbonate and dissolved, less what the dialysate brings", by_gases=True,
         ),
@@ -141,7 +125,7 @@ class RenoxDevice(Device[Renox]):
             f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
             "mL/h",
             "Kuf times the mean pressure of the blood in the housing: what is filtered if the control fails",
-            _SIGNALS, _free_filtration, parameters=(_PERMEABILITY,), read_at="Qecmooxy",
+            _FIBRES.signals, _free_filtration, parameters=(_PERMEABILITY,), read_at="Qecmooxy",
         ),
     )  # fmt: skip
 
@@ -178,10 +162,8 @@ class RenoxDevice(Device[Renox]):
         circuits = case.of("ecmo")
         if list(circuits) != ["ecmo"]:
             message = "RenOx replaces the oxygenator of an ECMO circuit, but the case has no [ecmo] section"
-            if circuits:
-                message = (
-                    "RenOx needs a single ECMO circuit without a name; the case has several or a named one"
-                )
+            other = "RenOx needs a single ECMO circuit without a name; the case has several or a named one"
+            message = other if circuits else message
             remarks.error(key, message, allowed="one [ecmo] section")
         if key != GROUP:
             remarks.error(key, "two in one circuit are not modelled", allowed=f"one [{GROUP}] section")

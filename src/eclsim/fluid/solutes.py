@@ -123,16 +123,11 @@ class SolutesLaw(SlowLaw):
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
         scales = {"urea": 10.0, "creatinine": 0.1, "potassium": 1.0, "bicarbonate": 10.0}
-        pools = {
-            "urea": ("inside",),
-            "creatinine": ("inside",),
-            "potassium": ("mobilised",),
-            "bicarbonate": (),
-        }
+        further = {"urea": ("inside",), "creatinine": ("inside",), "potassium": ("mobilised",)}
         return tuple(
-            SlowState(_state(solute, what), "mmol", scales[solute], what in ("outside", "inside"))
-            for solute, more in pools.items()
-            for what in ("outside", *more, "made", "removed")
+            SlowState(_state(solute, what), "mmol", scale, what in ("outside", "inside"))
+            for solute, scale in scales.items()
+            for what in ("outside", *further.get(solute, ()), "made", "removed")
         )
 
     @property
@@ -181,10 +176,8 @@ class SolutesLaw(SlowLaw):
             cleared = cleared + settings[_key_of("kidney_clearance_ml_min")] / _MINUTE
             cells = UREA_RED_CELL_WATER if solute == "urea" else 0.0
             cleared = cleared - blood * (plasma + cells * (1.0 - plasma))
-            removed, moved = (
-                1e-3 * cleared * concentration,
-                1e-3 * transfer / _MINUTE * (within - concentration),
-            )
+            removed = 1e-3 * cleared * concentration
+            moved = 1e-3 * transfer / _MINUTE * (within - concentration)
             made = _generation(settings, solute)
             result |= {
                 _state(solute): made + moved - removed, _state(solute, "inside"): -moved,

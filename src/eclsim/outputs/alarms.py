@@ -19,8 +19,6 @@ from eclsim.patient.sites import DRAINED
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
-__all__ = ["CAUTION", "Finding", "collapsed", "findings", "gravest_first", "impossible"]
-
 IMPOSSIBLE_BEAT = "that no patient can have (a chamber without blood, a vein sucked shut)"
 """Description of beats that are `collapsed`."""
 KINDS = (*GRAVEST_FIRST, CAUTION)
@@ -118,10 +116,8 @@ def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str,
         for entry in names.device.assumptions:
             concerned = tuple(name for name in map(names.output, entry.concerns) if name in outputs)
             if concerned and values.get(names.parameter(entry.parameter)) == entry.value:
-                about = Finding(
-                    CAUTION, concerned[0], entry.value, entry.value, entry.sentence, concerns=concerned
-                )
-                result.append(about)
+                numbers = (entry.value, entry.value)
+                result.append(Finding(CAUTION, concerned[0], *numbers, entry.sentence, concerns=concerned))
     return result
 
 
@@ -171,8 +167,8 @@ def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str
         else:
             text = (
                 f"pressure in the {THIN_WALLED[place]} {smallest:.1f} mmHg is below {COLLAPSE_MMHG:g} mmHg: "
+                f"the vessel collapses{cause}"
             )
-            text += f"the vessel collapses{cause}"
             result.append(Finding("collapse", name, smallest, COLLAPSE_MMHG, text))
     return result
 
@@ -215,11 +211,8 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
         return []
     carried, peak = sum(pumps.values()), outputs.get("peak_aortic_valve_flow", 0.0)
     text = f"aortic valve flow {round(aortic, 3) + 0.0:.3f} L/min: "
-    opens = (
-        f"the valve opens (peak flow {peak:.0f} mL/s)"
-        if peak >= VALVE_OPEN_ML_S
-        else "the valve stays closed"
-    )
+    opened = peak >= VALVE_OPEN_ML_S
+    opens = f"the valve opens (peak flow {peak:.0f} mL/s)" if opened else "the valve stays closed"
     if aortic <= -CLOSED_L_MIN:
         text += f"{opens} and leaks {-aortic:.2f} L/min more than it lets through"
         if carried >= CLOSED_L_MIN:
@@ -227,13 +220,12 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
             share = f"{left:.2f}" if left > 0.0 else "nothing"
             text += f": of the {carried:.2f} L/min of the {' and the '.join(pumps)} the organs get {share}"
         return [Finding("alarm", "aortic_valve_flow", aortic, -CLOSED_L_MIN, text, concerns=("LVO",))]
-    if peak >= VALVE_OPEN_ML_S:
+    if opened:
         text += f"{opens}, and as much as it lets through leaks back"
     elif carried >= CLOSED_L_MIN:
         text += (
             f"{opens}, the {' and the '.join(pumps)} {'carry' if len(pumps) > 1 else 'carries'} the left "
-            f"ventricle's output "
-            f"({carried:.2f} L/min)"
+            f"ventricle's output ({carried:.2f} L/min)"
         )
     else:
         text += "the left ventricle does not eject"

@@ -20,7 +20,7 @@ from eclsim.beat.compilation import Key
 from eclsim.beat.recording import MEAN, has_mean
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
-from eclsim.devices.registry import registered
+from eclsim.devices.registry import cached_by_devices
 from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
@@ -267,17 +267,13 @@ def _smallest_usual_list(
     return signals, tuple(places)
 
 
+@cached_by_devices(64)
 def usual_sums(circuit: Circuit) -> tuple[tuple[str, ...], ...]:
     """Signals of the sums that usual questions about a circuit need; each list sorted, shortest list first.
 
     The lists are for the leading outputs, those of devices and `FURTHER_USUAL_OUTPUTS`; for these and the
     flows that carry gases; and for all outputs and these flows.
     """
-    return _usual_sums(circuit, registered())
-
-
-@lru_cache(maxsize=64)
-def _usual_sums(circuit: Circuit, among: tuple[object, ...]) -> tuple[tuple[str, ...], ...]:
     plain = [name for name in output_names(circuit) if _reads_waveforms_alone(name)]
     others = {*all_outputs(())} - {*(entry.name for entry in leading_outputs(())), *FURTHER_USUAL_OUTPUTS}
     first = _sums_of([name for name in plain if name not in others], circuit)

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
 from eclsim.devices.description import GRAVEST_FIRST, Limit
-from eclsim.devices.registry import devices, named_output, registered
+from eclsim.devices.registry import cached_by_devices, devices, named_output
 from eclsim.patient.anthropometry import AGE, SIZE, body_surface, delivery_limits, greatest_heart_rate
 
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
@@ -41,9 +40,17 @@ _RONCO = "4.5 mL/min/kg (Ronco et al. 1993)"
 _HIGH_VENOUS = "congestion of liver and kidneys"
 _CONGESTION = "congestion of the lungs"
 _TOO_FAST = "faster than a sinus node of this age: the curves of reflex and drugs have no upper limit"
-_CAVAL = ("superior_caval_pressure", "inferior_caval_pressure")
+_VENOUS = (
+    "right_atrial_pressure", "venous_pressure", "superior_caval_pressure", "inferior_caval_pressure",
+)  # fmt: skip
 _FILLINGS = ("caval_filling", "superior_caval_filling", "inferior_caval_filling")
 _SUCTION = "the vein collapses where it is drained (suction): lower the speed or give blood"
+
+
+def _each(names: Iterable[str], *limits: Limit) -> tuple[Limit, ...]:
+    """The same limits, given without a quantity, for each of several outputs."""
+    return tuple(replace(limit, quantity=name) for name in names for limit in limits)
+
 
 _PATIENT = (
     Limit("MAP", "alarm", "below", 55.0, "organs are not perfused", _WALSH),
@@ -54,57 +61,40 @@ _PATIENT = (
         "pulse_pressure", "warning", "below", 10.0, "the left ventricle hardly ejects",
         "usual minimum on veno-arterial support", unassisted=True,
     ),
-    Limit("right_atrial_pressure", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
-    Limit("right_atrial_pressure", "alarm", "above", 20.0, _HIGH_VENOUS, _CONVENTION),
-    *(
-        limit
-        for name in ("venous_pressure", *_CAVAL)
-        for limit in (
-            Limit(name, "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
-            Limit(name, "alarm", "above", 20.0, _HIGH_VENOUS, _CONVENTION),
-        )
+    *_each(
+        _VENOUS,
+        Limit("", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
+        Limit("", "alarm", "above", 20.0, _HIGH_VENOUS, _CONVENTION),
     ),
-    *(
-        limit
-        for name in _FILLINGS
-        for limit in (
-            Limit(name, "warning", "below", 40.0, "the vein buckles: suction is near", _CONVENTION),
-            Limit(name, "alarm", "below", 20.0, _SUCTION, _CONVENTION),
-        )
+    *_each(
+        _FILLINGS,
+        Limit("", "warning", "below", 40.0, "the vein buckles: suction is near", _CONVENTION),
+        Limit("", "alarm", "below", 20.0, _SUCTION, _CONVENTION),
     ),
     Limit("MPAP", "warning", "above", 20.0, "pulmonary hypertension", "ESC/ERS 2022"),
     Limit("MPAP", "alarm", "above", 40.0, "severe pulmonary hypertension", _CONVENTION),
-    *(
-        limit
-        for name in ("PCWP", "left_atrial_pressure")
-        for limit in (
-            Limit(name, "warning", "above", 18.0, _CONGESTION, _FORRESTER),
-            Limit(name, "alarm", "above", 25.0, "oedema of the lungs", "McHugh et al. 1972"),
-        )
+    *_each(
+        ("PCWP", "left_atrial_pressure"),
+        Limit("", "warning", "above", 18.0, _CONGESTION, _FORRESTER),
+        Limit("", "alarm", "above", 25.0, "oedema of the lungs", "McHugh et al. 1972"),
     ),
     Limit(
         "end_diastolic_pressure_lv", "warning", "above", 16.0, "raised filling of the left ventricle",
         "ESC 2016",
     ),
-    *(
-        limit
-        for name in ("SaO2", "SaO2_lower")
-        for limit in (
-            Limit(name, "warning", "below", 88.0, _HYPOXIA, _ELSO),
-            Limit(name, "alarm", "below", 80.0, _HYPOXIA, _ELSO),
-        )
+    *_each(
+        ("SaO2", "SaO2_lower"),
+        Limit("", "warning", "below", 88.0, _HYPOXIA, _ELSO),
+        Limit("", "alarm", "below", 80.0, _HYPOXIA, _ELSO),
     ),
-    *(
-        Limit(name, "warning", "above", 300.0, "hyperoxia: lower FiO2, with ECMO FdO2", _ELSO_CARDIAC)
-        for name in ("PaO2", "PaO2_lower")
+    *_each(
+        ("PaO2", "PaO2_lower"),
+        Limit("", "warning", "above", 300.0, "hyperoxia: lower FiO2, with ECMO FdO2", _ELSO_CARDIAC),
     ),
-    *(
-        limit
-        for name in ("PaCO2", "PaCO2_lower")
-        for limit in (
-            Limit(name, "warning", "above", 60.0, _HYPERCAPNIA, _CONVENTION),
-            Limit(name, "alarm", "above", 80.0, f"severe {_HYPERCAPNIA}", _CONVENTION),
-        )
+    *_each(
+        ("PaCO2", "PaCO2_lower"),
+        Limit("", "warning", "above", 60.0, _HYPERCAPNIA, _CONVENTION),
+        Limit("", "alarm", "above", 80.0, f"severe {_HYPERCAPNIA}", _CONVENTION),
     ),
     Limit(
         "PaCO2", "warning", "below", 30.0,
@@ -193,23 +183,22 @@ COURSE_LIMITS = (
 """Limits of quantities that exist only in courses and are no outputs of a beat."""
 
 _NO_CHAMBER = "at 0 % nothing is ejected; beyond 0 and 100 % the volume is negative"
-_IMPOSSIBLE = tuple(
-    limit
-    for name in ("ejection_fraction_lv", "ejection_fraction_rv")
-    for limit in (
-        Limit(name, "collapse", "below", 0.0, _NO_CHAMBER, "arithmetic"),
-        Limit(name, "collapse", "above", 100.0, _NO_CHAMBER, "arithmetic"),
-    )
-) + tuple(
-    Limit(
-        name, "alarm", "below", 0.0, "the great veins collapse: the pump would not reach this flow",
-        "pressure of the surroundings", without=_FILLINGS,
-    )
-    for name in ("right_atrial_pressure", "venous_pressure", *_CAVAL)
+_IMPOSSIBLE = (
+    *_each(
+        ("ejection_fraction_lv", "ejection_fraction_rv"),
+        Limit("", "collapse", "below", 0.0, _NO_CHAMBER, "arithmetic"),
+        Limit("", "collapse", "above", 100.0, _NO_CHAMBER, "arithmetic"),
+    ),
+    *_each(
+        _VENOUS,
+        Limit("", "alarm", "below", 0.0, "the great veins collapse: the pump would not reach this flow",
+              "pressure of the surroundings", without=_FILLINGS),
+    ),
 )  # fmt: skip
+_OF_PATIENT = (*_IMPOSSIBLE, *_PATIENT, *_REGULATED)
 
 _EQUIVALENT_OUTPUTS = (
-    ("right_atrial_pressure", "venous_pressure", *_CAVAL),
+    _VENOUS,
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
     _FILLINGS,
     ("SaO2", "SaO2_lower"),
@@ -238,12 +227,7 @@ _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 def all_limits() -> tuple[Limit, ...]:
     """All limits of the patient, and of each device as the only instance of its kind."""
-    return (
-        *_IMPOSSIBLE,
-        *_PATIENT,
-        *_REGULATED,
-        *(limit for device in devices().values() for limit in device.limits),
-    )
+    return (*_OF_PATIENT, *(limit for device in devices().values() for limit in device.limits))
 
 
 def limits_of(
@@ -260,7 +244,7 @@ def limits_of(
     """
     known = named_output(quantity)
     if known is None:
-        result = [limit for limit in (*_IMPOSSIBLE, *_PATIENT, *_REGULATED) if limit.quantity == quantity]
+        result = [limit for limit in _OF_PATIENT if limit.quantity == quantity]
     else:
         names, entry = known
         limits = (limit for limit in names.device.limits if limit.quantity == entry.name)
@@ -371,6 +355,7 @@ def gravest(levels: Iterable[str]) -> str:
     return next((kind for kind in GRAVEST_FIRST if kind in result), "ok")
 
 
+@cached_by_devices(256)
 def places_with_limits(outputs: Collection[str]) -> Mapping[str, tuple[str, ...]]:
     """Outputs whose limits apply to a compartment, by compartment.
 
@@ -379,11 +364,6 @@ def places_with_limits(outputs: Collection[str]) -> Mapping[str, tuple[str, ...]
     Args:
         outputs: names of all outputs of the circuit.
     """
-    return _places_with_limits(tuple(outputs), registered())
-
-
-@lru_cache(maxsize=256)
-def _places_with_limits(outputs: tuple[str, ...], among: tuple[object, ...]) -> Mapping[str, tuple[str, ...]]:
     result = dict(_PLACES)
     for name in outputs:
         known = named_output(name)
@@ -426,15 +406,15 @@ def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO
 
 def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:
     """Limits of a beat's outputs by severity; the heart rate is included if it is not the patient's own."""
-    limits = of_patient(_in_order(tuple(outputs), registered()), values)
+    limits = of_patient(_in_order(outputs), values)
     rate, own = outputs.get("heart_rate"), values.get(HEART_RATE)
     if rate is None or own is None or abs(rate - own) > SAME_RATE * own:
         return limits
     return [limit for limit in limits if limit.quantity != "heart_rate"]
 
 
-@lru_cache(maxsize=256)
-def _in_order(outputs: tuple[str, ...], among: tuple[object, ...]) -> tuple[Limit, ...]:
+@cached_by_devices(256)
+def _in_order(outputs: Collection[str]) -> tuple[Limit, ...]:
     """Limits of outputs by severity and, if equally severe, in the order of `all_limits`."""
     order = {_published(limit): position for position, limit in enumerate(all_limits())}
     limits = [limit for name in outputs for limit in limits_of(name, outputs)]

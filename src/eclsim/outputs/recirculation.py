@@ -7,14 +7,18 @@ the patient counts as fresh; if it is in the patient, blood that has passed the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.circuit.network import Circuit
+from eclsim.circuit.network import Circuit, Connection
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, instances_in
 from eclsim.units import ML_S_PER_L_MIN
+
+if TYPE_CHECKING:
+    from eclsim.gas.transport import Flows
 
 DEFINITION = (
     "share of the access flow that comes from the return line without having passed through the patient; "
@@ -60,15 +64,15 @@ def recirculation_labels() -> dict[str, dict[str, str]]:
 
 
 def _labels(names: Naming) -> dict[str, dict[str, str]]:
-    units = {
-        "fraction": ("1", "recirculated share of the {} flow"),
-        "flow": ("L/min", "recirculated {} flow"),
-    }
+    numbers = (
+        ("fraction", "1", f"recirculated share of the {names.label} flow"),
+        ("flow", "L/min", f"recirculated {names.label} flow"),
+    )
     return {
         names.output(f"{names.device.key}_recirculated_{what}"): {
-            "units": unit, "long_name": long_name.format(names.label), "definition": DEFINITION,
+            "units": unit, "long_name": long_name, "definition": DEFINITION,
         }
-        for what, (unit, long_name) in units.items()
+        for what, unit, long_name in numbers
     }  # fmt: skip
 
 
@@ -85,20 +89,16 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
     mixed_in = groups[access]
     if mixed_in not in {other.key for other in instances_in(circuit)}:
         return _share_of_patient(circuit, access, line_out, mean_flows)
-    from eclsim.gas.transport import Flows, balanced, mixtures
+    from eclsim.gas.transport import mixtures
 
     place = {name: k for k, name in enumerate(n for n, group in groups.items() if group == mixed_in)}
     touching = [c for c in circuit.connections if place.keys() & {c.source, c.target}]
-    if any(not isinstance(site, str) for c in touching for site in c.sites):
+    flows = _flows(touching, place, len(place) + 1, mean_flows)
+    if flows is None:
         return None
-    ends = np.array([[place.get(str(site), len(place)) for site in (c.source, c.target)] for c in touching])
-    leaves, enters = (np.eye(len(place) + 1)[side].T for side in ends.T)
-    # In mL/s; the solver's exchange along standing blood is then below 1e-10 of these flows.
-    flow = np.array([mean_flows[c.name] for c in touching])
-    through = [k for k, c in enumerate(touching) if len(place) in ends[k] and c.name != line_out]
+    inside = [place.keys() >= {c.source, c.target} for c in touching]
+    through = [k for k, c in enumerate(touching) if not inside[k] and c.name != line_out]
     returned = [k for k, c in enumerate(touching) if c.name == line_out]
-    forward, backward = np.maximum(flow, 0.0), np.maximum(-flow, 0.0)
-    flows = balanced(Flows(leaves, enters, forward, backward))  # pyright: ignore[reportArgumentType]  # NumPy's
     shares = mixtures(flows, [*returned, *through]).compartments[place[access]]
     return float(shares[: len(returned)].sum())
 
@@ -108,14 +108,34 @@ def _share_of_patient(
 ) -> float | None:
     """Share in a compartment of the patient that came from a line and has passed no capillaries since."""
     from eclsim.gas.solutes import sources
-    from eclsim.gas.transport import Flows, balanced, mixtures
+    from eclsim.gas.transport import mixtures
 
-    if any(not isinstance(site, str) for c in circuit.connections for site in c.sites):
-        return None
     place = {c.name: k for k, c in enumerate(circuit.compartments)}
-    ends = np.array([[place[str(site)] for site in (c.source, c.target)] for c in circuit.connections])
-    leaves, enters = (np.eye(len(place))[side].T for side in ends.T)
-    flow = np.array([mean_flows[c.name] for c in circuit.connections])
-    forward, backward = np.maximum(flow, 0.0), np.maximum(-flow, 0.0)
-    flows = balanced(Flows(leaves, enters, forward, backward))  # pyright: ignore[reportArgumentType]  # NumPy's
+    flows = _flows(circuit.connections, place, len(place), mean_flows)
+    if flows is None:
+        return None
     return float(mixtures(flows, sources(circuit, line_out)).compartments[place[access], -1])
+
+
+def _flows(
+    connections: Sequence[Connection], place: Mapping[str, int], count: int, mean_flows: Mapping[str, float]
+) -> Flows | None:
+    """Balanced flows between numbered compartments; None if a site is not fixed.
+
+    In mL/s: the solver's exchange along standing blood is then below 1e-10 of these flows.
+
+    Args:
+        connections: connections between the compartments.
+        place: number of each compartment; any other one has the last number.
+        count: number of compartments.
+        mean_flows: mean flow of each connection [mL/s].
+    """
+    from eclsim.gas.transport import Flows, balanced
+
+    if any(not isinstance(site, str) for c in connections for site in c.sites):
+        return None
+    ends = np.array([[place.get(str(site), count - 1) for site in (c.source, c.target)] for c in connections])
+    leaves, enters = (np.eye(count)[side].T for side in ends.T)
+    flow = np.array([mean_flows[c.name] for c in connections])
+    forward, backward = np.maximum(flow, 0.0), np.maximum(-flow, 0.0)
+    return balanced(Flows(leaves, enters, forward, backward))  # pyright: ignore[reportArgumentType]  # NumPy's

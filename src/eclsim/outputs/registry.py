@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.devices.description import GASES, Output, highest, lowest, mean, mean_flow
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import DeviceError, devices, named_output, namings, registered
+from eclsim.devices.registry import DeviceError, cached_by_devices, devices, named_output, namings
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED
 from eclsim.spelling import spelling_hint
@@ -18,12 +18,6 @@ from eclsim.units import ML_S_PER_L_MIN
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
     from eclsim.devices.description import BeatMeasures, Law, Numbers
-
-__all__ = [
-    "CHAMBERS", "VALVES", "Output", "UnknownOutputError", "all_outputs", "available", "leading_outputs",
-    "output",
-    "unavailable",
-]  # fmt: skip
 
 
 class UnknownOutputError(KeyError):
@@ -44,14 +38,11 @@ _PRESSURES_AND_FLOWS = (
     mean("MPAP", "mean pulmonary artery pressure", "Ppas"),
     mean("PCWP", "pulmonary capillary wedge pressure", "Ppvn"),
     Output(
-        "CO",
-        "native cardiac output",
-        "L/min",
+        "CO", "native cardiac output", "L/min",
         "mean of Qpas: the flow through the pulmonary artery, and so through the lungs, whatever drives it",
-        ("Qpas",),
-        lambda m: m.mean("Qpas") / ML_S_PER_L_MIN,
+        ("Qpas",), lambda m: m.mean("Qpas") / ML_S_PER_L_MIN,
     ),
-)
+)  # fmt: skip
 _PULMONARY_PRESSURES_AND_VOLUMES = (
     highest("SPAP", "systolic pulmonary artery pressure", "Ppas"),
     lowest("DPAP", "diastolic pulmonary artery pressure", "Ppas"),
@@ -288,14 +279,14 @@ def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
         instances: instances of devices; None for the only instance of each device.
     """
     if instances is None:
-        return dict(_usual(registered()))
+        return dict(_usual())
     more = [entry for entry in _of_devices(instances) if not entry.in_contract]
     return {entry.name: entry for entry in (*leading_outputs(instances), *_MORE, *more)}
 
 
-@lru_cache(maxsize=8)
-def _usual(registered: tuple[object, ...]) -> Mapping[str, Output]:
-    """All outputs of the patient and of the only instance of each device, cached per set of devices.
+@cached_by_devices(8)
+def _usual() -> Mapping[str, Output]:
+    """All outputs of the patient and of the only instance of each device.
 
     Raises:
         DeviceError: A user's device has an output with the name of one of the patient's.
@@ -325,20 +316,21 @@ def available(signals: Collection[str], parameters: Collection[str] = ()) -> tup
     )
 
 
+@cached_by_devices(4096)
+def find_output(name: str) -> Output | None:
+    """Return the output of a name; None if there is none."""
+    result = _usual().get(name)
+    if result is None and (known := named_output(name)) is not None:
+        return _of_instance(known[1], known[0])
+    return result
+
+
 def output(name: str) -> Output:
     """Return the output of a name; the error for an unknown name lists similar ones."""
-    return _output(name, registered())
-
-
-@lru_cache(maxsize=4096)
-def _output(name: str, registered: tuple[object, ...]) -> Output:
-    result = _usual(registered).get(name)
-    if result is not None:
-        return result
-    known = named_output(name)
-    if known is None:
+    result = find_output(name)
+    if result is None:
         raise UnknownOutputError(name)
-    return _of_instance(known[1], known[0])
+    return result
 
 
 _SECTION_OF_OUTPUT = (
@@ -360,9 +352,8 @@ def unavailable(name: str, names: Collection[str]) -> str:
     Returns:
         The end of a sentence; empty if there is no advice.
     """
-    try:
-        entry = output(name)
-    except UnknownOutputError:
+    entry = find_output(name)
+    if entry is None:
         return spelling_hint(name, names)
     read, had = _reads([entry]), _reads(map(output, names))
     missing = [section for section, brings in _SECTION_OF_OUTPUT if read & brings and not had & brings]

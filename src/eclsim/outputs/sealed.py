@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
-from eclsim.outputs.registry import CHAMBERS, VALVES, UnknownOutputError, output
+from eclsim.outputs.registry import CHAMBERS, VALVES, find_output
 from eclsim.patient.sites import DRAINED, ONLY_REGIONAL
 
 CLOSED_VALVE_L_MIN = 1e-6
@@ -102,7 +102,8 @@ def _undetermined(
     """
     within = {kind + name for part in parts for name in part for kind in "PV"}
     anywhere = {kind + c.name for c in circuit.compartments for kind in "PV"}
-    needs = {name: _needs(name) for name in outputs}
+    # A number that is derived from other outputs is none itself.
+    needs = {name: () if (entry := find_output(name)) is None else entry.needs for name in outputs}
     return tuple(
         name
         for name, read in needs.items()
@@ -110,13 +111,6 @@ def _undetermined(
         or (len(read) == 1 and read[0] in anywhere)
         or (given is not None and not set(read) <= set(given))
     )
-
-
-def _needs(name: str) -> tuple[str, ...]:
-    try:
-        return output(name).needs
-    except UnknownOutputError:  # a number that is derived from other outputs
-        return ()
 
 
 def _sentence(parts: tuple[tuple[str, ...], ...], reason: str, beats: bool) -> str:

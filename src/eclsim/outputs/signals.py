@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 from eclsim.beat.recording import MEAN, RATE, all_signals, has_mean, has_rate
 from eclsim.circuit import volumes
@@ -14,20 +13,16 @@ from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import Number, Values
 from eclsim.components.exchangers import GasExchanger
 from eclsim.devices.description import GASES
-from eclsim.devices.registry import registered
+from eclsim.devices.registry import cached_by_devices
 from eclsim.outputs.alarms import watched_signals
 from eclsim.outputs.registry import available, output
 
 KIND_WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
 
 
+@cached_by_devices(256)
 def output_names(circuit: Circuit) -> tuple[str, ...]:
     """All outputs that a circuit has, in the order of the registry."""
-    return _output_names(circuit, registered())
-
-
-@lru_cache(maxsize=256)
-def _output_names(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
     parameters = {*circuit.parameter_names(), *circuit.content_names()}
     return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
 
@@ -39,17 +34,11 @@ def gas_dependent_outputs(circuit: Circuit, outputs: Sequence[str]) -> tuple[str
     return tuple(n for n, o in entries.items() if GASES in o.parameters or (followed and o.by_gases))
 
 
+@cached_by_devices(256)
 def needed_signals(
     circuit: Circuit, outputs: Sequence[str], waveforms: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Signals needed to compute outputs and waveforms, with the rates that locate extremes."""
-    return _needed_signals(circuit, tuple(outputs), tuple(waveforms), registered())
-
-
-@lru_cache(maxsize=256)
-def _needed_signals(
-    circuit: Circuit, outputs: tuple[str, ...], waveforms: tuple[str, ...], among: tuple[object, ...]
-) -> tuple[str, ...]:
     entries = [output(name) for name in outputs]
     signals = {*waveforms, *(signal for entry in entries for signal in entry.needs)}
     if any(entry.all_flows for entry in entries):
@@ -63,15 +52,9 @@ def _needed_signals(
     return tuple(sorted(signals | rates | means))
 
 
+@cached_by_devices(256)
 def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
     """Parameters that outputs need besides waveforms; with all flows, also those of blood contents."""
-    return _needed_parameters(circuit, tuple(outputs), registered())
-
-
-@lru_cache(maxsize=256)
-def _needed_parameters(
-    circuit: Circuit, outputs: tuple[str, ...], among: tuple[object, ...]
-) -> tuple[str, ...]:
     entries = [output(name) for name in outputs]
     names = [name for entry in entries for name in entry.parameters]
     if any(entry.all_flows for entry in entries):

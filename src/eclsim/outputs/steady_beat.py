@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -21,7 +20,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
 from eclsim.devices.description import GASES
-from eclsim.devices.registry import assist_connections, namings, registered
+from eclsim.devices.registry import assist_connections, cached_by_devices, namings
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
@@ -440,13 +439,9 @@ def _native_output(outputs: Mapping[str, np.ndarray], circuit: Circuit, count: i
     return left if right is None else np.maximum(left, right)
 
 
+@cached_by_devices(256)
 def left_outputs(circuit: Circuit) -> tuple[str, ...]:
     """Outputs that together are the output of the left heart and its assist devices."""
-    return _left_outputs(circuit, registered())
-
-
-@lru_cache(maxsize=256)
-def _left_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
     pumps = assist_connections(circuit)
     groups = dict.fromkeys(c.group for c in circuit.connections if c.name in pumps)
     assists = (names.output(names.device.assist_flow) for names in namings(groups))
@@ -454,13 +449,9 @@ def _left_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
     return tuple(name for name in ("aortic_valve_flow", *assists) if name in known)
 
 
+@cached_by_devices(256)
 def status_outputs(circuit: Circuit) -> tuple[str, ...]:
     """Outputs that show whether the heart ejects and which valves carry blood."""
-    return _status_outputs(circuit, registered())
-
-
-@lru_cache(maxsize=256)
-def _status_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
     known = output_names(circuit)
     names = (*valve_flows(circuit), *left_outputs(circuit), "CO")
     return tuple(name for name in dict.fromkeys(names) if name in known)

@@ -116,7 +116,7 @@ PARTS: dict[str, tuple[Panel, ...]] = {
 }
 """Figures of the patient; those of devices are defined in the devices' files."""
 
-_QUANTITY = {"mmHg": "Pressure", "mL/s": "Flow", "mL/min": "Flow", "L/min": "Flow", "mL": "Volume"}
+QUANTITY = {"mmHg": "Pressure", "mL/s": "Flow", "mL/min": "Flow", "L/min": "Flow", "mL": "Volume"}
 
 
 def available_parts(result: xr.Dataset) -> list[str]:
@@ -127,9 +127,7 @@ def available_parts(result: xr.Dataset) -> list[str]:
 
 def _instances(result: xr.Dataset) -> dict[str, Naming]:
     """Devices whose waveforms are in the result."""
-    curves = [name for name, values in result.data_vars.items() if values.dims == ("phase",)]
-    places = [str(name)[1:] for name in curves if str(name).startswith("Q")]
-    return {instance.key: instance for instance in instances_at(places)}
+    return {instance.key: instance for instance in instances_at(_places_of_curves(result, "Q"))}
 
 
 def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
@@ -196,28 +194,27 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     names = [name for name in panel.names if name in result]
     for index, name in enumerate(names):
         time, values = two_beats(result, name)
-        mean = beat_mean(result, name)
         label = place_label_of(name)
         if panel.change:
-            values = values - mean
-            label = f"{label} (mean {number(mean, 0)} mL)"
+            mean = beat_mean(result, name)
+            values, label = values - mean, f"{label} (mean {number(mean, 0)} mL)"
         ax.plot(time, factor * values, label=label, **curve_style(index))  # pyright: ignore[reportArgumentType] - dict of keywords
-    quantity = f"{_QUANTITY[panel.unit]} minus mean" if panel.change else _QUANTITY[panel.unit]
+    quantity = f"{QUANTITY[panel.unit]}{' minus mean' * panel.change}"
     ax.set_xlabel("Time [s]")
     ax.set_ylabel(f"{quantity} [{panel.unit}]")
     ax.set_xlim(0.0, 2 * beat_period(result))
     _widen_flat_axis(ax)
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * legend_rows)
+    start = _legend_start([place_label_of(name) for name in names])
+    draw_legend_above(ax, _legend_columns(panel), start)
+
+
+def draw_legend_above(ax: Axes, columns: int = 2, start: float = 0.0) -> None:
+    """Draw a legend above the axes, from a place in widths of the axes."""
     ax.legend(
-        loc="lower left",
-        bbox_to_anchor=(_legend_start([place_label_of(name) for name in names]), 1.0),
-        ncols=_legend_columns(panel),
-        borderaxespad=0.1,
-        handletextpad=0.5,
-        columnspacing=1.0,
-        labelspacing=0.25,
-        borderpad=0.1,
-    )
+        loc="lower left", bbox_to_anchor=(start, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
+        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
+    )  # fmt: skip
 
 
 def _legend_start(labels: list[str]) -> float:
@@ -287,9 +284,7 @@ def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) ->
 
     Waveforms that are in no table are last in the patient's group, with their own names.
     """
-    waveforms = [
-        str(name)[1:] for name in result.data_vars if str(name).startswith(kind) and _is_curve(result, name)
-    ]
+    waveforms = _places_of_curves(result, kind)
     heads = {name for name in waveforms if kind == "P" and _is_pump(name)}
     unlisted = [name for name in waveforms if name not in patients and naming_at(name) is None]
     rows = [("Patient", _PATIENT, n) for n in (*patients, *unlisted) if n in waveforms and n not in heads]
@@ -310,8 +305,10 @@ def _is_pump(name: str) -> bool:
     return name.endswith("pump") if names is None else name in names.pumps()
 
 
-def _is_curve(result: xr.Dataset, name: object) -> bool:
-    return result[name].dims == ("phase",)
+def _places_of_curves(result: xr.Dataset, kind: str) -> list[str]:
+    """Places of the waveforms of a kind, "P" or "Q"."""
+    curves = [str(name) for name, values in result.data_vars.items() if values.dims == ("phase",)]
+    return [name[1:] for name in curves if name.startswith(kind)]
 
 
 def _headings(*charts: list[_Row]) -> tuple[dict[str, int], int]:
@@ -333,28 +330,18 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
         free[row.group] += 1
     for group in {row.group: None for row in rows}:
         ax.annotate(
-            group,
-            (0.0, headings[group]),
-            xycoords=("axes fraction", "data"),
-            xytext=(-4, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            weight="bold",
-        )
+            group, (0.0, headings[group]), xycoords=("axes fraction", "data"), xytext=(-4, 0),
+            textcoords="offset points", ha="right", va="center", weight="bold",
+        )  # fmt: skip
     for where, row in zip(places, rows, strict=True):
         marker, colour = row.mark
         ax.plot([0, row.value], [where, where], color="#C4C4C4", linewidth=0.8, zorder=1)
         ax.plot(row.value, where, marker=marker, color=colour, markersize=4.5, linestyle="none")
         if np.isfinite(row.value):
             ax.annotate(
-                number(row.value, digits),
-                (max(row.value, 0.0), where),
-                xytext=(5, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=7,
-            )
+                number(row.value, digits), (max(row.value, 0.0), where), xytext=(5, 0),
+                textcoords="offset points", va="center", fontsize=7,
+            )  # fmt: skip
     ax.axvline(0.0, color=GREY, linewidth=0.7, zorder=0)
     ax.set_yticks(places, [row.label for row in rows])
     ax.tick_params(axis="y", length=0)
@@ -406,15 +393,14 @@ def plot_pressure_volume(
 
 
 def _draw_chamber(ax: Axes, cases: Sequence[xr.Dataset], names: Sequence[str], chamber: str) -> None:
-    title = COMPARTMENTS[chamber]
     for index, (case, name) in enumerate(zip(cases, names, strict=True)):
         volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
         pressure = np.asarray(case[f"P{chamber}"].values, dtype=float)
         style = curve_style(index)
         ax.plot(volume, pressure, label=name, **style)  # pyright: ignore[reportArgumentType] - dict of keywords
-        _mark(ax, volume, pressure, style["color"], largest=True)
-        _mark(ax, volume, pressure, style["color"], largest=False)
-    ax.set_title(title.capitalize(), loc="left", pad=16)
+        for largest in (True, False):
+            _mark(ax, volume, pressure, style["color"], largest=largest)
+    ax.set_title(COMPARTMENTS[chamber].capitalize(), loc="left", pad=16)
     marks = _volumes_text(cases[0], chamber) if len(cases) == 1 else "● EDV   ○ ESV"
     ax.annotate(marks, (0, 1), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points")
     ax.set_xlabel("Volume [mL]")
@@ -429,22 +415,14 @@ def _mark(ax: Axes, volume: np.ndarray, pressure: np.ndarray, colour: object, *,
         return
     at = int(np.argmax(volume) if largest else np.argmin(volume))
     ax.plot(
-        volume[at],
-        pressure[at],
-        marker="o",
-        markersize=5,
-        markeredgecolor=colour,
-        markerfacecolor=colour if largest else "white",
-        linestyle="none",
-        zorder=3,
-    )
+        volume[at], pressure[at], marker="o", markersize=5, markeredgecolor=colour,
+        markerfacecolor=colour if largest else "white", linestyle="none", zorder=3,
+    )  # fmt: skip
 
 
 def _volumes_text(case: xr.Dataset, chamber: str) -> str:
     volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
-    side = chamber.upper()
-    largest = scalar(case, f"EDV{side}")
-    least = scalar(case, f"ESV{side}")
+    largest, least = scalar(case, f"EDV{chamber.upper()}"), scalar(case, f"ESV{chamber.upper()}")
     largest = float(np.max(volume)) if largest is None else largest
     least = float(np.min(volume)) if least is None else least
     digits = 0 if largest > 20 else 1
@@ -470,7 +448,6 @@ PANELS = (
     ),
 )  # fmt: skip
 """Panels of the patient, to which flows and circuits of devices are added."""
-_AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
 
 
 def panels_of(table: xr.Dataset) -> list[Panel]:
@@ -542,12 +519,9 @@ def _draw_sweep_panel(ax: Axes, table: xr.Dataset, panel: Panel) -> None:
         ax.set_xticks(places, names)
     unit = table["value"].attrs.get("units", "")
     ax.set_xlabel(plain_text(table.attrs["key"], 40) + (f" [{unit}]" if unit else ""))
-    ax.set_ylabel(f"{_AXES[panel.unit]} [{panel.unit}]")
+    ax.set_ylabel(f"{QUANTITY[panel.unit]} [{panel.unit}]")
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * math.ceil(len(drawn) / 2))
-    ax.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1, handletextpad=0.5,
-        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
-    )  # fmt: skip
+    draw_legend_above(ax)
 
 
 def _axis(table: xr.Dataset) -> tuple[np.ndarray, list[str]]:

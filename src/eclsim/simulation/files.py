@@ -94,7 +94,8 @@ def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
     return result[selected]
 
 
-def _header_of(result: xr.Dataset, name: str) -> str:
+def column_head(result: xr.Dataset, name: str) -> str:
+    """Head of a column of a table: the name with its unit, if it has one."""
     unit = result[name].attrs.get("units", "")
     return f"{name} [{unit}]" if unit else name
 
@@ -104,7 +105,7 @@ def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
 
     variables = (*result.coords, *result.data_vars)
     names = [str(name) for name in variables if result[name].dims == (dimension,)]
-    table = pd.DataFrame({_header_of(result, name): result[name].to_numpy() for name in names})
+    table = pd.DataFrame({column_head(result, name): result[name].to_numpy() for name in names})
     return with_doubts(table, result.attrs.get("warnings", ()))
 
 
@@ -117,7 +118,7 @@ def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
         row = {name: result.attrs.get(name) for name in about}
         row["warnings"] = "; ".join(result.attrs.get("warnings", ()))
         scalars = [str(name) for name, variable in result.data_vars.items() if variable.ndim == 0]
-        rows.append(row | {_header_of(result, name): result[name].item() for name in scalars})
+        rows.append(row | {column_head(result, name): result[name].item() for name in scalars})
     return pd.DataFrame(rows)
 
 

@@ -20,7 +20,7 @@ from eclsim.orbit.model import CASE, case_record, circuit_of, values_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import labelled
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.simulation.files import case_object
+from eclsim.simulation.files import case_object, column_head
 from eclsim.simulation.single import result_without_flow
 from eclsim.simulation.target_flow import FlowNotReachedError, solved_speed_of, with_speed
 
@@ -284,9 +284,8 @@ def _frame(sweep: Sweep) -> pd.DataFrame:
     table = as_table(sweep)
     about = ("converged", "impossible", "status", "message", "warnings")
     names = [str(name) for name in table.data_vars if name not in about]
-    head = {name: f"{name} [{unit}]" if (unit := table[name].attrs.get("units")) else name for name in names}
     first = f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key
     columns: dict[str, Any] = {first: table["value"].to_numpy()}
     columns |= {name: table[name].to_numpy() for name in about[:4]}
-    columns |= {head[name]: table[name].to_numpy() for name in names}
+    columns |= {column_head(table, name): table[name].to_numpy() for name in names}
     return pd.DataFrame(columns)
