@@ -134,6 +134,18 @@ class Row:
             room, distance = self.high - middle, abs(self.got - middle)
         return distance / room if room > 0.0 else (0.0 if distance == 0.0 else math.inf)
 
+    def explained_by(self, reason: str, got: float, name: str = "", *, undecided: bool = False) -> Row:
+        """Return the row with a reason for a miss, shown by an experiment that gives another number.
+
+        Args:
+            reason: text of the reason.
+            got: number in the experiment.
+            name: name of the row of the experiment; empty for that of this row.
+            undecided: see `Explanation`.
+        """
+        shown = replace(self, name=name or self.name, got=float(got), explanation=None, source="")
+        return replace(self, explanation=Explanation(reason, (shown,), undecided))
+
     def because(self, reason: str) -> Row:
         """Return the row with another reason for a miss, and its evidence."""
         return replace(self, explanation=Explanation(reason, self.evidence))

@@ -214,8 +214,7 @@ class Organ(NamedTuple):
     most: float = math.inf
 
 
-_BEDS_AT_REST = next(e for e in URSINO_1998.effectors if e.parameter == "Rmc").reference
-_CONDUCTANCE = sum(1.0 / resistance for resistance in _BEDS_AT_REST)
+_CONDUCTANCE = sum(1.0 / resistance for resistance in URSINO_1998.effector("Rmc").reference)
 ORGANS = (
     Organ(1.0 / 6.57 / _CONDUCTANCE, 0.10, None),
     Organ(1.0 / 19.71 / _CONDUCTANCE, 0.35, 11.11, CORONARY_RESERVE),

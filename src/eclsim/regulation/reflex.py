@@ -113,6 +113,10 @@ class ReflexModel:
         """Parameters that it acts on, in the order of `effects`."""
         return (*(effector.parameter for effector in self.effectors), UNSTRESSED)
 
+    def effector(self, parameter: str) -> Effector:
+        """Return the effector that acts on a parameter."""
+        return next(effector for effector in self.effectors if effector.parameter == parameter)
+
     def effects(self, drives: Sequence[Number], blood_volume_ml: Number) -> list[Number]:
         """Factor of each effector's parameter, then the change of unstressed volume [mL]."""
         share = blood_volume_ml / self.blood_volume_ml
@@ -130,12 +134,10 @@ class ReflexModel:
 
         It has a corner at the set point, where the slope is that towards lower pressures.
         """
-        resistance = next(e for e in self.effectors if e.parameter == "Rmc")
-        pathway = next(k for k, gain in enumerate(resistance.gains[0]) if gain)
+        pathway = next(k for k, gain in enumerate(self.effector("Rmc").gains[0]) if gain)
 
         def drive(deviation: Number) -> Number:
-            rest = [0.0] * (len(self.reads) - 1)
-            return self.drives([deviation, *rest])[pathway]
+            return self.drives([deviation, *[0.0] * (len(self.reads) - 1)])[pathway]
 
         low, high = drive(-EXTREME_DEVIATION_MMHG), drive(EXTREME_DEVIATION_MMHG)
         end = jnp.where(arterial_deviation < AT_REST_MMHG, low, -high)

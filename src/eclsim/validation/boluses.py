@@ -143,11 +143,9 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
     text = f"{wall}; with {WIDE_TEXT} both rows are as measured"
     for after, expected, spread, words in ((0.0, 55.0, 5.0, "as it ends"), (30.0, 17.5, 2.5, "30 min later")):
         given, label = VOLUNTEER._replace(after_min=after), f"a litre of Ringer's in 30 min, {words} (test)"
-        shown = within(f"{label}, experiment", expected, share(given, WIDE), spread, "%")
-        yield within(label, expected, share(given), spread, "%", source=HAHN,
-                     explanation=Explanation(text, (shown,)))  # fmt: skip
-    yield within("saline, patients after heart surgery (test)", SALINE[0], share(saline), two_errors(SALINE),
-                 "%", source=ERNEST)  # fmt: skip
+        row = within(label, expected, share(given), spread, "%", source=HAHN)
+        yield row.explained_by(text, share(given, WIDE), f"{label}, experiment")
+    yield saline_row(saline)
     albumin = Given(HEART, USUAL, (("albumin_ml", 500.0),))
     yield within("5 % albumin, the same (test)", ALBUMIN[0], share(albumin), two_errors(ALBUMIN), "%",
                  source=ERNEST)  # fmt: skip
@@ -155,28 +153,36 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
     to_percent = 100.0 * HASKELL_KG / HASKELL_ML
     label, expected, spread = "5 % albumin, 234 mL in men, after 1 h", HASKELL_ML_KG, MOST_ERROR_ML_KG
     text = f"{STIFF_VEINS} and no reflex; {COMPLIANT_TEXT}"
-    soft = within(
-        f"{label}, experiment", to_percent * expected, share(men, COMPLIANT), to_percent * spread, "%"
-    )
-    yield within(f"{label} (test)", to_percent * expected, share(men), to_percent * spread, "%",
-                 source=HASKELL, explanation=Explanation(text, (soft,)))  # fmt: skip
+    row = within(f"{label} (test)", to_percent * expected, share(men), to_percent * spread, "%",
+                 source=HASKELL)  # fmt: skip
+    yield row.explained_by(text, share(men, COMPLIANT), f"{label}, experiment")
+
+
+def saline_row(saline: Given, sections: Sections = ()) -> Row:
+    """Row for saline in Ernest's patients."""
+    return within("saline, patients after heart surgery (test)", SALINE[0], share(saline, sections),
+                  two_errors(SALINE), "%", source=ERNEST)  # fmt: skip
 
 
 def _blood_lost() -> Iterator[Row]:
     """Rows for fluid that replaces blood."""
     label, (loss, given) = "blood lost and Ringer's lactate: blood volume (test)", (1097.0, 3430.0)
-    text = f"{STIFF_VEINS}; {COMPLIANT_TEXT}"
-    soft = Explanation(text, (within("experiment", -459.0, gained(LACTATE, COMPLIANT)[1], 185.0, "mL"),))
     blood = gained(LACTATE)[1]
-    yield within(label, -459.0, blood, 185.0, "mL", source=JACOB, explanation=soft)
+    row = within(label, -459.0, blood, 185.0, "mL", source=JACOB)
+    yield row.explained_by(f"{STIFF_VEINS}; {COMPLIANT_TEXT}", gained(LACTATE, COMPLIANT)[1], "experiment")
     yield within("the same: share of it that stays (test)", 17.0, 100.0 * (loss + blood) / given, SPREAD, "%",
                  source=JACOB)  # fmt: skip
     replaced = 100.0 * (1150.0 + gained(REPLACED)[1]) / 1333.0
     label = "blood lost and 5 % albumin: share of it that stays (test)"
     yield within(label, 100.0 * 1150.0 / 1333.0, replaced, SPREAD, "%", source=REHM)
-    stays = 100.0 * (848.0 + gained(SURGERY)[1]) / (3.0 * 848.0)
-    yield within("bled in surgery: share of Ringer's lactate that stays (test)", 18.0, stays, SPREAD, "%",
-                 source=f"{CYSTECTOMY}; 10 % taken as spread")  # fmt: skip
+    yield surgery_row()
+
+
+def surgery_row(sections: Sections = ()) -> Row:
+    """Row for Ringer's lactate in patients bled in surgery."""
+    stays = 100.0 * (848.0 + gained(SURGERY, sections)[1]) / (3.0 * 848.0)
+    return within("bled in surgery: share of Ringer's lactate that stays (test)", 18.0, stays, SPREAD, "%",
+                  source=f"{CYSTECTOMY}; 10 % taken as spread")  # fmt: skip
 
 
 def _measured_ratio(ratio: float) -> Row:

@@ -19,7 +19,7 @@ def joined(own: ReflexModel, other: ReflexModel = HELDT_2010) -> ReflexModel:
     """
     kept = [not pathway.name.endswith(CARDIOPULMONARY) for pathway in own.pathways]
     added = [k for k, pathway in enumerate(other.pathways) if pathway.name.endswith(CARDIOPULMONARY)]
-    beds = next(effector for effector in other.effectors if effector.parameter == "Rmc")
+    beds = other.effector("Rmc")
     conductance = sum(1.0 / reference for reference in beds.reference)
     shares = [
         sum(gains[k] / reference**2 for reference, gains in zip(beds.reference, beds.gains, strict=True))

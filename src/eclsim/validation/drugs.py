@@ -26,7 +26,7 @@ from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME, dose
 from eclsim.validation.matching import with_quantities
-from eclsim.validation.reference_cases import read_table
+from eclsim.validation.reference_cases import compared, read_table, sign
 
 SURFACE_M2 = (170.0 * 70.0 / 3600.0) ** 0.5
 """Body surface area by Mosteller's formula for 170 cm and 70 kg [m2]."""
@@ -303,9 +303,8 @@ REASONS: dict[str, tuple[Experiment, ...]] = {
 
 def drugs_check() -> Check:
     """Compare every quantity after the drug and, in tests, also the direction of its change."""
-    rows = [row for arm in arms() for row in _explained(arm)] + _noradrenaline_reduced()
-    bar = "2 standard errors of the change, or 8 % where they are not known; compared, not required"
-    return Check("drugs", "Drugs against patients before and after", bar, tuple(rows), required=False)
+    rows = [row for arm in arms() for row in _explained(arm)]
+    return compared("drugs", rows + _noradrenaline_reduced())
 
 
 def _explained(arm: Arm) -> list[Row]:
@@ -336,15 +335,14 @@ def _arm_rows(arm: Arm, patient: Model) -> list[Row]:
         before, got = map(float, table[name])
         source = f"{arm.study}, n {row['n']}, {row['source']}"
         label = f"{arm.study}, {arm.label}: {description} ({use})"
-        way = np.sign(got - before) * (abs(got - before) > 1e-3 * before)
+        moved = (got - before) * (abs(got - before) > 1e-3 * before)
         if row["after"] == RISES:
-            result.append(within(f"{label}: sign", 1.0, way, 0.5, source=source))
+            result.append(sign(label, 1.0, moved, source))
             continue
         target, error = expected(row, before), uncertainty(row, before)
         result.append(within(label, target, got, 2.0 * error, unit, source=source))
         if use == "test" and abs(target - before) > 0.999 * error:  # one standard error, despite rounding
-            sign = np.sign(target - before)
-            result.append(within(f"{label}: sign", sign, way, 0.5, source=source))
+            result.append(sign(label, target - before, moved, source))
     return result
 
 

@@ -31,7 +31,7 @@ from eclsim.slow import INFLOWS
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.gas import not_significant_in_five
 from eclsim.validation.matching import with_outputs
-from eclsim.validation.reference_cases import PROTOCOLS
+from eclsim.validation.reference_cases import PROTOCOLS, compared, sign
 
 PIETRIBIASI = "Pietribiasi et al. 2016 (PMID 27483369), dialysis patients, abstract"
 KEANE = "Keane et al. 2018 (10.1097/MAT.0000000000000795), 47 dialysis patients, abstract"
@@ -151,20 +151,14 @@ class Patient:
                 column.
             then: a time [s] and the rates from that time on.
         """
-        law = replace(
-            fluid_law(self.model.circuit, self.model.values), ultrafiltration=(ULTRAFILTRATION_KEY,)
-        )
-        first, second = (
-            (
-                _arrays(
-                    {**self.model.values, ULTRAFILTRATION_KEY: 3600.0 * rates.get(ULTRAFILTRATION_KEY, 0.0)}
-                ),
-                _arrays(
-                    dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates.items() if k != ULTRAFILTRATION_KEY}
-                ),
-            )
-            for rates in (rates_ml_s, then[1])
-        )
+        values, key = self.model.values, ULTRAFILTRATION_KEY
+        law = replace(fluid_law(self.model.circuit, values), ultrafiltration=(key,))
+
+        def settings_and_inflows(rates: Mapping[str, float]) -> tuple[dict[str, np.ndarray], ...]:
+            given = {kind: rates.get(kind, 0.0) for kind in INFLOWS}
+            return _arrays({**values, key: 3600.0 * rates.get(key, 0.0)}), _arrays(given)
+
+        first, second = settings_and_inflows(rates_ml_s), settings_and_inflows(then[1])
         start = law.start(first[0], self.at(np.zeros(1)))
         names = list(start)
 
@@ -181,15 +175,9 @@ class Patient:
 
         from scipy.integrate import solve_ivp
 
+        begin = np.concatenate([start[name] for name in names])
         solution = solve_ivp(
-            slope,
-            (0.0, 3600.0 * hours),
-            np.concatenate([start[name] for name in names]),
-            "LSODA",
-            dense_output=False,
-            rtol=1e-8,
-            atol=1e-6,
-            max_step=60.0,
+            slope, (0.0, 3600.0 * hours), begin, "LSODA", rtol=1e-8, atol=1e-6, max_step=60.0
         )
         return solution.t / 60.0, dict(zip(names, solution.y, strict=True))
 
@@ -201,14 +189,8 @@ def pooled_ml(venous: float) -> float:
 
 def fluid_check() -> Check:
     """Compare fluid and carbon dioxide stores with measurements."""
-    rows = (*_filtration(), *_forces(), *_standing(), *_haemorrhage(), *_stores())
-    bar = "spreads of the measurements; compared, not required"
-    remarks = (
-        "No single filtration coefficient meets all rows: dialyses need 0.4 to 2 mL/min/mmHg, men who stand "
-        "up 10; the capillary wall differs between people and between tissues.",
-        f"Men who stand are simulated with {STANDING_REFLEX}, the reflex that agrees best in bled men.",
-    )
-    return Check("fluid", "Fluid and stores against measurements", bar, rows, required=False, remarks=remarks)
+    bleeding = (row for reflex in REFLEXES for row in _bled(reflex))
+    return compared("fluid", (*_filtration(), *_forces(), *_standing(), *bleeding, *_stores()))
 
 
 def _filtration() -> list[Row]:
@@ -224,10 +206,7 @@ def _filtration() -> list[Row]:
             "refill is too fast at the published mean of the filtration coefficient; at "
             f"{LOW_COEFFICIENT:.1f} mL/min/mmHg, one standard deviation lower, the fall is as measured"
         )
-        evidence = (within(label, expected, tight, spread, unit),)
-        return within(
-            label, expected, usual, spread, unit, source=source, explanation=Explanation(reason, evidence)
-        )
+        return within(label, expected, usual, spread, unit, source=source).explained_by(reason, tight)
 
     return [
         within(
@@ -261,9 +240,14 @@ def dialysed(coefficient: float, pericapillary_share: float = 1.0) -> Patient:
 
 def fall_of_blood(patient: Patient, removed_ml: float) -> float:
     """Fall of the blood volume at the end of a session [%]."""
-    _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
-    blood = states[PLASMA] + states[RED_CELLS]
+    blood, _ = _session(patient, removed_ml)
     return float(100.0 * (1.0 - blood[-1] / blood[0]))
+
+
+def _session(patient: Patient, removed_ml: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Blood volume [mL] and slow states during a session."""
+    _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
+    return states[PLASMA] + states[RED_CELLS], states
 
 
 def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
@@ -273,8 +257,7 @@ def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
     """
     settings = _arrays(patient.model.values)
     law = replace(fluid_law(patient.model.circuit, patient.model.values), has_pericapillary_layer=False)
-    _, states = patient.course(SESSION_H, {ULTRAFILTRATION_KEY: removed_ml / (3600.0 * SESSION_H)})
-    blood = states[PLASMA] + states[RED_CELLS]
+    blood, states = _session(patient, removed_ml)
     last = {name: values[-1:] for name, values in states.items()}
     changed = law.forces(last, settings, patient.at(blood[-1:] - blood[0]))
     reflection = settings["fluid.reflection"]
@@ -382,11 +365,6 @@ def _standing() -> list[Row]:
     ]  # fmt: skip
 
 
-def _haemorrhage() -> list[Row]:
-    """Rows for a blood loss of a litre: volume from veins, and response of healthy men's circulation."""
-    return [row for reflex in REFLEXES for row in _bled(reflex)]
-
-
 LOSSES_ML = (0.0, -333.0, -667.0, -1000.0, -900.0, -375.0)
 
 
@@ -459,15 +437,9 @@ def _bled(reflex: str) -> list[Row]:
     got, rows = bled(healthy(reflex)), []
     for name, expected, spread, unit, source in MEASURED:
         label = f"{name}, {reflex} (test)"
-        evidence = [
-            (words, within(f"{label}, experiment", expected, computed[name], spread, unit))
-            for words, computed in tried
-        ]
-        words, shown = next((one for one in evidence if one[1].holds), evidence[-1])
-        rows.append(
-            within(label, expected, got[name], spread, unit, source=source,
-                   explanation=Explanation(words, (shown,)))
-        )  # fmt: skip
+        row = within(label, expected, got[name], spread, unit, source=source)
+        explained = [row.explained_by(words, one[name], f"{label}, experiment") for words, one in tried]
+        rows.append(next((one for one in explained if one.evidence[0].holds), explained[-1]))
     return rows
 
 
@@ -525,10 +497,6 @@ SHORT_MMHG, SPREAD_MMHG = -114.0, 52.0
 SPEED = f"{ECMO.key}.speed_rpm"
 LOST_ML = -740.0
 """Start value of the search for the missing blood volume [mL]."""
-UNLIKE_THE_MODEL = (
-    "suction: the abstract names neither cannulae nor pump; eclsim has 25 and 19 Fr, a Rotaflow, and a "
-    "patient in place of a mock circulation"
-)
 
 
 def patient(collapsible: bool = True, volume_ml: float = 0.0) -> Model:
@@ -564,20 +532,11 @@ def suction_check() -> Check:
     pressure = float(simulate(short)["drainage_pressure"])
     label = f"loss of blood that lowers {NORMAL_L_MIN} to {SHORT_L_MIN} L/min: drainage pressure"
     gains = [_gain(model) for model in (filled, short)]
-    rows: list[Row] = [
+    rows = [
         within(label, SHORT_MMHG, pressure, SPREAD_MMHG, "mmHg", source=SIMONS),
-        within("a step of speed changes the flow less in collapse: sign", -1.0,
-               float(np.sign(gains[1] - gains[0])), 0.5, source=COLLAPSED),
+        sign("a step of speed changes the flow less in collapse", -1.0, gains[1] - gains[0], COLLAPSED),
     ]  # fmt: skip
-    bar = "1 standard deviation, sign; compared, not required"
-    return Check(
-        "suction",
-        "Suction, a patient short of blood",
-        bar,
-        tuple(rows),
-        required=False,
-        remarks=(UNLIKE_THE_MODEL,),
-    )
+    return compared("suction", rows)
 
 
 def _gain(model: Model) -> float:

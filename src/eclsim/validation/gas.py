@@ -7,7 +7,6 @@ from other simulators. Values that a source does not state are those of an adult
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -25,7 +24,7 @@ from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
 from eclsim.validation.dialysis import respiratory_dialysis
 from eclsim.validation.gas_bench import ADULT, VenoVenous, single_pass, veno_venous
-from eclsim.validation.reference_cases import DATA, PROTOCOLS
+from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table
 
 BENCH_INLET = 0.60
 """Inlet saturation that reproduces both the PO2 and the oxygen transfer of Khadka's abstract."""
@@ -50,11 +49,9 @@ def gas_check() -> Check:
     """Compare all rows of the table `gas.csv`."""
     numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions()}
     reasons = _reasons(numbers)
-    with (DATA / "gas.csv").open(encoding="utf-8", newline="") as file:
-        rows = tuple(_row(entry, numbers, reasons) for entry in csv.DictReader(file))
-    dialysis = tuple(replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
-    bar = "spreads of the measurements; compared, not required"
-    return Check("gas", "Gas exchange against measurements", bar, (*rows, *dialysis), required=False)
+    rows = (_row(entry, numbers, reasons) for entry in read_table("gas.csv"))
+    dialysis = (replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
+    return compared("gas", (*rows, *dialysis))
 
 
 def _row(entry: Mapping[str, str], numbers: Mapping[str, float], reasons: Mapping[str, Explanation]) -> Row:
@@ -78,9 +75,8 @@ def _oxygenators() -> dict[str, float]:
     for name, product in (("small", "Quadrox-i Small Adult"), ("nautilus", "Nautilus MC3")):
         membrane = OXYGENATORS[product].membrane
         flow = membrane.highest_flow_l_min
-        numbers[f"oxygen {name}"] = single_pass(
-            flow, flow, 0.65, oxygen_transfer=membrane.oxygen_transfer
-        ).oxygen
+        passed = single_pass(flow, flow, 0.65, oxygen_transfer=membrane.oxygen_transfer)
+        numbers[f"oxygen {name}"] = passed.oxygen
     for area in (0.35, 0.8, 1.35):
         numbers[f"prisma {area}"] = _removed(area, 0.3, 10.0, area / 1.8)
     for area, flow, sweep in ((0.4, 0.9, 2), (0.4, 0.9, 8), (0.8, 1.8, 2), (0.8, 1.8, 8)):
@@ -98,9 +94,8 @@ def _removed(
     area: float, flow: float, sweep: float, scale: float, pco2: float = 45.0, hb: float = 10.0
 ) -> float:
     """Carbon dioxide removed by a membrane with a scaled constant of the adult one [mL/min]."""
-    return single_pass(
-        flow, sweep, 0.65, pco2, hb, carbon_dioxide_transfer=CARBON_DIOXIDE * scale
-    ).carbon_dioxide
+    transfer = CARBON_DIOXIDE * scale
+    return single_pass(flow, sweep, 0.65, pco2, hb, carbon_dioxide_transfer=transfer).carbon_dioxide
 
 
 # --- slopes in pigs, and other models -------------------------------------------------------------
@@ -314,19 +309,12 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         f"pressures. A membrane constant that falls by {100 * cells:.0f} % per g/dL would give both signs, "
         "but no measurement shows one",
         (
-            *(
-                at_least(
-                    f"given off from 45 to 33 mmHg ({law})",
-                    _released_carbon_dioxide(law),
-                    0.0,
-                    "mL/min per g/dL",
-                )
-                for law in LAWS
-            ),
+            *(at_least(f"given off from 45 to 33 mmHg ({law})", _released_carbon_dioxide(law), 0.0,
+                       "mL/min per g/dL") for law in LAWS),
             at_least("PaCO2 with such a membrane", _with_cells(cells)[1], 0.0, "mmHg per g/dL"),
         ),
         undecided=True,
-    )
+    )  # fmt: skip
     needed = [
         _root(lambda x, a=area, v=removed: _removed(a, 0.3, 10.0, x) - v, 0.02, 60.0)
         for area, removed in ((0.8, 73.0), (1.35, 72.0))

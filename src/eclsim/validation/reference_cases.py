@@ -11,6 +11,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.paper.printed import AT_CASE, MEDIAN, TEXT, OfScheme, OverSchemes, Printed
 from eclsim.reporting.beat_values import beat_mean, scalar
@@ -96,6 +98,12 @@ def compared(name: str, rows: Iterable[Row]) -> Check:
     remarks = tuple(about.get("remarks", ()))
     key, title, bar = about.get("key", name), about["title"], about["bar"]
     return Check(key, title, bar, tuple(rows), required=False, remarks=remarks)
+
+
+def sign(name: str, expected: float, got: float, source: str, explanation: Explanation | None = None) -> Row:
+    """Row on whether a change has the measured direction."""
+    signs = np.sign(expected), np.sign(got)
+    return within(f"{name}: sign", *signs, 0.5, source=source, explanation=explanation)
 
 
 def checks(quick: bool = False) -> list[Check]:

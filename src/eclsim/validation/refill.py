@@ -84,14 +84,7 @@ POSTURE = (
 
 def refill_check() -> Check:
     """Compare refill after blood loss, and fluid drawn by albumin."""
-    return compared("refill", refill_rows())
-
-
-def refill_rows() -> Iterator[Row]:
-    """All rows."""
-    yield from _donors()
-    yield from _hours()
-    yield from _concentrated()
+    return compared("refill", (*_donors(), *_hours(), *_concentrated()))
 
 
 def _donors() -> Iterator[Row]:
@@ -128,14 +121,12 @@ def _hours() -> Iterator[Row]:
     lost = Given(DONOR, HEALTHY, (("bleed_ml", 900.0),), 20.0, 1440.0)
     yield within("900 mL: concentration of the plasma's protein a day later (test)", 0.0,
                  protein_changed(lost), 5.0, "%", source=ADAMSON)  # fmt: skip
-    yield within("saline 4 h after a loss of 620 mL: share that stays in the plasma (test)",
-                 100.0 * 0.43 / 1.43, saline_stays(), 10.0, "%", source=MOORE)  # fmt: skip
+    yield saline_row()
     label = "500 mL bled and 2 L of crystalloid: share that stays"
     text = f"the wall is that of dialysis patients, and {STIFF_VEINS}; with {WIDE_TEXT} the row holds"
     stays = [0.05 * (500.0 + gained(LOSS_AND_INFUSION, sections)[1]) for sections in ((), WIDE)]
-    shown = within(f"{label}, experiment", INFUSION_STAYS, stays[1], 10.0, "%")
-    yield within(f"{label} (test)", INFUSION_STAYS, stays[0], 10.0, "%", source=TWO_LITRES,
-                 explanation=Explanation(text, (shown,)))  # fmt: skip
+    row = within(f"{label} (test)", INFUSION_STAYS, stays[0], 10.0, "%", source=TWO_LITRES)
+    yield row.explained_by(text, stays[1], f"{label}, experiment")
 
 
 CONCENTRATED = {"albumin_ml": 900.0 / 1800.0, ULTRAFILTRATION_KEY: 675.0 / 1800.0}
@@ -162,9 +153,8 @@ def _concentrated() -> Iterator[Row]:
         ),
         ("protein of the plasma that leaves in an hour at rest (test)", 5.0, 2.0, _leak, ALBUMIN_LEAK),
     ):
-        shown = within(f"{label}, experiment", expected, compute(drained), spread, "%/h")
-        yield within(label, expected, compute(man), spread, "%/h", source=source,
-                     explanation=Explanation(text, (shown,)))  # fmt: skip
+        row = within(label, expected, compute(man), spread, "%/h", source=source)
+        yield row.explained_by(text, compute(drained), f"{label}, experiment")  # fmt: skip
 
 
 def with_lymph(ml_min: float) -> Patient:
@@ -194,14 +184,16 @@ def refilled(lost_ml: float, after_min: float = 0.0, sections: Sections = ()) ->
     return lost_ml + gained(given, sections)[1]
 
 
-def saline_stays(sections: Sections = ()) -> float:
-    """Share of 2 L of saline, infused for 4 h after a blood loss, in the plasma at the infusion's end [%]."""
+def saline_row(sections: Sections = ()) -> Row:
+    """Row for 2 L of saline, infused in 4 h after a blood loss: share in the plasma at the end."""
     lost = ("bleed_ml", 620.0)
     before, after = (
         gained(Given(DONOR, HEALTHY, (lost,), 20.0, minutes, later), sections)[0]
         for minutes, later in ((480.0, ()), (480.0, (("crystalloid_ml", 2000.0, 260.0, 240.0),)))
     )
-    return 100.0 * (after - before) / 2000.0
+    label = "saline 4 h after a loss of 620 mL: share that stays in the plasma (test)"
+    stays = 100.0 * (after - before) / 2000.0
+    return within(label, 100.0 * 0.43 / 1.43, stays, 10.0, "%", source=MOORE)
 
 
 def lying_down() -> Row:

@@ -13,10 +13,10 @@ from dataclasses import replace
 from functools import lru_cache
 from types import MappingProxyType
 
-import numpy as np
 import xarray as xr
 
 from eclsim.cases.reading import read_mapping
+from eclsim.circuit.network import HEART_RATE
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.lvad import LVAD
 from eclsim.orbit.model import PATIENT_HELD, Model, model_of
@@ -26,11 +26,12 @@ from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.regulation import ursino1998
 from eclsim.regulation.attach import REFLEXES
+from eclsim.validation import measurements
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.fluid import BLED as EIGHT_MEN
 from eclsim.validation.fluid import SOFT, bled, healthy
 from eclsim.validation.matching import with_outputs
-from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table
+from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table, sign
 
 RIGHT_ATRIUM = "right_atrial_pressure"
 RR_GAIN, RR_GAIN_SD = 22.7, 9.5
@@ -56,13 +57,6 @@ def adult(heart_rate: float, weight_kg: float = 70.0, **sections: object) -> Mod
     return model_of(read_mapping(case | sections).case)
 
 
-def sign(name: str, expected: float, got: float, source: str, explanation: Explanation | None = None) -> Row:
-    """Row on whether a change has the measured direction."""
-    return within(
-        f"{name}: sign", np.sign(expected), np.sign(got), 0.5, source=source, explanation=explanation
-    )
-
-
 # --- curves ---------------------------------------------------------------------------------------
 
 URSINO = "Ursino 1998, computed independently from the printed equations and constants"
@@ -79,34 +73,27 @@ def curve_rows() -> list[Row]:
             within(f"{pressure:g} mmHg: sympathetic firing", sympathetic,
                    float(ursino1998.sympathetic_firing(carotid)), tolerance, "1/s", source=URSINO),
         ]  # fmt: skip
-    heart, resistance = (
-        next(e for e in model.effectors if e.parameter == name) for name in ("Emaxlv", "Rmc")
-    )
-    rate = next(e for e in model.effectors if e.parameter == "heart_rate_bpm")
+    heart, resistance, rate = map(model.effector, ("Emaxlv", "Rmc", HEART_RATE))
     low = dict(zip(model.acts_on, map(float, model.steady_effects([-32.0], 1.0, 5300.0)), strict=True))
     change = float(ursino1998.sympathetic_effect(-32.0) - ursino1998.sympathetic_effect(0.0))
-    points += [
-        within("92 mmHg: elastance", 2.92, heart.reference[0], 0.01, "mmHg/mL", source=URSINO),
-        within("60 mmHg: elastance", 3.50, heart.reference[0] * low["Emaxlv"], 0.01, "mmHg/mL",
-               source=URSINO),
-        within("92 mmHg: splanchnic resistance", 3.25, resistance.reference[0], 0.01, "mmHg s/mL",
-               source=URSINO),
-        within("60 mmHg: splanchnic resistance", 4.11, resistance.reference[0] + 0.695 * change, 0.01,
-               "mmHg s/mL", source=URSINO),
-        within("92 mmHg: heart period", 0.866, rate.reference[0], 0.001, "s", source=URSINO),
-        within("60 mmHg: heart period", 0.58, rate.reference[0] / low["heart_rate_bpm"], 0.005, "s",
-               source=URSINO),
-        within("60 mmHg: blood from the veins", 487.0, -low["unstressed_volume_ml"], 5.0, "mL",
-               source=URSINO),
-    ]  # fmt: skip
+    elastance, splanchnic, period = (effector.reference[0] for effector in (heart, resistance, rate))
+    numbers = (
+        ("92 mmHg: elastance", 2.92, elastance, 0.01, "mmHg/mL"),
+        ("60 mmHg: elastance", 3.50, elastance * low["Emaxlv"], 0.01, "mmHg/mL"),
+        ("92 mmHg: splanchnic resistance", 3.25, splanchnic, 0.01, "mmHg s/mL"),
+        ("60 mmHg: splanchnic resistance", 4.11, splanchnic + 0.695 * change, 0.01, "mmHg s/mL"),
+        ("92 mmHg: heart period", 0.866, period, 0.001, "s"),
+        ("60 mmHg: heart period", 0.58, period / low[HEART_RATE], 0.005, "s"),
+        ("60 mmHg: blood from the veins", 487.0, -low["unstressed_volume_ml"], 5.0, "mL"),
+    )
+    points += [within(*number, source=URSINO) for number in numbers]
     for name, reflex in REFLEXES.items():
         unchanged = [0.0] * (len(reflex.reads) - 1)
-        place = reflex.acts_on.index("heart_rate_bpm")
+        place = reflex.acts_on.index(HEART_RATE)
         above, below = (
             float(reflex.steady_effects([d, *unchanged], 1.0, 5000.0)[place]) for d in (0.5, -0.5)
         )
-        period = next(e.reference[0] for e in reflex.effectors if e.parameter == "heart_rate_bpm")
-        gain = 1000.0 * period * (1.0 / above - 1.0 / below)
+        gain = 1000.0 * reflex.effector(HEART_RATE).reference[0] * (1.0 / above - 1.0 / below)
         label = f"{name}: heart period per pressure"
         points.append(
             within(label, RR_GAIN, gain, RR_GAIN_SD, "ms/mmHg", source="pooled healthy people, by Heldt 2004")
@@ -146,11 +133,8 @@ def haemorrhage_rows() -> list[Row]:
         for quantity in ("heart_rate", "CO", "systemic_resistance_factor"):
             change = 100.0 * float(after[quantity] / before[quantity] - 1.0)
             label = f"{name}: {output(quantity).long_name}, change"
-            reason = (
-                Explanation(SOFTER, (steady,))
-                if quantity == "heart_rate"
-                else Explanation(CONTRADICTED, (men,), undecided=True)
-            )
+            reason = Explanation(CONTRADICTED, (men,), undecided=True)
+            reason = Explanation(SOFTER, (steady,)) if quantity == "heart_rate" else reason
             rows.append(within(label, 0.0, change, 10.0, "%", source=BLED, explanation=reason))
     return rows
 
@@ -233,10 +217,10 @@ def ecmo_rows() -> Iterator[Row]:
 
 # --- LVAD ramps -----------------------------------------------------------------------------------
 
-RAMPS, RAMP = PROTOCOLS["effects"]["ramps"], PROTOCOLS["effects"]["ramp"]
+RAMPS, RAMP = measurements.EFFECTS["ramps"], measurements.EFFECTS["ramp"]
 """First speed, last speed and step [rpm], and the source of the measured effects."""
 SPEED = f"{LVAD.key}.speed_rpm"
-RAMP_EFFECTS = (("CO", 0.16, 0.19), ("PCWP", -1.23, 0.85), (RIGHT_ATRIUM, 0.0, 0.3), ("SP", 0.0, 1.0))
+RAMP_EFFECTS = (*measurements.RAMP_EFFECTS, (RIGHT_ATRIUM, 0.0, 0.3), ("SP", 0.0, 1.0))
 """Output, change per step and its standard deviation; for "unchanged", an assumed one."""
 LOWEST = {"MAP": 80.0, "CO": 4.2, "PCWP": 22.0, RIGHT_ATRIUM: 11.0}
 """Patient at the lowest speed: assumed, with a wedge pressure that can fall by 9.9 mmHg."""
@@ -266,11 +250,10 @@ def lvad_rows() -> Iterator[Row]:
                 got, unit = computed[reflex][name], output(name).unit
                 label = f"{pump} +{step:g} rpm, {reflex}: {output(name).long_name}"
                 reason, experiment = EXPERIMENTS.get(name, ("", reflex))
-                shown = within(f"{label}, {experiment}", expected, computed[experiment][name], spread, unit)
                 if expected:
                     yield sign(label, expected, got, RAMP)
-                yield within(f"{label}, change", expected, got, spread, unit, source=RAMP,
-                             explanation=Explanation(reason, (shown,)))  # fmt: skip
+                row = within(f"{label}, change", expected, got, spread, unit, source=RAMP)
+                yield row.explained_by(reason, computed[experiment][name], f"{label}, {experiment}")
 
 
 EXPERIMENTS = {
@@ -293,11 +276,10 @@ def _ramped() -> dict[str, Regulated]:
         return lambda assist: adult(80.0, 85.0, lvad=assist, regulation=section)
 
     own = REFLEXES["ursino1998"]
+    joined = with_reflex("heldt2010")
     return {name: with_reflex(name) for name in REFLEXES} | {
         "no reflex": with_reflex("ursino1998", 0.0),
-        "ursino1998, cardiopulmonary": lambda assist: with_cardiopulmonary(
-            with_reflex("heldt2010")(assist), own
-        ),
+        "ursino1998, cardiopulmonary": lambda assist: with_cardiopulmonary(joined(assist), own),
     }
 
 
@@ -349,10 +331,10 @@ def donker_rows() -> list[Row]:
         for k, (name, expected, unit) in enumerate(DONKER_ROWS):
             label, spread = f"{tone}, {name}", 0.5 * abs(expected)
             fixed = sign(label, expected, computed["fixed tone"][k], DONKER)
-            other = within(f"{label}, experiment", expected, (sicker if k < 2 else less)[k], spread, unit)
             rows.append(sign(label, expected, changes[k], DONKER, Explanation(WITHDRAWN, (fixed,))))
-            rows.append(within(label, expected, changes[k], spread, unit, source=DONKER,
-                               explanation=Explanation(UNKNOWN, (other,), undecided=True)))  # fmt: skip
+            row = within(label, expected, changes[k], spread, unit, source=DONKER)
+            other = sicker if k < 2 else less
+            rows.append(row.explained_by(UNKNOWN, other[k], f"{label}, experiment", undecided=True))
     return rows
 
 
