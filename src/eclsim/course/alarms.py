@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,7 @@ from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding
 from eclsim.outputs.alarms import KINDS, breach
 from eclsim.outputs.limits import COURSE_LIMITS, group_of
 from eclsim.outputs.registry import find_output
-
-if TYPE_CHECKING:
-    from eclsim.slow import DerivedQuantity
-
+from eclsim.slow import DerivedQuantity
 
 LimitKey = tuple[str, str, str]
 """Key of a limit: kind, output or waveform, and the sentence without its numbers."""

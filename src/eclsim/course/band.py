@@ -21,6 +21,7 @@ from eclsim.course.result import IMPOSSIBLE, TIME
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION
 from eclsim.execution import Executor, Progress, as_executor, as_folder
+from eclsim.files import finite
 from eclsim.orbit.model import CASE, CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import THIN_WALLED
@@ -260,8 +261,6 @@ def approximations_of_draws(courses: Sequence[xr.Dataset], of: str) -> list[str]
 
 def band_object(band: xr.Dataset) -> dict[str, Any]:
     """A band as plain data for JSON; null if no draw has a value."""
-    from eclsim.files import finite
-
     about, names = band.attrs, [str(n) for n, v in band.data_vars.items() if "quantile" in v.dims]
     return {
         "id": str(about["id"]),

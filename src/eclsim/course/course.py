@@ -6,12 +6,13 @@ import json
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from eclsim.arguments import FiniteNumber, number_of
+from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities, not_survived
 from eclsim.course.early_stop import EarlyStop
 from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
@@ -29,17 +30,14 @@ from eclsim.course.result import (
     labelled_course,
 )
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
+from eclsim.devices.description import Finding
 from eclsim.inputs.mistakes import CaseError, Mistake, as_names, as_settings
+from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.results import as_columns, variable
 from eclsim.simulation.target_flow import with_speed
 from eclsim.spelling import did_you_mean
-
-if TYPE_CHECKING:
-    from eclsim.circuit.network import Circuit
-    from eclsim.devices.description import Finding
-    from eclsim.orbit.execution import Execution
 
 MINUTES_PER_DAY = 1440.0
 SHOWN_MOMENTS = 144

@@ -8,15 +8,15 @@ Infused blood has the contents of the veins. Where haemoglobin changes, its oxyg
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import total_volumes
 from eclsim.components.exchangers import HAEMOGLOBIN
-from eclsim.gas.network import CONTENTS, PATIENT, Quantity, gas_of, lungs_of
+from eclsim.gas.network import CONTENTS, PATIENT, GasFunction, Quantity, gas_of, lungs_of
 from eclsim.outputs.coupling import solved_for
 from eclsim.outputs.gas import artery_of
 from eclsim.outputs.measures import Measures, single
@@ -32,11 +32,6 @@ from eclsim.regulation.oxygen import (
     venous_content,
 )
 from eclsim.units import ML_S_PER_L_MIN
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from eclsim.gas.network import GasFunction
 
 LEAST_ML = 1.0
 """Smallest blood volume of a compartment in the gas transport [mL]."""

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from eclsim.course.beats import BeatMarch, MarchState, RecordedBeat, ShownBeats, SteadyState
+from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE
 from eclsim.outputs.registry import output
 from eclsim.parameters.gas import LUNG_VOLUME
-
-if TYPE_CHECKING:
-    from eclsim.course.laws import Laws
 
 LARGEST_LAG = 4.0
 """Largest change of slow states while the circulation settles, in units of their scales."""

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.circuit.network import Circuit
 from eclsim.drugs.published import InfusedDoses
 from eclsim.fluid.laws import slow_laws
 from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction
 from eclsim.slow import DerivedQuantity, Named, SlowLaw
-
-if TYPE_CHECKING:
-    from eclsim.circuit.network import Circuit
 
 
 def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, ...]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from eclsim.arguments import number_of
+from eclsim.cases.case import Case
 from eclsim.cases.events import LARGEST_ML
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
@@ -33,7 +34,6 @@ from eclsim.simulation.target_flow import with_speed
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.cases.case import Case
 
 ULTRAFILTRATION = "net_ultrafiltration_ml_h"
 FILTRATION_FRACTION = "filtration_fraction"

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.circuit.network import Circuit
 from eclsim.course.beats import SteadyState
 from eclsim.orbit.equation import Anchor
 from eclsim.orbit.steady import inverse_jacobian
 from eclsim.outputs.coupling import CoupledAnchor
-
-if TYPE_CHECKING:
-    from eclsim.circuit.network import Circuit
-    from eclsim.outputs.steady_beat import SteadyBeat
+from eclsim.outputs.steady_beat import SteadyBeat
 
 SETTLING_TIME_CONSTANTS = 3.0
 """Number of time constants in which the circulation settles: 5 % of the deviation remain."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,13 +14,11 @@ from eclsim.course.alarms import clock_time
 from eclsim.course.fluid_remarks import remarks_on_fluids
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.devices.description import Finding
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
-
-if TYPE_CHECKING:
-    from eclsim.devices.description import Finding
 
 MOST_SPANS = 4
 TIME, IMPOSSIBLE = "time_min", "impossible"

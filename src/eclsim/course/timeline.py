@@ -6,14 +6,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.cases.events import LONGEST_MIN
+from eclsim.cases.case import Case
+from eclsim.cases.events import LONGEST_MIN, Event
 from eclsim.cases.quantities import section_and_key
+from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import Fluid, Solutes
 from eclsim.cases.settings import put_in
+from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import start_volume
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
@@ -27,11 +29,6 @@ from eclsim.parameters.regulation import (
     UNSTRESSED,
 )
 from eclsim.slow import INFLOWS
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
-    from eclsim.cases.events import Event
-    from eclsim.circuit.network import Circuit
 
 MINUTE = 60.0
 BEFORE_S = 1.0
@@ -281,8 +278,6 @@ def case_with_settings(case: Case, settings: Mapping[str, object], start: Case) 
 
 
 def _with_values(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
-    from eclsim.cases.reading import read_mapping
-
     merged, remarks = put_in(case.as_mapping(), values)
     changed = read_mapping(merged, refused=remarks.mistakes).case
     return changed.model_copy(update={"as_written": case.as_written, "fit_mark": case.fit_mark})

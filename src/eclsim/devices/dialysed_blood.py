@@ -9,15 +9,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import CAUTION, GASES, BeatMeasures, Finding, Numbers, Output
+from eclsim.devices.device import CaseValues, Naming
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters.gas import PARAMETERS as GAS
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
     from eclsim.components.dialysis import Performance
-    from eclsim.devices.device import CaseValues, Naming
-    from eclsim.inputs.sections import Raw, Section
 
 FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
 """Keys of fluid flows; dialysis is computed if one of them is given."""

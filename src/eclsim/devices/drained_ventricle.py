@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import CAUTION, Finding
+from eclsim.devices.device import Naming
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
-    from eclsim.devices.device import Naming
 
 VENTRICLES = MappingProxyType({"lv": ("left ventricle", "aortic"), "rv": ("right ventricle", "pulmonary")})
 """Label of each ventricle that may be drained, and of the valve through which it ejects."""

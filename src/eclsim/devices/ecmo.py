@@ -20,6 +20,7 @@ from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
     GASES,
+    BeatMeasures,
     Box,
     Columns,
     Control,
@@ -30,6 +31,7 @@ from eclsim.devices.description import (
     Limit,
     Look,
     Mark,
+    Numbers,
     Output,
     Panel,
     Sample,
@@ -89,7 +91,6 @@ if TYPE_CHECKING:
 
     from eclsim.circuit.network import Circuit, Connection, Site
     from eclsim.components import Path
-    from eclsim.devices.description import BeatMeasures, Numbers
 
 GROUP = "ecmo"
 LINES = ("drainage", "return")

@@ -15,6 +15,7 @@ development: Martins Costa et al. 2022, doi 10.3389/fmedt.2022.909990.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -36,8 +37,6 @@ from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from eclsim.circuit.network import Circuit
 
 GROUP = "renox"

@@ -9,23 +9,21 @@ of its area: its resistance grows with the inverse square of the open share.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import Control, Knob, Limit, Mark, Output, mean_flow, picker
 from eclsim.devices.plausibility import check_cannula, patient_site
+from eclsim.devices.products import CannulaType
 from eclsim.inputs.fields import number
-from eclsim.inputs.sections import Section
+from eclsim.inputs.mistakes import Remarks
+from eclsim.inputs.sections import Raw, Section
 from eclsim.patient.sites import PATIENT_SITES
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
     from eclsim.circuit.network import Connection
-    from eclsim.devices.products import CannulaType
-    from eclsim.inputs.mistakes import Remarks
-    from eclsim.inputs.sections import Raw
 
 LINES = MappingProxyType({"drainage": "ecmodrain", "return": "ecmoreturn"})
 CONNECTIONS = MappingProxyType({f"{node}2": f"second {line} cannula" for line, node in LINES.items()})

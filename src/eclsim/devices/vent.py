@@ -8,6 +8,7 @@ of `eclsim.devices.ecmo.CANNULAE`; other sizes are orifices with a flow proporti
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -24,8 +25,6 @@ from eclsim.patient.sites import PATIENT_SITES
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from eclsim.circuit.network import Circuit
 
 GROUP = "vent"

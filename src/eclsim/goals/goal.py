@@ -6,25 +6,23 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eclsim.arguments import number_of, written
+from eclsim.cases.case import Case
 from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import Measurements, section_of
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
 from eclsim.devices.ecmo import is_clamped
 from eclsim.devices.products import LABEL_FLOWS
-from eclsim.devices.registry import named_output
+from eclsim.devices.registry import named_output, parameter_of
 from eclsim.inputs.mistakes import CaseError
 from eclsim.inputs.numbers import suspected_unit
 from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
 from eclsim.outputs.registry import all_outputs, output, unavailable
 from eclsim.spelling import spelling_hint
 from eclsim.units import convert, known_unit, quantity_of
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
@@ -379,8 +377,6 @@ def _checked_settings(given: Sequence[Setting], known: Sequence[str]) -> tuple[S
 
 def _with_usual_bounds(case: Case, name: str) -> Setting | None:
     """A setting with the range of its pump, of its control on the page, or of the parameter table."""
-    from eclsim.devices.registry import parameter_of
-
     section, _, key = name.rpartition(".")
     knob, instance = _knobs(case, section).get(key), case.instance(section)
     swept = None if instance is None else instance.device.sweep(instance.section)
@@ -394,8 +390,6 @@ def _with_usual_bounds(case: Case, name: str) -> Setting | None:
 
 def _reason_out_of_range(case: Case, name: str, low: float, high: float) -> str:
     """Explain why bounds are outside a parameter's allowed range; empty if they are not."""
-    from eclsim.devices.registry import parameter_of
-
     entry = parameter_of(name, [instance.key for instance in case.instances()])
     if entry is not None and not (entry.accepts(low) and entry.accepts(high)):
         return f"outside the allowed range; allowed: {entry.allowed.removesuffix(' 1')}"

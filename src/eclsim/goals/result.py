@@ -6,14 +6,11 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from eclsim.goals.goal import Goal, Setting
-from eclsim.outputs.alarms import sentences
+from eclsim.outputs.alarms import Finding, sentences
 from eclsim.outputs.registry import output
-
-if TYPE_CHECKING:
-    from eclsim.outputs.alarms import Finding
 
 MET_TOLERANCE = 1e-4
 """Largest miss of a goal that counts as reached, in scales of the goal."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from eclsim.circuit.network import Circuit
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
@@ -15,9 +16,6 @@ from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
 from eclsim.patient.sites import DRAINED
-
-if TYPE_CHECKING:
-    from eclsim.circuit.network import Circuit
 
 IMPOSSIBLE_BEAT = "that no patient can have (a chamber without blood, a vein sucked shut)"
 """Description of beats that are `collapsed`."""

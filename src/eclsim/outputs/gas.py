@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from eclsim.blood.gases import BloodGases, gases_with_contents
+from eclsim.circuit.network import Circuit
 from eclsim.components.exchangers import BLOOD
-from eclsim.devices.description import GASES, Output, gas_sample
+from eclsim.devices.description import GASES, BeatMeasures, Numbers, Output, gas_sample
 from eclsim.gas.network import CONTENTS, gas_exchanges
 from eclsim.outputs.cautions import STANDING_L_MIN
 from eclsim.outputs.measures import Measures
 from eclsim.parameters.fluid import SOLUTES
 from eclsim.units import ML_S_PER_L_MIN
-
-if TYPE_CHECKING:
-    from eclsim.circuit.network import Circuit
-    from eclsim.devices.description import BeatMeasures, Numbers
-
 
 ARTERY = ("upper", "sart")
 """Compartment of the right radial artery: the first of these that a circuit has."""

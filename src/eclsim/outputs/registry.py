@@ -5,19 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
-from eclsim.devices.description import GASES, Output, highest, lowest, mean, mean_flow
+from eclsim.circuit.network import Circuit
+from eclsim.devices.description import (
+    GASES,
+    BeatMeasures,
+    Law,
+    Numbers,
+    Output,
+    highest,
+    lowest,
+    mean,
+    mean_flow,
+)
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import DeviceError, cached_by_devices, devices, named_output, namings
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED
 from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
-
-if TYPE_CHECKING:
-    from eclsim.circuit.network import Circuit
-    from eclsim.devices.description import BeatMeasures, Law, Numbers
 
 
 class UnknownOutputError(KeyError):

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from eclsim.devices.description import GASES, Output
+from eclsim.devices.description import GASES, BeatMeasures, Numbers, Output
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.regulation import GAIN, LUNG_RESISTANCE, SET_POINT, UNSTRESSED
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Reading
     from eclsim.components.base import Values
-    from eclsim.devices.description import BeatMeasures, Numbers
 
 _HEART_RATE = "heart_rate_bpm"
 REFLEX_USE = "reflex_use"

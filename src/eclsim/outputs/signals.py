@@ -14,6 +14,7 @@ from eclsim.components.base import Number, Values
 from eclsim.components.exchangers import GasExchanger
 from eclsim.devices.description import GASES
 from eclsim.devices.registry import cached_by_devices
+from eclsim.gas.network import switches
 from eclsim.outputs.alarms import watched_signals
 from eclsim.outputs.registry import available, output
 
@@ -58,8 +59,6 @@ def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ..
     entries = [output(name) for name in outputs]
     names = [name for entry in entries for name in entry.parameters]
     if any(entry.all_flows for entry in entries):
-        from eclsim.gas.network import switches
-
         names += [*circuit.content_names(), *switches(circuit)]
     if any(entry.in_effect for entry in entries):
         from eclsim.regulation.effects import parameters_of, steady_controls

@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from eclsim.cases.cohort import read_cohort
+from eclsim.cases.cohort import CohortPoint, CohortReading, read_cohort
 from eclsim.execution import Executor
 from eclsim.identification.cohort import fit_cohort, r_squared
 from eclsim.identification.multi_start import MultiStart
@@ -25,9 +25,6 @@ from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import Row, printed_number, statement
 from eclsim.paper.printed import FEMALE_POINTS, PATIENTS, POINTS, R2, TABLE_1
-
-if TYPE_CHECKING:
-    from eclsim.cases.cohort import CohortPoint, CohortReading
 
 SYNTHETIC = Path(str(files("eclsim.paper") / "data" / "synthetic_cohort.csv"))
 """Path of the synthetic cohort."""

@@ -17,7 +17,9 @@ import numpy as np
 
 from eclsim.cases.case import Case
 from eclsim.cases.resolve import blood_volume_ml, resolve_parameters
+from eclsim.crrt_study.beats import SUMMARISED, study_circuits, summarise, value
 from eclsim.crrt_study.limits import LIMITS
+from eclsim.crrt_study.schemes import select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.devices.registry import parameters
 from eclsim.orbit.model import AS_PUBLISHED
@@ -137,10 +139,6 @@ def tolerance_of(printed: Printed) -> float:
 def _on_grid(case: Case, printed: list[Printed]) -> np.ndarray:
     """Printed quantities on a grid of heart rates and volumes, shape (rates, volumes, quantities)."""
     import xarray as xr
-
-    from eclsim.crrt_study.beats import SUMMARISED, study_circuits, summarise, value
-    from eclsim.crrt_study.schemes import select_schemes
-    from eclsim.orbit.model import AS_PUBLISHED
 
     circuits = study_circuits(case, select_schemes(), 200.0)
     speeds = np.array([LOW, AT_CASE, HIGH])

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 from eclsim.crrt_study.report import drawings as crrt_drawings
 from eclsim.files import csv_text, json_text, write_text
+from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import YES_NO, Row, Verdict
 from eclsim.paper.printed import TABLE_2
-from eclsim.paper.reproduction import INDEX, Item, items_of
+from eclsim.paper.reproduction import INDEX, Item, Reproduction, items_of
+from eclsim.parameters.thiel2025 import PARAMETERS
 from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number
 
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 
     from eclsim.crrt_study.study import CrrtStudy
     from eclsim.paper.cohort import CohortComparison
-    from eclsim.paper.reproduction import Reproduction
     from eclsim.sensitivity.results import SensitivityResult
 
 CHAPTERS = (
@@ -238,7 +239,6 @@ def _sobol_figure(name: str, finished: SensitivityResult) -> Figure:
 
 def _cohort_figure(name: str, cohort: CohortComparison) -> Figure:
     from eclsim.identification import figures
-    from eclsim.parameters.thiel2025 import PARAMETERS
 
     if name == "scatter":
         return figures.plot_scatter(cohort.results, cohort.r2)
@@ -249,7 +249,6 @@ def _cohort_figure(name: str, cohort: CohortComparison) -> Figure:
 
 def _circuit(study: CrrtStudy) -> Figure:
     """Draw patient, ECMO and CRRT with the means of the case, which is connected as in scheme g."""
-    from eclsim.orbit.model import model_of
     from eclsim.reporting.schematic import draw_circuit
     from eclsim.simulation.single import simulate
 

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eclsim.cases.fit_mark import untrusted
+from eclsim.circuit import Circuit
 from eclsim.devices.description import Panel
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import device_of, named_output
@@ -48,8 +49,6 @@ from eclsim.reporting.style import (
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from eclsim.circuit import Circuit
 
 
 def write_case_figures(

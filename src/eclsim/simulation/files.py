@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim import files
+from eclsim.cases import Case
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.files import finite, frame_text, write_text
-from eclsim.orbit.model import CASE
+from eclsim.orbit.model import CASE, circuit_of
 from eclsim.simulation.target_flow import solved_speed_of
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-    from eclsim.cases import Case
 
 
 OUTPUTS = (
@@ -76,7 +75,6 @@ def write_figures(
     cases: Sequence[Case], results: Sequence[xr.Dataset], folder: Path, stems: Sequence[str]
 ) -> None:
     """Write all figures of each case; their names begin with the stem of the case."""
-    from eclsim.orbit.model import circuit_of
     from eclsim.simulation.figures import write_case_figures
 
     folder.mkdir(exist_ok=True)

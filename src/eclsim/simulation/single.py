@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from eclsim.arguments import OneOf, flag
+from eclsim.cases.case import Case
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import CASE, Model, ModelSource, UnknownValueError, as_case, case_record, model_of
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT
 from eclsim.outputs import results
+from eclsim.outputs.results import simulate_course
 from eclsim.simulation.target_flow import FlowNotReachedError, SolvedSpeeds, solve_speeds, with_speed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     import numpy.typing as npt
 
-    from eclsim.cases.case import Case
-    from eclsim.orbit.execution import Execution
 
 NOT_REACHED = "flow_not_reached"
 """Status of a case whose target pump flow no speed can reach."""
@@ -258,7 +258,5 @@ def simulate_transient(
     Raises:
         FlowNotReachedError: The case gives a pump flow that no speed can reach.
     """
-    from eclsim.outputs.results import simulate_course
-
     solved, _ = with_speed(case, volume_policy)
     return simulate_course(model_of(solved), seconds, policy=volume_policy, solver=solver, names=names)

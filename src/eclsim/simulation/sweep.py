@@ -13,7 +13,9 @@ import numpy as np
 import xarray as xr
 
 from eclsim import files
+from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import untrusted
+from eclsim.circuit import Circuit
 from eclsim.devices.registry import example_setting
 from eclsim.files import frame_text, write_text
 from eclsim.orbit.model import CASE, case_record, circuit_of, values_of
@@ -27,8 +29,6 @@ from eclsim.simulation.target_flow import FlowNotReachedError, solved_speed_of, 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from eclsim.cases.case import Case
-    from eclsim.circuit import Circuit
 
 LARGEST_COUNT = 201
 """Largest number of values of a sweep: all waveforms are held in memory, about 0.5 MB each."""

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from eclsim.cases.case import Case
+from eclsim.devices.description import Target
+from eclsim.devices.device import Instance
+from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import UnknownValueError, model_of
 from eclsim.outputs.results import as_columns, member_count, simulate_many
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.cases.case import Case
-    from eclsim.devices.description import Target
-    from eclsim.devices.device import Instance
-    from eclsim.orbit.equation import OrbitOptions
-    from eclsim.orbit.execution import Execution
 
 TOLERANCE_L_MIN = 1e-6
 SPEEDS_SCANNED = 9

@@ -9,10 +9,10 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import xarray as xr
 
+from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.devices import lvad
 from eclsim.devices.ecmo import CANNULAE, ECMO, PUMPS, RollerPump
 from eclsim.orbit.model import AS_PUBLISHED, model_of
@@ -30,9 +30,6 @@ from eclsim.validation.reference_cases import (
     sign,
     with_devices_of,
 )
-
-if TYPE_CHECKING:
-    from eclsim.crrt_study.study import CrrtStudy
 
 # --- the text of the paper: nine CRRT schemes at three speeds, in the patient of Table S-4 ---------
 
@@ -59,8 +56,6 @@ def paper_check() -> Check:
 @lru_cache(maxsize=2)
 def text_study(blood_volume_ml: float | None = None) -> CrrtStudy:
     """Return the study of nine schemes at the three speeds of the text, as run by the published code."""
-    from eclsim.crrt_study.study import crrt_study
-
     case = paper_case() if blood_volume_ml is None else with_blood_volume(paper_case(), blood_volume_ml)
     return crrt_study(case, speeds=(LOW, AT_CASE, HIGH), volume_policy=AS_PUBLISHED)
 

@@ -14,10 +14,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from eclsim.cases.sections import Physiology
 from eclsim.circuit.assembly import assemble
 from eclsim.execution import Distribution, Executor, Format, Progress, Tasks, json_format
 from eclsim.execution.tasks import in_process
-from eclsim.orbit.model import Model
+from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
 from eclsim.outputs.results import simulate
@@ -133,9 +134,6 @@ def sobol_points(count: int) -> dict[str, np.ndarray]:
 
 def configuration_model(name: str) -> Model:
     """Circuit and values of a configuration; the fitted parameters are replaced later."""
-    from eclsim.cases.sections import Physiology
-    from eclsim.orbit.model import model_of
-
     case = reduce(with_devices_of, map(reference_case, CONFIGURATIONS[name]))
     if beyond := PROTOCOLS["physiology"].get(name):
         case = case.model_copy(update={Physiology.section: Physiology(**beyond)})

@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from eclsim.paper.comparison import Check, Row, worst
 from eclsim.reporting.numbers import text_table
@@ -27,10 +26,7 @@ from eclsim.validation import (
     solvers,
 )
 from eclsim.validation.robustness import Effort
-from eclsim.validation.timing import machine
-
-if TYPE_CHECKING:
-    from eclsim.validation.timing import Measurement
+from eclsim.validation.timing import Measurement, machine
 
 PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "reference": lambda effort: reference_cases.checks(effort.quick),
