@@ -8,8 +8,8 @@ from eclsim.blood.acid_base import bicarbonate, ph_of
 from eclsim.blood.types import Blood
 from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import HAEMOGLOBIN
+from eclsim.course.laws import laws_of
 from eclsim.fluid import solutes as module
-from eclsim.fluid.laws import slow_laws
 from eclsim.fluid.solutes import (
     BASE_EXCESS,
     CarbonDioxideLaw,
@@ -220,9 +220,7 @@ def model(regional=False, solutes=True):
 
 
 def law_of(patient):
-    (result,) = (
-        one for one in slow_laws(patient.circuit, patient.values) if isinstance(one, CarbonDioxideLaw)
-    )
+    (result,) = (one for one in laws_of(patient.circuit, patient.values) if isinstance(one, CarbonDioxideLaw))
     return result
 
 
@@ -272,4 +270,4 @@ def test_stores_change_no_steady_state():
     plain, stored = model(solutes=False), model()
     a, b = (steady_beat(Batch.of(one), ("PaCO2", "SaO2", "SvO2")).values for one in (plain, stored))
     np.testing.assert_allclose(a, b, rtol=1e-9)
-    assert not slow_laws(plain.circuit, plain.values)
+    assert not laws_of(plain.circuit, plain.values)

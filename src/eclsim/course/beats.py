@@ -265,6 +265,12 @@ class ShownBeats:
             self._spread, self._stride = self._spread[::2], 2 * self._stride
 
 
+def volumes_of(circuit: Circuit, state: np.ndarray) -> dict[str, float]:
+    """Volumes of the compartments in a state [mL]."""
+    names, volumes = (c.name for c in circuit.compartments), state[assemble(circuit).layout.volumes.where]
+    return dict(zip(names, volumes.tolist(), strict=True))
+
+
 def shift_ml(before: Mapping[str, float], after: Mapping[str, float]) -> float:
     """Volume shifted between compartments from one distribution to another: the larger of gain and loss [mL].
 
@@ -321,18 +327,10 @@ class BeatMarch:
         recorded = _recorded_beat(program, self.signals, state, plain)[1]
         return self.in_time.begin(whole_beat(recorded), program.grid.phases, plain)
 
-    def volumes(self, state: np.ndarray) -> dict[str, float]:
-        """Volumes of the compartments in a state [mL]."""
-        names = (c.name for c in self.circuit.compartments)
-        return dict(zip(names, state[self.assembly.layout.volumes.where].tolist(), strict=True))
-
-    def steady(self, time: float, beat: SteadyState, slow: np.ndarray) -> MarchState:
-        """Return the state of a steady beat with the settings and slow states at a time [s]."""
-        return self.from_steady(time, beat, slow, self._segment(time))
-
     def distance(self, at: MarchState, goal: MarchState) -> float:
         """Distance from the steady state, relative to what counts as settled."""
-        shift = shift_ml(self.volumes(at.state), self.volumes(goal.state)) / SETTLED_ML
+        now, then = (volumes_of(self.circuit, moment.state) for moment in (at, goal))
+        shift = shift_ml(now, then) / SETTLED_ML
         if self.in_time is None or at.gases is None or goal.gases is None:
             return shift
         return max(shift, self.in_time.distance(at.gases, goal.gases))
@@ -360,7 +358,7 @@ class BeatMarch:
         """
         segment, program, settings = -1, None, dict[str, np.ndarray]()
         while at.time < until - 1e-9 and not self.stopped:
-            now = self._segment(at.time)
+            now = self.timeline.segment_at(at.time)
             if now != segment or program is None:
                 segment = now
                 settings = _columns(self.timeline.settings(segment, at.time))
@@ -434,10 +432,7 @@ class BeatMarch:
 
     def on_ramp(self, time: float) -> bool:
         """Whether a setting is changing on a ramp at a time [s]."""
-        return self.timeline.ramp_end(self._segment(time)) > time
-
-    def _segment(self, time: float) -> int:
-        return int(np.searchsorted(self.timeline.breaks, time + 1e-9, side="right") - 1)
+        return self.timeline.ramp_end(self.timeline.segment_at(time)) > time
 
     def _program(self, values: Mapping[str, np.ndarray]) -> BeatProgram:
         level = needed_resolution(self.assembly, _numbers(values))
@@ -561,7 +556,8 @@ class BeatMarch:
         time = np.array([beat.time for beat in beats])
         states = np.stack([beat.slow for beat in beats], axis=-1)
         in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
-        result = labelled_course(time, outputs, self.laws, states, in_effect)
+        derived = self.laws.derived_quantities(states, in_effect)
+        result = labelled_course(time, outputs, self.laws, states, derived)
         result[IMPOSSIBLE] = impossible_among(beat_findings)
         broken = alarms(beat_findings, outputs, time / MINUTE, np.ones(len(beats), dtype=bool))
         warnings = [self.stopped] * bool(self.stopped) + [alarm.sentence for alarm in broken]

@@ -14,10 +14,9 @@ import xarray as xr
 from eclsim.arguments import FiniteNumber, number_of
 from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities, not_survived
-from eclsim.course.early_stop import EarlyStop
 from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
-from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_GAS_CHANGE, LARGEST_LAG, largest_gas_change
-from eclsim.course.history import History
+from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_LAG, largest_gas_change, watched_gases
+from eclsim.course.history import EarlyStop, History
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import (
@@ -167,9 +166,8 @@ def follow(
     """
     results: dict[int, xr.Dataset] = {}
     for members in _groups(timelines, volume_policy).values():
-        of_group, every = [timelines[m] for m in members], [every_min[m] for m in members]
-        steps = [minutes * MINUTE for minutes in every]
-        early_stop = None if broken is None else EarlyStop(outputs or (), broken, steps)
+        of_group, every = [timelines[m] for m in members], [every_min[m] * MINUTE for m in members]
+        early_stop = None if broken is None else EarlyStop(outputs or (), broken, every)
         engine, moments = _marched_group(
             of_group, every, outputs, volume_policy, options, execution, with_alarms, early_stop
         )
@@ -179,7 +177,7 @@ def follow(
 
 def _marched_group(
     timelines: Sequence[Timeline],
-    every_min: Sequence[float],
+    every_s: Sequence[float],
     outputs: Sequence[str] | None,
     policy: str | None,
     options: CourseOptions | None,
@@ -191,7 +189,7 @@ def _marched_group(
     policy = policy or timelines[0].case.volume_policy
     laws = Laws(laws_of(*timelines[0].start))
     engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution, early_stop)
-    moments = moments_of(engine, engine.march(), [every * MINUTE for every in every_min])
+    moments = moments_of(engine, engine.march(), every_s)
     beats_at(moments, engine, outputs, with_alarms, execution)
     return engine, moments
 
@@ -227,9 +225,8 @@ def steady_beat_course(case: CaseSource, minutes: float, policy: str | None = No
     """
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
-    engine, moments = _marched_group(
-        [timeline], [default_interval_min(minutes)], None, policy, None, None, True
-    )
+    every = default_interval_min(minutes) * MINUTE
+    engine, moments = _marched_group([timeline], [every], None, policy, None, None, True)
     result = _labelled(moments, 0, engine, True)
     result.attrs["seconds"] = clock.perf_counter() - began
     return SteadyBeatCourse(result, engine, moments)
@@ -270,9 +267,9 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     time, states = moments.time[places], moments.states[:, places]
     in_effect = {key: column[places] for key, column in moments.in_effect.items()}
     outputs = {name: moments.values[name][places] for name in moments.names}
-    result = labelled_course(time, outputs, laws, states, in_effect)
-    moment_findings: list[list[Finding]] = []
     shown = laws.derived_quantities(states, in_effect)
+    result = labelled_course(time, outputs, laws, states, shown)
+    moment_findings: list[list[Finding]] = []
     if with_alarms:
         outputs |= {quantity.name: quantity.values for quantity in shown}
         of_shown = findings_of_derived_quantities(shown, len(places))
@@ -343,7 +340,7 @@ def _sudden_gas_change(
     comparison was made before.
     """
     timeline, settling = engine.timelines[member], max(engine.settling_s[member], BLOOD_RENEWAL_S)
-    gases = {n: outputs[n] for n in LARGEST_GAS_CHANGE if n in outputs and np.isfinite(outputs[n]).all()}
+    gases = {n: values for n, values in watched_gases(outputs).items() if np.isfinite(values).all()}
     for change in timeline.changes:
         ramp = change.end > change.begin
         if ramp and engine.options.hand_over:

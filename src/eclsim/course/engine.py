@@ -13,10 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from eclsim.arguments import FiniteNumber, Kind, OneOf, check_fields, flag
-from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
-from eclsim.course.beats import BeatMarch, MarchState, shift_ml
-from eclsim.course.early_stop import EarlyStop
+from eclsim.course.beats import BeatMarch, MarchState, shift_ml, volumes_of
 from eclsim.course.handover import (
     LARGEST_GAS_CHANGE,
     LONGEST_FAST_RAMP,
@@ -34,8 +32,9 @@ from eclsim.course.handover import (
     lung_gas_renewal_s,
     reason_to_follow,
     slow_state_lag,
+    watched_gases,
 )  # fmt: skip
-from eclsim.course.history import History
+from eclsim.course.history import EarlyStop, History
 from eclsim.course.laws import Laws, message_without_rates
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
@@ -149,7 +148,7 @@ class Engine:
             self._load_settings(member)
         settings = self._settings(everyone, self.time)
         beat, solved = self._solve(everyone, settings, None)
-        self.at_rest = [{n: p.read[n] for n in LARGEST_GAS_CHANGE if n in p.read} for p in self.predictors]
+        self.at_rest = [watched_gases(predictor.read) for predictor in self.predictors]
         self.states[:] = self.laws.start(settings, beat)
         self.segment[:] = 0
         for member in range(len(everyone)):
@@ -238,14 +237,13 @@ class Engine:
         for m, of_step in zip(active, length, strict=True):
             if not self._may_leave_ramp(m):
                 continue
-            predictor, ahead = self.predictors[m], self._blood_state(m, self._circuit(m))
+            predictor, ahead = self.predictors[m], self._blood_state(m)
             lungs = self._lung_gas_renewal_s(m, float(of_step))
             shares = lag_shares(predictor.settling_s, lungs, float(of_step))
             before = {name: self.snapshots[m].read[name] for name in ahead.gases}
             if largest_gas_change(before, ahead.gases, shares[1])[0] > 1.0:
                 predictor.restore(self.snapshots[m])
-                here = self._blood_state(m, self._circuit(m))
-                events[int(m)] = StateBeforeEvent(predictor.beat, here.gases, here.volumes, ahead, *shares)
+                events[int(m)] = StateBeforeEvent(predictor.beat, self._blood_state(m), ahead, *shares)
         return events
 
     def _leave_ramp(self, lost: np.ndarray, ahead_of_blood: Mapping[int, StateBeforeEvent]) -> np.ndarray:
@@ -254,8 +252,7 @@ class Engine:
         for m in lost:
             if not self._may_leave_ramp(m):
                 continue
-            here = self._blood_state(m, self._circuit(m))
-            event = StateBeforeEvent(self.predictors[m].beat, here.gases, here.volumes, None, 1.0, 1.0)
+            event = StateBeforeEvent(self.predictors[m].beat, self._blood_state(m))
             if self._follow_if_needed(m, event, has_beat=False, of=int(self.segment[m])):
                 carried.append(m)
         for m, event in ahead_of_blood.items():
@@ -325,9 +322,9 @@ class Engine:
         predictor, timeline = self.predictors[member], self.timelines[member]
         segment, time = int(self.segment[member]), float(self.time[member])
         nothing = not segment and not timeline.has_event_at_start
-        if nothing or predictor.point is None or predictor.circuit is None:
+        if nothing or predictor.point is None:
             return None
-        before, shares = self._blood_state(member, predictor.circuit), (1.0, 1.0)
+        before, shares = self._blood_state(member), (1.0, 1.0)
         reconnected = any(self._circuit(member) is not circuit for circuit in self.circuits[member])
         refusal, beat, ahead = RECONNECTED if reconnected else "", predictor.beat, None
         length = timeline.ramp_end(segment) - time
@@ -335,31 +332,28 @@ class Engine:
         if 0.0 < length <= max(LONGEST_FAST_RAMP * predictor.settling_s, min(lungs, LONGEST_SPAN_S)):
             active = np.array([member])
             solved = self._rates(active, np.array([time + length]), self.states[:, active])[1]
-            ahead = self._blood_state(member, self._circuit(member)) if solved[0] else None
+            ahead = self._blood_state(member) if solved[0] else None
             shares = lag_shares(predictor.settling_s, lungs, length)
-        return StateBeforeEvent(beat, before.gases, before.volumes, ahead, *shares, refusal)
+        return StateBeforeEvent(beat, before, ahead, *shares, refusal)
 
     def _lung_gas_renewal_s(self, member: int, length: float) -> float:
         """Time in which a member's lung gas is renewed after a given number of seconds [s]."""
         timeline, segment, time = self.timelines[member], int(self.segment[member]), float(self.time[member])
         return lung_gas_renewal_s(timeline.settings(segment, time), timeline.settings(segment, time + length))
 
-    def _blood_state(self, member: int, circuit: Circuit) -> BloodState:
-        """Blood volumes and gases of a member's last beat, which had the given circuit."""
+    def _blood_state(self, member: int) -> BloodState:
+        """Blood volumes and gases of a member's last beat."""
         predictor = self.predictors[member]
-        volumes = predictor.state[assemble(circuit).layout.volumes.where]
-        names = (c.name for c in circuit.compartments)
-        gases = {name: predictor.read[name] for name in LARGEST_GAS_CHANGE if name in predictor.read}
-        return BloodState(dict(zip(names, volumes.tolist(), strict=True)), gases)
+        assert predictor.circuit is not None
+        return BloodState(volumes_of(predictor.circuit, predictor.state), watched_gases(predictor.read))
 
     def _reason(self, member: int, event: StateBeforeEvent) -> str:
         """Reason to follow the beats after an event, in words; empty if there is none."""
         settling, rates = self.predictors[member].settling_s, self.slopes[:, member]
-        now = event.ramp_end_state or self._blood_state(member, self._circuit(member))
-        shift = event.share * shift_ml(event.volumes, now.volumes)
-        gases = largest_gas_change(event.gases, now.gases, event.gas_share)
-        lag = slow_state_lag(rates, settling, self.laws)
-        return reason_to_follow(shift, lag, gases, rates, settling, self.laws)
+        now = event.ramp_end_state or self._blood_state(member)
+        shift = event.share * shift_ml(event.blood.volumes, now.volumes)
+        gases = largest_gas_change(event.blood.gases, now.gases, event.gas_share)
+        return reason_to_follow(shift, gases, rates, settling, self.laws)
 
     def _follow_if_needed(
         self, member: int, event: StateBeforeEvent, has_beat: bool, of: int | None = None
@@ -401,15 +395,14 @@ class Engine:
         The arterial PCO2 tells how far the blood has followed the stores of carbon dioxide.
         """
         active, predictor = np.array([member]), self.predictors[member]
-        breaks = self.timelines[member].breaks
-        self.segment[member] = np.searchsorted(breaks, at.time + 1e-9, side="right") - 1
+        self.segment[member] = segment = self.timelines[member].segment_at(at.time)
         self.time[member], self.states[:, member] = at.time, at.slow[:, 0]
         self._load_settings(member)
         for tries_left in reversed(range(PCO2_ITERATIONS if self.laws.blood else 1)):
             self.slopes[:, active], solved = self._rates(active, self.time[active], self.states[:, active])
             if not solved[0]:
                 return None
-            goal = march.steady(at.time, predictor.beat, self.states[:, member].copy())
+            goal = march.from_steady(at.time, predictor.beat, self.states[:, member].copy(), segment)
             behind = march.pco2_lag_mmhg(at, goal) if tries_left else 0.0
             if abs(behind) < PCO2_TOLERANCE_MMHG:
                 break

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from eclsim.course.timeline import MINUTE
 from eclsim.outputs.registry import output
 from eclsim.parameters.gas import LUNG_VOLUME
 
+Value = TypeVar("Value")
 LARGEST_LAG = 4.0
 """Largest change of slow states while the circulation settles, in units of their scales."""
 LARGEST_SHIFT_ML = 40.0
@@ -65,8 +66,7 @@ class StateBeforeEvent(NamedTuple):
 
     Attributes:
         beat: steady beat before the event.
-        gases: gases of that beat by name, as far as they are in `LARGEST_GAS_CHANGE`.
-        volumes: blood volumes of that beat by compartment [mL].
+        blood: blood volumes and gases of that beat.
         ramp_end_state: steady beat at the end of a ramp; None without a ramp.
         share: share of the ramp that is done while the circulation settles.
         gas_share: share of the ramp that is done while blood is renewed, too.
@@ -74,11 +74,10 @@ class StateBeforeEvent(NamedTuple):
     """
 
     beat: SteadyState
-    gases: Mapping[str, float]
-    volumes: Mapping[str, float]
-    ramp_end_state: BloodState | None
-    share: float
-    gas_share: float
+    blood: BloodState
+    ramp_end_state: BloodState | None = None
+    share: float = 1.0
+    gas_share: float = 1.0
     refusal: str = ""
 
 
@@ -146,6 +145,11 @@ def slow_state_lag(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
     return float((np.abs(rates) * settling_s / laws.scales).max(initial=0.0))
 
 
+def watched_gases(outputs: Mapping[str, Value]) -> dict[str, Value]:
+    """Those of the outputs that are in `LARGEST_GAS_CHANGE`."""
+    return {name: outputs[name] for name in LARGEST_GAS_CHANGE if name in outputs}
+
+
 def largest_gas_change(
     before: Mapping[str, float], after: Mapping[str, float], share: float
 ) -> tuple[float, str]:
@@ -161,14 +165,16 @@ def largest_gas_change(
 
 
 def reason_to_follow(
-    shift: float, lag: float, gases: tuple[float, str], rates: np.ndarray, settling_s: float, laws: Laws
+    shift: float, gases: tuple[float, str], rates: np.ndarray, settling_s: float, laws: Laws
 ) -> str:
     """Reason to follow beats, in words; empty if there is none."""
-    if max(shift / LARGEST_SHIFT_ML, lag / LARGEST_LAG, gases[0]) <= 1.0:
+    shifted = shift / LARGEST_SHIFT_ML
+    lagging = slow_state_lag(rates, settling_s, laws) / LARGEST_LAG
+    if max(shifted, lagging, gases[0]) <= 1.0:
         return ""
-    if gases[0] > max(shift / LARGEST_SHIFT_ML, lag / LARGEST_LAG):
+    if gases[0] > max(shifted, lagging):
         return gases[1]
-    if shift / LARGEST_SHIFT_ML >= lag / LARGEST_LAG:
+    if shifted >= lagging:
         return f"the circulation shifts {shift:.0f} mL"
     place = int((np.abs(rates) / laws.scales).argmax())
     state = laws.states[place]

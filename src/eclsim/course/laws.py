@@ -7,21 +7,27 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from eclsim.circuit.network import Circuit
+from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.drugs.published import InfusedDoses
-from eclsim.fluid.laws import slow_laws
+from eclsim.fluid.law import fluid_law
+from eclsim.fluid.solutes import solutes_law, stores_of_carbon_dioxide
+from eclsim.parameters.fluid import HAEMATOCRIT, SOLUTES_FOLLOWED
 from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction
 from eclsim.slow import DerivedQuantity, Named, SlowLaw
 
 
 def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, ...]:
-    """Return the laws of the slow states of a circuit with its parameters; add a line to add a law."""
-    drugs = any(name.startswith(f"{DRUGS}.") for name in circuit.parameter_names())
-    hypoxic = LUNG_RESISTANCE in circuit.parameter_names()
+    """Return the laws of the slow states that a case follows, by its circuit and parameters."""
+    names, gas = circuit.parameter_names(), HAEMOGLOBIN in circuit.content_names()
+    fluid = HAEMATOCRIT in names
+    solutes = solutes_law(circuit, fluid, gas) if np.any(settings.get(SOLUTES_FOLLOWED, 0.0)) else None
     return (
-        *slow_laws(circuit, settings),
-        *([InfusedDoses()] if drugs else []),
-        *([HypoxicVasoconstriction()] if hypoxic else []),
+        *([fluid_law(circuit, settings)] if fluid else []),
+        *([] if solutes is None else [solutes]),
+        *stores_of_carbon_dioxide(circuit, solutes),
+        *([InfusedDoses()] if any(name.startswith(f"{DRUGS}.") for name in names) else []),
+        *([HypoxicVasoconstriction()] if LUNG_RESISTANCE in names else []),
     )
 
 

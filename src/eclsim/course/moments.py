@@ -189,13 +189,10 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
     if not beats:
         return
     count, (columns, beat_findings) = len(beats), span.march.measured(beats)
-    breaks = engine.timelines[member].breaks
-    time = np.array([beat.time for beat in beats])
+    segments = [engine.timelines[member].segment_at(beat.time) for beat in beats]
     moments.member = np.concatenate([moments.member, np.full(count, member)])
-    moments.segment = np.concatenate(
-        [moments.segment, np.searchsorted(breaks, time + 1e-9, side="right") - 1]
-    )
-    moments.time = np.concatenate([moments.time, time])
+    moments.segment = np.concatenate([moments.segment, segments])
+    moments.time = np.concatenate([moments.time, [beat.time for beat in beats]])
     moments.states = np.concatenate([moments.states, np.stack([beat.slow for beat in beats], -1)], axis=1)
     moments.status = np.concatenate([moments.status, np.full(count, int(Status.CONVERGED))])
     moments.by_beat = np.concatenate([moments.by_beat, np.ones(count, dtype=bool)])

@@ -19,6 +19,7 @@ from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.slow import DerivedQuantity
 
 MOST_SPANS = 4
 TIME, IMPOSSIBLE = "time_min", "impossible"
@@ -31,7 +32,7 @@ def labelled_course(
     outputs: Mapping[str, np.ndarray],
     laws: Laws,
     states: np.ndarray,
-    in_effect: Mapping[str, np.ndarray],
+    derived: Sequence[DerivedQuantity],
 ) -> xr.Dataset:
     """Return outputs, slow states and quantities derived from them over time, each with its unit.
 
@@ -40,12 +41,12 @@ def labelled_course(
         outputs: outputs at the moments, by name in the registry.
         laws: laws of the slow states.
         states: slow states at the moments, shape (states, moments).
-        in_effect: parameters at the moments, by key.
+        derived: quantities derived from them at the moments.
     """
     data = {name: variable(TIME, values, **output_labels(name)) for name, values in outputs.items()}
     for row, state in zip(states, laws.states, strict=True):
         data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state {state.name}")
-    for quantity in laws.derived_quantities(states, in_effect):
+    for quantity in derived:
         data[quantity.name] = variable(
             TIME, quantity.values, units=quantity.unit, long_name=quantity.description
         )

@@ -197,6 +197,10 @@ class Timeline:
         """Times of the breaks at which an event begins or ends [s]."""
         return self.breaks[0 if self.has_event_at_start else 1 : -1]
 
+    def segment_at(self, time: float) -> int:
+        """The segment that contains or begins at a time [s]."""
+        return int(np.searchsorted(self.breaks, time + 1e-9, side="right")) - 1
+
     def circuit(self, segment: int) -> Circuit:
         """The circuit between two breaks, or at the `START`."""
         begun = self._begun(segment)

@@ -9,9 +9,9 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 
 from eclsim.circuit.network import BLOOD_VOLUME, HEART_RATE
-from eclsim.components.base import ControlState, Key, Number, Values, value_of
+from eclsim.components.base import Key, Number, Values, value_of
 from eclsim.parameters.regulation import UNSTRESSED, dose, sensitivity
-from eclsim.regulation.reflex import SteadyController
+from eclsim.regulation.reflex import InstantController
 
 ACTS_ON = ("Emaxlv", "Emaxrv", "Rmc", "Rpmc", HEART_RATE, UNSTRESSED)
 """Parameters on which drugs act, in the order of `InfusedDrugs.in_effect`."""
@@ -80,10 +80,10 @@ class DrugConstants(NamedTuple):
 
 
 @dataclass(frozen=True)
-class InfusedDrugs(SteadyController[DrugConstants]):
+class InfusedDrugs(InstantController[DrugConstants]):
     """Controller of all drugs: their factors are multiplied and their volume shifts added.
 
-    It has no states and no readings: doses and sensitivities are parameters of the circuit.
+    Doses and sensitivities are parameters of the circuit.
 
     Args:
         drugs: drugs that can be given.
@@ -104,11 +104,6 @@ class InfusedDrugs(SteadyController[DrugConstants]):
             if not getattr(self, field):
                 object.__setattr__(self, field, tuple(map(key, names)))
 
-    @property
-    def states(self) -> tuple[ControlState, ...]:
-        """No states."""
-        return ()
-
     def constants(self, values: Values) -> DrugConstants:
         """Doses times the patient's sensitivities, and blood volume."""
         assert isinstance(self.doses, tuple)
@@ -116,14 +111,6 @@ class InfusedDrugs(SteadyController[DrugConstants]):
         pairs = zip(self.doses, self.sensitivities, strict=True)
         felt = tuple(values[dose] * values[factor] for dose, factor in pairs)
         return DrugConstants(felt, value_of(values, self.blood_volume))
-
-    def start(self, constants: DrugConstants) -> Sequence[Number]:
-        """No states."""
-        return ()
-
-    def steady_states(self, readings: Sequence[Number], constants: DrugConstants) -> Sequence[Number]:
-        """No states."""
-        return ()
 
     def in_effect(
         self, states: Sequence[Number], values: Sequence[Number], constants: DrugConstants
@@ -135,9 +122,3 @@ class InfusedDrugs(SteadyController[DrugConstants]):
         *references, unstressed = values
         changed = (v * f for v, f in zip(references, (heart, heart, systemic, pulmonary, rate), strict=True))
         return [*changed, unstressed + veins * constants.blood_volume_ml]
-
-    def next_states(
-        self, states: Sequence[Number], readings: Sequence[Number], period: Number, constants: DrugConstants
-    ) -> Sequence[Number]:
-        """No states."""
-        return ()

@@ -5,20 +5,7 @@ from eclsim.execution.folder import ExecutionError, Format, TaskFolder, as_folde
 from eclsim.execution.tasks import Progress, TaskProgress, Tasks, announce, threads, using_threads
 
 __all__ = [
-    "Distribution",
-    "ExecutionError",
-    "Executor",
-    "Format",
-    "Progress",
-    "Shard",
-    "ShardDone",
-    "TaskFolder",
-    "TaskProgress",
-    "Tasks",
-    "announce",
-    "as_executor",
-    "as_folder",
-    "json_format",
-    "threads",
+    "Distribution", "ExecutionError", "Executor", "Format", "Progress", "Shard", "ShardDone", "TaskFolder",
+    "TaskProgress", "Tasks", "announce", "as_executor", "as_folder", "json_format", "threads",
     "using_threads",
-]
+]  # fmt: skip

@@ -6,13 +6,14 @@ import os
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from threading import Event
 from typing import Generic, Protocol, TypeVar
 
+Setting = TypeVar("Setting")
 _CHOSEN: ContextVar[int | None] = ContextVar("threads", default=None)
 
 
@@ -26,17 +27,19 @@ def threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
-@contextmanager
-def using_threads(count: int | None) -> Iterator[None]:
+def using_threads(count: int | None) -> AbstractContextManager[None]:
     """Set the number of threads for computations of this thread; None leaves it unchanged."""
-    if count is None:
-        yield
-        return
-    token = _CHOSEN.set(count)
+    return nullcontext() if count is None else _set(_CHOSEN, count)
+
+
+@contextmanager
+def _set(variable: ContextVar[Setting], value: Setting) -> Iterator[None]:
+    """Give a variable another value for a while."""
+    token = variable.set(value)
     try:
         yield
     finally:
-        _CHOSEN.reset(token)
+        variable.reset(token)
 
 
 # --- tasks ------------------------------------------------------------------------------------------
@@ -146,7 +149,7 @@ def run_tasks(
         if progress is not None:
             progress(replace(state, seconds=time.perf_counter() - started, detail=detail))
 
-    with _listening(show):
+    with _set(_LISTENER, show):
         results = run(tasks, missing)
         show()
         try:
@@ -158,15 +161,6 @@ def run_tasks(
                 show()
         finally:
             results.close()
-
-
-@contextmanager
-def _listening(listener: Callable[[str], None]) -> Iterator[None]:
-    token = _LISTENER.set(listener)
-    try:
-        yield
-    finally:
-        _LISTENER.reset(token)
 
 
 def in_process(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:

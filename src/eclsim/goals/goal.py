@@ -31,6 +31,8 @@ _WITH_UNIT = re.compile(r"(.*[\d.])\s*([A-Za-zµ%][\w/µ%.²]*)")
 ALLOWED_FORMS = (
     "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, in the outputs' units, with commas between"
 )
+MET_TOLERANCE = 1e-4
+"""Largest miss of a goal that counts as reached, in scales of the goal."""
 LARGEST_FLOW_L_MIN = 30.0
 SMALLEST_OXYGEN_FLOW_ML_MIN = 10.0
 
@@ -62,8 +64,7 @@ class Goal:
     gives_way: bool = False
 
     def __post_init__(self) -> None:
-        for what in ("low", "high"):
-            object.__setattr__(self, what, number_of(f"goal {self.output}: {what}", getattr(self, what)))
+        _make_numbers(self, f"goal {self.output}")
 
     def __str__(self) -> str:
         if math.isinf(self.high):
@@ -81,6 +82,10 @@ class Goal:
     def excess(self, value: float) -> float:
         """Distance of a value beyond the nearer bound, in the output's unit; negative within the bounds."""
         return max(self.low - value, value - self.high)
+
+    def is_met(self, value: float) -> bool:
+        """Whether a value is within the bounds, or beyond by no more than `MET_TOLERANCE`; not for NaN."""
+        return self.excess(value) <= MET_TOLERANCE * self.scale
 
     def at_bound(self, value: float) -> bool:
         """Whether a value is at or beyond a bound, within the accuracy of a search."""
@@ -109,8 +114,13 @@ class Setting:
     unit: str = ""
 
     def __post_init__(self) -> None:
-        for what in ("low", "high"):
-            object.__setattr__(self, what, number_of(f"setting {self.name}: {what}", getattr(self, what)))
+        _make_numbers(self, f"setting {self.name}")
+
+
+def _make_numbers(given: Goal | Setting, name: str) -> None:
+    """Convert both bounds of a frozen object to `float`."""
+    for what in ("low", "high"):
+        object.__setattr__(given, what, number_of(f"{name}: {what}", getattr(given, what)))
 
 
 def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal, ...]:

@@ -12,8 +12,6 @@ from eclsim.goals.goal import Goal, Setting
 from eclsim.outputs.alarms import Finding, sentences
 from eclsim.outputs.registry import output
 
-MET_TOLERANCE = 1e-4
-"""Largest miss of a goal that counts as reached, in scales of the goal."""
 ALARM_KINDS = ("alarm", "collapse")
 """Kinds of findings that the message names first."""
 
@@ -142,7 +140,7 @@ def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterato
     """The goals that outputs miss or whose output has no value."""
     for goal in goals:
         value = outputs.get(goal.output, math.nan)
-        if not goal.excess(value) <= MET_TOLERANCE * goal.scale:
+        if not goal.is_met(value):
             yield GoalResult(goal, value, met=False, binding=False, slopes={})
 
 

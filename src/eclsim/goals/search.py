@@ -28,6 +28,7 @@ from scipy.optimize import linprog
 
 from eclsim.gas.network import GasStatus
 from eclsim.goals.goal import (
+    MET_TOLERANCE,
     Goal,
     GoalError,
     Setting,
@@ -39,7 +40,6 @@ from eclsim.goals.goal import (
 )
 from eclsim.goals.result import (
     ALARM_KINDS,
-    MET_TOLERANCE,
     GoalResult,
     Reached,
     ReachStatus,
@@ -203,15 +203,16 @@ class _PatientModel:
         numbers = self.low[:, None] + self.span[:, None] * places
         return {setting.name: row for setting, row in zip(self.settings, numbers, strict=True)}
 
+    def numbers_at(self, place: np.ndarray) -> dict[str, float]:
+        """Values of the settings at one point."""
+        return {name: float(row[0]) for name, row in self.values_at(place[:, None]).items()}
+
     def beat(self, places: np.ndarray, outputs: Sequence[str] | None) -> SteadyBeat:
         """Steady beats at coordinates u of shape (settings, members)."""
         self.beats += places.shape[1]
         values = {**self.model.values, **self.values_at(places)}
-        return steady_beat(Batch(self.model.circuit, values, places.shape[1], self._policy), outputs)
-
-    @property
-    def _policy(self) -> str:
-        return self.policy or self.model.policy
+        policy = self.policy or self.model.policy
+        return steady_beat(Batch(self.model.circuit, values, places.shape[1], policy), outputs)
 
     def point(self, place: np.ndarray, outputs: Sequence[str]) -> _Point | None:
         """Outputs and slopes at a point; None without a determined steady beat or without derivatives."""
@@ -255,21 +256,20 @@ def _search_from_starts(
     if isinstance(starts, _NoStart):
         nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals if not goal.because)
         none, name = tuple(np.nan for _ in patient.settings), patient.model.name
-        status, message = starts
         return Reached(
-            name, patient.settings, none, nowhere, status, message, beats=patient.beats, tried=tried,
+            name, patient.settings, none, nowhere, *starts, beats=patient.beats, tried=tried,
             without_beat=without_beat, doubts=patient.model.doubts,
         )  # fmt: skip
     ends = [(_search(patient, goals, start), start) for start in starts]
     (end, unfinished), start = min(
         ends, key=lambda e: (bool(e[0].unfinished), _merit(goals, e[0].at.place, e[0].at.values))
     )
-    numbers = {name: float(value[0]) for name, value in patient.values_at(end.place[:, None]).items()}
+    numbers = patient.numbers_at(end.place)
     results = tuple(
         GoalResult(
             goal,
             float(value),
-            goal.excess(value) <= MET_TOLERANCE * goal.scale,
+            goal.is_met(value),
             goal.at_bound(value),
             {s.name: float(d / span) for s, d, span in zip(patient.settings, row, patient.span, strict=True)},
         )
@@ -323,10 +323,9 @@ def _settings_without_each_goal(
         remaining = tuple(goals[k] for k in rows)
         begin = start._replace(values=start.values[rows], slopes=start.slopes[rows])
         end, unfinished = _search(patient, remaining, begin)
-        met = all(g.excess(v) <= MET_TOLERANCE * g.scale for g, v in zip(remaining, end.values, strict=True))
-        values = {name: float(value[0]) for name, value in patient.values_at(end.place[:, None]).items()}
+        met = all(goal.is_met(value) for goal, value in zip(remaining, end.values, strict=True))
         if met or not unfinished:
-            settings[str(left_out)] = values if met else None
+            settings[str(left_out)] = patient.numbers_at(end.place) if met else None
     return settings
 
 
@@ -383,11 +382,11 @@ def _points(
     if isinstance(starts, _NoStart):
         return starts
     points = (patient.point(start, [goal.output for goal in goals]) for start in starts)
-    findings = [point for point in points if point is not None]
+    known = [point for point in points if point is not None]
     reason = (
         "the steady beats at the best of the points tried first lack the derivatives that the search needs"
     )
-    return findings or _NoStart(ReachStatus.NOT_CONVERGED, reason)
+    return known or _NoStart(ReachStatus.NOT_CONVERGED, reason)
 
 
 def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> float:

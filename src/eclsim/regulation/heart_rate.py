@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from eclsim.circuit.network import HEART_RATE, Circuit, Control
-from eclsim.components.base import ControlState, Key, Number, Values, value_of
+from eclsim.components.base import Key, Number, Values, value_of
 from eclsim.parameters.regulation import HEART_RATE_RESPONSE
-from eclsim.regulation.reflex import SteadyController
+from eclsim.regulation.reflex import InstantController
 
 SINUS_NODE = "sinus_node"
 
@@ -22,12 +22,12 @@ class HeartRateConstants(NamedTuple):
 
 
 @dataclass(frozen=True)
-class HeartRateResponse(SteadyController[HeartRateConstants]):
+class HeartRateResponse(InstantController[HeartRateConstants]):
     """Controller that takes back part of what the controllers before it did to the heart rate.
 
     rate = own + response (changed - own)
 
-    It has no states and no readings, and comes after reflexes and drugs.
+    It comes after reflexes and drugs.
 
     Args:
         response: 1 for a healthy sinus node, 0 for a paced heart.
@@ -38,22 +38,9 @@ class HeartRateResponse(SteadyController[HeartRateConstants]):
     own: Key = HEART_RATE
     not_negative: ClassVar = ("response",)
 
-    @property
-    def states(self) -> tuple[ControlState, ...]:
-        """No states."""
-        return ()
-
     def constants(self, values: Values) -> HeartRateConstants:
         """Own rate and share."""
         return HeartRateConstants(value_of(values, self.own), value_of(values, self.response))
-
-    def start(self, constants: HeartRateConstants) -> Sequence[Number]:
-        """No states."""
-        return ()
-
-    def steady_states(self, readings: Sequence[Number], constants: HeartRateConstants) -> Sequence[Number]:
-        """No states."""
-        return ()
 
     def in_effect(
         self, states: Sequence[Number], values: Sequence[Number], constants: HeartRateConstants
@@ -61,16 +48,6 @@ class HeartRateResponse(SteadyController[HeartRateConstants]):
         """The heart rate between the patient's own and that of reflexes and drugs."""
         (changed,) = values
         return [constants.own_bpm + constants.response * (changed - constants.own_bpm)]
-
-    def next_states(
-        self,
-        states: Sequence[Number],
-        readings: Sequence[Number],
-        period: Number,
-        constants: HeartRateConstants,
-    ) -> Sequence[Number]:
-        """No states."""
-        return ()
 
 
 def with_heart_rate_response(circuit: Circuit) -> Circuit:

@@ -34,6 +34,29 @@ class SteadyController(Controller[Constants], ABC):
         """States that are stationary at the given readings."""
 
 
+class InstantController(SteadyController[Constants], ABC):
+    """A controller without states and readings, whose effects follow from parameters alone."""
+
+    @property
+    def states(self) -> tuple[ControlState, ...]:
+        """No states."""
+        return ()
+
+    def start(self, constants: Constants) -> Sequence[Number]:
+        """No states."""
+        return ()
+
+    def steady_states(self, readings: Sequence[Number], constants: Constants) -> Sequence[Number]:
+        """No states."""
+        return ()
+
+    def next_states(
+        self, states: Sequence[Number], readings: Sequence[Number], period: Number, constants: Constants
+    ) -> Sequence[Number]:
+        """No states."""
+        return ()
+
+
 class Pathway(NamedTuple):
     """Nerve pathway to a group of organs.
 
