@@ -48,7 +48,7 @@ class Members:
     Args:
         cases: cases of the members, or one case whose variants are given by `changes`.
         changes: values of each parameter that varies, by key.
-        refused: reason why each case is not followed, or empty; no entries if all are followed.
+        refused: reason why each case is not followed, or empty; no entries for variants.
     """
 
     cases: tuple[Case, ...]
@@ -74,25 +74,17 @@ class CourseGroup:
         announce(f"{len(members.cases)} patients" if not members.changes else "draws of a patient")
         reasons = [members.reason(k) or self._unreachable(case) for k, case in enumerate(members.cases)]
         begun = [case for case, reason in zip(members.cases, reasons, strict=True) if not reason]
-        courses = iter(self._followed_members(begun, members.changes) if begun else ())
+        followed = course_many(
+            begun, members.changes, minutes=self.minutes, every_min=self.every_min,
+            volume_policy=self.volume_policy, options=CourseOptions(hand_over=self.hand_over),
+        ) if begun else []  # fmt: skip
+        courses = iter(followed)
         if not any(reasons):
             return [course.to_dict() for course in courses]
         each = zip(members.cases, reasons, strict=True)
         return [
             (self._refused_course(c, refusal) if refusal else next(courses)).to_dict() for c, refusal in each
         ]
-
-    def _followed_members(
-        self, cases: list[Case], changes: Mapping[str, tuple[float, ...]]
-    ) -> list[xr.Dataset]:
-        return course_many(
-            cases,
-            changes,
-            minutes=self.minutes,
-            every_min=self.every_min,
-            volume_policy=self.volume_policy,
-            options=CourseOptions(hand_over=self.hand_over),
-        )
 
     def _unreachable(self, case: Case) -> str:
         """Reason why no speed gives the pump flow of a case; empty if one does."""
@@ -152,11 +144,7 @@ def course_cohort(
     compute = CourseGroup(minutes, checked_interval_min(every_min, minutes), volume_policy, hand_over)
     poor = tuple(case.refusal for case in patients)
     groups = [
-        Members(
-            patients[k : k + MEMBERS_PER_GROUP],
-            {},
-            poor[k : k + MEMBERS_PER_GROUP] if any(poor[k : k + MEMBERS_PER_GROUP]) else (),
-        )
+        Members(patients[k : k + MEMBERS_PER_GROUP], {}, poor[k : k + MEMBERS_PER_GROUP])
         for k in range(0, len(patients), MEMBERS_PER_GROUP)
     ]
     inputs: dict[str, object] = {

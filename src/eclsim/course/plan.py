@@ -27,7 +27,7 @@ from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
-from eclsim.outputs.results import simulate
+from eclsim.outputs.results import scalars_of, simulate
 from eclsim.outputs.signals import output_names
 from eclsim.simulation.target_flow import with_speed
 
@@ -416,7 +416,7 @@ def _weaning_step(
     if keep is None or vary is None:
         goals = () if keep is None else read_goals(keep, output_names(model_of(case).circuit))
         result = simulate(case, policy)
-        numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
+        numbers = {name: float(result[name]) for name in scalars_of(result)}
         converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
         message = "; ".join(one.sentence for one in broken_goals(numbers, goals))
         message = message if converged else str(result.attrs["message"])

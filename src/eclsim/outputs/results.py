@@ -303,6 +303,11 @@ def unit_of_value(name: str) -> str:
     return "" if known is None else known.unit
 
 
+def scalars_of(result: xr.Dataset) -> list[str]:
+    """Names of the outputs of a result, which unlike waveforms are single numbers."""
+    return [str(name) for name, values in result.data_vars.items() if values.ndim == 0]
+
+
 def output_labels(name: str) -> dict[str, str]:
     """Unit, long name and definition of an output, as attributes."""
     entry = output(name)

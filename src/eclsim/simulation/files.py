@@ -14,6 +14,7 @@ from eclsim.cases import Case
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.files import finite, frame_text, write_text
 from eclsim.orbit.model import CASE, circuit_of
+from eclsim.outputs.results import scalars_of
 from eclsim.simulation.target_flow import solved_speed_of
 
 if TYPE_CHECKING:
@@ -88,8 +89,8 @@ def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
     """Return all scalars and the requested waveforms."""
     if names is None:
         return result
-    selected = [name for name, variable in result.data_vars.items() if variable.ndim == 0 or name in names]
-    return result[selected]
+    chosen = {*scalars_of(result), *names}
+    return result[[name for name in result.data_vars if name in chosen]]
 
 
 def column_head(result: xr.Dataset, name: str) -> str:
@@ -115,8 +116,7 @@ def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
     for result in results:
         row = {name: result.attrs.get(name) for name in about}
         row["warnings"] = "; ".join(result.attrs.get("warnings", ()))
-        scalars = [str(name) for name, variable in result.data_vars.items() if variable.ndim == 0]
-        rows.append(row | {column_head(result, name): result[name].item() for name in scalars})
+        rows.append(row | {column_head(result, name): result[name].item() for name in scalars_of(result)})
     return pd.DataFrame(rows)
 
 
@@ -127,7 +127,7 @@ def results_object(results: Iterable[xr.Dataset]) -> dict[str, object]:
 
 def case_object(result: xr.Dataset) -> dict[str, object]:
     """One case: outputs in mmHg, L/min and mL, waveforms as mean, min and max over the beat."""
-    scalars = {str(name): value for name, value in result.data_vars.items() if value.ndim == 0}
+    scalars = scalars_of(result)
     further = [name for name in scalars if name not in OUTPUTS]
     return {
         "id": str(result.attrs["id"]),

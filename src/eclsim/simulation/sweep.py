@@ -20,7 +20,7 @@ from eclsim.devices.registry import example_setting
 from eclsim.files import frame_text, write_text
 from eclsim.orbit.model import CASE, case_record, circuit_of, values_of
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.results import labelled
+from eclsim.outputs.results import labelled, scalars_of
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.simulation.files import case_object, column_head
 from eclsim.simulation.single import result_without_flow
@@ -211,9 +211,8 @@ def as_table(sweep: Sweep) -> xr.Dataset:
         (one line each), and the pump speed if it was solved for a flow.
     """
     results = sweep.results
-    names = dict.fromkeys(str(n) for r in results for n, v in r.data_vars.items() if v.ndim == 0)
     data: dict[str, Any] = {}
-    for name in names:
+    for name in dict.fromkeys(name for result in results for name in scalars_of(result)):
         about = next(r[name].attrs for r in results if name in r)
         labels = {k: about[k] for k in ("units", "long_name", "definition") if k in about}
         data[name] = ("value", np.array([_value_if_converged(r, name) for r in results]), labels)
