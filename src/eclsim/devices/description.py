@@ -115,11 +115,11 @@ def lowest(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output
     return Output(name, long_name, unit, definition, (signal,), lambda m: m.minimum(signal), (signal,))
 
 
-def mean_flow(name: str, long_name: str, signal: str, in_contract: bool = False) -> Output:
-    """Output of the mean of a flow [L/min]."""
+def mean_flow(name: str, long_name: str, signal: str, in_contract: bool = False, beside: str = "") -> Output:
+    """Output of the mean of a flow [L/min]; with `beside`, it exists only if that other flow does."""
     return Output(
-        name, long_name, "L/min", f"mean of {signal}", (signal,),
-        lambda m: m.mean(signal) / ML_S_PER_L_MIN, in_contract=in_contract,
+        name, long_name, "L/min", f"mean of {signal}", (signal, beside) if beside else (signal,),
+        lambda m: m.mean(signal) / ML_S_PER_L_MIN, in_contract=in_contract, read_at=signal if beside else "",
     )  # fmt: skip
 
 

@@ -10,11 +10,10 @@ of its area: its resistance grows with the inverse square of the open share.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import Control, Knob, Limit, Mark, Output, mean_flow, picker
+from eclsim.devices.description import Control, Knob, Limit, Mark, mean_flow, picker
 from eclsim.devices.plausibility import check_cannula, patient_site
 from eclsim.devices.products import CannulaType
 from eclsim.inputs.fields import number
@@ -38,19 +37,10 @@ BACKWARD_L_MIN = -0.01
 """Mean flow [L/min] below which a cannula counts as flowing backwards; a closed one may leak this much."""
 
 
-def _parallel_flow(line: str, node: str) -> Output:
-    """Output of the flow through a first cannula; it exists only if there is a second one."""
-    one = mean_flow(f"first_{line}_flow", f"flow through the first {line} cannula", f"Q{node}")
-    return replace(one, needs=(f"Q{node}", f"Q{node}2"), read_at=f"Q{node}")
-
-
 OUTPUTS = tuple(
-    one
+    mean_flow(f"{which}_{line}_flow", f"flow through the {which} {line} cannula", signal, beside=beside)
     for line, node in LINES.items()
-    for one in (
-        _parallel_flow(line, node),
-        mean_flow(f"second_{line}_flow", f"flow through the second {line} cannula", f"Q{node}2"),
-    )
+    for which, signal, beside in (("first", f"Q{node}", f"Q{node}2"), ("second", f"Q{node}2", ""))
 )
 LIMITS = tuple(
     Limit(

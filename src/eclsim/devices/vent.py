@@ -9,7 +9,6 @@ of `eclsim.devices.ecmo.CANNULAE`; other sizes are orifices with a flow proporti
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,8 +34,8 @@ _COEFFICIENT = ML_S_PER_L_MIN / CANNULAE["arterial"].resistance(_REFERENCE_FR) *
 """Flow coefficient [mL/(s mmHg^1/2)] at 15 Fr, the smallest arterial cannula of the maker's list."""
 
 
-_DRAINAGE_BESIDE_VENT = mean_flow(
-    "drainage_cannula_flow", "flow through the drainage cannula beside the vent", "Qecmodrain"
+_BESIDE_VENT = mean_flow(
+    "drainage_cannula_flow", "flow through the drainage cannula beside the vent", "Qecmodrain", beside="Qvent"
 )
 
 
@@ -58,12 +57,12 @@ class VentDevice(Device[Vent]):
     nominal = MappingProxyType({"vent.fr": 15.0})
     outputs = (
         mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),
-        replace(_DRAINAGE_BESIDE_VENT, needs=("Qecmodrain", "Qvent"), read_at="Qecmodrain"),
+        _BESIDE_VENT,
     )
     limits = (
         Limit("vent_flow", "alarm", "below", 0.0, "blood runs through the vent into the heart", "physics"),
         Limit(
-            _DRAINAGE_BESIDE_VENT.name, "alarm", "below", BACKWARD_L_MIN,
+            _BESIDE_VENT.name, "alarm", "below", BACKWARD_L_MIN,
             "blood of the vent runs through the drainage cannula into the patient: raise the speed or take a "
             "smaller vent", "physics", without=("first_drainage_flow",),
         ),
