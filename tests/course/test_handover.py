@@ -76,7 +76,7 @@ def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
     assert spans_in_words(result).startswith("followed beat by beat 00:02:00 to 00:0")
     first, second = course_object(result)["beat_by_beat"]
     assert "the circulation shifts" in first["reason"]
-    assert "fluid." in second["reason"]
+    assert "plasma volume changes by" in second["reason"]
 
 
 @pytest.mark.slow
