@@ -36,6 +36,7 @@ def test_an_event_is_set_where_somebody_clicked_and_the_page_follows(open_page, 
     page.locator(".ecl-timeline .new button").click()
     expect(page.locator(".ecl-timeline ol")).to_contain_text(f"{text('give_bleed_ml')} 800 mL")
     page.wait_for_function(COURSE)
+    box = chart.bounding_box()  # remarks on lost blood stand above it now
     page.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 10)
     wait_for(page, f"beat.minute > 200 && beat.outputs.MAP < {before} - 3")
     expect(page.locator(".ecl-keys")).to_contain_text(f"{beat(page)['outputs']['MAP']:.0f}")
