@@ -13,10 +13,10 @@ from pydantic import Field as Default
 from eclsim.cases.quantities import section_and_key
 from eclsim.cases.settings import keys_replaced_by, put_in, unknown_key
 from eclsim.devices.registry import example_setting
-from eclsim.inputs.fields import Field, number
+from eclsim.inputs.fields import number
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
-from eclsim.inputs.numbers import RefusedValueError, is_number, read_number
-from eclsim.inputs.sections import Raw, short
+from eclsim.inputs.numbers import is_number
+from eclsim.inputs.sections import Raw, check_field, short
 from eclsim.parameters.fluid import sets_initial_value
 from eclsim.slow import INFLOWS
 from eclsim.spelling import did_you_mean
@@ -127,7 +127,7 @@ class _EventChecker:
         values: dict[str, Any] = {"place": place}
         for key, field in _TIMES.items():
             if key in raw:
-                self._number(f"{place}.{key}", raw[key], field, values, key)
+                check_field(f"{place}.{key}", raw[key], replace(field, name=key), values, self.remarks)
         self._whole(place, raw)
         if "set" in raw:
             values["set"] = self._settings(f"{place}.set", raw["set"], bool(values.get("ramp_min")))
@@ -146,12 +146,6 @@ class _EventChecker:
                     f"{place}.{key}", f"is allowed only with {owner} = {{ ... }}", shown(raw[key])
                 )
 
-    def _number(self, place: str, value: object, field: Field, values: dict[str, Any], key: str) -> None:
-        try:
-            values[key] = read_number(value, replace(field, name=key))
-        except RefusedValueError as error:
-            self.remarks.mistakes.append(replace(error.mistake, key=place, value=shown(value)))
-
     def _given(self, place: str, raw: object) -> dict[str, float]:
         values: dict[str, float] = {}
         if not isinstance(raw, Mapping) or not raw:
@@ -162,7 +156,7 @@ class _EventChecker:
                 allowed, instead = f"0 to {LARGEST_ML:g} mL", f"{OPPOSITE[kind]} = {-value:g}"
                 self.remarks.error(f"{place}.{kind}", "is negative", shown(value), allowed, instead)
             elif kind in INFLOWS:
-                self._number(f"{place}.{kind}", value, _AMOUNT, values, kind)
+                check_field(f"{place}.{kind}", value, replace(_AMOUNT, name=kind), values, self.remarks)
             else:
                 hint = did_you_mean(str(kind), INFLOWS)
                 self.remarks.error(

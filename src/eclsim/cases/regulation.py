@@ -12,9 +12,7 @@ from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters import regulation
 from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 
-GAS_RESPONSES = (
-    "chemoreflex", "hypoxic_vasodilation", "hypoxic_vasoconstriction", "carbon_dioxide_response",
-)  # fmt: skip
+GAS_RESPONSES = tuple(key.rpartition(".")[2] for key in regulation.GAS_RESPONSES)
 """Keys of the responses to dissolved gases, which need a section [gas]."""
 
 

@@ -83,7 +83,7 @@ def alarms(
     for broken in _with_equivalent_breaches(by_limit, outputs):
         values = outputs.get(next(iter(broken.values())).quantity)
         candidates += [
-            _alarm(run, broken, minute, values, by_beat, named) for run in _consecutive_runs(sorted(broken))
+            _alarm(run, broken, minute, values, by_beat, named) for run in consecutive_runs(sorted(broken))
         ]
     candidates.sort(key=lambda alarm: (KINDS.index(alarm.kind), alarm.at_min))
     return [
@@ -105,7 +105,7 @@ def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[
     """
     pressure = outputs.get("MAP")
     below = [] if pressure is None else np.flatnonzero(np.asarray(pressure) < ARREST_MMHG).tolist()
-    for run in _consecutive_runs(below):
+    for run in consecutive_runs(below):
         if minute[run[-1]] - minute[run[0]] >= ARREST_MIN:
             begin = clock_time(minute[run[0]])
             return [
@@ -170,7 +170,7 @@ def _makes_redundant(one: Alarm, other: Alarm) -> bool:
     )
 
 
-def _consecutive_runs(places: list[int]) -> list[list[int]]:
+def consecutive_runs(places: list[int]) -> list[list[int]]:
     """Split indices into runs of consecutive ones."""
     runs: list[list[int]] = []
     for place in places:

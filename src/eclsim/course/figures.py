@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
-from eclsim.course.alarms import clock_time
+from eclsim.course.alarms import clock_time, consecutive_runs
 from eclsim.course.result import impossible_moments, spans_in_words
 from eclsim.devices.description import Panel
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
@@ -138,9 +138,8 @@ def _mark_spans(ax: Axes, spans: list[dict[str, Any]], minutes: float) -> None:
 def impossible_spans(result: xr.Dataset) -> list[tuple[float, float]]:
     """Spans [min] whose beats no patient can have, each up to the next moment that is possible."""
     marked, minute = impossible_moments(result), result["time_min"].to_numpy()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
-    last = len(minute) - 1
-    return [(float(minute[a]), float(minute[min(b, last)])) for a, b in edges.reshape(-1, 2)]
+    runs, last = consecutive_runs(np.flatnonzero(marked).tolist()), len(minute) - 1
+    return [(float(minute[run[0]]), float(minute[min(run[-1] + 1, last)])) for run in runs]
 
 
 def _bar(ax: Axes, ends: Sequence[float] | np.ndarray, height: float, **look: Any) -> None:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -198,8 +197,8 @@ _HAEMATOCRIT = Field(
 )  # fmt: skip
 
 
-_BLOOD_FLOW = replace(
-    number("Blood flow of the CRRT pump; 0: pump and fluids stand still", "mL/min", 0, 600, 200), least=10.0
+_BLOOD_FLOW = number(
+    "Blood flow of the CRRT pump; 0: pump and fluids stand still", "mL/min", 0, 600, 200, least=10.0
 )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -57,8 +57,7 @@ def fluid_flow(
     description: str, typical: float, least: float = 20.0, maximum: float = 20000.0, required: bool = False
 ) -> Field:
     """Field of a fluid flow [mL/h]; a value below `least`, which no machine delivers, is probably in L/h."""
-    one = number(description, "mL/h", 0, maximum, typical, required=required)
-    return replace(one, least=least)
+    return number(description, "mL/h", 0, maximum, typical, required=required, least=least)
 
 
 def dialysed_blood(section: Section, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:

@@ -60,12 +60,15 @@ class Field:
 
 def number(
     description: str, unit: str, minimum: float, maximum: float, typical: float, *,
-    required: bool = True, may_be_missing: bool = False, allowed: str = "",
+    required: bool = True, may_be_missing: bool = False, allowed: str = "", least: float = 0.0,
 ) -> Field:  # fmt: skip
-    """Field for a number with a unit; `allowed` describes the allowed values in place of the range."""
+    """Field for a number with a unit; `allowed` describes the allowed values in place of the range.
+
+    With `least` the field allows 0 and numbers from `least` on; those between are probably in another unit.
+    """
     return Field(
         description, "number", unit, minimum, maximum, typical, required, may_be_missing,
-        also_allowed=allowed,
+        also_allowed=allowed, least=least,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from eclsim.devices.description import CAUTION, Finding
+from eclsim.outputs.limits import limits_of
 from eclsim.parameters import regulation as keys
 
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
@@ -28,9 +29,8 @@ BLOOD_PH = (6.8, 7.7)
 WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
 """Elevation of PaCO2 above the set point beyond which the published response has the wrong sign, and beyond
 which the response measured in patients, up to 19 mmHg, is extrapolated [mmHg]."""
-DANGEROUS_SATURATION, DANGEROUS_PCO2_MMHG = 80.0, 80.0
-"""Saturation [%] and PCO2 [mmHg] of arterial blood beyond which their alarms begin."""
-_GAS_RESPONSES = (keys.CHEMOREFLEX, keys.DILATION, keys.HYPOXIA, keys.CARBON_DIOXIDE)
+_DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
+"""Outputs of arterial blood, and the side on which their alarms begin."""
 STANDING_L_MIN = 1e-3
 """Mean flow below which blood counts as standing; its gases could not be sampled [L/min]."""
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
@@ -189,9 +189,10 @@ def _logarithms(drug: str, dose: float) -> list[float]:
 
 def _unanswered_gases(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
     """Caution about dangerous blood gases in a case in which nothing responds to them."""
-    saturation, pressure = outputs.get("SaO2", math.nan), outputs.get("PaCO2", math.nan)
-    beyond = saturation < DANGEROUS_SATURATION or pressure > DANGEROUS_PCO2_MMHG
-    if not beyond or any(values.get(key, 0.0) > 0.0 for key in _GAS_RESPONSES):
+    if any(values.get(key, 0.0) > 0.0 for key in keys.GAS_RESPONSES):
+        return []
+    name = next((name for name, side in _DANGEROUS_GASES if _is_in_alarm(outputs, name, side)), None)
+    if name is None:
         return []
     text = (
         "nothing in the circulation responds to these blood gases: heart rate, pressures and output are "
@@ -199,8 +200,14 @@ def _unanswered_gases(outputs: Mapping[str, float], values: Mapping[str, float])
         "hypoxic_vasodilation, hypoxic_vasoconstriction and carbon_dioxide_response hold part of the "
         "response)"
     )
-    name, value = ("SaO2", saturation) if saturation < DANGEROUS_SATURATION else ("PaCO2", pressure)
-    return [_caution(name, value, text, "MAP", "CO", "heart_rate")]
+    return [_caution(name, outputs[name], text, "MAP", "CO", "heart_rate")]
+
+
+def _is_in_alarm(outputs: Mapping[str, float], name: str, side: str) -> bool:
+    """Whether an output is beyond the limit of an alarm on one side."""
+    value = outputs.get(name, math.nan)
+    alarms = (limit for limit in limits_of(name) if limit.kind == "alarm" and limit.side == side)
+    return any(limit.broken_by(value) for limit in alarms)
 
 
 def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:

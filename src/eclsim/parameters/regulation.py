@@ -20,6 +20,8 @@ HYPOXIA = f"{REGULATION}.hypoxic_vasoconstriction"
 CHEMOREFLEX, DILATION = f"{REGULATION}.chemoreflex", f"{REGULATION}.hypoxic_vasodilation"
 HEART_RATE_RESPONSE = f"{REGULATION}.heart_rate_response"
 CARBON_DIOXIDE = f"{REGULATION}.carbon_dioxide_response"
+GAS_RESPONSES = (CHEMOREFLEX, DILATION, HYPOXIA, CARBON_DIOXIDE)
+"""Responses to dissolved gases."""
 PAO2_SET_POINT = f"{REGULATION}.set_point_pao2_mmHg"
 PACO2_SET_POINT = f"{REGULATION}.set_point_paco2_mmHg"
 VENOUS_O2_SET_POINT = f"{REGULATION}.set_point_venous_o2_ml_dl"
