@@ -22,6 +22,7 @@ from eclsim.devices.ecmo import ECMO, OXYGENATORS
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
+from eclsim.validation import recirculation
 from eclsim.validation.dialysis import respiratory_dialysis
 from eclsim.validation.gas_bench import ADULT, VenoVenous, single_pass, veno_venous
 from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table
@@ -47,8 +48,8 @@ LOWERED = 0.6
 
 def gas_check() -> Check:
     """Compare all rows of the table `gas.csv`."""
-    numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions()}
-    reasons = _reasons(numbers)
+    numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions(), **recirculation.numbers()}
+    reasons = _reasons(numbers) | recirculation.reasons(numbers)
     rows = (_row(entry, numbers, reasons) for entry in read_table("gas.csv"))
     dialysis = (replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
     return compared("gas", (*rows, *dialysis))
