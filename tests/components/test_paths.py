@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from component_catalogue import FLOWS, GIVEN_FLOW, ONE_WAY, PATHS, ROTARY_PUMPS
-from eclsim.components import HeartValve, LeakingValve, Orifice, RollerPump, all_paths
+from eclsim.components import Cannula, HeartValve, LeakingValve, Orifice, RollerPump, all_paths
 from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import CANNULAE
 
@@ -164,7 +164,8 @@ def test_an_open_valve_follows_its_square_root_law():
 
 @pytest.mark.parametrize("kind", CANNULAE)
 def test_a_cannula_follows_its_data_sheet(kind):
-    law, values = PATHS[f"{kind} cannula"]
+    values = {"fr": float(CANNULAE[kind].sizes_fr[1])}
+    law = Cannula("fr", CANNULAE[kind].coefficients)
     own = law.constants(values)
     for litres in (-2.0, 0.7, 4.0):
         drop = CANNULAE[kind].pressure_drop_mmhg(values["fr"], litres)

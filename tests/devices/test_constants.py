@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from eclsim.cases.reading import read_mapping
 from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import CANNULAE, OXYGENATORS
 from eclsim.devices.lvad import Lvad
+from eclsim.inputs.mistakes import CaseError
 
 PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
@@ -51,6 +53,31 @@ def test_cannulae_at_4_l_min(kind, drops):
     assert [round(cannula.pressure_drop_mmhg(size, 4)) for size in cannula.sizes_fr] == list(drops)
 
 
+CHARTS = {  # dP = a Q^2 + b Q of each size, with Q in L/min, and the largest pressure of the chart in use
+    "avalon_drainage": (90, (17.187, 11.117), (7.7468, 8.4351), (3.4861, 2.3871), (2.0684, -0.6194)),
+    "avalon_return": (250, (68.756, 2.2718), (27.066, 1.7003), (10.984, 5.3044), (6.3107, 0.8747)),
+    "crescent_drainage": (
+        50, (4.0878, 4.4519), (2.6488, 3.7688), (1.9888, 2.4497), (1.058, 4.1433), (1.4009, 0.4532),
+    ),
+    "crescent_return": (
+        150, (18.65, 6.7335), (11.215, 6.0422), (7.9396, 5.5664), (5.6205, 3.5476), (4.3856, 1.5097),
+    ),
+    "protek_drainage": (60, (2.4682, 2.1438), (1.8139, 4.5159)),
+    "protek_return": (200, (14.909, 1.7309), (6.9807, 1.9931)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", CHARTS)
+def test_both_lumens_follow_the_polynomials_of_their_chart(kind):
+    highest, *curves = CHARTS[kind]
+    for size, (a, b) in zip(CANNULAE[kind].sizes_fr, curves, strict=True):
+        flows = np.linspace(0.0, 7.0, 141)
+        chart = a * flows**2 + b * flows
+        shown = chart <= highest
+        drops = np.array([CANNULAE[kind].pressure_drop_mmhg(size, flow) for flow in flows[shown]])
+        assert np.abs(drops - chart[shown]).max() < 9.0, size
+
+
 @pytest.mark.parametrize("kind", CANNULAE)
 def test_a_wider_cannula_resists_less_and_none_is_negative(kind):
     cannula = CANNULAE[kind]
@@ -78,3 +105,48 @@ def test_names():
     assert Lvad(pump="HeartMate III", **section).pump == "HM3"
     assert all(pump.evidence for pump in PUMPS.values())
     assert PUMPS["Incor"].evidence.startswith("unvalidated")
+
+
+def ecmo_case(**lines):
+    patient = {"id": "V-V", "sex": "male", "age_years": 50, "heart_rate_bpm": 90}
+    pump = {
+        "pump": {"roller_l_min": 4.0},
+        "oxygenator": "Quadrox-i Adult",
+        "drainage_site": "ra",
+        "return_site": "ra",
+    }
+    return read_mapping({"format": 1, "patient": patient, "gas": {}, "ecmo": pump | lines})
+
+
+@pytest.mark.parametrize(
+    ("drainage", "back", "words"),
+    [
+        (("crescent_drainage", 28), ("crescent_return", 28), ""),
+        (
+            ("crescent_drainage", 28),
+            ("crescent_return", 30),
+            "both lumens of a Medtronic Crescent have one size",
+        ),
+        (("crescent_drainage", 28), ("venous", 21), "not lumens of one cannula"),
+        (("avalon_drainage", 27), ("avalon_return", 27), "10 to 80 % more pressure"),
+    ],
+)
+def test_both_lumens_of_a_dual_lumen_cannula_belong_together(drainage, back, words):
+    lines = {"drainage": drainage, "return": back}
+    read = ecmo_case(
+        **{
+            f"{line}_{what}": value
+            for line, own in lines.items()
+            for what, value in zip(("cannula", "fr"), own, strict=True)
+        }
+    )
+    said = [str(mistake) for mistake in read.warnings if "cannula" in mistake.key or "_fr" in mistake.key]
+    assert words in " ".join(said)
+    assert bool(said) == bool(words)
+
+
+def test_a_return_lumen_does_not_drain():
+    with pytest.raises(CaseError, match="avalon_drainage"):
+        ecmo_case(
+            drainage_cannula="avalon_return", drainage_fr=27, return_cannula="avalon_return", return_fr=27
+        )

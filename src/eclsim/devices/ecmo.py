@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from eclsim.devices.cannulae import CANNULAE, check_lumens, fits_line
 from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
@@ -52,7 +53,6 @@ from eclsim.devices.plausibility import check_cannula, check_sites, check_speed,
 from eclsim.devices.products import (
     LABEL_FLOWS,
     UNVALIDATED,
-    CannulaType,
     Membrane,
     Oxygenator,
     PumpCurve,
@@ -119,29 +119,6 @@ PUMPS = by_key(
 """Rotary pumps by key (the name in case files)."""
 ROLLER = number("Flow of a roller pump", "L/min", 0, 10, 4)
 """Key of a roller pump's table, `pump = { roller_l_min = 4.0 }`."""
-
-_CANNULA_EVIDENCE = "unvalidated: no data of these cannulae found; others of one size differ by 30 %"
-CANNULAE = by_key(
-    (
-        CannulaType(
-            key="arterial", name="Getinge HLS arterial",
-            coefficients=(
-                -0.030456333049244444, 1.9774531710227174, -43.294344692029995, 322.2590740213103,
-            ),
-            length_cm=MappingProxyType({15: 23, 17: 23, 19: 23, 21: 23, 23: 23}),
-            evidence=_CANNULA_EVIDENCE,
-        ),
-        CannulaType(
-            key="venous", name="Getinge HLS venous",
-            coefficients=(
-                -0.00036562314501620286, 0.06564659815559282, -2.910667319976905, 39.143496939439224,
-            ),
-            length_cm=MappingProxyType({19: 38, 21: 55, 23: 55, 25: 55, 29: 55}),
-            evidence=_CANNULA_EVIDENCE,
-        ),
-    )
-)  # fmt: skip
-"""Cannulae: arterial ones return; venous ones drain, and return in veno-venous ECMO."""
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
 _LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.0518, 4.66), Membrane(5.0, 0.0475, 3.37)
@@ -331,8 +308,8 @@ def _size(description: str) -> Field:
     return number(description, "Fr", 3, 60, 19, required=False, allowed=_SIZES)
 
 
-def _cannula(description: str) -> Field:
-    return one_of(description, tuple(CANNULAE), required=False)
+def _cannula(description: str, line: str) -> Field:
+    return one_of(description, fits_line(line), required=False)
 
 
 class Ecmo(SecondCannulae):
@@ -353,10 +330,10 @@ class Ecmo(SecondCannulae):
     ] = None
     oxygenator: Annotated[str, one_of("Oxygenator", tuple(OXYGENATORS))]
     drainage_site: Annotated[str, patient_site("Compartment that is drained", required=False)]
-    drainage_cannula: Annotated[str, _cannula("Type of drainage cannula")]
+    drainage_cannula: Annotated[str, _cannula("Type of drainage cannula", "drainage")]
     drainage_fr: Annotated[float, _size("Size of drainage cannula")]
     return_site: Annotated[str, patient_site("Compartment that receives", required=False)]
-    return_cannula: Annotated[str, _cannula("Type of return cannula")]
+    return_cannula: Annotated[str, _cannula("Type of return cannula", "return")]
     return_fr: Annotated[float, _size("Size of return cannula")]
     return_clamp: Annotated[
         float | None, number("Clamp on the return line: 0 open, 1 closed", "", 0, 1, 0, required=False)
@@ -421,7 +398,7 @@ def ecmo(
     Args:
         drainage_site: compartment from which blood is drained.
         return_site: compartment to which blood is returned.
-        drainage_cannula: type of the cannula, "venous" or "arterial", which determines its resistance.
+        drainage_cannula: type of the cannula, a key of `CANNULAE`, which determines its resistance.
         return_cannula: type of the cannula, likewise.
         roller: True for a roller pump (`ecmo.roller_l_min`), else a rotary pump (`ecmo.speed_rpm`,
             `ecmo.pump.a` ...).
@@ -848,6 +825,7 @@ class EcmoDevice(Device[Ecmo]):
             kind, size = values.get(f"{line}_cannula"), values.get(f"{line}_fr")
             if kind is not None and size is not None:
                 check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
+        check_lumens(key, values, remarks)
         check_second(key, values, CANNULAE, remarks)
         check_speed(key, values, PUMPS, remarks)
         _check_gases(values, case, key, remarks)

@@ -142,7 +142,8 @@ class CannulaType(Product):
     Attributes:
         name: The maker's name.
         coefficients: Of D^3, D^2, D and 1, D in Fr, R in mmHg/(L/min)^2.
-        length_cm: Length [cm] of each size that the maker lists [Fr].
+        length_cm: Length [cm] of each size that the maker lists [Fr]; None if not known.
+        dual_lumen: The maker's name of the dual-lumen cannula whose lumen this is; empty for others.
     """
 
     title = "Cannulae"
@@ -150,7 +151,8 @@ class CannulaType(Product):
 
     name: str
     coefficients: tuple[float, float, float, float]
-    length_cm: Mapping[int, float]
+    length_cm: Mapping[int, float | None]
+    dual_lumen: str = ""
 
     @property
     def full_name(self) -> str:
@@ -180,7 +182,7 @@ class CannulaType(Product):
         yield "  size [Fr], length [cm], pressure drop [mmHg] at 2 and 4 L/min"
         for size, length in self.length_cm.items():
             drops = f"{self.pressure_drop_mmhg(size, 2):5.0f} {self.pressure_drop_mmhg(size, 4):5.0f}"
-            yield f"    {size:3d} {length:4g} {drops}"
+            yield f"    {size:3d} {'?' if length is None else f'{length:g}':>4} {drops}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -126,7 +126,7 @@ def second_controls(
         types: types of cannulae.
     """
     free = [site for site in PATIENT_SITES if site not in used]
-    sizes = [size for kind in types.values() for size in kind.sizes_fr]
+    sizes = [size for name in ("venous", "arterial") for size in types[name].sizes_fr]
     result: list[Control] = []
     for line, label in (("drainage", "Also drained from"), ("return", "Also returned to")):
         key = f"second_{line}_site"
