@@ -12,8 +12,9 @@ _OTHER_NAMES = {
     "saline": "crystalloid_ml", "ringer": "crystalloid_ml", "rbc": "red_cells_ml", "prbc": "red_cells_ml",
     "erythrocytes": "red_cells_ml", "phenylephrine": "", "dopamine": "", "dopexamine": "", "isoprenaline": "",
     "isoproterenol": "", "terlipressin": "", "enoximone": "", "nitroglycerin": "", "plasma": "", "ffp": "",
+    "hb": "haemoglobin_g_dl", "hgb": "haemoglobin_g_dl", "hct": "haematocrit",
 }  # fmt: skip
-"""Other names of drugs and fluids; an empty one is not offered, whatever name looks like it."""
+"""Other names of drugs, fluids and blood counts; an empty one is not offered, whatever name looks like it."""
 
 
 def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:

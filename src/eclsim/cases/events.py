@@ -174,8 +174,7 @@ class _EventChecker:
         for written, value in sorted(_flat(raw), key=lambda pair: pair[0] == _TEMPERATURE):
             path, key = section_and_key(written), f"{place}.{short(written)}"
             if path is None:
-                unknown = unknown_key(written, shown(value))
-                self.remarks.mistakes.append(replace(unknown, key=key, value=shown(value), file=""))
+                self.remarks.mistakes.append(replace(unknown_key(written, value), key=key, file=""))
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "has no effect on a course", shown(value))
             elif sets_initial_value(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):

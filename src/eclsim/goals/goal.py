@@ -22,7 +22,7 @@ from eclsim.inputs.numbers import suspected_unit
 from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
 from eclsim.outputs.registry import all_outputs, output, unavailable
 from eclsim.spelling import spelling_hint
-from eclsim.units import convert, known_unit, quantity_of
+from eclsim.units import convert, known_unit, quantity_of, unit_in_words
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
@@ -238,7 +238,7 @@ def _without_unit(goal: Goal, written: str, text: str) -> Goal:
     unit = output(goal.output).unit
     if (known_unit(written) or written).lower() == unit.lower():
         return goal
-    wrong = f"{text}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"
+    wrong = f"{text}: {goal.output} is in {unit_in_words(unit)}"
     bound = goal.low if math.isfinite(goal.low) else goal.high
     if quantity_of(unit) is not None and quantity_of(written) == quantity_of(unit):
         wrong += f"; did you mean {convert(bound, known_unit(written) or written, unit):.4g} {unit}?"
@@ -258,9 +258,7 @@ def _mistakes_in_units(goal: Goal) -> list[str]:
             wrong.append(f"{goal}: {field.minimum:g} to {field.maximum:g} {unit} is the measurable range")
         else:
             meant = _probable_value(goal.output, unit, bound)
-            wrong += [f"{goal}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"] * bool(
-                meant
-            )
+            wrong += [f"{goal}: {goal.output} is in {unit_in_words(unit)}"] * bool(meant)
         if meant:
             wrong[-1] += f"; did you mean {meant}?"
     return wrong
