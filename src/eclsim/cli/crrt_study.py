@@ -150,9 +150,13 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     """Study one case; return descriptions of what did not converge."""
     from eclsim.crrt_study.schemes import BOTH
 
-    if o.continues or o.dask:
-        fail("--resume, --shard, --dask: work for cohorts only; the study of one case runs as a whole")
-    readings = read_all([o.file], o.settings, None if o.volume_policy == BOTH else o.volume_policy)
+    mistakes = broken_rules({
+        "--resume, --shard, --dask: work for cohorts only; the study of one case runs as a whole":
+            o.continues or o.dask,
+    })  # fmt: skip
+    mistakes += _check_options(o, {})
+    policy = None if o.volume_policy == BOTH else o.volume_policy
+    readings = read_all([o.file], o.settings, policy, mistakes)
     (reading,) = with_speeds(readings, _first_policy(o))
     target, samples = _check_case(o, reading.case)
     study = _compute(o, reading.case, samples)

@@ -82,29 +82,31 @@ def simulate(options: SimulateOptions) -> None:
 
     Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
     """
-    _check_modes(options)
+    mistakes = _broken_modes(options)
+    if options.sweep or options.compare:
+        refuse(mistakes)
     if options.sweep:
         results = _sweep(options)
     elif options.compare:
         results = _simulate_each(options, *_compared_cases(options))
     else:
-        readings = read_all(options.case_files, options.settings, options.volume_policy)
+        readings = read_all(options.case_files, options.settings, options.volume_policy, mistakes)
         results = _simulate_each(options, readings)
     if not all(result.attrs["converged"] for result in results):
         raise typer.Exit(INCOMPLETE)
 
 
-def _check_modes(o: SimulateOptions) -> None:
-    """Check that a sweep varies one key of one case, without options that apply to a single beat."""
+def _broken_modes(o: SimulateOptions) -> list[str]:
+    """Return errors in a sweep, which varies one key of one case, without options that apply to one beat."""
     of_one_beat = o.solver != "semi-implicit" or o.transient or o.check_grid or o.save
-    refuse(broken_rules({
+    return broken_rules({
         "--sweep, --compare: give only one": o.sweep and o.compare,
         f"--sweep: given {len(o.sweep)} times; one key is varied at a time": len(o.sweep) > 1,
         f"--sweep: {len(o.case_files)} case files; one case is swept at a time":
             o.sweep and len(o.case_files) > 1,
         "--sweep: cannot be combined with --solver, --transient, --check-grid or --save, which apply to one "
         "beat": o.sweep and of_one_beat,
-    }))  # fmt: skip
+    })  # fmt: skip
 
 
 def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> OutputPlaces:
