@@ -30,7 +30,7 @@ def read_all(
         files: case files.
         settings: settings that override the files, with a note.
         volume_policy: blood volume policy that overrides the files, with a note.
-        mistakes: errors in the options of the command, to be reported together with those of the cases.
+        mistakes: errors in the options of the command, reported here only together with those of the cases.
     """
     readings = read_each([(file, settings, volume_policy) for file in files], mistakes=mistakes)
     for reading in readings:
@@ -61,7 +61,7 @@ def read_each(
     Args:
         sources: file, settings and blood volume policy of each case, as for `read_case`.
         renamed: converts an error before it is reported, such as its names.
-        mistakes: errors in the options of the command, to be reported together with those of the cases.
+        mistakes: errors in the options of the command, reported here only together with those of the cases.
     """
     from eclsim.cases import CaseError, read_case
 
@@ -74,8 +74,8 @@ def read_each(
             wrong |= dict.fromkeys(map(renamed, error.mistakes))
     for mistake in wrong:
         say(mistake)
-    refuse(mistakes)
     if wrong:
+        refuse(mistakes)
         raise SystemExit(BAD_INPUT)
     return readings
 

@@ -205,6 +205,7 @@ def _fit_case(o: IdentifyOptions, mistakes: Collection[str]) -> dict[str, Any]:
     from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     (reading,) = read_all([o.file], o.settings, o.volume_policy, mistakes)
+    refuse(mistakes)
     settings = fit_settings(o, policy=reading.case.volume_policy, weights=o.weights, seed=o.seed)
     settings = settings if o.parameters is not None else _with_informed_parameters(reading.case, settings)
     predictions = _predictions(o, settings.names)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import read_all, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, note, warn
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, note, refuse, warn
 from eclsim.cli.destination import Destinations, reporting_write_errors, write_json_output
 from eclsim.cli.options import CaseChanges, Json, argument, option
 
@@ -80,6 +80,7 @@ def _read(options: PlanOptions | SettingsOptions, mistakes: Sequence[str] = ()) 
     target = places.target("--json", options.json)
     wrong = [*mistakes, *places.mistakes]
     readings = read_all([options.case_file], options.settings, options.volume_policy, wrong)
+    refuse(wrong)
     return target, with_speeds(readings)[0]
 
 

@@ -108,11 +108,9 @@ def _checked(o: SensitivityOptions, merges: bool) -> tuple[Target, Distribution,
     if o.until is not None and not 0.0 < o.until < math.inf:
         places.mistakes.append(f"--until {o.until:g}: allowed: above 0, such as 0.02")
     distribution = o.distribution(places.mistakes)
-    if merges:
-        places.check()
-        return target, distribution, None
-    readings = read_all([o.case_file], o.settings, o.volume_policy, places.mistakes)
-    return target, distribution, with_speeds(readings)[0]
+    readings = [] if merges else read_all([o.case_file], o.settings, o.volume_policy, places.mistakes)
+    places.check()
+    return target, distribution, None if merges else with_speeds(readings)[0]
 
 
 @contextmanager
@@ -271,6 +269,7 @@ def _checked_places(o: IdentifiabilityOptions) -> tuple[Target, Path | None, Cas
     if not math.isfinite(o.limit) or not math.isfinite(o.threshold):
         places.mistakes.append("--limit, --threshold: infinite; allowed: numbers such as 10 and 1")
     readings = read_all([o.case_file], o.settings, o.volume_policy, places.mistakes)
+    places.check()
     return target, folder, with_speeds(readings)[0]
 
 

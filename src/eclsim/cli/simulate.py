@@ -82,35 +82,43 @@ def simulate(options: SimulateOptions) -> None:
 
     Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
     """
-    mistakes = _broken_modes(options)
-    if options.sweep or options.compare:
-        refuse(mistakes)
+    _check_modes(options)
     if options.sweep:
         results = _sweep(options)
     elif options.compare:
         results = _simulate_each(options, *_compared_cases(options))
     else:
-        readings = read_all(options.case_files, options.settings, options.volume_policy, mistakes)
+        places, _ = _destinations(options, ())
+        readings = read_all(options.case_files, options.settings, options.volume_policy, places.mistakes)
         results = _simulate_each(options, readings)
     if not all(result.attrs["converged"] for result in results):
         raise typer.Exit(INCOMPLETE)
 
 
-def _broken_modes(o: SimulateOptions) -> list[str]:
-    """Return errors in a sweep, which varies one key of one case, without options that apply to one beat."""
+def _check_modes(o: SimulateOptions) -> None:
+    """Check that a sweep varies one key of one case, without options that apply to a single beat."""
     of_one_beat = o.solver != "semi-implicit" or o.transient or o.check_grid or o.save
-    return broken_rules({
+    refuse(broken_rules({
         "--sweep, --compare: give only one": o.sweep and o.compare,
         f"--sweep: given {len(o.sweep)} times; one key is varied at a time": len(o.sweep) > 1,
         f"--sweep: {len(o.case_files)} case files; one case is swept at a time":
             o.sweep and len(o.case_files) > 1,
         "--sweep: cannot be combined with --solver, --transient, --check-grid or --save, which apply to one "
         "beat": o.sweep and of_one_beat,
-    })  # fmt: skip
+    }))  # fmt: skip
 
 
 def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> OutputPlaces:
     """Return the destinations for the results of cases with these ids; exit with status 2 on errors."""
+    places, result = _destinations(o, ids, tables)
+    places.check()
+    return result
+
+
+def _destinations(
+    o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)
+) -> tuple[Destinations, OutputPlaces]:
+    """Return the destinations for the results of cases with these ids, and the errors in them."""
     stems = file_stems(ids)
     places = Destinations(force=o.force, inputs=o.case_files)
     result = OutputPlaces(
@@ -122,8 +130,7 @@ def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("ou
     )
     if o.transient and not (o.out or o.csv):
         places.mistakes.append("--transient needs --out FILE.nc or --csv DIR to write the course to")
-    places.check()
-    return result
+    return places, result
 
 
 def _simulate_each(
