@@ -48,7 +48,7 @@ def test_a_device_can_be_connected_and_a_roller_pump_chosen(case):
         ("Rmc=-1", "--set: parameters.Rmc = -1: must be above 0"),
         ("Rmc=nan", "not a number"),
         ("Rmc=abc", "not a number"),
-        ("Rmc=", "not given; leave the key out"),
+        ("Rmc=", "not given; a number is needed where the key is written"),
         ("patient.heart_rate_bpm=90 bpm", "write only the number [bpm]"),
         ("lvad.speed_rpm=3000", "lvad.pump: missing"),
     ],

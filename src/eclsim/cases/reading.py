@@ -23,7 +23,7 @@ from eclsim.inputs.sections import CHECKED
 POLICY_PLACE = "--volume-policy"
 MAXIMUM_BYTES = 200_000
 MOST_SLIPS = 20
-_BARE_VALUE = re.compile(r"""([^=#]*=\s*)([^\s#"'\[\]{}\\][^#"'\[\]{}\\]*?)(\s*(?:#.*)?)""")
+_BARE_VALUE = re.compile(r"""([^=#]*=\s*)([^\s=#"'\[\]{}\\][^#"'\[\]{}\\]*?)(\s*(?:#.*)?)""")
 _WORD_VALUE = re.compile(r"=\s*([A-Za-z][\w .-]*?)\s*(#.*)?$")
 
 _HEADER = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")

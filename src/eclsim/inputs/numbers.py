@@ -99,7 +99,7 @@ def _finite(value: object, field: Field) -> float:
 
 
 def _if_unknown(field: Field) -> str:
-    return ", and this value is needed" if field.required else "; leave the key out if it is not known"
+    return ", and this value is needed" if field.required else "; a number is needed where the key is written"
 
 
 def _digits(value: object) -> bool:
