@@ -65,6 +65,7 @@ def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
     ("command", "wrong"),
     [
         (("course", "--beats"), "--beats: 1440 min"),
+        (("track", "--out", "none/track"), "--out none/track: the folder none does not exist"),
         (("simulate", "--transient", "5"), "--transient needs --out FILE.nc or --csv DIR"),
         (("plan", "--wean", "fast"), "--wean fast: allowed"),
         (("settings", "--goal", "MAP > 60", "--json", "none/a.json"), "--json none/a.json: the folder"),

@@ -80,21 +80,24 @@ def read_each(
     return readings
 
 
-def read_table(file: str) -> CohortReading:
-    """Read a cohort's table and report its refused rows; exit with status 2 if no row is usable."""
+def read_table(file: str, mistakes: Collection[object] = ()) -> CohortReading:
+    """Read a cohort's table and report its refused rows; exit with status 2 if no row is usable.
+
+    Errors in the options of the command are reported here only together with those of the table.
+    """
     from eclsim.cases.cohort import read_cohort
     from eclsim.inputs.mistakes import CaseError
 
     try:
         reading = read_cohort(file)
     except CaseError as error:
-        fail(*error.mistakes)
+        fail(*error.mistakes, *mistakes)
     for mistake in reading.refused:
         say(f"refused: {mistake}")
     warn(reading.warnings)
     note(reading.notes)
     if not reading.points:
-        fail(f"{file}: no row can be used")
+        fail(f"{file}: no row can be used", *mistakes)
     return reading
 
 

@@ -116,7 +116,7 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
             "case files"
         )
     if tables:
-        reading = read_table(o.files[0])
+        reading = read_table(o.files[0], mistakes)
         cases, refused = [with_name(p.case, p.name) for p in reading.points], bool(reading.refused)
         try:
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
