@@ -4,6 +4,8 @@ import errno
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +108,13 @@ def test_json_and_text_go_to_standard_output_or_a_file(tmp_path: Path, capsys):
     assert json.loads(capsys.readouterr().out) == [{"a": 1}]
     write_text("one\ntwo\n", tmp_path / "a.txt")
     assert (tmp_path / "a.txt").read_bytes() == b"one\ntwo\n"
+
+
+def test_writing_netcdf_does_not_load_dask(tmp_path: Path):
+    code = "import sys, xarray; from pathlib import Path; from eclsim.files import write_netcdf; "
+    code += f"write_netcdf({{'': xarray.Dataset({{'x': 1.0}})}}, Path({str(tmp_path / 'a.nc')!r})); "
+    code += "sys.exit('distributed' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_json_and_netcdf_say_which_version_wrote_them(tmp_path: Path):

@@ -206,7 +206,11 @@ MODEL = eclsim.model_of(CASE)
             eclsim.GoalError,
             "Rmc: from 2 to 1; the first must be smaller",
         ),
-        (lambda: eclsim.reach(CASE, [eclsim.Goal("MAP")]), eclsim.GoalError, "MAP: a goal without a bound"),
+        (
+            lambda: eclsim.reach(CASE, [eclsim.Goal("MAP")]),
+            eclsim.GoalError,
+            "MAP: a goal without a finite bound",
+        ),
         (
             lambda: eclsim.crrt_study(CASE, schemes=3),
             eclsim.SchemeError,

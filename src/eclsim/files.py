@@ -130,12 +130,17 @@ def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
     Attributes that are lists of sentences are stored as one text, a line each: NetCDF cannot hold an empty
     list.
     """
+    from xarray.backends import H5NetCDFStore
+
     with whole_file(path, sum(data.nbytes for data in datasets.values())) as partial:
         for count, (group, data) in enumerate(datasets.items()):
             texts = {name: "\n".join(value) for name, value in data.attrs.items() if isinstance(value, list)}
             stored = data.assign_attrs(texts | {MADE_BY: VERSION_NAME})
             stored = stored.map(lambda one: one.astype(str) if one.dtype == object else one, keep_attrs=True)
-            stored.to_netcdf(partial, mode="a" if count else "w", group=group or None, engine="h5netcdf")
+            mode = "a" if count else "w"
+            # `to_netcdf` loads Dask, where it is installed, to find a lock that no single process needs
+            with H5NetCDFStore.open(str(partial), mode, group=group or None, lock=False) as store:
+                stored.dump_to_store(store)
 
 
 # --- CSV ------------------------------------------------------------------------------------------

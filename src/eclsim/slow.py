@@ -26,32 +26,16 @@ class SlowState(NamedTuple):
     Attributes:
         name: name such as "fluid.plasma_ml".
         unit: unit of the value.
+        words: name in words, such as "plasma volume".
         scale: smallest change that matters; the error tolerance of the integrator is relative to it.
         is_amount: whether the state cannot be negative; a course ends where it would become so.
     """
 
     name: str
     unit: str
+    words: str
     scale: float
     is_amount: bool = False
-
-    @property
-    def words(self) -> str:
-        """Name in words, such as "plasma volume"."""
-        key = self.name.rpartition(".")[2].removesuffix(f"_{self.unit.lower()}").removesuffix(f"_{self.unit}")
-        return _WORDS.get(key) or key.replace("_outside", " outside cells").replace(
-            "_inside", " inside cells"
-        ).replace("_", " ")
-
-
-_WORDS = {
-    "plasma": "plasma volume",
-    "red_cells": "volume of red cells",
-    "interstitium": "interstitial fluid",
-    "given": "fluid and blood given",
-    "removed": "fluid and blood removed",
-    "refilled": "refill from the tissues",
-}
 
 
 class DerivedQuantity(NamedTuple):

@@ -12,8 +12,9 @@ _OTHER_NAMES = {
     "saline": "crystalloid_ml", "ringer": "crystalloid_ml", "rbc": "red_cells_ml", "prbc": "red_cells_ml",
     "erythrocytes": "red_cells_ml", "phenylephrine": "", "dopamine": "", "dopexamine": "", "isoprenaline": "",
     "isoproterenol": "", "terlipressin": "", "enoximone": "", "nitroglycerin": "", "plasma": "", "ffp": "",
+    "hb": "haemoglobin_g_dl", "hgb": "haemoglobin_g_dl", "hct": "haematocrit",
 }  # fmt: skip
-"""Other names of drugs and fluids; an empty one is not offered, whatever name looks like it."""
+"""Other names of drugs, fluids and blood counts; an empty one is not offered, whatever name looks like it."""
 
 
 def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
@@ -34,7 +35,7 @@ def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
     for candidate in candidates:
         by_lower_case.setdefault(candidate.lower(), candidate)
     written = word.strip().lower()[:80]
-    if (other := _OTHER_NAMES.get(written.rpartition(".")[2].removesuffix("_ml"))) is not None:
+    if (other := _other_name(written.rpartition(".")[2].removesuffix("_ml"))) is not None:
         places = (name for name in by_lower_case.values() if other)
         return tuple(name for name in places if name == other or name.endswith(f".{other}"))
     if written in by_lower_case:
@@ -45,6 +46,12 @@ def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
     result = get_close_matches(written, by_lower_case, n=_MOST, cutoff=0.6)
     likeness = {name: SequenceMatcher(None, written, name).ratio() for name in result}
     return tuple(by_lower_case[name] for name in result if likeness[name] > likeness[result[0]] - _SPREAD)
+
+
+def _other_name(word: str) -> str | None:
+    """Return the name meant by another one or, with four letters or more, by its beginning ("norepi")."""
+    begun = (name for key, name in _OTHER_NAMES.items() if len(word) >= 4 and key.startswith(word))
+    return _OTHER_NAMES[word] if word in _OTHER_NAMES else next(begun, None)
 
 
 def did_you_mean(word: str, candidates: Iterable[str]) -> str:

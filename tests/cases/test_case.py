@@ -1,3 +1,5 @@
+import tomllib
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -6,6 +8,7 @@ from pydantic import ValidationError
 from eclsim.cases import (
     Case,
     Patient,
+    apply_settings,
     read_case,
     read_mapping,
     resolve_parameters,
@@ -105,6 +108,19 @@ def test_the_blood_volume_policy_is_written_and_read_back(tmp_path, policy):
     result = read_case(tmp_path / "case.toml").case
     assert result == case
     assert result.volume_policy == (policy or "as_published")
+
+
+def test_what_nobody_gave_is_not_written(tmp_path):
+    """Written cases had `second_return_clamp = 0`, and settings made an assumed shunt a known one."""
+    ecmo = {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "speed_rpm": 3000, "mode": "VA"}
+    case = Case(patient=PATIENT, ecmo=ecmo, gas={"fio2": 0.6}, drugs={"adrenaline": 0.1}, fluid={})
+    case = apply_settings(case, ["ecmo.speed_rpm=3500"])
+    write_case(case, tmp_path / "case.toml")
+    raw = tomllib.loads((tmp_path / "case.toml").read_text())
+    assert not {"second_return_clamp", "return_clamp"} & raw["ecmo"].keys()
+    assert raw["gas"].keys() == {"fio2"}
+    assert (raw["drugs"], raw["fluid"]) == ({"adrenaline": 0.1}, {})
+    assert read_case(tmp_path / "case.toml").case == case
 
 
 def test_writing_leaves_nothing_half_written(tmp_path):

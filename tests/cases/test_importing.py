@@ -244,6 +244,21 @@ def test_values_that_were_withdrawn_are_left_out(tmp_path):
     assert any("entered-in-error" in str(n) for n in result.notes)
 
 
+def test_what_a_patient_leaves_out_is_that_of_the_base_case(tmp_path):
+    """It was an error, although the base case gives sex and age where the data have none."""
+    bare = {key: value for key, value in PATIENT.items() if key not in ("gender", "birthDate")}
+    base = Case(patient=Patient(id="b", sex="male", age_years=61, heart_rate_bpm=80))
+    (row,) = import_cohort(bundle(tmp_path, bare, *TWO), base=base).rows
+    assert (row["sex"], row["age_years"]) == ("male", "61")
+
+
+def test_a_wrong_time_of_a_value_does_not_make_the_birth_date_wrong(tmp_path):
+    with pytest.raises(CaseError) as caught:
+        import_cohort(bundle(tmp_path, PATIENT, observation("8480-6", 90, "mm[Hg]", "01.03.2026")))
+    assert "ISO 8601" in str(caught.value)
+    assert "birthDate" not in str(caught.value)
+
+
 def test_what_lies_further_apart_is_another_data_point(tmp_path):
     rows = [f"A,2024-03-01T08:{m:02d},MAP,8{m % 10},mmHg" for m in (0, 3, 20)]
     with pytest.raises(CaseError, match="two values of one data point"):

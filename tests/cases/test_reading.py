@@ -60,15 +60,33 @@ def test_an_empty_file_says_what_is_needed(tmp_path, data):
     ("line", "message"),
     [
         ("heart_rate_bpm = ", "case.toml:7"),
-        ("weight_kg = 60 kg", "weight_kg = 60 (a number without a unit)"),
-        ("note = hello there", 'note = "hello there" (text in quotes)'),
+        ("weight_kg = 60 kg", "weight_kg = 60 kg: text with a unit; write only the number [kg]"),
+        ("sex = female", 'sex = "female" (text in quotes)'),
+        ("note = hello there", "patient.note = hello there: unknown key"),
         ('id = "P02"', "case.toml:7"),
         ("x = " + "[" * 5000, "nested too deeply"),
-        ("x = 2024-13-45", "not valid TOML"),
+        ("sex = 2024-13-45", "not valid TOML"),
     ],
 )
 def test_syntax_errors_name_the_line_and_the_usual_slip(tmp_path, line, message):
     assert message in refusal(tmp_path, (PATIENT + line + "\n").encode())
+
+
+def test_values_that_are_no_toml_are_refused_all_at_once_with_their_unit(tmp_path):
+    """Only the first was named, and for 130 lb and 0.2 mg/kg/min the digits alone were offered."""
+    text = "format = 1\n[patient]\nid = first\nsex = 'male'\nage_years = 70\nheart_rate_bpm = 7O # pulse\n"
+    text += "height_cm = 170\nweight_kg = 130 lb\n[drugs]\nnoradrenaline = 0.2 mg/kg/min\n[ecmo\n"
+    assert len(refusal(tmp_path, text.encode()).splitlines()) == 5
+    lines = refusal(tmp_path, text.removesuffix("[ecmo\n").encode()).splitlines()
+    assert [line.partition("case.toml:")[2].partition(";")[0] for line in lines] == [
+        "3: id = first: not valid TOML: Invalid value",
+        '6: patient.heart_rate_bpm = 7O: not a number: "O" follows it',
+        "8: patient.weight_kg = 130 lb: in lb, but weight_kg is in kg",
+        "10: drugs.noradrenaline = 0.2 mg/kg/min: in mg/kg/min, but noradrenaline is in ug/kg/min: 0.2 "
+        "mg/kg/min = 200 ug/kg/min",
+    ]
+    assert lines[2].endswith("did you mean 130 lb = 58.97 kg?")
+    assert "did you mean" not in lines[3]
 
 
 def test_a_huge_file_is_refused_unread(tmp_path):
@@ -212,7 +230,7 @@ def test_a_wrong_height_does_not_make_it_missing(tmp_path):
 
 
 def test_a_look_alike_digit_is_named_in_a_case_file(tmp_path):
-    with pytest.raises(CaseError, match=r"did you mean heart_rate_bpm = 70 \(digits alone\)\?"):
+    with pytest.raises(CaseError, match=r"patient\.heart_rate_bpm = 7O: .* did you mean 70\?"):
         read_bytes(tmp_path, PATIENT.replace("heart_rate_bpm = 120", "heart_rate_bpm = 7O").encode())
 
 

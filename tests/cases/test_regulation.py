@@ -183,8 +183,12 @@ def test_gases_at_rest_of_a_case_written_without_gas_are_those_of_the_section_it
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0.2 mg/kg/min", r"\"mg/kg/min\" follows it, but noradrenaline is in ug/kg/min; allowed: 0 to 3 ug"),
-        ("5 ml/h", r"\"ml/h\" follows it, but noradrenaline is in ug/kg/min; allowed: 0 to 3 ug"),
+        ("0.2 mg/kg/min", "in mg/kg/min, but noradrenaline is in ug/kg/min: 0.2 mg/kg/min = 200 ug/kg/min;"),
+        ("5 ml/h", "in mL/h, but noradrenaline is in ug/kg/min; allowed: 0 to 3 ug"),
+        ("0.3 mg/h", "in mg/h, but noradrenaline is in ug/kg/min; allowed: 0 to 3 ug"),
+        ("6 mcg/kg/h", "did you mean 6 ug/kg/h = 0.1 ug/kg/min"),
+        ("0.2 gamma", "did you mean 0.2"),
+        ("0.2 mg/kg/Tag", "allowed: 0 to 3 ug"),
         ("0.2 µg/kg/min", "did you mean 0.2"),
         ("0.2 mcg/kg/min", "did you mean 0.2"),
     ],

@@ -48,7 +48,7 @@ def test_a_device_can_be_connected_and_a_roller_pump_chosen(case):
         ("Rmc=-1", "--set: parameters.Rmc = -1: must be above 0"),
         ("Rmc=nan", "not a number"),
         ("Rmc=abc", "not a number"),
-        ("Rmc=", "this value is needed"),
+        ("Rmc=", "not given; a number is needed where the key is written"),
         ("patient.heart_rate_bpm=90 bpm", "write only the number [bpm]"),
         ("lvad.speed_rpm=3000", "lvad.pump: missing"),
     ],
@@ -132,3 +132,11 @@ def test_a_setting_given_twice_is_said(tmp_path):
     (note,) = [str(n) for n in reading.notes if "Rmc" in str(n)]
     assert note == "--set: parameters.Rmc = 0.7: given more than once: overrides the earlier 0.5"
     assert not [n for n in read_case(file, ["Rmc=0.5", "Rmc=0.5"]).notes if "Rmc" in str(n)]
+
+
+def test_a_value_without_quotes_is_shown_without_them(case):
+    """`--set patient.heart_rate_bpm=fast` was answered with `= "fast"`."""
+    with pytest.raises(CaseError) as caught:
+        apply_settings(case, ["patient.heart_rate_bpm=fast", "ecmo.pump=Rotaflwo", "x=a b", 'y="a b"', "z"])
+    subjects = [str(mistake).split(":")[1].strip() for mistake in caught.value.mistakes]
+    assert subjects == ["x = a b", 'y = "a b"', "z", "patient.heart_rate_bpm = fast", "ecmo.pump = Rotaflwo"]

@@ -61,6 +61,30 @@ def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
         assert said in done.stderr, done.stderr
 
 
+@pytest.mark.parametrize(
+    ("command", "wrong"),
+    [
+        (("course", "--beats"), "--beats: 1440 min"),
+        (("track", "--out", "none/track"), "--out none/track: the folder none does not exist"),
+        (("simulate", "--transient", "5"), "--transient needs --out FILE.nc or --csv DIR"),
+        (("plan", "--wean", "fast"), "--wean fast: allowed"),
+        (("settings", "--goal", "MAP > 60", "--json", "none/a.json"), "--json none/a.json: the folder"),
+        (("sensitivity", "--until", "-1"), "--until -1: allowed"),
+        (("identifiability", "--limit", "inf"), "--limit, --threshold: infinite"),
+        (("identify", "--out", "fitted", "--shared", "Rmc"), "--shared: works for cohorts only"),
+        (("crrt-study", "--schemes", "zz"), "--schemes 'zz' is not a scheme"),
+    ],
+)
+def test_mistakes_of_case_and_options_are_reported_together(shell, command, wrong):
+    """Those of the options came after those of the case had been mended, or the other way round."""
+    name, *options = command
+    done = shell.run(name, shell.case(more="[ecmo]\nmode = 'VX'\n"), *options)
+    assert done.exit_code == 2
+    assert "ecmo.mode" in done.stderr
+    assert wrong in done.stderr
+    assert "drainage_site: missing" not in done.stderr, "mode would fill it in"
+
+
 def test_a_patient_without_a_steady_gas_state_does_not_begin_and_says_why(shell):
     case = shell.case(more="[gas]\nalveolar_ventilation_l_min = 0\n")
     done = shell.run("course", case, "--until", "5", "--json", "-", "--figures", shell.folder / "figures")

@@ -128,3 +128,11 @@ def test_two_outputs_need_two_files(shell, checks):
     assert done.exit_code == 2
     assert "name the same file" in done.stderr
     assert checks == []
+
+
+def test_a_missing_extra_is_said_before_anything_is_computed(shell, monkeypatch):
+    """After minutes of other parts, it ended the command without a verdict."""
+    monkeypatch.setattr("eclsim.cli.validate.find_spec", lambda name: None)
+    done = shell.run("validate", "--only", "paper,adaptive")
+    assert done.exit_code == 2
+    assert "adaptive needs diffrax: pip install 'eclsim[verify]', or --only paper" in done.stderr

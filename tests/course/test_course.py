@@ -87,7 +87,7 @@ def test_a_ramp_and_a_sudden_change_are_those_of_a_steady_beat_there(tmp_path):
 class FailingHeart(SlowLaw):
     """A contractility that falls to zero in half an hour, and has no value behind."""
 
-    states = (SlowState("heart.used", "1", 0.05),)
+    states = (SlowState("heart.used", "1", "use of the heart", 0.05),)
     reads = ()
 
     def start(self, settings, beat):

@@ -148,6 +148,15 @@ def test_what_is_doubtful_in_a_case_file_is_doubtful_in_an_event(tmp_path):
     assert "beyond the usual 1 ug/kg/min" in str(doubt)
 
 
+@pytest.mark.parametrize(("bled", "doubted"), [(1500, False), (2500, True), (4900, True)])
+def test_a_loss_that_is_soon_fatal_is_doubted_before_anything_is_computed(tmp_path, bled, doubted):
+    """4.9 of 4.93 L were accepted without a word; only the beats after it were marked impossible."""
+    file = tmp_path / "case.toml"
+    file.write_text(f"{ON_ECMO}[[events]]\nat_min = 5\ngive = {{ bleed_ml = {bled} }}\n")
+    lines = [str(warning) for warning in read_case(file).warnings if "bleed_ml" in str(warning)]
+    assert [f"events[1].give.bleed_ml = {bled}: leaves " in line for line in lines] == [True] * doubted
+
+
 def test_what_goes_on_past_the_end_of_a_course_is_said(tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(

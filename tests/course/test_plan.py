@@ -201,7 +201,7 @@ def test_weaning_reads_what_the_bedside_reads(own):
     steps = plan_weaning(own, [3000.0, 2500.0])
     assert [step.speed_rpm for step in steps] == [3000.0, 2500.0]
     assert steps[0].outputs["PF"] > steps[1].outputs["PF"]
-    vti = steps[0].outputs["LVOT_VTI_cm"]
+    vti = steps[0].outputs["LVOT_VTI"]
     stroke = 1000.0 * steps[0].outputs["LVO"] / 80.0
     assert vti == pytest.approx(stroke / math.pi)
 

@@ -126,16 +126,16 @@ def test_published_drugs_are_parameters_with_sources_and_sane_at_any_dose(drug):
     ("values", "line"),
     [
         ({"noradrenaline": 100}, "drugs.noradrenaline = 100: outside the allowed range; allowed: 0 to 3 "
-         "ug/kg/min; did you mean 0.1: 100 ug/kg/min are 0.1 mg/kg/min?"),
+         "ug/kg/min; did you mean 100 ng/kg/min = 0.1 ug/kg/min?"),
         ({"dobutamine": -2}, "drugs.dobutamine = -2: outside the allowed range; allowed: 0 to 40 ug/kg/min"),
         ({"milrinone": 500.0}, "drugs.milrinone = 500: outside the allowed range; allowed: 0 to 2 "
-         "ug/kg/min; did you mean 0.5: 500 ug/kg/min are 0.5 mg/kg/min?"),
+         "ug/kg/min; did you mean 500 ng/kg/min = 0.5 ug/kg/min?"),
         ({"adrenaline": 50}, "drugs.adrenaline = 50: outside the allowed range; allowed: 0 to 2 "
-         "ug/kg/min; did you mean 0.05: 50 ug/kg/min are 0.05 mg/kg/min?"),
+         "ug/kg/min; did you mean 50 ng/kg/min = 0.05 ug/kg/min?"),
         ({"vasopressin": 2.4}, "drugs.vasopressin = 2.4: outside the allowed range; allowed: 0 to 0.4 U/min; "
-         "did you mean 0.04: 2.4 U/h are 0.04 U/min?"),
+         "did you mean 2.4 U/h = 0.04 U/min?"),
         ({"vasopressin": 40}, "drugs.vasopressin = 40: outside the allowed range; allowed: 0 to 0.4 U/min; "
-         "did you mean 0.04: 40 mU/min are 0.04 U/min?"),
+         "did you mean 40 mU/min = 0.04 U/min?"),
         ({"milrinone_sensitivity": 0},
          "drugs.milrinone_sensitivity = 0: must be above 0; allowed: 0.02 to 50 "),
     ],

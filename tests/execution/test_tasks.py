@@ -155,6 +155,10 @@ def test_resuming_with_other_inputs_names_what_differs(tmp_path):
     several = replace(other, inputs=dict(other.inputs) | {"more": [2]})
     with pytest.raises(ExecutionError, match=r"\(more\[1\] was 1 and is 2\); choose another"):
         complete(tmp_path, several, resume=True)
+    one, another = (replace(TASKS, inputs={"events": digit * 16}) for digit in "ab")
+    complete(tmp_path / "digests", one)
+    with pytest.raises(ExecutionError, match=r"other inputs \(events\); choose another"):
+        complete(tmp_path / "digests", another, resume=True)
 
 
 def test_another_version_is_refused(tmp_path):

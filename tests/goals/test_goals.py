@@ -29,7 +29,7 @@ from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.registry import all_outputs
 from eclsim.outputs.results import simulate, simulate_many
-from eclsim.outputs.signals import parameters_read
+from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.simulation.target_flow import with_speed
 
 CASE = PRESETS["paper"].case()
@@ -53,6 +53,7 @@ def test_goals_are_read_in_the_usual_spellings():
         Goal("MAP", low=65.0),
         Goal("PF", 3.0, 4.5),
     )
+    assert read_goals("LVOT_VTI > 10", output_names(eclsim.circulation())) == (Goal("LVOT_VTI", low=10.0),)
     assert str(Goal("MAP", low=65.0)) == "MAP > 65"
     assert str(Goal("PF", 3.0, 4.5)) == "PF 3..4.5"
 
@@ -71,6 +72,9 @@ def test_goals_are_read_in_the_usual_spellings():
         ("MAP > 8.7", "15 to 250 mmHg is the measurable range; did you mean 8.7 kPa = 65.26 mmHg?"),
         ("MAP > 1e9", "15 to 250 mmHg is the measurable range"),
         ("PF > 4000", "did you mean 4000 mL/min = 4 L/min?"),
+        ("MAP > 65,5", "'MAP > 65,5' is not a goal"),
+        ("MAP > 65,5", "did you mean MAP > 65.5?"),
+        ("MAP > 1e400", "MAP: a goal without a finite bound"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(text, message):

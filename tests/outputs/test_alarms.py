@@ -1,10 +1,11 @@
 import pytest
 
 from eclsim.devices.crrt import CRRT, crrt
+from eclsim.devices.description import Limit
 from eclsim.devices.ecmo import ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.devices.vent import VENT, Vent
-from eclsim.outputs.alarms import assumptions, findings, impossible, watched_signals
+from eclsim.outputs.alarms import assumptions, breach, findings, impossible, watched_signals
 from eclsim.patient.circulation import circulation
 
 LIMITS = {
@@ -344,3 +345,10 @@ def test_flows_that_hardly_differ_are_one_output():
     assert findings(outputs | {"LVO": 3.71}, {}) == []
     (apart,) = findings(outputs | {"LVO": 3.69}, {})
     assert "ejects 3.69 L/min" in apart.sentence
+
+
+@pytest.mark.parametrize(("value", "said"), [(29.972, "29.97"), (28.6, "28.6"), (29.9999999, "30.000000")])
+def test_a_value_is_told_apart_from_the_limit_that_it_breaks(value, said):
+    """A PCO2 of 29.97 mmHg was said to be 30.0 mmHg and below 30 mmHg."""
+    limit = Limit("PaCO2", "alarm", "below", 30.0, "brain", "source")
+    assert breach(limit, value, "PCO2", "mmHg").sentence.startswith(f"PCO2 {said} mmHg is below 30 mmHg: ")

@@ -80,6 +80,7 @@ def test_names_are_unique_and_all_are_described():
             "mL/min",
             "mmol/h",
             "bpm",
+            "cm",
         }
         assert entry.definition
         assert entry.needs

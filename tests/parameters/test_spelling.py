@@ -21,5 +21,7 @@ def test_other_names_of_drugs_and_fluids_lead_to_those_that_there_are():
     drugs, fluids = ("noradrenaline", "adrenaline", "milrinone"), ("albumin_ml", "crystalloid_ml")
     assert nearest("norepinephrine", drugs) == ("noradrenaline",)
     assert nearest("drugs.epinephrine", [f"drugs.{one}" for one in drugs]) == ("drugs.adrenaline",)
+    assert nearest("norepi", drugs) == ("noradrenaline",)
+    assert nearest("hb", ("haemoglobin_g_dl", "fio2")) == ("haemoglobin_g_dl",)
     assert nearest("saline_ml", fluids) == ("crystalloid_ml",)
     assert nearest("phenylephrine", drugs) == nearest("plasma_ml", fluids) == ()

@@ -34,6 +34,8 @@ QUANTITIES = (
         (8, "WU", 0.48, "mmHg s/mL"),
         (3, "cP", 0.003, "Pa s"),
         (1060, "kg/m^3", 0.00106, "kg/mL"),
+        (98.6, "°F", 37, "C"),
+        (310.15, "K", 98.6, "degF"),
     ],
 )
 def test_known_conversions(value, unit, expected, other):
@@ -44,7 +46,10 @@ INTERNAL = {
     "flow": "mL/s", "pressure": "mmHg", "length": "cm", "volume": "mL", "mass": "kg", "age": "years",
     "rate": "bpm", "speed": "rpm", "resistance": "mmHg s/mL", "compliance": "mL/mmHg", "elastance": "mmHg/mL",
     "inertance": "mmHg s^2/mL", "viscosity": "Pa s", "density": "kg/mL", "mass concentration": "g/dL",
-    "fraction": "1", "time": "s",
+    "fraction": "1", "time": "s", "concentration": "mmol/L", "rate of formation": "mmol/h",
+    "small concentration": "umol/L", "small rate of formation": "umol/h", "area": "cm2", "temperature": "C",
+    "content of a gas": "mL/dL", "mass per time": "ug/min", "mass per body weight per time": "ug/kg/min",
+    "activity per time": "U/min", "activity per body weight per time": "U/kg/min",
 }  # fmt: skip
 ONE_IS = {
     "L/min": 16.66666667, "mL/min": 0.01666666667, "L/s": 1000, "L/h": 0.2777777778, "mL/h": 2.777777778e-4,
@@ -52,7 +57,13 @@ ONE_IS = {
     "cmH2O": 0.73555924, "psi": 51.7149326, "mm": 0.1, "m": 100, "in": 2.54, "Fr": 0.0333333333, "L": 1000,
     "g": 1e-3, "lb": 0.45359237, "months": 0.0833333333, "Hz": 60, "krpm": 1000, "Wood units": 0.06,
     "dyn s/cm^5": 7.50061683e-4, "mL/kPa": 0.133322387, "kPa/mL": 7.50061683, "mPa s": 1e-3, "g/mL": 1e-3,
-    "kg/m^3": 1e-6, "g/L": 0.1, "%": 0.01, "min": 60, "h": 3600, "d": 86400,
+    "kg/m^3": 1e-6, "g/L": 0.1, "%": 0.01, "min": 60, "h": 3600, "d": 86400, "mg": 1e-6, "ug": 1e-9,
+    "mg/dL": 0.001, "mm2": 0.01, "K": -272.15, "°F": -17.22222222, "mL/L": 0.1,
+    "ng/min": 0.001, "mg/min": 1000,
+    "ug/h": 0.01666666667, "ng/h": 1.666666667e-5, "mg/h": 16.66666667, "ng/kg/min": 0.001,
+    "mg/kg/min": 1000, "ug/kg/h": 0.01666666667, "ng/kg/h": 1.666666667e-5, "mg/kg/h": 16.66666667,
+    "mU/min": 0.001, "U/h": 0.01666666667, "mU/h": 1.666666667e-5, "mU/kg/min": 0.001,
+    "U/kg/h": 0.01666666667, "mU/kg/h": 1.666666667e-5,
 }  # fmt: skip
 """By hand, from 101325 Pa = 760 Torr, the pound of 0.45359237 kg and the inch of 2.54 cm."""
 
@@ -91,4 +102,6 @@ def test_spellings():
     assert known_unit(" FRENCH ") == "Fr"
     assert known_unit("dyn.s/cm5") == "dyn s/cm^5"
     assert known_unit("parsec") is None
+    assert known_unit("I.U./hour") == "U/h"
+    assert known_unit("mcg / kg / min") == known_unit("µg/kg/min") == "ug/kg/min"
     assert quantity_of("mmhg") == "pressure"

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
+from eclsim.drugs.published import InfusedDoses
+from eclsim.fluid.law import STATES
+from eclsim.fluid.solutes import CarbonDioxideLaw, SolutesLaw
+from eclsim.regulation.hypoxia import HypoxicVasoconstriction
 from eclsim.slow import SlowLaw, SlowState
 
 
 class Decay(SlowLaw):
-    states = (SlowState("drug.amount", "ug", 1.0),)
+    states = (SlowState("drug.amount", "ug", "amount of the drug", 1.0),)
     reads = ()
 
     def start(self, settings, beat):
@@ -35,15 +39,14 @@ def test_a_law_states_everything():
         Nothing()
 
 
-@pytest.mark.parametrize(
-    ("name", "unit", "words"),
-    [
-        ("fluid.plasma_ml", "mL", "plasma volume"),
-        ("fluid.interstitial_protein_g", "g", "interstitial protein"),
-        ("solutes.bicarbonate_outside_mmol", "mmol", "bicarbonate outside cells"),
-        ("drugs.noradrenaline_in_effect", "ug/kg/min", "noradrenaline in effect"),
-        ("fluid.capillary_pressure_at_start_mmHg", "mmHg", "capillary pressure at start"),
-    ],
-)
-def test_a_state_has_a_name_in_words(name, unit, words):
-    assert SlowState(name, unit, 1.0).words == words
+def test_every_state_has_its_own_name_in_words():
+    """They were made of keys: "tissue pco2"."""
+    tissues = CarbonDioxideLaw((("tissue", 1.0), ("upper_tissue", 0.3)))
+    laws = (InfusedDoses(), HypoxicVasoconstriction(), SolutesLaw(), tissues)
+    words = {state.name: state.words for state in (*STATES, *(s for law in laws for s in law.states))}
+    assert len(set(words.values())) == len(words)
+    assert words["drugs.noradrenaline_in_effect"] == "noradrenaline in effect"
+    assert words["solutes.bicarbonate_outside_mmol"] == "bicarbonate outside cells"
+    assert words["solutes.tissue_pco2_mmHg"] == "PCO2 of the tissues"
+    in_blood = words["solutes.upper_tissue_blood_pco2_mmHg"]
+    assert in_blood == "PCO2 in the blood of the tissues of the upper body"

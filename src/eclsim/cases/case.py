@@ -169,13 +169,20 @@ class Case(PublishedDevices):
         part = within(self.as_mapping(), section)
         return None if part is None else part.get(name)
 
-    def as_mapping(self) -> dict[str, Any]:
-        """Return the case as the mapping of its case file; absent sections and keys are left out."""
-        dumped = self.model_dump(exclude_none=True)
+    def as_mapping(self, only_given: bool = False) -> dict[str, Any]:
+        """Return the case as the mapping of its case file; absent sections and keys are left out.
+
+        Args:
+            only_given: whether to leave out the keys that nobody gave and that have their default values.
+        """
+        dumped = self.model_dump(exclude_none=True, exclude_unset=only_given)
         result = {key: dumped[key] for key in _BEFORE_DEVICES if key in dumped}
         result = _nested(
             result,
-            {instance.key: instance.section.model_dump(exclude_none=True) for instance in self.instances()},
+            {
+                one.key: one.section.model_dump(exclude_none=True, exclude_unset=only_given)
+                for one in self.instances()
+            },
         )
         result |= {"parameters": self.parameters} if self.parameters else {}
         return result | ({"events": [event.as_object() for event in self.events]} if self.events else {})

@@ -26,6 +26,8 @@ LONGEST_MIN = 31 * 1440.0
 QUICKEST_MIN = 1.0
 """Time in which volumes given without `over_min` are infused [min]: a bolus takes a minute."""
 LARGEST_ML = 20_000.0
+CLASS_IV = 0.4
+"""Share of the blood whose loss is class IV of Advanced Trauma Life Support (10th edition, 2018)."""
 OPPOSITE = {"blood_ml": "bleed_ml", "bleed_ml": "blood_ml"}
 _TIMES = {
     "at_min": number("When it begins, in minutes from the start", "min", 0, LONGEST_MIN, 60),
@@ -174,8 +176,7 @@ class _EventChecker:
         for written, value in sorted(_flat(raw), key=lambda pair: pair[0] == _TEMPERATURE):
             path, key = section_and_key(written), f"{place}.{short(written)}"
             if path is None:
-                unknown = unknown_key(written, shown(value))
-                self.remarks.mistakes.append(replace(unknown, key=key, value=shown(value), file=""))
+                self.remarks.mistakes.append(replace(unknown_key(written, value), key=key, file=""))
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "has no effect on a course", shown(value))
             elif sets_initial_value(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):
@@ -266,16 +267,20 @@ def _check_overlap(events: Sequence[Raw], remarks: Remarks) -> None:
 
 
 def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> None:
-    """Check that no more blood is taken than the patient has."""
+    """Check that no more blood is taken than the patient has, and warn of losses that are soon fatal."""
     available = blood_ml
     for event in events:
-        gifts = event.get("give", {})
+        gifts, key = event.get("give", {}), f"{event['place']}.give.bleed_ml"
         bled = gifts.get("bleed_ml", 0.0)
         available += sum(ml for kind, ml in gifts.items() if kind != "bleed_ml")
         if bled >= available:
-            key, message = f"{event['place']}.give.bleed_ml", "more blood than the patient has"
-            remarks.error(
-                key, message, shown(bled), f"below {available:.0f} mL, the blood volume at that time"
+            allowed = f"below {available:.0f} mL, the blood volume at that time"
+            remarks.error(key, "more blood than the patient has", shown(bled), allowed)
+            continue  # a refused bleeding is not subtracted: later events are checked without it
+        available -= bled
+        if bled and available < (1.0 - CLASS_IV) * blood_ml:
+            message = (
+                f"leaves {available:.0f} of {blood_ml:.0f} mL of blood: a loss above {CLASS_IV:.0%} is soon "
+                "fatal (class IV, ATLS 2018), and beats may be computed that no patient can have"
             )
-        else:  # a refused bleeding is not subtracted: later events are checked without it
-            available -= bled
+            remarks.warning(key, message, shown(bled))

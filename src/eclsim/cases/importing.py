@@ -383,17 +383,25 @@ def _about(
         result.warning(name, "no Patient resource: sex and age are not known")
         return {}
     cells = {}
+    for key, word in (("gender", "sex"), ("birthDate", "age")):
+        if resource.get(key) is None:
+            result.warning(f"Patient {name} {key}", f"left out: the {word} is not known")
     gender = resource.get("gender")
     if gender in ("female", "male"):
         cells["sex"] = str(gender)
-    else:
+    elif gender is not None:
         result.error(f"Patient {name} gender", "needed for the blood volume", shown(gender), "female, male")
+    if resource.get("birthDate") is None:
+        return cells
     try:
-        born = date.fromisoformat(str(resource.get("birthDate", "")))
-        day = date.fromisoformat(min(o.time for o in values if o.patient == name)[:10])
+        born = date.fromisoformat(str(resource["birthDate"]))
     except ValueError:
         message = "no full date, so no age"
         result.error(f"Patient {name} birthDate", message, allowed="1955-04-17")
+        return cells
+    try:
+        day = date.fromisoformat(min(o.time for o in values if o.patient == name)[:10])
+    except ValueError:  # an observation without a valid time, which is an error of its own
         return cells
     if day < born:
         message = f"after the first observation, of {day}"

@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from eclsim.arguments import written
@@ -18,14 +18,12 @@ from eclsim.cases.sections import POLICY_KEY
 from eclsim.cases.settings import SETTING_SOURCE, keys_set, merge_settings, texts_of
 from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.inputs.numbers import number_meant
 from eclsim.inputs.sections import CHECKED
 
 POLICY_PLACE = "--volume-policy"
 MAXIMUM_BYTES = 200_000
-_COMMA_VALUE = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
-_SLASH_VALUE = re.compile(r"=\s*(\d+)\s*/\s*(\d+)\s*(#.*)?$")
-_UNIT_VALUE = re.compile(r"=\s*([+-]?\d[\d.]*)\s*([^\s\d#][^#]*?)\s*(#.*)?$")
+MOST_SLIPS = 20
+_BARE_VALUE = re.compile(r"""([^=#]*=\s*)([^\s=#"'\[\]{}\\][^#"'\[\]{}\\]*?)(\s*(?:#.*)?)""")
 _WORD_VALUE = re.compile(r"=\s*([A-Za-z][\w .-]*?)\s*(#.*)?$")
 
 _HEADER = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
@@ -73,12 +71,12 @@ def read_case(
     file = os.fsdecode(path)
     settings = texts_of(settings)
     text = _text_of(file)
-    raw = _parse(text, file)
+    raw, slips = _parse(text, file)
     merged, remarks = merge_settings(raw, settings, file)
     notes = remarks.notes
     if volume_policy is not None:
         notes += _with_policy(merged, volume_policy, file)
-    reading = _checked(merged, file, lines_of_keys(text), keys_set(settings), remarks.mistakes)
+    reading = _checked(merged, file, lines_of_keys(text), keys_set(settings), remarks.mistakes, slips)
     case = reading.case.model_copy(update={"fit_mark": read_mark(text)})
     if settings and case.regulation and case.regulation.open_set_points:
         case = case.model_copy(update={"as_written": _as_written(raw)})
@@ -117,7 +115,12 @@ def read_mapping(raw: object, file: str = "", refused: Sequence[Mistake] = ()) -
 
 
 def _checked(
-    raw: object, file: str, lines: Mapping[str, int], set_keys: set[str], refused: Sequence[Mistake]
+    raw: object,
+    file: str,
+    lines: Mapping[str, int],
+    set_keys: set[str],
+    refused: Sequence[Mistake],
+    slips: Sequence[Mistake] = (),
 ) -> CaseReading:
     checked = check_case(raw)
 
@@ -125,10 +128,18 @@ def _checked(
         put = [_placed(mistake, file, lines, set_keys) for mistake in result]
         return tuple(sorted(put, key=lambda mistake: mistake.line or 0))
 
-    if refused or checked.mistakes:
-        raise CaseError((*refused, *placed(checked.mistakes)))
+    if refused or slips or checked.mistakes:
+        raise CaseError((*refused, *_with_slips(placed(checked.mistakes), slips)))
     case = Case.model_validate(checked.values, context=CHECKED)
     return CaseReading(case, placed(checked.warnings), placed(checked.notes), file)
+
+
+def _with_slips(mistakes: Sequence[Mistake], slips: Sequence[Mistake]) -> list[Mistake]:
+    """Return the errors of a file with those of lines read as text of which nothing else is wrong."""
+    bare = {slip.line for slip in slips}
+    shown_bare = [replace(m, value=m.value.strip('"')) if m.line in bare else m for m in mistakes]
+    others = [slip for slip in slips if slip.line not in {mistake.line for mistake in mistakes}]
+    return sorted((*shown_bare, *others), key=lambda mistake: mistake.line or 0)
 
 
 def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set[str]) -> Mistake:
@@ -150,13 +161,34 @@ def _text_of(file: str) -> str:
     return text
 
 
-def _parse(text: str, file: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text, parse_float=NumberAsWritten)
-    except RecursionError:
-        raise CaseError([Mistake("", "nested too deeply for a case file", file=file)]) from None
-    except ValueError as error:
-        raise CaseError([_syntax_mistake(str(error), text, file)]) from None
+def _parse(text: str, file: str) -> tuple[dict[str, Any], list[Mistake]]:
+    """Return the content of a file, and the errors of lines such as `weight_kg = 130 lb`.
+
+    Their values are read as texts, so that the checks of a case find what is wrong with them and with others.
+    """
+    slips: dict[int | None, Mistake] = {}
+    while True:
+        try:
+            return tomllib.loads(text, parse_float=NumberAsWritten), list(slips.values())
+        except RecursionError:
+            raise CaseError([Mistake("", "nested too deeply for a case file", file=file)]) from None
+        except ValueError as error:
+            mistake = _syntax_mistake(str(error), text, file)
+        quoted = _with_text(text, mistake.line)
+        if quoted == text or mistake.line in slips or len(slips) == MOST_SLIPS:
+            slips.setdefault(mistake.line, mistake)
+            raise CaseError(list(slips.values()))
+        slips[mistake.line], text = mistake, quoted
+
+
+def _with_text(text: str, number: int | None) -> str:
+    """Return a file with the value of one line in quotes, or unchanged if the line has no such value."""
+    lines = text.split("\n")
+    result = _BARE_VALUE.fullmatch(lines[number - 1]) if number else None
+    if result is None or number is None:
+        return text
+    lines[number - 1] = f'{result[1]}"{result[2]}"{result[3]}'
+    return "\n".join(lines)
 
 
 def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
@@ -182,14 +214,6 @@ def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
 
 def _suggestion(written: str) -> str:
     key = written.partition("=")[0].strip()
-    if result := _COMMA_VALUE.search(written):
-        return f"{key} = {result[1]}.{result[2]} (a decimal point)"
-    if result := _SLASH_VALUE.search(written):
-        return f"SP = {result[1]} and DP = {result[2]} on two lines"
-    if result := _UNIT_VALUE.search(written):
-        number = number_meant(written.partition("=")[2].partition("#")[0])
-        remark = "a number without a unit" if number == result[1] else "digits alone"
-        return f"{key} = {number} ({remark})" if number else ""
     if result := _WORD_VALUE.search(written):
         return f'{key} = "{result[1]}" (text in quotes)'
     return ""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from eclsim.inputs.fields import Field, one_of, setting
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters import regulation
 from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
@@ -148,33 +148,8 @@ class Regulation(_Settings):
                 remarks.warning(f"{cls.section}.{name}", message, shown(stated))
 
 
-_UNIT_MISTAKES = {
-    "ug/kg/min": ((1000.0, "{meant:g}: {given:g} ug/kg/min are {meant:g} mg/kg/min"),),
-    "U/min": (
-        (60.0, "{meant:g}: {given:g} U/h are {meant:g} U/min"),
-        (1000.0, "{meant:g}: {given:g} mU/min are {meant:g} U/min"),
-    ),
-}
-"""Factors by which a dose is too large if given in another unit, with the hint for each."""
-
-
-def _read_dose(value: object, field: Field) -> float:
-    try:
-        return read_number(value, field)
-    except RefusedValueError as error:
-        mistake = error.mistake
-        given = float(value) if isinstance(value, int | float) else 0.0
-        for factor, template in _UNIT_MISTAKES[field.unit]:
-            if field.maximum < given <= factor * field.typical:
-                meant = template.format(given=given, meant=given / factor)
-                raise RefusedValueError(mistake.message, mistake.allowed, meant) from None
-        raise
-
-
 def _dose(drug: str) -> Field:
-    parameter, unit = PARAMETERS[regulation.dose(drug)], PARAMETERS[regulation.dose(drug)].unit
-    most, usual, _ = DRUG_DOSES[drug]
-    return Field(parameter.description, "number", unit, 0.0, most, usual, required=False, read=_read_dose)
+    return replace(setting(PARAMETERS[regulation.dose(drug)]), typical=DRUG_DOSES[drug].usual / 3.0)
 
 
 class Drugs(_Settings):

@@ -12,7 +12,7 @@ from eclsim.cases.quantities import section_and_key
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
 from eclsim.devices.registry import device_of, example_setting, parameters
 from eclsim.inputs.files import too_deep
-from eclsim.inputs.mistakes import Mistake, NumberAsWritten, Remarks, shown
+from eclsim.inputs.mistakes import Mistake, NumberAsWritten, Remarks, WithoutQuotes, shown
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
@@ -63,10 +63,10 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], Remark
         if not equals or not name.strip():
             allowed = f"KEY=VALUE, such as {example_setting()}=3000 or Rmc=0.8"
             remarks.mistakes.append(
-                Mistake("", "not a setting", shown(setting), allowed, file=SETTING_SOURCE)
+                Mistake("", "not a setting", shown(WithoutQuotes(setting)), allowed, file=SETTING_SOURCE)
             )
         elif path is None:
-            remarks.mistakes.append(unknown_key(name.strip(), text))
+            remarks.mistakes.append(unknown_key(name.strip(), _value_of(text.strip())))
         else:
             value = _value_of(text.strip())
             if path in result and result[path] != value:
@@ -142,7 +142,7 @@ def apply_settings(case: Case, settings: Iterable[str]) -> Case:
     """
     from eclsim.cases.reading import read_mapping
 
-    merged, remarks = merge_settings(case.as_mapping(), settings)
+    merged, remarks = merge_settings(case.as_mapping(only_given=True), settings)
     return read_mapping(merged, file=SETTING_SOURCE, refused=remarks.mistakes).case
 
 
@@ -156,14 +156,14 @@ def keys_replaced_by(section: str, key: str) -> list[str]:
 def _value_of(text: str) -> object:
     """Parse a value as TOML; anything that is not valid TOML is text, so that quotes may be omitted."""
     if too_deep(text):
-        return text
+        return WithoutQuotes(text)
     try:
         return tomllib.loads(f"value = {text}\n", parse_float=NumberAsWritten)["value"]
     except (ValueError, RecursionError):
-        return text
+        return WithoutQuotes(text)
 
 
-def unknown_key(name: str, text: str) -> Mistake:
+def unknown_key(name: str, value: object) -> Mistake:
     """Return the error for an unknown key, with the nearest correct spelling."""
     paths = [f"{section}.{key}" for section, kind in sections().items() for key in kind.fields()]
     exact = [path for path in places_of(name) if path.endswith(f".{name}")]
@@ -171,4 +171,4 @@ def unknown_key(name: str, text: str) -> Mistake:
     if name == POLICY_KEY:
         hint = "the option --volume-policy"
     allowed = "section.key of a case file, or a parameter (eclsim parameters lists them)"
-    return Mistake(name[:64], "unknown key", shown(text.strip()), allowed, hint, file=SETTING_SOURCE)
+    return Mistake(name[:64], "unknown key", shown(value), allowed, hint, file=SETTING_SOURCE)

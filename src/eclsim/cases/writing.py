@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.inputs.sections import Raw, Section
 
-_SHUNT = "shunt_fraction"
-
 
 def case_text(case: Case) -> str:
     """Format a case as the text of a case file, with meaning and unit in a comment on every line."""
@@ -34,7 +32,9 @@ def case_text(case: Case) -> str:
         if section.section in mapping:
             document[section.section] = _table(section, mapping[section.section])
     for instance in case.instances():
-        table = _table(instance.device.section, instance.section.model_dump(exclude_none=True))
+        table = _table(
+            instance.device.section, instance.section.model_dump(exclude_none=True, exclude_unset=True)
+        )
         if not instance.name:
             document[instance.key] = table
             continue
@@ -49,11 +49,8 @@ def case_text(case: Case) -> str:
 
 
 def as_file(case: Case) -> dict[str, Any]:
-    """Return the case as written to a file, without an assumed shunt, which would be read as known."""
-    mapping = case.as_mapping()
-    if case.gas is not None and _SHUNT not in case.gas.model_fields_set:
-        mapping["gas"] = {key: value for key, value in mapping["gas"].items() if key != _SHUNT}
-    return mapping
+    """Return the case as written to a file: what was given, as an assumed shunt would be read as known."""
+    return case.as_mapping(only_given=True)
 
 
 def write_case(case: Case, path: str | os.PathLike[str]) -> None:

@@ -56,7 +56,8 @@ def merge(options: MergeOptions) -> None:
         fail(error)
     name, own_options = (recorded or {}).get("command"), (recorded or {}).get("options")
     if not isinstance(own_options, dict) or name not in _COMMANDS:
-        fail(f"{options.folder}: holds no shards ({COMMAND} is missing); run them first, with --shard k/n")
+        reason = f"holds no shards ({COMMAND} is missing): they are merged already, or not yet run"
+        fail(f"{options.folder}: {reason}; allowed: a folder filled with --shard k/n")
     where = {"out": options.folder, "json": options.json, "shard": MERGE}
     local_options = {"workers": None, "dask": None, "resume": False, "force": False}
     as_command(_COMMANDS[str(name)])(**own_options, **where, **local_options)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,13 +19,20 @@ def is_table(file: str) -> bool:
 
 
 def read_all(
-    files: Sequence[str], settings: Sequence[str], volume_policy: str | None = None
+    files: Sequence[str],
+    settings: Sequence[str],
+    volume_policy: str | None = None,
+    mistakes: Collection[object] = (),
 ) -> list[CaseReading]:
     """Read all cases; if there are errors, report all of them and exit with status 2.
 
-    `settings` and `volume_policy` override the files, with a note.
+    Args:
+        files: case files.
+        settings: settings that override the files, with a note.
+        volume_policy: blood volume policy that overrides the files, with a note.
+        mistakes: errors in the options of the command, reported here only together with those of the cases.
     """
-    readings = read_each([(file, settings, volume_policy) for file in files])
+    readings = read_each([(file, settings, volume_policy) for file in files], mistakes=mistakes)
     for reading in readings:
         warn(reading.warnings)
         note(reading.notes)
@@ -47,44 +54,50 @@ def case_files_in(place: str) -> list[str]:
 def read_each(
     sources: Iterable[tuple[str, Sequence[str], str | None]],
     renamed: Callable[[Mistake], Mistake] = lambda mistake: mistake,
+    mistakes: Collection[object] = (),
 ) -> list[CaseReading]:
     """Read cases, each from a file with settings and a policy; the caller reports warnings and notes.
 
     Args:
         sources: file, settings and blood volume policy of each case, as for `read_case`.
         renamed: converts an error before it is reported, such as its names.
+        mistakes: errors in the options of the command, reported here only together with those of the cases.
     """
     from eclsim.cases import CaseError, read_case
 
     readings: list[CaseReading] = []
-    mistakes: dict[Mistake, None] = {}
+    wrong: dict[Mistake, None] = {}
     for file, settings, policy in sources:
         try:
             readings.append(read_case(file, settings, policy))
         except CaseError as error:
-            mistakes |= dict.fromkeys(map(renamed, error.mistakes))
-    for mistake in mistakes:
+            wrong |= dict.fromkeys(map(renamed, error.mistakes))
+    for mistake in wrong:
         say(mistake)
-    if mistakes:
+    if wrong:
+        refuse(mistakes)
         raise SystemExit(BAD_INPUT)
     return readings
 
 
-def read_table(file: str) -> CohortReading:
-    """Read a cohort's table and report its refused rows; exit with status 2 if no row is usable."""
+def read_table(file: str, mistakes: Collection[object] = ()) -> CohortReading:
+    """Read a cohort's table and report its refused rows; exit with status 2 if no row is usable.
+
+    Errors in the options of the command are reported here only together with those of the table.
+    """
     from eclsim.cases.cohort import read_cohort
     from eclsim.inputs.mistakes import CaseError
 
     try:
         reading = read_cohort(file)
     except CaseError as error:
-        fail(*error.mistakes)
+        fail(*error.mistakes, *mistakes)
     for mistake in reading.refused:
         say(f"refused: {mistake}")
     warn(reading.warnings)
     note(reading.notes)
     if not reading.points:
-        fail(f"{file}: no row can be used")
+        fail(f"{file}: no row can be used", *mistakes)
     return reading
 
 

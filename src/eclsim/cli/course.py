@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,8 +99,11 @@ def course(options: CourseOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
-    """Return the cases with events and pump speeds, and whether any row of a table was refused."""
+def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[CaseReading], bool]:
+    """Return the cases with events and pump speeds, and whether any row of a table was refused.
+
+    Errors in the options are reported together with those of the cases.
+    """
     from eclsim.cases import CaseError
     from eclsim.cases.reading import CaseReading
     from eclsim.cases.settings import apply_settings
@@ -113,7 +116,7 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
             "case files"
         )
     if tables:
-        reading = read_table(o.files[0])
+        reading = read_table(o.files[0], mistakes)
         cases, refused = [with_name(p.case, p.name) for p in reading.points], bool(reading.refused)
         try:
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
@@ -122,7 +125,7 @@ def _cases(o: CourseOptions) -> tuple[Sequence[CaseReading], bool]:
         solved = [CaseReading(case, (), (), o.files[0]) for case in cases]
     else:
         files = [name for file in o.files for name in case_files_in(file)]
-        readings = read_all(files, o.settings, o.volume_policy)
+        readings = read_all(files, o.settings, o.volume_policy, mistakes)
         solved = readings if o.has_several_patients else with_speeds(readings, o.volume_policy)
     if o.events is None:
         return solved, refused
@@ -232,9 +235,9 @@ def _single(o: CourseOptions) -> bool:
     from eclsim.course.engine import CourseOptions as EngineOptions
     from eclsim.inputs.mistakes import CaseError
 
-    (reading,), _ = _cases(o)
-    case = reading.case
-    places, name = _destinations(o), case.patient.id
+    places = _destinations(o)
+    (reading,), _ = _cases(o, places.mistakes)
+    case, name = reading.case, reading.case.patient.id
     folder = places.folder("--out", o.out, files.course_files(name))
     figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
     target, _ = _checked(o, places)
@@ -271,13 +274,12 @@ def _band(o: CourseOptions) -> bool:
     from eclsim.identification.samples import doubts_of, read_samples
     from eclsim.inputs.mistakes import CaseError
 
-    (reading,), _ = _cases(o)
-    case = reading.case
     places, samples = _destinations(o), list[Mapping[str, Sequence[float]]]()
-    name = case.patient.id
+    places.mistakes += mistakes_in({"--posterior": lambda: samples.append(read_samples(o.posterior or ""))})
+    (reading,), _ = _cases(o, places.mistakes)
+    case, name = reading.case, reading.case.patient.id
     folder = places.folder("--out", o.out, files.course_files(name))
     figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
-    places.mistakes += mistakes_in({"--posterior": lambda: samples.append(read_samples(o.posterior or ""))})
     target, distribution = _checked(o, places)
     _late_events(o, [case])
     try:
@@ -311,9 +313,9 @@ def _cohort(o: CourseOptions) -> bool:
     from eclsim.course.cohort import PRELOAD, course_cohort
     from eclsim.inputs.mistakes import CaseError
 
-    readings, refused = _cases(o)
-    cases = [reading.case for reading in readings]
     places = _destinations(o)
+    readings, refused = _cases(o, places.mistakes)
+    cases = [reading.case for reading in readings]
     folder = places.folder("--out", o.out, [files.SUMMARY])
     stems = files.course_stems([case.patient.id for case in cases])
     figures = places.folder("--figures", o.figures, stems=stems)

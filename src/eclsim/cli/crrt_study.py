@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from eclsim.cli.cases import case_files_in, is_table, read_all, read_table, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, say, warn
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, explaining_resume, reporting_write_errors
 from eclsim.cli.options import Distributed, argument, option
 from eclsim.paper.reproduction import DEFAULT_EXPLORE
@@ -150,9 +150,13 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     """Study one case; return descriptions of what did not converge."""
     from eclsim.crrt_study.schemes import BOTH
 
-    if o.continues or o.dask:
-        fail("--resume, --shard, --dask: work for cohorts only; the study of one case runs as a whole")
-    readings = read_all([o.file], o.settings, None if o.volume_policy == BOTH else o.volume_policy)
+    undivided = broken_rules({
+        "--resume, --shard, --dask: work for cohorts only; the study of one case runs as a whole":
+            o.continues or o.dask,
+    })  # fmt: skip
+    policy = None if o.volume_policy == BOTH else o.volume_policy
+    readings = read_all([o.file], o.settings, policy, [*undivided, *_check_options(o, {})])
+    refuse(undivided)
     (reading,) = with_speeds(readings, _first_policy(o))
     target, samples = _check_case(o, reading.case)
     study = _compute(o, reading.case, samples)

@@ -12,7 +12,7 @@ import typer
 
 from eclsim.cli.cases import is_table, names_of, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, say, warn
-from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, Target, explaining_resume, write_json_output
+from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, explaining_resume, write_json_output
 from eclsim.cli.options import (
     CaseChanges,
     Distributed,
@@ -99,8 +99,13 @@ def identify(options: IdentifyOptions) -> None:
     (see the verdict: doubtful fits count), 1 some were not fitted or are poor, 2 bad input.
     """
     cohort = is_table(options.file)
-    target, distribution = _checked_json(options, cohort)
-    content, refused = _fit_cohort(options, distribution) if cohort else (_fit_case(options), False)
+    places = _destinations(options, cohort)
+    target, distribution = places.target("--json", options.json), options.distribution(places.mistakes)
+    if cohort:
+        places.check()
+        content, refused = _fit_cohort(options, distribution)
+    else:
+        content, refused = _fit_case(options, places.mistakes), False
     if write_json_output(content, target):
         from eclsim.identification.report import fits_text
 
@@ -109,9 +114,9 @@ def identify(options: IdentifyOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _checked_json(o: IdentifyOptions, cohort: bool) -> tuple[Target, Distribution]:
+def _destinations(o: IdentifyOptions, cohort: bool) -> Destinations:
+    """Return the destinations of results, together with the errors in the options."""
     places = Destinations(force=o.force, resume=o.continues if cohort else None, inputs=[o.file])
-    target = places.target("--json", o.json)
     places.folder("--out", o.out, [SUMMARY])
     others = (o.chains, o.warmup, o.draws) != CHAINS
     places.mistakes += broken_rules({
@@ -129,9 +134,7 @@ def _checked_json(o: IdentifyOptions, cohort: bool) -> tuple[Target, Distributio
         "--predict-with: needs --predict without --posterior":
             o.predict_with != "importance" and (o.posterior or not o.predict),
     })  # fmt: skip
-    distribution = o.distribution(places.mistakes)
-    places.check()
-    return target, distribution
+    return places
 
 
 def fit_settings(
@@ -194,11 +197,15 @@ def _unique(names: str | None) -> tuple[str, ...]:
 # --- one case -------------------------------------------------------------------------------------
 
 
-def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
-    """Fit one case and write its files; return the content of the JSON."""
+def _fit_case(o: IdentifyOptions, mistakes: Collection[str]) -> dict[str, Any]:
+    """Fit one case and write its files; return the content of the JSON.
+
+    Errors in the options are reported together with those of the case.
+    """
     from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
-    (reading,) = read_all([o.file], o.settings, o.volume_policy)
+    (reading,) = read_all([o.file], o.settings, o.volume_policy, mistakes)
+    refuse(mistakes)
     settings = fit_settings(o, policy=reading.case.volume_policy, weights=o.weights, seed=o.seed)
     settings = settings if o.parameters is not None else _with_informed_parameters(reading.case, settings)
     predictions = _predictions(o, settings.names)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import read_all, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, fail, note, warn
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, note, refuse, warn
 from eclsim.cli.destination import Destinations, reporting_write_errors, write_json_output
 from eclsim.cli.options import CaseChanges, Json, argument, option
 
@@ -51,11 +51,13 @@ def plan(options: PlanOptions) -> None:
     be while the pump is turned down, and which dose keeps the goals? For research, not for treatment. Exit
     status: 0 goals are kept, 1 not, 2 bad input.
     """
-    if (options.remove_ml is None) == (options.wean is None):
-        fail("--remove-ml, --wean: give exactly one")
-    if options.remove_ml is not None and options.keep is None:
-        fail("--remove-ml needs --keep GOALS, such as 'MAP > 60, drainage_pressure > -80'")
-    target, reading = _read(options)
+    mistakes = broken_rules({
+        "--remove-ml, --wean: give exactly one": (options.remove_ml is None) == (options.wean is None),
+        "--remove-ml needs --keep GOALS, such as 'MAP > 60, drainage_pressure > -80'":
+            options.remove_ml is not None and options.keep is None,
+    })  # fmt: skip
+    mistakes += mistakes_in({"--wean": lambda: options.wean is None or _speeds(options.wean)})
+    target, reading = _read(options, mistakes)
     if reading.case.events:
         note(["the events of the case are ignored in a plan"])
     from eclsim.goals.goal import GoalError
@@ -69,13 +71,17 @@ def plan(options: PlanOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _read(options: PlanOptions | SettingsOptions) -> tuple[Target, CaseReading]:
-    """Return the JSON destination, and the case with its pump speed; exit with status 2 on errors."""
+def _read(options: PlanOptions | SettingsOptions, mistakes: Sequence[str] = ()) -> tuple[Target, CaseReading]:
+    """Return the JSON destination, and the case with its pump speed; exit with status 2 on errors.
+
+    `mistakes` are further errors in the options.
+    """
     places = Destinations(force=options.force, inputs=[options.case_file])
     target = places.target("--json", options.json)
-    places.check()
-    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
-    return target, reading
+    wrong = [*mistakes, *places.mistakes]
+    readings = read_all([options.case_file], options.settings, options.volume_policy, wrong)
+    refuse(wrong)
+    return target, with_speeds(readings)[0]
 
 
 def _with_case(reading: CaseReading, content: Mapping[str, object]) -> dict[str, object]:
@@ -125,18 +131,17 @@ def _speeds(text: str) -> list[float]:
     try:
         return [float(value) for value in parse_sweep(f"{example_setting()}={text}")[1]]
     except (SweepError, ValueError):
-        fail(
-            f"--wean {text}: allowed: FIRST:LAST:STEP, such as 3500:1500:-500, or speeds separated by commas"
-        )
+        allowed = "FIRST:LAST:STEP, such as 3500:1500:-500, or speeds separated by commas"
+        raise ValueError(f"{text}: allowed: {allowed}") from None
 
 
 def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
-    from eclsim.course.plan import unit_of
+    from eclsim.outputs.registry import output
     from eclsim.reporting.numbers import number, text_table
 
     names = list(dict.fromkeys(name for step in steps for name in step.outputs))
     drug = [] if vary is None else [vary.partition("=")[0].strip()]
-    head = ("speed [rpm]", *drug, *(f"{n.removesuffix('_cm')} [{unit_of(n)}]" for n in names), "")
+    head = ("speed [rpm]", *drug, *(f"{n} [{output(n).unit}]" for n in names), "")
     rows = [
         (
             number(step.speed_rpm), *([] if step.setting is None else [number(step.setting)]),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import names_of, read_all, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, fail, refuse, say, warn
+from eclsim.cli.console import INCOMPLETE, Progress, fail, say, warn
 from eclsim.cli.destination import (
     Destinations,
     Target,
@@ -23,7 +23,7 @@ from eclsim.cli.destination import (
 from eclsim.cli.options import MERGE, CaseChanges, Distributed, Json, argument, option
 
 if TYPE_CHECKING:
-    from eclsim.cases import Case
+    from eclsim.cases import Case, CaseReading
     from eclsim.execution import Distribution
     from eclsim.sensitivity.analysis import SobolSettings
     from eclsim.sensitivity.results import Indices, SensitivityResult
@@ -81,12 +81,12 @@ def sensitivity(options: SensitivityOptions) -> None:
     Ctrl-C keeps finished runs; --resume continues. Exit status: 0 done, 1 some runs failed (listed in
     failed.csv; their rows are left out), 2 bad input.
     """
-    target, distribution = _checked_destinations(options)
     merges = MERGE in (options.case_file, options.shard)
+    target, distribution, reading = _checked(options, merges)
     if options.case_file == MERGE:
         warn([f"eclsim sensitivity merge will be removed: use eclsim merge {options.out}"])
     with _refuse_mistakes(options), explaining_resume(options.out):
-        results, reported = (_merged(options), ()) if merges else _analysed(options, distribution)
+        results, reported = _analysed(options, distribution, reading) if reading else (_merged(options), ())
     pairs = bool(options.second_order)
     states = {state: indices.as_object(pairs) for state, indices in results.items()}
     union = list(dict.fromkeys(name for indices in results.values() for name in indices.union()))
@@ -96,7 +96,8 @@ def sensitivity(options: SensitivityOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
+def _checked(o: SensitivityOptions, merges: bool) -> tuple[Target, Distribution, CaseReading | None]:
+    """Return the JSON destination, the distribution of runs, and the case if shards are not only merged."""
     places = Destinations(force=o.force, inputs=[o.case_file], resume=o.resume or o.merges)
     target = places.target("--json", o.json)
     places.folder("--out", o.out, parents=True)
@@ -107,8 +108,9 @@ def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
     if o.until is not None and not 0.0 < o.until < math.inf:
         places.mistakes.append(f"--until {o.until:g}: allowed: above 0, such as 0.02")
     distribution = o.distribution(places.mistakes)
+    readings = [] if merges else read_all([o.case_file], o.settings, o.volume_policy, places.mistakes)
     places.check()
-    return target, distribution
+    return target, distribution, None if merges else with_speeds(readings)[0]
 
 
 @contextmanager
@@ -126,13 +128,12 @@ def _refuse_mistakes(o: SensitivityOptions) -> Iterator[None]:
 
 
 def _analysed(
-    o: SensitivityOptions, distribution: Distribution
+    o: SensitivityOptions, distribution: Distribution, reading: CaseReading
 ) -> tuple[Mapping[str, Indices], Collection[str]]:
     """Return the indices, for each state if several, and the warnings shown when the case was read."""
     from eclsim.sensitivity.analysis import PRELOAD
     from eclsim.sensitivity.analysis import sensitivity as analyse
 
-    (reading,) = with_speeds(read_all([o.case_file], o.settings, o.volume_policy))
     results: dict[str, Indices] = {}
     with distribution.running(PRELOAD) as executor, Progress() as progress:
         for state in names_of(o.states) or ("",):
@@ -230,8 +231,7 @@ def identifiability(options: IdentifiabilityOptions) -> None:
 
     Proposes a set of parameters to fit, and says why each other parameter is not in it.
     """
-    target, folder = _checked_places(options)
-    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
+    target, folder, reading = _checked_places(options)
     from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.identifiability import identifiability as analyse
     from eclsim.sensitivity.inputs import InputError, read_uncertainties
@@ -262,14 +262,15 @@ def identifiability(options: IdentifiabilityOptions) -> None:
         typer.echo(identifiability_text(result, options.limit))
 
 
-def _checked_places(o: IdentifiabilityOptions) -> tuple[Target, Path | None]:
+def _checked_places(o: IdentifiabilityOptions) -> tuple[Target, Path | None, CaseReading]:
     places = Destinations(force=o.force, inputs=[o.case_file])
     target = places.target("--json", o.json)
     folder = places.folder("--out", o.out, ["identifiability.json"], parents=True)
     if not math.isfinite(o.limit) or not math.isfinite(o.threshold):
         places.mistakes.append("--limit, --threshold: infinite; allowed: numbers such as 10 and 1")
-    refuse(places.mistakes)
-    return target, folder
+    readings = read_all([o.case_file], o.settings, o.volume_policy, places.mistakes)
+    places.check()
+    return target, folder, with_speeds(readings)[0]
 
 
 def _write_json(content: object, target: Target, folder: Path | None) -> bool:

@@ -88,7 +88,8 @@ def simulate(options: SimulateOptions) -> None:
     elif options.compare:
         results = _simulate_each(options, *_compared_cases(options))
     else:
-        readings = read_all(options.case_files, options.settings, options.volume_policy)
+        places, _ = _destinations(options, ())
+        readings = read_all(options.case_files, options.settings, options.volume_policy, places.mistakes)
         results = _simulate_each(options, readings)
     if not all(result.attrs["converged"] for result in results):
         raise typer.Exit(INCOMPLETE)
@@ -109,6 +110,15 @@ def _check_modes(o: SimulateOptions) -> None:
 
 def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> OutputPlaces:
     """Return the destinations for the results of cases with these ids; exit with status 2 on errors."""
+    places, result = _destinations(o, ids, tables)
+    places.check()
+    return result
+
+
+def _destinations(
+    o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)
+) -> tuple[Destinations, OutputPlaces]:
+    """Return the destinations for the results of cases with these ids, and the errors in them."""
     stems = file_stems(ids)
     places = Destinations(force=o.force, inputs=o.case_files)
     result = OutputPlaces(
@@ -120,8 +130,7 @@ def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("ou
     )
     if o.transient and not (o.out or o.csv):
         places.mistakes.append("--transient needs --out FILE.nc or --csv DIR to write the course to")
-    places.check()
-    return result
+    return places, result
 
 
 def _simulate_each(

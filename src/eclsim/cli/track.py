@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -75,8 +75,8 @@ def track(options: TrackOptions) -> None:
     places = Destinations(force=options.force, inputs=options.files)
     target = places.target("--json", options.json)
     places.folder("--out", options.out, [TRACK_SUMMARY])
+    series, refused, left_out = _series(options, places.mistakes)
     places.check()
-    series, refused, left_out = _series(options)
     settings = _settings(options)
     each = _settings_of_each(options, series, settings)
     _check_points(series, each)
@@ -112,17 +112,22 @@ def _is_unusable(point: Mapping[str, Any]) -> bool:
     return point["failed"] or (point["verdict"] or {}).get("level") == "poor"
 
 
-def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
-    """Return each patient's points, the refused rows' errors, and how many were refused before each point."""
+def _series(
+    o: TrackOptions, mistakes: Collection[str] = ()
+) -> tuple[Series, list[str], dict[str, list[int]]]:
+    """Return each patient's points, the refused rows' errors, and how many were refused before each point.
+
+    Errors in the options are reported together with those of the files.
+    """
     tables = list(filter(is_table, o.files))
     if not tables:
         _refuse_duplicates(o.files)
-        readings = read_all(o.files, (), o.volume_policy)
+        readings = read_all(o.files, (), o.volume_policy, mistakes)
         _check_one_patient([(r.file, r.case.patient.id) for r in readings])
         return {readings[0].case.patient.id: [(Path(r.file).stem, r.case) for r in readings]}, [], {}
     if len(o.files) > 1:
         fail(f"{tables[0]}: a table cannot be combined with other files; allowed: one table, or case files")
-    reading = read_table(tables[0])
+    reading = read_table(tables[0], mistakes)
     series: dict[str, list[tuple[str, Case]]] = {}
     lines: dict[str, list[int]] = {}
     for point in reading.points:

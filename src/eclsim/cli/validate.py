@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -70,6 +71,10 @@ def validate(options: ValidateOptions) -> None:
     if wrong := [name for name in options.only if name not in PARTS.split()]:
         hint = spelling_hint(wrong[0], PARTS.split())
         places.mistakes.append(f"--only {wrong[0]!r}: no such part; allowed: {PARTS}{hint}")
+    if "adaptive" in (options.only or PARTS.split()) and find_spec("diffrax") is None:
+        others = ",".join(name for name in options.only or PARTS.split() if name != "adaptive")
+        without = f", or --only {others}" if others else ""
+        places.mistakes.append(f"the part adaptive needs diffrax: pip install 'eclsim[verify]'{without}")
     if options.quick and options.full:
         places.mistakes.append("--quick, --full: give only one")
     if target == page == "-":

@@ -47,8 +47,6 @@ MOMENTS_PER_COURSE = 40
 """Number of moments of each course at which goals are checked."""
 ROUNDING = 1e-3
 """A march ends beyond a goal by this share of its scale; beats of steps and moments differ by less."""
-OUTFLOW_TRACT_CM = 2.0
-"""Diameter of the left ventricular outflow tract for the velocity-time integral."""
 
 
 class BrokenGoal(NamedTuple):
@@ -287,7 +285,7 @@ def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]
                 breaks.append(BrokenGoal(f"no value of {goal.output}", math.nan, minute))
             elif goal.excess(value) > 0.0:
                 why = f" ({goal.because})" if goal.because else ""
-                breaks.append(BrokenGoal(f"{goal}{why}", value, minute, unit_of(goal.output)))
+                breaks.append(BrokenGoal(f"{goal}{why}", value, minute, output(goal.output).unit))
         if breaks:
             return breaks
     return [] if result.attrs["converged"] else [lost]
@@ -333,7 +331,7 @@ def _break_sentence(limit: BrokenGoal) -> str:
 
 WEANING_OUTPUTS = (
     "PF", "MAP", "CO", "LVO", "heart_rate", "ejection_fraction_lv", "PCWP", "right_atrial_pressure",
-    "SaO2", "SvO2", "PaCO2",
+    "SaO2", "SvO2", "PaCO2", "LVOT_VTI",
 )  # fmt: skip
 """Outputs of a step of weaning, where the case has them."""
 
@@ -345,8 +343,7 @@ class WeaningStep(NamedTuple):
         speed_rpm: speed of the pump [rpm].
         setting: dose of the drug (or value of another setting) needed; None if nothing is varied.
         reached: whether the goals are reached.
-        outputs: values by name of `WEANING_OUTPUTS`, and `LVOT_VTI_cm`, the velocity-time integral of a left
-            ventricular stroke in an outflow tract 2 cm wide.
+        outputs: values by name of `WEANING_OUTPUTS`.
         message: explanation if a goal is not reached, no steady beat was found, or a flow exceeds a limit
             that the varied setting cannot keep.
         warnings: limits that the beat violates, and cautions about its numbers.
@@ -421,24 +418,15 @@ def _weaning_step(
         message = "; ".join(one.sentence for one in broken_goals(numbers, goals))
         message = message if converged else str(result.attrs["message"])
         return WeaningStep(
-            speed, None, converged and not message, _weaning_outputs(numbers, case), message, warnings
+            speed, None, converged and not message, _weaning_outputs(numbers), message, warnings
         )
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
     message = alarms if result.reached else result.message
-    outputs = _weaning_outputs(dict(result.outputs), case)
+    outputs = _weaning_outputs(result.outputs)
     return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings)
 
 
-def _weaning_outputs(numbers: dict[str, float], case: Case) -> dict[str, float]:
-    """Outputs read at the bedside, including the velocity-time integral of a stroke."""
-    read = {name: numbers[name] for name in WEANING_OUTPUTS if name in numbers}
-    if "LVO" in read:
-        stroke = 1000.0 * read["LVO"] / read.get("heart_rate", case.patient.heart_rate_bpm)
-        read["LVOT_VTI_cm"] = stroke / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
-    return read
-
-
-def unit_of(name: str) -> str:
-    """Unit of an output or of a derived quantity of weaning."""
-    return "cm" if name == "LVOT_VTI_cm" else output(name).unit
+def _weaning_outputs(numbers: Mapping[str, float]) -> dict[str, float]:
+    """Outputs read at the bedside."""
+    return {name: numbers[name] for name in WEANING_OUTPUTS if name in numbers}

@@ -356,7 +356,7 @@ class Ecmo(SecondCannulae):
             remarks.note(f"{key}.mode", f"fills in {settings}", shown(values["mode"]))
         fields = cls.fields()
         for name in USUAL["VA"]:
-            if name not in raw and name not in filled:
+            if name not in raw and name not in filled and ("mode" not in raw or "mode" in values):
                 allowed = fields[name].allowed + ', or mode = "VA" or "VV" for the usual ones'
                 remarks.error(f"{key}.{name}", "missing", allowed=allowed)
         _check_speed_or_flow(raw, values, key, remarks)

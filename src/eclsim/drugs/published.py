@@ -104,7 +104,9 @@ class InfusedDoses(SlowLaw):
     def states(self) -> tuple[SlowState, ...]:
         """Dose in effect of each drug."""
         return tuple(
-            SlowState(f"{dose(d.name)}_in_effect", DRUG_DOSES[d.name].unit, 0.1 * d.half_dose)
+            SlowState(
+                f"{dose(d.name)}_in_effect", DRUG_DOSES[d.name].unit, f"{d.name} in effect", 0.1 * d.half_dose
+            )
             for d in self.drugs
         )
 

@@ -22,6 +22,7 @@ from eclsim.files import whole_file
 Result = TypeVar("Result")
 _NOT_COMPARED = ("hash", "samples", "warnings")
 _MOST_NAMED = 5
+_DIGEST = re.compile(r"[0-9a-f]{16}")
 
 
 class ExecutionError(RuntimeError):
@@ -208,7 +209,7 @@ def _checksum(content: object) -> str:
 
 
 def _differences(before: object, now: object, path: str = "") -> list[str]:
-    """Return the entries that differ, with both values where they are short."""
+    """Return the entries that differ, with both values where they are short and no digests."""
     if isinstance(before, dict) and isinstance(now, dict):
         keys = sorted({*before, *now})
         nested = (_differences(before.get(k), now.get(k), f"{path}.{k}" if path else k) for k in keys)
@@ -219,6 +220,9 @@ def _differences(before: object, now: object, path: str = "") -> list[str]:
     if before == now:
         return []
     short = all(
-        isinstance(value, str | int | float | None) and len(str(value)) < 40 for value in (before, now)
+        isinstance(value, str | int | float | None)
+        and len(str(value)) < 40
+        and not _DIGEST.fullmatch(str(value))
+        for value in (before, now)
     )
     return [f"{path} was {before!r} and is {now!r}" if short else path]

@@ -49,16 +49,24 @@ PROTEIN, INTERSTITIAL_PROTEIN = _key_of("plasma_protein_g"), _key_of("interstiti
 GIVEN, REMOVED, REFILLED = _key_of("given_ml"), _key_of("removed_ml"), _key_of("refilled_ml")
 RED_CELLS_GIVEN, PROTEIN_GIVEN = _key_of("red_cells_given_ml"), _key_of("protein_given_g")
 CAPILLARY, ARTERIOLES = _key_of("capillary_pressure_at_start_mmHg"), _key_of("resistance_at_start")
-PERICAPILLARY_PROTEIN = SlowState(_key_of("pericapillary_protein_g"), "g", 1.0, True)
+PERICAPILLARY_PROTEIN = SlowState(
+    _key_of("pericapillary_protein_g"), "g", "protein in the fluid around the capillaries", 1.0, True
+)
 """Pericapillary interstitial protein; a state if that layer has its own concentration."""
 STATES = (
-    SlowState(PLASMA, "mL", 10.0, True), SlowState(RED_CELLS, "mL", 10.0, True),
-    SlowState(INTERSTITIUM, "mL", 50.0, True),
-    SlowState(PROTEIN, "g", 1.0, True), SlowState(INTERSTITIAL_PROTEIN, "g", 1.0, True),
-    SlowState(GIVEN, "mL", 10.0), SlowState(REMOVED, "mL", 10.0), SlowState(REFILLED, "mL", 10.0),
-    SlowState(RED_CELLS_GIVEN, "mL", 10.0),
-    SlowState(PROTEIN_GIVEN, "g", 1.0), SlowState(CAPILLARY, "mmHg", 1.0), SlowState(ARTERIOLES, "1", 0.1),
-)  # fmt: skip
+    SlowState(PLASMA, "mL", "plasma volume", 10.0, True),
+    SlowState(RED_CELLS, "mL", "volume of red cells", 10.0, True),
+    SlowState(INTERSTITIUM, "mL", "interstitial fluid", 50.0, True),
+    SlowState(PROTEIN, "g", "plasma protein", 1.0, True),
+    SlowState(INTERSTITIAL_PROTEIN, "g", "interstitial protein", 1.0, True),
+    SlowState(GIVEN, "mL", "fluid and blood given", 10.0),
+    SlowState(REMOVED, "mL", "fluid and blood removed", 10.0),
+    SlowState(REFILLED, "mL", "refill from the tissues", 10.0),
+    SlowState(RED_CELLS_GIVEN, "mL", "red cells given", 10.0),
+    SlowState(PROTEIN_GIVEN, "g", "protein given", 1.0),
+    SlowState(CAPILLARY, "mmHg", "capillary pressure at the start", 1.0),
+    SlowState(ARTERIOLES, "1", "resistance of the arterioles at the start", 0.1),
+)
 """Blood, interstitium, protein; then totals since the start: given, removed (bled and filtered), refilled,
 red cells and protein (given minus removed); then values at the start."""
 

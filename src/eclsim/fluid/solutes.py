@@ -57,6 +57,10 @@ def _key_of(name: str) -> str:
     return f"{SOLUTES}.{name}"
 
 
+_PLACES = {"outside": "outside cells", "inside": "inside cells", "mobilised": "mobilised from cells"}
+_PLACES |= {"made": "made", "removed": "removed"}
+
+
 def _state(solute: str, what: str = "outside") -> str:
     return _key_of(f"{solute}_{what}_mmol")
 
@@ -125,7 +129,7 @@ class SolutesLaw(SlowLaw):
         scales = {"urea": 10.0, "creatinine": 0.1, "potassium": 1.0, "bicarbonate": 10.0}
         further = {"urea": ("inside",), "creatinine": ("inside",), "potassium": ("mobilised",)}
         return tuple(
-            SlowState(_state(solute, what), "mmol", scale, what in ("outside", "inside"))
+            SlowState(_state(solute, what), "mmol", f"{solute} {_PLACES[what]}", scale, "side" in what)
             for solute, scale in scales.items()
             for what in ("outside", *further.get(solute, ()), "made", "removed")
         )
@@ -259,8 +263,12 @@ class CarbonDioxideLaw(SlowLaw):
 
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102
-        names = (key(name) for name, _ in self.tissues for key in (_pressure, _of_slow, _of_blood))
-        return tuple(SlowState(name, "mmHg", 1.0) for name in names)
+        words = {_pressure: "of {}", _of_slow: "of {} with little flow", _of_blood: "in the blood of {}"}
+        return tuple(
+            SlowState(key(name), "mmHg", f"PCO2 {place.format(_tissue_words(name))}", 1.0)
+            for name, _ in self.tissues
+            for key, place in words.items()
+        )
 
     @property
     def blood(self) -> tuple[str, ...]:  # noqa: D102
@@ -312,7 +320,10 @@ class CarbonDioxideLaw(SlowLaw):
     def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
         return tuple(
             DerivedQuantity(
-                _output_of("tissue_PCO2", name), "mmHg", "PCO2 of the tissues", states[_pressure(name)]
+                _output_of("tissue_PCO2", name),
+                "mmHg",
+                f"PCO2 of {_tissue_words(name)}",
+                states[_pressure(name)],
             )
             for name, _ in self.tissues
         )
@@ -356,9 +367,16 @@ def _of_blood(tissue: str) -> str:
     return _key_of(f"{tissue}_blood_pco2_mmHg")
 
 
+def _region(tissue: str) -> str:
+    return tissue.removesuffix("tissue").rstrip("_")
+
+
 def _output_of(what: str, tissue: str) -> str:
-    region = tissue.removesuffix("tissue").rstrip("_")
-    return f"{what}_{region}" if region else what
+    return f"{what}_{_region(tissue)}" if _region(tissue) else what
+
+
+def _tissue_words(tissue: str) -> str:
+    return f"the tissues of the {_region(tissue)} body" if _region(tissue) else "the tissues"
 
 
 def _plasma_share(states: Named, settings: Named, fluid: bool) -> np.ndarray:

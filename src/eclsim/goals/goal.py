@@ -22,12 +22,13 @@ from eclsim.inputs.numbers import suspected_unit
 from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
 from eclsim.outputs.registry import all_outputs, output, unavailable
 from eclsim.spelling import spelling_hint
-from eclsim.units import convert, known_unit, quantity_of
+from eclsim.units import convert, known_unit, quantity_of, unit_in_words
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
 _TWO_SIDES = re.compile(rf"(\S+?)\s*(?:=|:|in|\s)\s*({_NUMBER})\s*(?:\.\.|to)\s*({_NUMBER})")
 _WITH_UNIT = re.compile(r"(.*[\d.])\s*([A-Za-zµ%][\w/µ%.²]*)")
+_BETWEEN_GOALS = re.compile(r"(?<!\d),|,(?!\d)")
 ALLOWED_FORMS = (
     "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, in the outputs' units, with commas between"
 )
@@ -134,7 +135,9 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
         GoalError: There are mistakes; the message names all of them.
     """
     goals, wrong = [], []
-    parts = text.split(",") if isinstance(text, str) else _listed(text, Goal, "goal", ALLOWED_FORMS)
+    parts = (
+        _BETWEEN_GOALS.split(text) if isinstance(text, str) else _listed(text, Goal, "goal", ALLOWED_FORMS)
+    )
     for part in parts:
         try:
             goal = _read(part.strip()) if isinstance(part, str) else part
@@ -143,8 +146,8 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
             continue
         if goal.output not in outputs:
             wrong.append(f"{goal.output}: this case has no such output{unavailable(goal.output, outputs)}")
-        elif goal.low == -math.inf and goal.high == math.inf:
-            wrong.append(f"{goal.output}: a goal without a bound; allowed: low, high, or both")
+        elif not math.isfinite(goal.low) and not math.isfinite(goal.high):
+            wrong.append(f"{goal.output}: a goal without a finite bound; allowed: low, high, or both")
         elif not goal.low <= goal.high:
             wrong.append(f"{goal.output}: from {goal.low:g} to {goal.high:g}; the first must not be larger")
         else:
@@ -228,7 +231,8 @@ def _read(text: str) -> Goal:
         return Goal(output, float(low), float(high))
     if (match := _WITH_UNIT.fullmatch(text)) and not _WITH_UNIT.fullmatch(match[1]):
         return _without_unit(_read(match[1]), match[2], text)
-    raise GoalError([f"'{text}' is not a goal; allowed: {ALLOWED_FORMS}"])
+    decimal = f"; did you mean {text.replace(',', '.')}?" if "," in text else ""
+    raise GoalError([f"'{text}' is not a goal; allowed: {ALLOWED_FORMS}{decimal}"])
 
 
 def _without_unit(goal: Goal, written: str, text: str) -> Goal:
@@ -238,7 +242,7 @@ def _without_unit(goal: Goal, written: str, text: str) -> Goal:
     unit = output(goal.output).unit
     if (known_unit(written) or written).lower() == unit.lower():
         return goal
-    wrong = f"{text}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"
+    wrong = f"{text}: {goal.output} is in {unit_in_words(unit)}"
     bound = goal.low if math.isfinite(goal.low) else goal.high
     if quantity_of(unit) is not None and quantity_of(written) == quantity_of(unit):
         wrong += f"; did you mean {convert(bound, known_unit(written) or written, unit):.4g} {unit}?"
@@ -258,9 +262,7 @@ def _mistakes_in_units(goal: Goal) -> list[str]:
             wrong.append(f"{goal}: {field.minimum:g} to {field.maximum:g} {unit} is the measurable range")
         else:
             meant = _probable_value(goal.output, unit, bound)
-            wrong += [f"{goal}: {goal.output} is in {'fractions of 1' if unit == '1' else unit}"] * bool(
-                meant
-            )
+            wrong += [f"{goal}: {goal.output} is in {unit_in_words(unit)}"] * bool(meant)
         if meant:
             wrong[-1] += f"; did you mean {meant}?"
     return wrong

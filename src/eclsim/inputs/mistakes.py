@@ -107,6 +107,12 @@ class NumberAsWritten(float):
         return number
 
 
+class WithoutQuotes(str):
+    """A text written without quotes, as in an option, which messages repeat as it was written."""
+
+    __slots__ = ()
+
+
 def shown(value: object) -> str:
     """Format a value for a message: short, on one line, text in quotes."""
     match value:
@@ -118,6 +124,8 @@ def shown(value: object) -> str:
             text = f"{value:.12g}"
         case int() if value.bit_length() > 200:
             text = "an integer of more than 60 digits"
+        case WithoutQuotes() if value.isprintable():
+            text = str(value)
         case str() if not value.isprintable():
             text = '"' + value[:200].encode("unicode_escape").decode("ascii") + '"'
         case str():

@@ -9,7 +9,7 @@ from typing import TypeGuard
 
 from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import Mistake, NumberAsWritten
-from eclsim.units import convert, known_unit, quantity_of, units_of
+from eclsim.units import convert, equation, known_unit, quantity_of, unit_in_words, units_of
 
 _MISSING = frozenset(
     {"", "na", "n/a", "#n/a", "#nv", "#n/d", "nan", "-", "--", ".", "?", "none", "null", "missing"}
@@ -21,7 +21,7 @@ _GROUPED_NUMBER = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})+[.,]\d+")
 _DIGIT_GROUPS = re.compile("\\d{1,3}(?:[ '\u00a0\u2009\u202f]\\d{3})+")
 _LETTERS_LIKE_DIGITS = re.compile(r"[0-9OoIl|]+(?:\.[0-9OoIl|]+)?(?<!l)")
 _LETTERS_TO_DIGITS = str.maketrans("OoIl|", "00111")
-_UNIT_LIKE = re.compile(r"[^\W\d_%°µ/][^\W\d_]*|[%°]|[^\W\d_]+[/*·. ].+")
+_UNIT_LIKE = re.compile(r"[^\W\d_%°µ/][^\W\d_]*|[%°]")
 _MONTH = re.compile(r"(jan|feb|m[aä]r|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])", re.IGNORECASE)
 _WITH_UNIT = re.compile(rf"\s*({NUMBER.pattern})\s*(\D.*?)\s*")
 
@@ -74,9 +74,7 @@ def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[floa
             continue
         distance = abs(math.log(converted / typical))
         if distance < best_distance:
-            suggestion = f"{converted:.4g}" if unit == "1" else f"{converted:.4g} {unit}"
-            written = f"{number:g}" if other == "1" else f"{number:g} {other}"
-            best, best_distance = f"{written} = {suggestion}", distance
+            best, best_distance = equation(number, other, unit), distance
     return best
 
 
@@ -92,12 +90,16 @@ def _finite(value: object, field: Field) -> float:
     except OverflowError:
         raise RefusedValueError("too large", field.allowed) from None
     if math.isnan(number):
-        raise RefusedValueError("not a number, and this value is needed", field.allowed)
+        raise RefusedValueError(f"not a number{_if_unknown(field)}", field.allowed)
     if math.isinf(number):
         raise RefusedValueError("infinite" if not _digits(value) else "too large", field.allowed)
     if number == 0 and _digits(value):
         raise RefusedValueError("too small to be distinguished from 0", field.allowed)
     return number
+
+
+def _if_unknown(field: Field) -> str:
+    return ", and this value is needed" if field.required else "; a number is needed where the key is written"
 
 
 def _digits(value: object) -> bool:
@@ -108,9 +110,10 @@ def _digits(value: object) -> bool:
 
 def _number_in_text(text: str, field: Field) -> float:
     if is_missing(text):
-        raise RefusedValueError("not given, and this value is needed", field.allowed)
+        raise RefusedValueError(f"not given{_if_unknown(field)}", field.allowed)
     if NUMBER.fullmatch(text.strip()):
-        raise RefusedValueError("text in quotes where a number belongs", field.allowed, text.strip())
+        meant = text.strip() if field.minimum <= float(text) <= field.maximum else ""
+        raise RefusedValueError("text in quotes where a number belongs", field.allowed, meant)
     if result := _WITH_UNIT.fullmatch(text):
         return _number_with_unit(text, float(result[1]), result[5], field)
     raise RefusedValueError(*_why_no_number(text, field))
@@ -128,30 +131,29 @@ def _number_with_unit(text: str, number: float, unit: str, field: Field) -> floa
         raise RefusedValueError(
             f"text with a unit; write only the number [{known}]", field.allowed, f"{number:g}"
         )
-    if known is not None and quantity_of(known) == quantity_of(field.unit):
-        converted = convert(number, known, field.unit)
-        message = f"in {known}, but {field.name} is in {field.unit}"
-        raise RefusedValueError(message, field.allowed, f"{number:g} {known} = {converted:.4g} {field.unit}")
+    if known is not None:
+        raise _in_another_unit(number, known, field)
     if _DIGIT_GROUPS.fullmatch(text.strip()):
         message = "digits in groups; write them without spaces"
         raise RefusedValueError(message, field.allowed, number_meant(text))
-    if field.unit.endswith("/min") and not _same_unit(unit, field.unit) and any(map(str.isalpha, unit)):
-        message = f'"{unit.strip()}" follows it, but {field.name} is in {field.unit}'
-        raise RefusedValueError(message, field.allowed)  # the digits alone would be another dose
     raise RefusedValueError(f'not a number: "{unit.strip()}" follows it', field.allowed, number_meant(text))
 
 
-def _same_unit(one: str, other: str) -> bool:
-    """Whether two units are the same but for case, spaces and the sign for micro."""
-    plain = [re.sub(r"\s|\.", "", u).lower().replace("mcg", "ug") for u in (one, other)]
-    return re.sub("[µμ]", "u", plain[0]) == re.sub("[µμ]", "u", plain[1])
+def _in_another_unit(number: float, unit: str, field: Field) -> RefusedValueError:
+    message = f"in {unit}, but {field.name} is in {unit_in_words(field.unit)}"
+    if quantity_of(unit) != quantity_of(field.unit):
+        return RefusedValueError(message, field.allowed)
+    meant = equation(number, unit, field.unit)
+    if field.minimum <= convert(number, unit, field.unit) <= field.maximum:
+        return RefusedValueError(message, field.allowed, meant)
+    return RefusedValueError(f"{message}: {meant}", field.allowed)
 
 
 def number_meant(text: str) -> str:
     """Return the number probably meant by a text with characters after its digits; empty if that is a guess.
 
-    A unit is dropped, groups of digits are joined, and letters that look like digits are read as digits. A
-    date or any other text gives an empty result.
+    A word or sign is dropped, groups of digits are joined, and letters that look like digits are read as
+    digits. A date or any other text gives an empty result.
     """
     written = text.strip()
     if _DIGIT_GROUPS.fullmatch(written):

@@ -30,6 +30,7 @@ _SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
 _SMALLEST_FLOW_DIFFERENCE_L_MIN = 0.1
 _NOT_SETTLED = "pulmonary artery in a beat that has not settled"
 _LEFT = "the left ventricle itself ejects {} (LVO)"
+_MOST_DECIMALS = 6
 VALVE_OPEN_ML_S = 30.0
 """Peak flow above which a valve counts as opening even if its net flow is that of a closed valve."""
 
@@ -140,14 +141,18 @@ def breach(limit: Limit, value: float, long_name: str, unit: str) -> Finding:
     """
     after = "" if unit == "1" else f" {unit}"
     sentence = (
-        f"{long_name} {_number(value, unit)} is {limit.side} {limit.value:g}{after}: "
+        f"{long_name} {_number(value, unit, limit.value)}{after} is {limit.side} {limit.value:g}{after}: "
         f"{limit.meaning} ({limit.source})"
     )
     return Finding(limit.kind, limit.quantity, value, limit.value, sentence, limit.source, (limit.quantity,))
 
 
-def _number(value: float, unit: str) -> str:
-    return f"{value:.2f} {unit}".removesuffix(" 1") if unit in ("L/min", "1") else f"{value:.1f} {unit}"
+def _number(value: float, unit: str, limit: float) -> str:
+    """Format a value with as many decimals as it takes to tell it from a limit."""
+    decimals = 2 if unit in ("L/min", "1") else 1
+    while round(value, decimals) == limit and decimals < _MOST_DECIMALS:
+        decimals += 1
+    return f"{value:.{decimals}f}"
 
 
 def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str, str]) -> list[Finding]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from eclsim.circuit.network import Circuit
+from eclsim.circuit.network import HEART_RATE, Circuit
 from eclsim.devices.description import (
     GASES,
     BeatMeasures,
@@ -21,7 +22,7 @@ from eclsim.devices.description import (
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import DeviceError, cached_by_devices, devices, named_output, namings
 from eclsim.outputs.gas import GAS_OUTPUTS
-from eclsim.outputs.regulation import REGULATED
+from eclsim.outputs.regulation import REGULATED, in_effect
 from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
 
@@ -154,6 +155,14 @@ _COLLAPSIBLE = (
 )  # fmt: skip
 """Outputs of a patient with collapsible veins."""
 
+OUTFLOW_TRACT_CM = 2.0
+"""Width of the left ventricular outflow tract [cm], in adults 1.8 to 2.2 (textbooks)."""
+
+
+def _vti(m: BeatMeasures) -> Numbers:
+    return m.mean("Qlv") * (60.0 / in_effect(HEART_RATE)(m)) / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
+
+
 _MORE = (
     Output(
         "pulse_pressure", "arterial pulse pressure", "mmHg", "SP - DP", ("Pao",),
@@ -164,6 +173,11 @@ _MORE = (
         "mean of Qlv, the flow through the aortic valve, without the flow of an assist device",
         ("Qlv",),
         lambda m: m.mean("Qlv") / ML_S_PER_L_MIN,
+    ),
+    Output(
+        "LVOT_VTI", "velocity-time integral of the left ventricular outflow tract", "cm",
+        f"mean of Qlv over a beat / area of an outflow tract {OUTFLOW_TRACT_CM:g} cm wide", ("Qlv",), _vti,
+        parameters=(HEART_RATE,), in_effect=True,
     ),
     mean_flow("pulmonary_flow", "flow through the lungs", "Qpart"),
     mean("right_atrial_pressure", "mean right atrial pressure", "Pra"),

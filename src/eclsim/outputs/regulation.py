@@ -17,7 +17,7 @@ _HEART_RATE = "heart_rate_bpm"
 REFLEX_USE = "reflex_use"
 
 
-def _in_effect(parameter: str) -> Callable[[BeatMeasures], Numbers]:
+def in_effect(parameter: str) -> Callable[[BeatMeasures], Numbers]:
     """Return a function for the value of a parameter during the beat."""
 
     def compute(measures: BeatMeasures) -> Numbers:
@@ -85,7 +85,7 @@ FACTORS = {f"{name}_factor": parameter for name, parameter, _ in _FACTORS}
 
 
 def _factor(name: str, parameter: str, label: str) -> Output:
-    now = _in_effect(parameter)
+    now = in_effect(parameter)
     return Output(
         f"{name}_factor", f"{label}, relative to the patient's own", "1",
         f"{parameter} during the beat / {parameter} of the case", ("Pao", "Pra"),
@@ -150,12 +150,12 @@ SOLVED_BY = {
 REGULATED = (
     Output(
         "heart_rate", "heart rate in effect", "bpm", "heart_rate_bpm during the beat", ("Pao", "Pra"),
-        _in_effect(_HEART_RATE), parameters=(UNSTRESSED,), in_effect=True,
+        in_effect(_HEART_RATE), parameters=(UNSTRESSED,), in_effect=True,
     ),
     *(_factor(*one) for one in _FACTORS),
     Output(
         "unstressed_volume", "change of the veins' unstressed volume against the published patient", "mL",
-        f"{UNSTRESSED} during the beat", ("Pao", "Pra"), _in_effect(UNSTRESSED), parameters=(UNSTRESSED,),
+        f"{UNSTRESSED} during the beat", ("Pao", "Pra"), in_effect(UNSTRESSED), parameters=(UNSTRESSED,),
         in_effect=True,
     ),
     Output(

@@ -24,7 +24,7 @@ KIND_WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLU
 @cached_by_devices(256)
 def output_names(circuit: Circuit) -> tuple[str, ...]:
     """All outputs that a circuit has, in the order of the registry."""
-    parameters = {*circuit.parameter_names(), *circuit.content_names()}
+    parameters = {HEART_RATE, *circuit.parameter_names(), *circuit.content_names()}
     return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
 
 

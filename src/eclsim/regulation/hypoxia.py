@@ -76,7 +76,7 @@ class HypoxicVasoconstriction(SlowLaw):
     @property
     def states(self) -> tuple[SlowState, ...]:
         """The logarithm of the factor."""
-        return (SlowState(self.factor, "1", 0.1),)
+        return (SlowState(self.factor, "1", "logarithm of the lung's resistance by hypoxia", 0.1),)
 
     @property
     def reads(self) -> tuple[str, ...]:
