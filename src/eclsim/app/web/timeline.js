@@ -259,9 +259,10 @@ export default {
       const of = GRAVEST.map((kind) => alarms.filter((alarm) => alarm.kind === kind)).filter((a) => a.length);
       return of.map((same) => {
         const [{ kind }] = same;
-        const minute = Math.min(...same.map((alarm) => seenAt(alarm, time)));
+        const first = same.toSorted((a, b) => a.at_min - b.at_min)[0];
         const words = { kind: SIGNS[kind] + this.texts[`kind_${kind}`], count: same.length };
-        return { kind, minute, text: fill(this.texts.timeline_count, { ...words, time: this.time(minute) }) };
+        const text = fill(this.texts.timeline_count, { ...words, time: this.time(first.at_min) });
+        return { kind, minute: seenAt(first, time), text };
       });
     },
     remarks() {
