@@ -83,7 +83,6 @@ export default {
       <button v-if="isSmall" type="button" :aria-pressed="isWhole" @click="chosen = !isWhole">{{
         isWhole ? texts.schematic_larger : texts.schematic_whole }}</button>
       <span v-if="below" class="below" role="status">{{ texts.schematic_below }}</span>
-      <span>{{ texts.legend_pressure }}</span>
       <span class="key warning">{{ texts.legend_warning }}</span>
       <span class="key alarm">{{ texts.legend_alarm }}</span>
       <span class="key collapse">{{ texts.legend_collapse }}</span>
