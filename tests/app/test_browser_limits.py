@@ -115,7 +115,9 @@ def test_what_the_model_does_not_show_on_va_stands_with_the_numbers(open_page, s
     expect(row.locator(".caution")).to_have_attribute("title", read)
     drainage = page.locator(".ecl-outputs tr", has_text="lowest pressure in the ECMO drainage cannula")
     expect(drainage).to_be_visible()
-    expect(drainage).not_to_contain_text(text("above"))
+    expect(drainage).not_to_contain_text(text("above_range"))
+    expect(row.locator("em")).to_have_text(text("below_range"))  # outside the adult range, no alarm
+    expect(row).not_to_contain_text("▲")
 
 
 @pytest.mark.parametrize("viewport", [LAPTOP, PHONE], ids=["laptop", "phone"])

@@ -36,7 +36,14 @@ def test_an_event_is_set_where_somebody_clicked_and_the_page_follows(open_page, 
     page.locator(".ecl-timeline .new button").click()
     expect(page.locator(".ecl-timeline ol")).to_contain_text(f"{text('give_bleed_ml')} 800 mL")
     page.wait_for_function(COURSE)
-    box = chart.bounding_box()  # remarks on lost blood stand above it now
+    remarks = page.locator(".ecl-timeline .remarks")
+    assert remarks.bounding_box()["height"] < 40  # folded: remarks on lost blood are long
+    remarks.locator("summary").click()
+    expect(remarks.locator("p").first).to_contain_text("of blood that is lost")
+    assert remarks.bounding_box()["height"] < 140
+    remarks.locator("summary").click()
+    expect(page.locator(".ecl-timeline .counts")).to_contain_text(f"! {text('kind_warning')} ")
+    box = chart.bounding_box()
     page.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 10)
     wait_for(page, f"beat.minute > 200 && beat.outputs.MAP < {before} - 3")
     expect(page.locator(".ecl-keys")).to_contain_text(f"{beat(page)['outputs']['MAP']:.0f}")

@@ -113,6 +113,11 @@ def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     page.locator(".ecl-identify .result").wait_for(timeout=480_000)
     picture(page, shots, "identify_found")
     expect(page.locator(".ecl-identify .result").get_by_text("identifiable").first).to_be_visible()
+    outputs = page.locator(".ecl-identify .result table").first
+    assert [outputs.locator(f'tr:has(b:text-is("{name}")) small').inner_text() for name in ("SP", "CO")] == [
+        "mmHg",
+        "L/min",
+    ]
     find = page.get_by_role("button", name=text("posterior_find"))
     find.click()
     page.get_by_role("progressbar", name=text("posterior_find")).wait_for()

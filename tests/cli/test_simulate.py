@@ -220,13 +220,16 @@ def test_warnings_name_the_oxygenators_label(shell, instant):
 
 
 def test_a_warning_of_the_beat_is_said_once_and_is_in_the_file_too(shell, instant, monkeypatch):
-    plain, warned = single.simulate, {"warnings": ["ECMO flow of 6.5 L/min is outside the label"]}
+    said = ["ECMO flow of 6.5 L/min is outside the label", "alarm: suction", "caution: read with care"]
+    plain, warned = single.simulate, {"warnings": said}
     monkeypatch.setattr(
         single, "simulate", lambda case, **options: plain(case, **options).assign_attrs(warned)
     )
     done = shell.run("simulate", shell.case(more=shell.ecmo), "--json", "-")
     assert json.loads(done.stdout)["cases"][0]["warnings"] == warned["warnings"]
     assert " ".join(done.stderr.split()).count(warned["warnings"][0]) == 1
+    labels = [line.partition(": ")[0] for line in done.stderr.splitlines()]
+    assert [label for label in labels if label != "note"] == ["warning", "alarm", "caution"]
 
 
 def test_file_names_are_safe_and_all_different():

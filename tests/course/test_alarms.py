@@ -12,7 +12,9 @@ def pressures(*values):
 def test_a_course_says_from_when_on_it_describes_no_patient():
     """After too much ultrafiltration a course went on for hours at 2 mmHg."""
     minute = np.array([0.0, 60.0, 66.0, 80.0, 120.0, 130.0])
-    (said,) = not_survived(minute, pressures(80, 70, 28, 5, 12, 60))
+    (alarm,) = not_survived(minute, pressures(80, 70, 28, 5, 12, 60))
+    assert (alarm.at_min, alarm.until_min, alarm.kind, alarm.worst) == (66.0, None, "collapse", 5.0)
+    said = alarm.sentence
     assert said.startswith("mean arterial pressure below 30 mmHg from 01:06 for more than 10 min")
     assert "nothing after it describes a patient, even if pressure returns" in said
 

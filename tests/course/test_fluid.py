@@ -64,7 +64,7 @@ def test_events_set_no_starts(key):
 def test_courses_say_potassium_beyond_its_limits():
     result = follow(240.0, solutes={"potassium_mmol_l": 7.0, "fluid_potassium_mmol_l": 0.0})
     sentences = [line for line in result.attrs["warnings"] if "potassium" in line]
-    assert sentences[0].startswith("potassium of the plasma above 6.5 mmol/L at 00:00, until 0")
+    assert sentences[0].startswith("alarm: potassium of the plasma above 6.5 mmol/L at 00:00, until 0")
     assert "(7 mmol/L at worst): hyperkalaemia" in sentences[0]
     assert sentences[1].startswith("potassium of the plasma above 6 mmol/L at 00:00")
     assert "(7 mmol/L at worst): hyperkalaemia" in sentences[1]
@@ -266,7 +266,9 @@ def test_courses_say_bicarbonate_and_haematocrit_beyond_their_limits():
     sections = {"fluid": {"haematocrit": 0.20}, "solutes": {"bicarbonate_mmol_l": 9}, "events": events}
     warnings = follow(12.0, **sections).attrs["warnings"]
     (acid,) = [
-        line for line in warnings if line.startswith("bicarbonate of the plasma below 10 mmol/L at 00:00")
+        line
+        for line in warnings
+        if line.startswith("alarm: bicarbonate of the plasma below 10 mmol/L at 00:00")
     ]
     assert " mmol/L at worst): acidaemia" in acid
     (thin,) = [line for line in warnings if line.startswith("haematocrit of the blood below 0.21 at 00:00")]
@@ -288,11 +290,11 @@ def test_courses_call_for_help_where_haematocrit_and_protein_are_survived_by_few
     """Hours at 0.68 and 2.2 g/dL had a warning at most."""
     thick = {"fluid": {"haematocrit": 0.68, "plasma_protein_g_dl": 2.2, "interstitial_protein_g_dl": 0.8}}
     warnings = follow(12.0, **thick).attrs["warnings"]
-    (cells,) = [line for line in warnings if line.startswith("haematocrit of the blood")]
-    assert cells.startswith("haematocrit of the blood above 0.65 at 00:00")
+    (cells,) = [line for line in warnings if line.startswith("alarm: haematocrit of the blood")]
+    assert cells.startswith("alarm: haematocrit of the blood above 0.65 at 00:00")
     assert "haemoglobin 22 g/dL, as in the worst capillary leak" in cells
-    (protein,) = [line for line in warnings if line.startswith("protein of the plasma")]
-    assert protein.startswith("protein of the plasma below 2.3 g/dL at 00:00")
+    (protein,) = [line for line in warnings if line.startswith("alarm: protein of the plasma")]
+    assert protein.startswith("alarm: protein of the plasma below 2.3 g/dL at 00:00")
     thin = {"fluid": {"haematocrit": 0.13, "plasma_protein_g_dl": 3.5, "interstitial_protein_g_dl": 1.2}}
     warnings = follow(12.0, **thin).attrs["warnings"]
     assert any("a third of patients died at 4.1 to 5 g/dL" in line for line in warnings)

@@ -59,6 +59,13 @@ def test_curves_end_where_beats_were_not_found_and_the_legend_says_so(gone):
     assert inside(fig)
 
 
+def test_the_legend_tells_other_schemes_from_the_flow_of_the_case(figures):
+    (legend,) = figures["speeds"].legends
+    pairs = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    lines = {words.get_text(): line.get_linestyle() for words, line in pairs}
+    assert lines["other schemes"] != lines["ECMO flow of the case"]
+
+
 def test_a_beat_that_was_not_found_is_not_drawn_and_named(gone):
     waves = gone.waveforms.copy(deep=True)
     for name in waves.data_vars:

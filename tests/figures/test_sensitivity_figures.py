@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from eclsim.sensitivity.design import Estimates
-from eclsim.sensitivity.figures import plot_heat_map, plot_pairs, plot_sums
+from eclsim.sensitivity.figures import plot_bars, plot_heat_map, plot_pairs, plot_sums
 from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS
 from eclsim.sensitivity.results import Indices
 
@@ -43,3 +45,12 @@ def test_published_sums_stand_beside_ours(indices):
 def test_only_pairs_beyond_their_interval_are_drawn(indices):
     panels = dict(zip(OUTPUTS, plot_pairs(indices).axes, strict=False))
     assert [len(panels[name].lines) for name in OUTPUTS] == [1, 0, 0, 0, 0, 0, 0]
+
+
+def test_bars_without_a_ranking_say_which_inputs_they_show(indices):
+    notes = [
+        plot_bars(one).axes[-1].get_legend().get_texts()[-1].get_text()
+        for one in (indices, replace(indices, rows_used=8))
+    ]
+    assert "make up 90 %" in notes[0]
+    assert ["not ranked" in note for note in notes] == [False, True]

@@ -34,6 +34,19 @@ def test_curves_stand_out_on_paper():
     assert all(1.05 / (luminance(colour) + 0.05) > 2.0 for colour, _ in CURVES)
 
 
+def test_a_long_label_keeps_its_margin_in_the_file(tmp_path):
+    """Text is wider at the resolution of the file than at that of the screen."""
+    with figure_style():
+        figure = new_figure(80, 40)
+        axes = figure.subplots()
+        axes.set_yticks([0, 1], ["tube from oxygenator", "lungs"])
+        axes.tick_params(axis="y", length=0)
+    (file,) = save_figure(figure, tmp_path / "label", ["png"])
+    dark = np.asarray(Image.open(file).convert("L")) < 200
+    assert int(np.flatnonzero(dark.any(axis=0))[0]) >= 8
+    assert figure.dpi == 100
+
+
 def test_more_curves_than_styles_start_again():
     assert curve_style(len(CURVES)) == curve_style(0)
 

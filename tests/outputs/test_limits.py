@@ -1,10 +1,12 @@
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from eclsim.cases.presets import PRESETS
-from eclsim.outputs.alarms import findings
+from eclsim.devices.description import placed_sentence
+from eclsim.outputs.alarms import findings, marks, sentences
 from eclsim.outputs.limits import (
     COURSE_LIMITS,
     all_limits,
@@ -80,6 +82,32 @@ def test_a_heart_rate_that_nothing_changes_is_the_patients_own_and_not_judged():
 def test_of_what_says_the_same_the_gravest_is_told():
     (one,) = broken_limits({"PCWP": 20.0, "left_atrial_pressure": 27.0})
     assert (one.quantity, one.kind) == ("left_atrial_pressure", "alarm")
+
+
+def test_a_second_name_of_an_output_has_its_limits():
+    assert limits_of("CVP")
+    of_atrium = limits_of("right_atrial_pressure")
+    assert limits_of("CVP") == tuple(replace(limit, quantity="CVP") for limit in of_atrium)
+    high = {"right_atrial_pressure": 13.0, "CVP": 13.0}
+    assert levels(high) == dict.fromkeys(high, "warning")
+    (one,) = broken_limits(high)
+    assert one.quantity == "right_atrial_pressure"
+    assert marks(findings(high, {}), high) == dict.fromkeys(high, "warning")
+    assert [(one.quantity, one.kind) for one in broken_limits({"CVP": 21.0})] == [("CVP", "alarm")]
+
+
+def test_an_output_beyond_a_limit_is_marked_also_where_another_is_named():
+    high = {"PCWP": 20.0, "left_atrial_pressure": 27.0}
+    assert marks(findings(high, {}), high) == {"PCWP": "warning", "left_atrial_pressure": "alarm"}
+
+
+def test_a_sentence_says_whether_it_is_an_alarm():
+    (alarm,) = sentences(findings({"MAP": 50.0}, {}))
+    assert alarm.startswith("alarm: mean arterial pressure 50.0 mmHg is below 55 mmHg")
+    (warning,) = sentences(findings({"MAP": 60.0}, {}))
+    assert warning.startswith("mean arterial pressure")
+    assert placed_sentence("at 2 L/min", alarm).startswith("alarm: at 2 L/min: mean arterial")
+    assert placed_sentence("at 2 L/min", warning).startswith("at 2 L/min: mean arterial")
 
 
 def test_a_compartment_takes_the_worst_of_its_outputs():

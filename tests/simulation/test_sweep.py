@@ -1,11 +1,17 @@
 """A key varied over values: every beat is that of the case itself, what has none is a gap with a reason."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 
 from eclsim.cases import read_mapping
 from eclsim.cases.settings import apply_settings
-from eclsim.simulation.figures import panels_of, plot_sweep
+from eclsim.simulation.figures import plot_sweep
+from eclsim.simulation.panels import legend_of_bars, panels_of
 from eclsim.simulation.single import simulate
 from eclsim.simulation.summary import sweep_text
 from eclsim.simulation.sweep import (
@@ -143,7 +149,6 @@ def test_a_flow_is_solved_for_at_each_value_and_what_is_out_of_reach_is_blank(fl
 
 
 def test_the_files_hold_the_reason_and_no_number_without_a_beat(flows, tmp_path):
-    import pandas as pd
     import xarray as xr
 
     written = sweep_object(flows)
@@ -183,6 +188,42 @@ def test_an_impossible_beat_has_hollow_markers(flows):
     ax = plot_sweep(table).axes[0]
     hollow = [line for line in ax.get_lines() if line.get_markerfacecolor() == "white"]
     assert [np.asarray(line.get_xdata()).tolist() for line in hollow] == [[2.0]] * 3
+
+
+def test_bars_mark_the_values_with_a_broken_limit(flows):
+    table = as_table(flows)
+    broken = [
+        {"quantity": "CVP", "kind": "alarm", "at": [0, 1]},
+        {"quantity": "MAP", "kind": "warning", "at": [1]},
+    ]
+    table.attrs["broken"] = json.dumps([*broken, {"quantity": "pHa", "kind": "collapse", "at": [0]}])
+    figure = plot_sweep(table)
+    bars = {
+        ax.get_title(loc="left"): [line for line in ax.get_lines() if [*line.get_ydata()] == [0.02, 0.02]]
+        for ax in figure.axes
+    }
+    (alarm,), (warning,) = bars["Filling pressures"], bars["Arterial pressure"]
+    assert (alarm.get_xdata(), warning.get_xdata()) == ((1.0, 6.5), (3.0, 6.5))  # swept: 2, 4, 9
+    assert (alarm.get_linestyle(), warning.get_linestyle()) == ("-", "--")
+    assert sum(map(len, bars.values())) == 2
+    assert "limits broken by outputs that are not drawn: pHa (impossible)" in figure.get_supxlabel()
+    assert legend_of_bars(panels_of(table), ()) == []
+
+
+def test_limits_that_the_beats_break_are_in_the_table(flows):
+    results = [r.copy() for r in flows.results]
+    for result in results[:2]:
+        result["CVP"].attrs["finding"] = "alarm"
+        result["PCWP"].attrs["finding"] = "caution"
+    broken = json.loads(as_table(replace(flows, results=tuple(results))).attrs["broken"])
+    assert {"quantity": "CVP", "kind": "alarm", "at": [0, 1]} in broken
+    assert all(one["quantity"] != "PCWP" and 2 not in one["at"] for one in broken)
+
+
+def test_a_swept_gas_is_drawn():
+    names = ("SaO2", "PaCO2_lower", "DO2", "upper_body_flow")
+    titles = [panel.title for panel in panels_of(xr.Dataset(dict.fromkeys(names, 1.0)))]
+    assert titles == ["Mean flows", "Oxygen saturation", "Oxygen delivery", "Carbon dioxide"]
 
 
 def test_a_range_that_misses_its_last_value_is_said():

@@ -289,7 +289,8 @@ _FURTHER_RANGES: dict[str, tuple[float, float, str]] = {
 def reference_ranges(sex: Sex) -> dict[str, tuple[float, float, str]]:
     """Return adult reference ranges of outputs with their sources, the same as in the report of a fit."""
     judged = {name: (*one.healthy, one.source) for name, one in adult_ranges(sex).items()}
-    return {**_FURTHER_RANGES, **judged}
+    result = {**_FURTHER_RANGES, **judged}
+    return result | {n: result[o.same_as] for n, o in all_outputs().items() if o.same_as in result}
 
 
 def bounds(quantity: str, values: Mapping[str, float] = NO_VALUES) -> list[dict[str, Any]]:

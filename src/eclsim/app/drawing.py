@@ -88,11 +88,11 @@ def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
 
 
 def _frame_texts(group: str) -> dict[str, str]:
-    """Return the title of a frame and the unit of its flows."""
+    """Return the title of a frame and the units of its pressures and flows."""
     names = naming_of(group)
     label = ENGLISH.get(f"frame_{group}", group) if names is None else names.label
     unit = (PATIENT if names is None else names.views()).flow_unit.unit
-    return {"label": label, "flows": "" if group == "spare" else text("frame_flows", unit=unit)}
+    return {"label": label, "flows": "" if group == "spare" else text("frame_units", unit=unit)}
 
 
 def _flow(group: str, name: str) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import CaseError, shown
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
+from eclsim.outputs.registry import first_name
 from eclsim.parameters.thiel2025 import BOUNDS
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def _badge(kind: str, changed: bool) -> str:
 def _measured(measurements: Measurements) -> dict[str, float]:
     """Return the measurements by the name of every output that they measure."""
     values = measurements.model_dump(exclude_none=True)
-    return values | ({"right_atrial_pressure": values["CVP"]} if "CVP" in values else {})
+    return values | {first_name(name): value for name, value in values.items()}
 
 
 def kind_of(state: PageState) -> str:

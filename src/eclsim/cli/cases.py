@@ -129,7 +129,10 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
 
 def warn_of_new_findings(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:
     """Show warnings of results, except those that were shown when their case was read."""
-    warn(f"{reading.file}{at}: {line}" for line in lines if line not in reading.case.doubts)
+    from eclsim.devices.description import placed_sentence
+
+    fresh = (str(line) for line in lines if line not in reading.case.doubts)
+    warn(placed_sentence(f"{reading.file}{at}", line) for line in fresh)
 
 
 def names_of(text: str | None) -> tuple[str, ...] | None:

@@ -55,15 +55,18 @@ def broken_rules(rules: Mapping[str, object]) -> list[str]:
     return [message for message, broken in rules.items() if broken]
 
 
-def warn(lines: Iterable[object], label: str = "warning") -> None:
-    """Write warnings, which do not stop a command."""
-    for line in lines:
-        say(f"{label}: {line}")
+def warn(lines: Iterable[object]) -> None:
+    """Write warnings, which do not stop a command; alarms and cautions have the labels of their own."""
+    from eclsim.devices.description import has_label
+
+    for line in map(str, lines):
+        say(line if has_label(line) else f"warning: {line}")
 
 
 def note(lines: Iterable[object]) -> None:
     """Write notes on what was assumed or changed."""
-    warn(lines, "note")
+    for line in lines:
+        say(f"note: {line}")
 
 
 class Progress:

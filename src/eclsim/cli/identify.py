@@ -215,12 +215,13 @@ def _fit_case(o: IdentifyOptions, mistakes: Collection[str]) -> dict[str, Any]:
     warn(checked.warnings)
     note(line for line in checked.notes if not line.key.startswith("measurements."))
 
+    from eclsim.devices.description import placed_sentence
     from eclsim.identification.fit import fit
 
     folder = Path(o.out)
     with Progress() as progress:
         result = fit(reading.case, settings=settings, progress=progress)
-        warn(f"{o.file}, fitted: {line}" for line in result.warnings)
+        warn(placed_sentence(f"{o.file}, fitted", line) for line in result.warnings)
         result = _with_profiles(result, folder, progress) if result.simulated else result
         content, page = _write_fit(folder, result, settings, {})
         if o.samples and result.simulated:

@@ -158,6 +158,7 @@ def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:
     Warnings of the case itself are left out, as they were shown when it was read.
     """
     from eclsim.course.alarms import NUMBER
+    from eclsim.devices.description import placed_sentence
 
     kinds: dict[str, list[tuple[str, str]]] = {}
     for step in steps:
@@ -166,7 +167,7 @@ def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:
     lines = []
     for *before, (last, sentence) in kinds.values():
         also = f" (likewise at {', '.join(at for at, _ in before)})" if before else ""
-        lines.append(f"at {last} rpm{also}: {sentence}")
+        lines.append(placed_sentence(f"at {last} rpm{also}", sentence))
     return lines
 
 

@@ -259,6 +259,7 @@ def _change(results: Sequence[xr.Dataset]) -> dict[str, float]:
 
 def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
     """Simulate the case at each value of one key, write and show the results."""
+    from eclsim.devices.description import placed_sentence
     from eclsim.simulation import sweep as sweeps
     from eclsim.simulation.summary import sweep_doubts, sweep_text
 
@@ -279,7 +280,7 @@ def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
             sweeps.write_figure(sweep, places.figures / stem)
         if write_json_output(sweeps.sweep_object(sweep), places.json):
             typer.echo(sweep_text(sweep))
-    warn(f"{o.case_files[0]}: {line}" for line in sweep_doubts(sweep))
+    warn(placed_sentence(o.case_files[0], line) for line in sweep_doubts(sweep))
     return sweep.results
 
 

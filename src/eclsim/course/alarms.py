@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from eclsim.course.timeline import BEFORE_S, MINUTE
-from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding
-from eclsim.outputs.alarms import KINDS, breach
+from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding, labelled_sentence
+from eclsim.outputs.alarms import KINDS, breach, consecutive_runs
 from eclsim.outputs.limits import COURSE_LIMITS, group_of
 from eclsim.outputs.registry import find_output
 from eclsim.slow import DerivedQuantity
@@ -47,6 +47,11 @@ class Alarm(NamedTuple):
     limit: float
     worst: float
     sentence: str
+
+    @property
+    def labelled(self) -> str:
+        """The sentence after the label of its kind."""
+        return labelled_sentence(self.kind, self.sentence)
 
 
 def clock_time(minute: float, seconds: bool = False) -> str:
@@ -96,8 +101,10 @@ def alarms(
     ]
 
 
-def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[str]:
-    """Sentence on the first time without a circulation that lasts too long to survive; empty if none does.
+def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[Alarm]:
+    """Alarm on the first time without a circulation that lasts too long to survive; empty if none does.
+
+    It has no `limit`, as a pressure alone does not break it, and no end, as a later pressure does not help.
 
     Args:
         minute: time of each moment [min].
@@ -108,11 +115,13 @@ def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[
     for run in consecutive_runs(below):
         if minute[run[-1]] - minute[run[0]] >= ARREST_MIN:
             begin = clock_time(minute[run[0]])
-            return [
+            text = (
                 f"mean arterial pressure below {ARREST_MMHG:g} mmHg from {begin} for more than "
                 f"{ARREST_MIN:g} min: a circulatory arrest that the brain does not survive; nothing after it "
                 "describes a patient, even if pressure returns (a convention of this project)"
-            ]
+            )
+            worst = float(np.min(np.asarray(pressure)[run]))
+            return [Alarm(float(minute[run[0]]), None, "collapse", "MAP", float("nan"), worst, text)]
     return []
 
 
@@ -168,16 +177,6 @@ def _makes_redundant(one: Alarm, other: Alarm) -> bool:
         and one.at_min <= other.at_min
         and ends[0] >= ends[1]
     )
-
-
-def consecutive_runs(places: list[int]) -> list[list[int]]:
-    """Split indices into runs of consecutive ones."""
-    runs: list[list[int]] = []
-    for place in places:
-        if not runs or place != runs[-1][-1] + 1:
-            runs.append([])
-        runs[-1].append(place)
-    return runs
 
 
 def _alarm(

@@ -24,7 +24,7 @@ from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
-from eclsim.course.alarms import alarms
+from eclsim.course.alarms import alarms, not_survived
 from eclsim.course.gases import GasDynamics, Gases
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
@@ -559,8 +559,9 @@ class BeatMarch:
         derived = self.laws.derived_quantities(states, in_effect)
         result = labelled_course(time, outputs, self.laws, states, derived)
         result[IMPOSSIBLE] = impossible_among(beat_findings)
-        broken = alarms(beat_findings, outputs, time / MINUTE, np.ones(len(beats), dtype=bool))
-        warnings = [self.stopped] * bool(self.stopped) + [alarm.sentence for alarm in broken]
+        minute, by_beat = time / MINUTE, np.ones(len(beats), dtype=bool)
+        broken = [*not_survived(minute, outputs), *alarms(beat_findings, outputs, minute, by_beat)]
+        warnings = [self.stopped] * bool(self.stopped) + [alarm.labelled for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)
         about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)
         as_json = json.dumps([alarm._asdict() for alarm in broken])

@@ -279,13 +279,13 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     words = [Status(int(s)).word for s in moments.status[places]]
     result["status"] = variable(TIME, np.array(words, dtype=str))
     minute, settling = time / MINUTE, engine.settling_s[member]
-    broken = alarms(moment_findings, outputs, minute, moments.by_beat[places], shown)
+    arrest = not_survived(minute, outputs) if with_alarms else []
+    broken = [*arrest, *alarms(moment_findings, outputs, minute, moments.by_beat[places], shown)]
     message = _early_end_text(moments.stopped[member], minute)
     ahead = _skipped_transients_text(history) + _fast_slow_states(history, laws, settling)
     ahead += _unsettled_spans(history)
     ahead += _sudden_gas_change(time, outputs, engine, member, moments.by_beat[places])
-    sentences = [message] * bool(message) + [alarm.sentence for alarm in broken]
-    sentences += not_survived(minute, outputs) if with_alarms else []
+    sentences = [message] * bool(message) + [alarm.labelled for alarm in broken]
     balance = balance_of(laws, states, in_effect)
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
     return result.assign_attrs(

@@ -4,45 +4,43 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
-from eclsim.course.alarms import clock_time, consecutive_runs
+from eclsim.course.alarms import clock_time
 from eclsim.course.result import impossible_moments, spans_in_words
 from eclsim.devices.description import Panel
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
-from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT, consecutive_runs
 from eclsim.reporting import style
-from eclsim.simulation.figures import QUANTITY, draw_legend_above, panels_of
+from eclsim.simulation.figures import draw_legend_above
+from eclsim.simulation.panels import (
+    QUANTITIES,
+    BrokenLimit,
+    draw_bar,
+    draw_broken_limits,
+    legend_of_bars,
+    make_room,
+    panels_of,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
 
 BLOOD = Panel("Fluid and blood", "mL", (GIVEN, REMOVED, REFILLED), ("given", "removed", "refilled"))
-RATE = Panel("Heart rate", "1/min", ("heart_rate",), ("heart rate",))
-SATURATION = Panel("Oxygen saturation", "%", ("SaO2", "SaO2_lower", "SvO2"),
-                   ("arteries", "femoral artery", "pulmonary artery"))  # fmt: skip
-OXYGEN = Panel("Oxygen delivery", "mL/min", ("DO2", "VO2"), ("delivery", "consumption"))
 DISSOLVED = Panel("Dissolved", "mmol/L", ("urea", "potassium", "bicarbonate"),
                   ("urea", "potassium", "bicarbonate"))  # fmt: skip
-CARBON_DIOXIDE = Panel("Carbon dioxide", "mmHg", ("PaCO2", "tissue_PCO2"), ("arteries", "tissue"))
 BLOOD_CELLS = Panel("Haematocrit", "1", ("haematocrit",), ("haematocrit",))
-_AXES = QUANTITY | {
-    "1": "Share", "%": "Saturation", "mmol/L": "Concentration", "1/min": "Rate", "mL/min": "Oxygen",
-}  # fmt: skip
 _NARROWEST = {"1": 0.005, "mL": 2.0}
 """Smallest span of an axis in its unit, so that rounding is not shown as a curve; 0.1 for other units."""
 MOST_ALARMS = 5
 """Largest number of alarms drawn for a band, the most probable ones."""
-_BARS = {"collapse": "#7A0000", "alarm": style.OKABE_ITO["vermillion"], "warning": style.OKABE_ITO["orange"]}
 
 
 @style.figure_style()
@@ -52,13 +50,13 @@ def plot_course(result: xr.Dataset) -> Figure:
     Args:
         result: dataset as of `eclsim.course` or `eclsim.course_band`.
     """
-    panels = (*panels_of(result), RATE, SATURATION, OXYGEN, CARBON_DIOXIDE, BLOOD, BLOOD_CELLS, DISSOLVED)
+    panels = (*panels_of(result), BLOOD, BLOOD_CELLS, DISSOLVED)
     drawn = list({p.names: p for p in panels if any(_has_values(result, name) for name in p.names)}.values())
     probable = bool(result.sizes.get("alarm"))
     rows = -(-max(len(drawn) + probable, 1) // 2)
     events = [Event.model_validate(event) for event in json.loads(result.attrs["events"])]
-    alarms = [alarm for alarm in json.loads(result.attrs["alarms"]) if alarm["kind"] in _BARS]
-    legend = _legend(events, result)
+    broken = _broken_limits(result)
+    legend = "\n".join((*_legend(events), *legend_of_bars(drawn, broken), *_notes(result)))
     fig = style.new_figure(style.PAGE_WIDTH_MM, 24 + 50 * rows + 4.0 * legend.count("\n"))
     axes = list(fig.subplots(rows, 2, squeeze=False, sharex=True).flat)
     impossible = impossible_spans(result)
@@ -68,7 +66,7 @@ def plot_course(result: xr.Dataset) -> Figure:
             ax.axvspan(*np.array([begin, end]) / _time_axis_unit(result)[1], color="0.85", lw=0, zorder=-1)
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
         _mark_spans(ax, json.loads(result.attrs.get("spans", "[]")), _time_axis_unit(result)[1])
-        _bars(ax, [alarm for alarm in alarms if alarm["quantity"] in panel.names], result)
+        draw_broken_limits(ax, panel, broken)
     used = len(drawn)
     if probable:
         _draw_probability(axes[used], result, events)
@@ -103,7 +101,7 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     if short > 0.0:
         ax.set_ylim(low - 0.5 * short, high + 0.5 * short)
     _mark_events(ax, hours, events, minutes)
-    ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
+    ax.set_ylabel(f"{QUANTITIES.get(panel.unit, '')} [{panel.unit}]".strip())
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * -(-len(drawn) // 2))
     draw_legend_above(ax)
 
@@ -120,6 +118,8 @@ def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index:
 
 
 def _mark_events(ax: Axes, hours: np.ndarray, events: list[Event], minutes: float) -> None:
+    if events:
+        make_room(ax, above=True)
     for number, event in enumerate(events, start=1):
         at = event.at_min / minutes
         if len(hours) and at <= hours[-1]:
@@ -132,7 +132,7 @@ def _mark_spans(ax: Axes, spans: list[dict[str, Any]], minutes: float) -> None:
     """Draw a grey bar at the top where every beat was followed."""
     for span in spans:
         ends = [span["from_min"] / minutes, span["until_min"] / minutes]
-        _bar(ax, ends, 1.01, color="0.65", linewidth=2.4, solid_capstyle="projecting", clip_on=False)
+        draw_bar(ax, ends, 1.01, color="0.65", linewidth=2.4, solid_capstyle="projecting", clip_on=False)
 
 
 def impossible_spans(result: xr.Dataset) -> list[tuple[float, float]]:
@@ -140,11 +140,6 @@ def impossible_spans(result: xr.Dataset) -> list[tuple[float, float]]:
     marked, minute = impossible_moments(result), result["time_min"].to_numpy()
     runs, last = consecutive_runs(np.flatnonzero(marked).tolist()), len(minute) - 1
     return [(float(minute[run[0]]), float(minute[min(run[-1] + 1, last)])) for run in runs]
-
-
-def _bar(ax: Axes, ends: Sequence[float] | np.ndarray, height: float, **look: Any) -> None:
-    """Draw a bar between two times at a height in that of the axes."""
-    ax.add_line(Line2D(ends, [height, height], transform=ax.get_xaxis_transform(), **look))
 
 
 def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None:
@@ -156,34 +151,40 @@ def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None
     ):
         text = style.plain_text(str(label).replace("_", " "), 60)
         ax.plot(hours, 100.0 * share, label=text, **style.curve_style(index))  # pyright: ignore[reportArgumentType] - dict of keywords
-    _mark_events(ax, hours, events, minutes)
     ax.set_ylim(-3.0, 103.0)
+    _mark_events(ax, hours, events, minutes)
     ax.set_ylabel("Draws [%]")
     ax.set_title("Limits broken", loc="left", pad=3 + 11.5 * gravest.sizes["alarm"])
     draw_legend_above(ax, 1)
 
 
-def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None:
-    """Draw bars at the bottom where a limit of one of the panel's outputs is violated."""
-    end = float(result["time_min"][-1])
-    for alarm in sorted(alarms, key=lambda item: list(_BARS).index(str(item["kind"])), reverse=True):
-        until = end if alarm["until_min"] is None else float(str(alarm["until_min"]))
-        ends = np.array([float(str(alarm["at_min"])), until]) / _time_axis_unit(result)[1]
-        _bar(ax, ends, 0.02, color=_BARS[str(alarm["kind"])], linewidth=3.0, solid_capstyle="butt")
+def _broken_limits(result: xr.Dataset) -> list[BrokenLimit]:
+    """Alarms of the course on the time axis; those of a band are shares of its draws and have no bars."""
+    end, minutes = (float(m) for m in (*result["time_min"][-1:], _time_axis_unit(result)[1]))
+    return [
+        BrokenLimit(
+            alarm["quantity"], alarm["kind"], alarm["at_min"] / minutes,
+            (end if alarm["until_min"] is None else alarm["until_min"]) / minutes,
+        )
+        for alarm in json.loads(result.attrs["alarms"])
+    ]  # fmt: skip
 
 
-def _legend(events: list[Event], result: xr.Dataset) -> str:
+def _legend(events: list[Event]) -> list[str]:
     lines = []
     for number, event in enumerate(events, start=1):
         how = f" over {event.over_min:g} min" if event.give else ""
         how += f" within {event.ramp_min:g} min" if event.ramp_min else ""
         lines.append(f"{number}  {clock_time(event.at_min)}  {style.plain_text(event.summary, 90)}{how}")
+    return lines
+
+
+def _notes(result: xr.Dataset) -> list[str]:
+    lines = []
     if "quantile" in result.dims:
         lines.append(
             f"curves: median of {result.attrs['draws']} draws; bands: 50 % and 90 % of those followed so far"
         )
-    else:
-        lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
     if impossible_spans(result):
         lines.append(f"grey areas: beats {IMPOSSIBLE_BEAT}: ignore their numbers")
     if spans := spans_in_words(result):
@@ -192,4 +193,4 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
     said = result.attrs["warnings"] if "quantile" in result.dims else said
     for sentence in filter(None, said):
         lines += textwrap.wrap(style.plain_text(str(sentence), 330), 110)
-    return "\n".join(lines)
+    return lines

@@ -17,6 +17,7 @@ from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
 from eclsim.course.timeline import MINUTE, Timeline, case_with_settings
+from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.devices.dialysed_blood import FEWER_SURVIVED_TEXT, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
@@ -185,7 +186,7 @@ def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -
     timeline = Timeline(case_with_settings(case, {key: removal.rate_ml_h}, case), minutes * MINUTE)
     (result,) = follow([timeline], [minutes / MOMENTS_PER_COURSE], None, policy, with_alarms=True)
     alarms = json.loads(result.attrs["alarms"])
-    sentences, message = [one["sentence"] for one in alarms], removal.message
+    sentences, message = [labelled_sentence(one["kind"], one["sentence"]) for one in alarms], removal.message
     message += broken_alarms_text(
         (one["quantity"] for one in alarms if one["kind"] in ALARM_KINDS), "on the way"
     )
@@ -193,7 +194,8 @@ def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -
     if per_kg > HARMFUL_ML_KG_H:
         message += f"; {per_kg:.1f} mL/kg/h are above {HARMFUL_ML_KG_H:g}: see the warning"
         sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}")
-    return replace(removal, message=message, warnings=(*sentences, *result.attrs["cautions"]))
+    sentences += [labelled_sentence(CAUTION, text) for text in result.attrs["cautions"]]
+    return replace(removal, message=message, warnings=tuple(sentences))
 
 
 def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | None]:

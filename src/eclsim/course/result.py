@@ -14,7 +14,7 @@ from eclsim.course.alarms import clock_time
 from eclsim.course.fluid_remarks import remarks_on_fluids
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
-from eclsim.devices.description import Finding
+from eclsim.devices.description import CAUTION, Finding, labelled_sentence
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.outputs.results import output_labels, variable
@@ -78,11 +78,14 @@ def attributes_of(
         "message": message,
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "warnings": [*timeline.case.doubts, *warnings, *approximations, *timeline.cut_short(), *cautions],
+        "warnings": [
+            *timeline.case.doubts, *warnings, *approximations, *timeline.cut_short(),
+            *(labelled_sentence(CAUTION, text) for text in cautions),
+        ],
         "approximations": list(approximations),
         "cautions": cautions,
         "blood_volume_policy": policy,
-    }
+    }  # fmt: skip
 
 
 def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarray]) -> dict[str, float]:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Ends = Mapping[str, tuple[float, float]]
 """Right end of each scheme's curve."""
+_CASE_FLOW: dict[str, Any] = {"color": "black", "linewidth": 0.8, "linestyle": (0, (6, 1.5, 1, 1.5))}
+"""Look of the line at the ECMO flow of the case."""
 VESSELS = (("Psart", "systemic artery"), ("Ppart", "pulmonary artery"), ("Psvn", "systemic vein"))
 
 
@@ -193,7 +195,8 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float, rule_limits: tuple[Li
             start = some.isel(speed=0)
             highest_start = float(start.max()) if name != "Psart" else float(some.isel(speed=-1).max())
             _name_vessel(grid[0, 0], name, label, float(start.min()), highest_start)
-    grid[0, 0].set_ylim(bottom=min(-9.0, grid[0, 0].get_ylim()[0]))
+    low, high = grid[0, 0].get_ylim()
+    grid[0, 0].set_ylim(min(-9.0, low), high + 0.06 * (high - low))  # the name of the artery stands above it
     grid[0, 0].set_title("a) Patient", loc="left")
     label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", extremes), extremes)
     suction = next(limit.low for limit in rule_limits if limit.name == "suction")
@@ -203,7 +206,7 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float, rule_limits: tuple[Li
         _finish_line(ax, line, _over_flow(ax, means, signal, extremes), extremes, rule_limits)
     at = means["PF"].sel(speed=case_speed).median().item()
     for ax in grid.flat if np.isfinite(at) else ():
-        ax.axvline(at, color=GREY, linewidth=0.6, zorder=1)
+        ax.axvline(at, **_CASE_FLOW, zorder=1)
     mark = "ECMO flow of the case" if np.isfinite(at) else None
     explain_colours(grid[0, 0], extremes, mark, schemes_without_beat(means.sel(speed=case_speed)), gaps)
     return fig
@@ -405,7 +408,7 @@ def explain_colours(
     texts = [f"{plain_text(k, 30)}: {word} arterial pressure{among}" for k, word in shown]
     texts.append("other schemes")
     if mark is not None:
-        handles.append(Line2D([], [], color=GREY, linewidth=0.6))
+        handles.append(Line2D([], [], **_CASE_FLOW))
         texts.append(mark)
     if gaps:
         look: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"}

@@ -16,6 +16,7 @@ import xarray as xr
 
 from eclsim.crrt_study.beats import Variables, speeds_text, speeds_without_solution, value
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
+from eclsim.devices.description import placed_sentence
 from eclsim.devices.ecmo import SUCTION_MMHG
 from eclsim.outputs.alarms import sentences
 
@@ -335,8 +336,10 @@ def beat_warnings(
                 first.setdefault(key, *sentences([finding]))
     known = {(finding.kind, finding.quantity) for finding in alone}
     further = (finding for finding in alone if finding.quantity not in LIMITED_OUTPUTS)
-    own = (f"without CRRT: {sentence}" for sentence in sentences(further))
+    own = (placed_sentence("without CRRT", sentence) for sentence in sentences(further))
     more = (
-        f"scheme {', '.join(schemes[key])}: {sentence}" for key, sentence in first.items() if key not in known
+        placed_sentence(f"scheme {', '.join(schemes[key])}", sentence)
+        for key, sentence in first.items()
+        if key not in known
     )
     return (*own, *more)

@@ -35,6 +35,10 @@ COLLAPSE_MMHG = -300.0
 """Pressure [mmHg] at which any vein has collapsed, so that a pump would not reach the computed flow."""
 CAUTION = "caution"
 """Kind of a finding that concerns no limit but how to interpret a number."""
+LABELS: Mapping[str, str] = MappingProxyType(
+    {"collapse": "impossible", "alarm": "alarm", "caution": "caution"}
+)
+"""First words of sentences on findings, by kind; a warning has none."""
 
 
 class BeatMeasures(Protocol):
@@ -81,6 +85,7 @@ class Output:
         by_gases: whether it also depends on blood gases if they are computed.
         in_effect: whether it depends on the readings of controllers, and so on all their parameters.
         read_at: waveform of the place that it describes, if that is not the place of `needs`.
+        same_as: name of the output of the same number that has the limits and the reference range.
     """
 
     name: str
@@ -96,6 +101,7 @@ class Output:
     by_gases: bool = False
     in_effect: bool = False
     read_at: str = ""
+    same_as: str = ""
 
 
 def mean(name: str, long_name: str, signal: str) -> Output:
@@ -221,6 +227,24 @@ class Finding:
     def is_about(self, outputs: Collection[str]) -> bool:
         """Whether to report it if only these outputs are shown; always true unless it is a caution."""
         return self.kind != CAUTION or any(name in outputs for name in self.concerns)
+
+
+def labelled_sentence(kind: str, sentence: str) -> str:
+    """Return the sentence of a finding after the label of its kind: "alarm: ..."."""
+    return f"{LABELS[kind]}: {sentence}" if kind in LABELS else sentence
+
+
+def has_label(sentence: str) -> bool:
+    """Whether a sentence begins with the label of a kind of findings."""
+    return sentence.partition(": ")[0] in LABELS.values()
+
+
+def placed_sentence(place: str, sentence: str) -> str:
+    """Return a sentence with a place, which follows its label if it has one: "alarm: at 3000 rpm: ..."."""
+    if not has_label(sentence):
+        return f"{place}: {sentence}"
+    label, _, text = sentence.partition(": ")
+    return f"{label}: {place}: {text}"
 
 
 @dataclass(frozen=True)

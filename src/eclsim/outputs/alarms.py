@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from eclsim.circuit.network import Circuit
-from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
+from eclsim.devices.description import (
+    CAUTION,
+    COLLAPSE_MMHG,
+    GRAVEST_FIRST,
+    Finding,
+    Limit,
+    labelled_sentence,
+)
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
 from eclsim.outputs.cautions import cautions, organ_flow
-from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits
-from eclsim.outputs.registry import CHAMBERS, output
+from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits, levels
+from eclsim.outputs.registry import CHAMBERS, first_name, output
 from eclsim.outputs.sealed import sealed
 from eclsim.patient.sites import DRAINED
 
@@ -73,8 +80,35 @@ def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def sentences(findings: Iterable[Finding]) -> list[str]:
-    """Sentences of findings, as in the `warnings` of results."""
-    return [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in findings]
+    """Sentences of findings with the labels of their kinds, as in the `warnings` of results."""
+    return [labelled_sentence(finding.kind, finding.sentence) for finding in findings]
+
+
+def marks(
+    findings: Iterable[Finding], outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES
+) -> dict[str, str]:
+    """Kind of the most severe finding about each output, also where only one of equivalent ones is reported.
+
+    Args:
+        findings: findings of a beat.
+        outputs: outputs by name.
+        values: parameters of the patient.
+    """
+    result = {name: kind for name, kind in levels(outputs, values).items() if kind != "ok"}
+    for finding in findings:
+        for name in finding.concerns:
+            result[name] = min(finding.kind, result.get(name, finding.kind), key=KINDS.index)
+    return result | {name: result[first] for name in outputs if (first := first_name(name)) in result}
+
+
+def consecutive_runs(places: Sequence[int]) -> list[list[int]]:
+    """Split indices into runs of consecutive ones."""
+    runs: list[list[int]] = []
+    for place in places:
+        if not runs or place != runs[-1][-1] + 1:
+            runs.append([])
+        runs[-1].append(place)
+    return runs
 
 
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:

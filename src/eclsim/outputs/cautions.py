@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from eclsim.devices.description import CAUTION, Finding
+from eclsim.outputs.gas import STANDING_L_MIN
 from eclsim.outputs.limits import limits_of
 from eclsim.parameters import regulation as keys
 
@@ -31,8 +32,6 @@ WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
 which the response measured in patients, up to 19 mmHg, is extrapolated [mmHg]."""
 _DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
 """Outputs of arterial blood, and the side on which their alarms begin."""
-STANDING_L_MIN = 1e-3
-"""Mean flow below which blood counts as standing; its gases could not be sampled [L/min]."""
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 

@@ -12,11 +12,12 @@ from eclsim.circuit.network import Circuit
 from eclsim.components.exchangers import BLOOD
 from eclsim.devices.description import GASES, BeatMeasures, Numbers, Output, gas_sample
 from eclsim.gas.network import CONTENTS, gas_exchanges
-from eclsim.outputs.cautions import STANDING_L_MIN
 from eclsim.outputs.measures import Measures
 from eclsim.parameters.fluid import SOLUTES
 from eclsim.units import ML_S_PER_L_MIN
 
+STANDING_L_MIN = 1e-3
+"""Mean flow below which blood counts as standing; its gases could not be sampled [L/min]."""
 ARTERY = ("upper", "sart")
 """Compartment of the right radial artery: the first of these that a circuit has."""
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from eclsim.devices.description import GRAVEST_FIRST, Limit
 from eclsim.devices.registry import cached_by_devices, devices, named_output
+from eclsim.outputs.registry import listed_as
 from eclsim.patient.anthropometry import AGE, SIZE, body_surface, delivery_limits, greatest_heart_rate
 
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
@@ -242,13 +243,9 @@ def limits_of(
         values: parameters of the patient; limits of oxygen delivery depend on body size, those of the heart
             rate on age.
     """
-    known = named_output(quantity)
-    if known is None:
-        result = [limit for limit in _OF_PATIENT if limit.quantity == quantity]
-    else:
-        names, entry = known
-        limits = (limit for limit in names.device.limits if limit.quantity == entry.name)
-        result = [replace(limit, quantity=quantity) for limit in limits]
+    known, listed = named_output(quantity), listed_as(quantity)
+    limits = _OF_PATIENT if known is None else known[0].device.limits
+    result = [replace(limit, quantity=quantity) for limit in limits if limit.quantity == listed]
     if any(limit.unassisted for limit in result) and _assisted(outputs):
         result = [limit for limit in result if not limit.unassisted]
     result = [limit for limit in result if not set(limit.without) & set(outputs)]
@@ -424,15 +421,15 @@ def _in_order(outputs: Collection[str]) -> tuple[Limit, ...]:
 
 
 def _published(limit: Limit) -> tuple[str, str, str]:
-    """Quantity (under the name of the only instance of a device), kind and side of a limit."""
-    known = named_output(limit.quantity)
-    return limit.quantity if known is None else known[1].name, limit.kind, limit.side
+    """Quantity (as listed), kind and side of a limit."""
+    return listed_as(limit.quantity), limit.kind, limit.side
 
 
 def group_of(quantity: str) -> str:
     """First of a group of equivalent outputs; the output itself if it is in no group."""
     known = named_output(quantity)
     if known is None:
-        return next((names[0] for names in _EQUIVALENT_OUTPUTS if quantity in names), quantity)
+        listed = listed_as(quantity)
+        return next((names[0] for names in _EQUIVALENT_OUTPUTS if listed in names), listed)
     names, entry = known
     return next((names.output(alike[0]) for alike in names.device.alike if entry.name in alike), quantity)

@@ -181,7 +181,7 @@ _MORE = (
     ),
     mean_flow("pulmonary_flow", "flow through the lungs", "Qpart"),
     mean("right_atrial_pressure", "mean right atrial pressure", "Pra"),
-    mean("CVP", "central venous pressure", "Pra"),
+    replace(mean("CVP", "central venous pressure", "Pra"), same_as="right_atrial_pressure"),
     mean("left_atrial_pressure", "mean left atrial pressure", "Pla"),
     mean("venous_pressure", "mean systemic venous pressure", "Psvn"),
     *_ventricle("lv"),
@@ -351,6 +351,18 @@ def output(name: str) -> Output:
     if result is None:
         raise UnknownOutputError(name)
     return result
+
+
+def first_name(name: str) -> str:
+    """Name of an output; of the two names of a number, the one that has the limits."""
+    entry = find_output(name)
+    return name if entry is None else entry.same_as or name
+
+
+def listed_as(name: str) -> str:
+    """Name of an output in tables of limits, where a device has only one instance."""
+    known = named_output(name)
+    return first_name(name if known is None else known[1].name)
 
 
 _SECTION_OF_OUTPUT = (

@@ -24,7 +24,7 @@ from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
-from eclsim.outputs.alarms import findings, impossible, sentences
+from eclsim.outputs.alarms import findings, impossible, marks, sentences
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import leading_outputs, output
 from eclsim.outputs.regulation import REFLEX_USE, corner_at_set_point
@@ -76,12 +76,11 @@ def labelled(
             continue
         gases = {"SO2": 100.0 * blood.saturation, "PO2": blood.po2, "PCO2": blood.pco2}
         data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
-    data |= {n: variable((), v, **output_labels(n)) for n, v in beat.outputs(member).items()}
-    result = beat.findings(member)
-    for finding in reversed(result):
-        for concerned in finding.concerns:
-            if concerned in data:
-                data[concerned].attrs["finding"] = finding.kind
+    outputs, result = beat.outputs(member), beat.findings(member)
+    data |= {n: variable((), v, **output_labels(n)) for n, v in outputs.items()}
+    for concerned, kind in marks(result, outputs, beat.batch.all_values_of(member)).items():
+        if concerned in data:
+            data[concerned].attrs["finding"] = kind
     data |= _recirculation(beat, member)
     status, orbits = Status(int(beat.status[member])), beat.orbits
     attributes: dict[str, Any] = {
@@ -380,7 +379,7 @@ def simulate_course(
         "blood_volume_policy": policy,
         "steps_per_beat": course.steps_per_beat,
         "solver": solver,
-        "warnings": [*model.doubts, *(f.sentence for f in findings({}, extremes))],
+        "warnings": [*model.doubts, *sentences(findings({}, extremes))],
     }
     time = variable("time", course.time, units="s", long_name="time")
     return xr.Dataset(data, coords={"time": time}, attrs=attributes)

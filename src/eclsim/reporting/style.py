@@ -209,17 +209,22 @@ def save_figure(
 
 @contextmanager
 def _layout_fixed(fig: Figure) -> Iterator[None]:
-    """Compute a figure's layout once, not for each format: it takes most of the time of saving."""
-    engine = fig.get_layout_engine()
+    """Compute a figure's layout once, not for each format: it takes most of the time of saving.
+
+    Text is wider at some resolutions than at others, so the layout is that of the resolution of the file.
+    """
+    engine, dpi = fig.get_layout_engine(), fig.dpi
     if engine is None:
         yield
         return
+    fig.set_dpi(DOTS_PER_INCH)
     fig.draw_without_rendering()
     fig.set_layout_engine("none")
     try:
         yield
     finally:
         fig.set_layout_engine(engine)
+        fig.set_dpi(dpi)
 
 
 def _write(fig: Figure, target: Path, suffix: str) -> Path:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import parameters
@@ -186,7 +187,10 @@ def plot_bars(result: Indices) -> Figure:
         axes.axvline(0.0, color=GREY, linewidth=0.6)
         axes.set_title(output)
         axes.set_xlabel("index")
-    _legend(legend_panel, panels[0], "bars: 95 % intervals\n* among those that\n  make up 90 %")
+    note = "bars: 95 % intervals\n* among those that\n  make up 90 %"
+    _legend(
+        legend_panel, panels[0], note if result.ranked else f"{note}\nnot ranked: the first\ninputs as listed"
+    )
     return fig
 
 
@@ -295,10 +299,14 @@ def output_unit(name: str) -> str:
 
 
 def _legend(place: Axes, panel: Axes, note: str) -> None:
-    """Draw the legend of a panel in a place of its own."""
+    """Draw the legend of a panel in a place of its own, with a note below it."""
     place.set_axis_off()
-    place.legend(*panel.get_legend_handles_labels(), loc="upper left", labelspacing=0.15)
-    place.text(0.05, -0.3, note, transform=place.transAxes, va="bottom", fontsize=7, color=GREY)
+    handles, labels = panel.get_legend_handles_labels()
+    blank = Line2D([], [], linestyle="none")
+    legend = place.legend(
+        [*handles, blank], [*labels, note], loc="upper left", labelspacing=0.15, borderaxespad=0.0
+    )
+    legend.get_texts()[-1].set(fontsize=7, color=GREY)
 
 
 @figure_style()

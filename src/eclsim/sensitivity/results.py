@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fit_mark import with_doubts
+from eclsim.devices.description import placed_sentence
 from eclsim.files import csv_text, write_json, write_text
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
@@ -397,9 +398,10 @@ def pairs_text(indices: Indices) -> str:
 
 def doubts(indices: Indices, state: str = "", reported: Collection[str] = ()) -> list[str]:
     """Warnings about the base beat that are not in `reported`, and number and kind of failed runs."""
-    before = f"{state}: " if state else ""
-    around = (f"at the central values: {line}" for line in indices.warnings if line not in reported)
-    return [f"{before}{sentence}" for sentence in (*around, *indices.doubts)]
+    fresh = (line for line in indices.warnings if line not in reported)
+    around = (placed_sentence("at the central values", line) for line in fresh)
+    messages = [*around, *indices.doubts]
+    return [placed_sentence(state, message) for message in messages] if state else messages
 
 
 def _doubts(indices: Indices) -> Iterator[str]:

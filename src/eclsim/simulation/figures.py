@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,9 @@ from eclsim.cases.fit_mark import untrusted
 from eclsim.circuit import Circuit
 from eclsim.devices.description import Panel
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import device_of, named_output
+from eclsim.devices.registry import device_of
 from eclsim.files import file_stem
+from eclsim.outputs.alarms import consecutive_runs
 from eclsim.reporting.beat_values import (
     COMPARTMENTS,
     CONNECTIONS,
@@ -45,6 +47,13 @@ from eclsim.reporting.style import (
     plain_text,
     save_figure,
     write_above,
+)
+from eclsim.simulation.panels import (
+    QUANTITIES,
+    BrokenLimit,
+    draw_broken_limits,
+    legend_of_bars,
+    panels_of,
 )
 
 if TYPE_CHECKING:
@@ -434,62 +443,30 @@ def _volumes_text(case: xr.Dataset, chamber: str) -> str:
 MARKERS = ("o", "s", "^", "D")
 
 
-PANELS = (
-    Panel("Arterial pressure", "mmHg", ("SP", "MAP", "DP"), ("systolic", "mean", "diastolic")),
-    Panel("Mean flows", "L/min", ("systemic_flow", "CO"), ("organs", "lungs (CO)")),
-    Panel(
-        "Filling pressures", "mmHg", ("MPAP", "PCWP", "right_atrial_pressure"),
-        ("pulmonary", "wedge", "right atrial (CVP)"),
-    ),
-    Panel(
-        "Ventricles", "mL", ("EDVLV", "ESVLV", "EDVRV", "ESVRV"),
-        ("left, end-diastolic", "left, end-systolic", "right, end-diastolic", "right, end-systolic"),
-    ),
-)  # fmt: skip
-"""Panels of the patient, to which flows and circuits of devices are added."""
-
-
-def panels_of(table: xr.Dataset) -> list[Panel]:
-    """The panels that have outputs, those of devices after those of the patient."""
-    outputs = (named_output(str(name)) for name in table.data_vars)
-    instances = {result[0].key: result[0] for result in outputs if result is not None}
-    flows = [
-        (curve.output, curve.label)
-        for instance in instances.values()
-        for curve in instance.views().curves
-        if curve.panel == "flow"
-    ]
-    names, labels = zip(*flows, strict=True) if flows else ((), ())
-    of_patient = (
-        replace(p, names=p.names + names, labels=p.labels + labels) if p.unit == "L/min" else p
-        for p in PANELS
-    )
-    panels = (*of_patient, *(panel for instance in instances.values() for panel in instance.swept()))
-    return [panel for panel in panels if any(name in table for name in panel.names)]
-
-
 @figure_style()
 def plot_sweep(table: xr.Dataset) -> Figure:
     """Plot pressures, flows and volumes over the values of a sweep.
 
     A value without a steady beat is a gap in every curve and a cross on the axis. A beat that no patient can
-    have has hollow markers. A grey line marks the value of the case itself.
+    have has hollow markers. Bars mark the values at which an output violates a limit, and a grey line the
+    value of the case itself.
 
     Args:
         table: dataset as of `eclsim.simulation.sweep.as_table`: outputs over `value`, `converged`,
-            `impossible`.
+            `impossible`, and the attribute `broken`.
     """
-    panels = panels_of(table)
+    panels, broken = panels_of(table), _broken_limits(table)
     rows = math.ceil(max(len(panels), 1) / 2)
     fig = new_figure(PAGE_WIDTH_MM, 16 + 58 * rows)
     axes = list(fig.subplots(rows, 2, squeeze=False).flat)
     for ax, panel in zip(axes, panels, strict=False):
         _draw_sweep_panel(ax, table, panel)
+        draw_broken_limits(ax, panel, broken)
     for ax in axes[len(panels) :]:
         ax.remove()
     title = f"{plain_text(table.attrs['id'], 40)} – {plain_text(table.attrs['key'], 60)}"
     fig.suptitle(title, x=0.01, ha="left")
-    if notes := _notes(table):
+    if notes := "\n".join((*legend_of_bars(panels, broken), *_notes(table))):
         fig.supxlabel(notes, fontsize=7.5, x=0.01, ha="left", color=GREY)
     return fig
 
@@ -518,7 +495,7 @@ def _draw_sweep_panel(ax: Axes, table: xr.Dataset, panel: Panel) -> None:
         ax.set_xticks(places, names)
     unit = table["value"].attrs.get("units", "")
     ax.set_xlabel(plain_text(table.attrs["key"], 40) + (f" [{unit}]" if unit else ""))
-    ax.set_ylabel(f"{QUANTITY[panel.unit]} [{panel.unit}]")
+    ax.set_ylabel(f"{QUANTITIES[panel.unit]} [{panel.unit}]")
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * math.ceil(len(drawn) / 2))
     draw_legend_above(ax)
 
@@ -540,7 +517,20 @@ def _mark_own_value(ax: Axes, table: xr.Dataset, names: list[str]) -> None:
         ax.axvline(value, color=GREY, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=0)
 
 
-def _notes(table: xr.Dataset) -> str:
+def _broken_limits(table: xr.Dataset) -> list[BrokenLimit]:
+    """Violated limits, each from halfway to the value before to halfway to the one after."""
+    places, _ = _axis(table)
+    outermost = 0.5 * np.diff(places)[[0, -1]] if len(places) > 1 else np.full(2, 0.5)
+    middles = 0.5 * (places[:-1] + places[1:])
+    edges = np.concatenate((places[:1] - outermost[0], middles, places[-1:] + outermost[1]))
+    return [
+        BrokenLimit(one["quantity"], one["kind"], float(edges[run[0]]), float(edges[run[-1] + 1]))
+        for one in json.loads(table.attrs["broken"])
+        for run in consecutive_runs(one["at"])
+    ]
+
+
+def _notes(table: xr.Dataset) -> list[str]:
     failed = int((table["converged"].to_numpy() == 0).sum())
     hollow = int((table["impossible"].to_numpy() * table["converged"].to_numpy() != 0).sum())
     value = table.attrs.get("own_value", "")
@@ -554,4 +544,4 @@ def _notes(table: xr.Dataset) -> str:
     if not isinstance(value, str):
         messages.append(f"dotted line: {value:g}, the case as it is")
     messages.append(f"blood volume: {table.attrs['blood_volume_policy']}")
-    return "\n".join(messages)
+    return messages

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from eclsim.cases.fit_mark import untrusted
+from eclsim.devices.description import placed_sentence
 from eclsim.devices.registry import devices, named_output
 from eclsim.outputs.regulation import REGULATED
 from eclsim.reporting.numbers import text_table
@@ -62,8 +63,6 @@ _GROUPS = (
     ("Regulation", tuple(one.name for one in REGULATED)),
 )  # fmt: skip
 """Main outputs in clinical order, without those that no case has; devices add their own."""
-_MARKED_AS = {"CVP": "right_atrial_pressure"}
-"""Outputs without limits of their own, and the output of the same number that has them."""
 _LONG_NAMES = {
     "pulse_pressure": "arterial pulse pressure (PP)",
     "CVP": "central venous (right atrial) pressure",
@@ -221,8 +220,7 @@ def _meaning_of_heads(names: Sequence[str], results: Sequence[xr.Dataset]) -> st
 
 
 def _mark(result: xr.Dataset, name: str) -> str:
-    limited = result.get(_MARKED_AS.get(name, name), result[name])
-    return _MARKS.get(limited.attrs.get("finding", ""), "")
+    return _MARKS.get(result[name].attrs.get("finding", ""), "")
 
 
 def _speed(result: xr.Dataset, key: str | None = None) -> str:
@@ -300,7 +298,7 @@ def sweep_doubts(sweep: Sweep) -> list[str]:
         last, sentence = same[-1]
         numbers = f" (numbers at {last}{unit})" if any(other != sentence for _, other in same) else ""
         place = "at every value" if everywhere else f"at {', '.join(values)}{unit}"
-        lines.append(f"{sweep.key} {place}: {sentence}{numbers}")
+        lines.append(placed_sentence(f"{sweep.key} {place}", f"{sentence}{numbers}"))
     return lines
 
 

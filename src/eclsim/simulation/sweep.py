@@ -16,6 +16,7 @@ from eclsim import files
 from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import untrusted
 from eclsim.circuit import Circuit
+from eclsim.devices.description import GRAVEST_FIRST
 from eclsim.devices.registry import example_setting
 from eclsim.files import frame_text, write_text
 from eclsim.orbit.model import CASE, case_record, circuit_of, values_of
@@ -208,7 +209,8 @@ def as_table(sweep: Sweep) -> xr.Dataset:
 
     Returns:
         Dataset over `value`: every output that any of the beats has, `converged`, `impossible`, `warnings`
-        (one line each), and the pump speed if it was solved for a flow.
+        (one line each), and the pump speed if it was solved for a flow. The attribute `broken` (JSON) names
+        the outputs beyond a limit, with the kind of the limit and the indices of the values.
     """
     results = sweep.results
     data: dict[str, Any] = {}
@@ -232,9 +234,20 @@ def as_table(sweep: Sweep) -> xr.Dataset:
         "own_value": "" if sweep.case_value is None else sweep.case_value,
         "blood_volume_policy": str(results[0].attrs["blood_volume_policy"]),
         "failed": sum(not r.attrs["converged"] for r in results),
+        "broken": json.dumps(_broken_limits(results)),
     }
     labels = {"units": sweep.unit, "long_name": sweep.key}
     return xr.Dataset(data, coords={"value": ("value", list(sweep.values), labels)}, attrs=attributes)
+
+
+def _broken_limits(results: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
+    """Outputs that violate a limit, with its kind and the indices of the results."""
+    places: dict[tuple[str, str], list[int]] = {}
+    for k, result in enumerate(results):
+        for name in scalars_of(result) if result.attrs["converged"] else ():
+            if (kind := result[name].attrs.get("finding")) in GRAVEST_FIRST:
+                places.setdefault((name, kind), []).append(k)
+    return [{"quantity": name, "kind": kind, "at": at} for (name, kind), at in places.items()]
 
 
 def _value_if_converged(result: xr.Dataset, name: str) -> float:

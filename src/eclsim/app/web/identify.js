@@ -78,7 +78,7 @@ export default {
           <th v-if="pinned" scope="col" class="n pinned">{{ texts.pinned }}</th>
         </tr></thead>
         <tbody><tr v-for="(o, name) in result.outputs" :key="name">
-          <th scope="row"><b>{{ name }}</b></th>
+          <th scope="row"><b>{{ name }}</b> <small>{{ unitOf(name) }}</small></th>
           <td class="n">{{ compact(o.measured) }}</td>
           <td class="n"><b>{{ compact(o.simulated) }}</b></td>
           <td :class="['n', offLevel(name)]" :title="off(name)">{{ difference(o) }}</td>
@@ -229,6 +229,9 @@ export default {
     interval: ({ lower, upper }) => `${compact(lower)} – ${compact(upper)}`,
     after(name) {
       return this.posterior?.parameters[name] ?? {};
+    },
+    unitOf(name) {
+      return this.fields.find(({ symbol }) => symbol === name)?.unit;
     },
     difference({ measured, simulated }) {
       return Number.isFinite(measured) && Number.isFinite(simulated) ? signed(simulated - measured, 2) : "";

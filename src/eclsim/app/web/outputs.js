@@ -115,8 +115,8 @@ export default {
       return isPossible(this.beat) && isPossible(before) ? change(value, before?.outputs[name]) : "";
     },
     side(value, low, high) {
-      if (value < low) return `▼ ${this.texts.below}`;
-      return value > high ? `▲ ${this.texts.above}` : "";
+      if (value < low) return this.texts.below_range;
+      return value > high ? this.texts.above_range : "";
     },
   },
 };

@@ -1,5 +1,6 @@
 // Timeline of the course below the monitor: play, jump, events; the page shows the cursor's minute.
 import {
+  GRAVEST,
   MISSING,
   SIGNS,
   alarmsBetween,
@@ -57,7 +58,11 @@ export default {
       <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
-      <p v-for="a in course?.approximations" :key="a" class="ahead" role="note">{{ a }}</p>
+      <p v-if="counts.length" class="counts">{{ texts.timeline_alarms }}: <button v-for="c in counts"
+        :key="c.kind" type="button" class="link" :class="c.kind" @click="jump(c.minute)">{{
+        c.text }}</button></p>
+      <details v-if="course?.approximations.length" class="remarks"><summary>† {{ remarks }}</summary>
+        <p v-for="a in course.approximations" :key="a" role="note">{{ a }}</p></details>
       <div v-if="course" class="chart" :class="{ old: isOld }" ref="chart" tabindex="0" role="slider"
         :aria-label="texts.timeline_cursor" aria-valuemin="0" :aria-valuemax="end" :aria-valuenow="minute"
         :aria-valuetext="time(minute)" @pointerdown="grab" @pointermove="drag" @pointerup="held = false"
@@ -101,7 +106,7 @@ export default {
           <li v-for="a in course.alarms" :key="a.sentence" :class="a.kind">
             <button type="button" class="link" @click="jump(seenAt(a, course.time))">{{
               time(a.at_min) }}</button>
-            {{ a.sentence }}</li>
+            {{ signs[a.kind] }}{{ a.sentence }}</li>
         </ul>
         <p v-if="course" class="balance">{{ balance }}</p>
       </div>
@@ -154,6 +159,7 @@ export default {
     }),
   ],
   data: () => ({
+    signs: SIGNS,
     isOpen: false,
     course: null,
     busy: false,
@@ -246,6 +252,21 @@ export default {
         const written = [low, high].map((v) => fixed(v, high - low < 0.3 ? 2 : high - low < 3 ? 1 : 0));
         return { name, label, unit, path, alarms: broken, now, care, low: written[0], high: written[1] };
       });
+    },
+    // How many limits of each kind the course breaks, and the first moment.
+    counts() {
+      const { alarms = [], time } = this.course ?? {};
+      const of = GRAVEST.map((kind) => alarms.filter((alarm) => alarm.kind === kind)).filter((a) => a.length);
+      return of.map((same) => {
+        const [{ kind }] = same;
+        const first = same.toSorted((a, b) => a.at_min - b.at_min)[0];
+        const words = { kind: SIGNS[kind] + this.texts[`kind_${kind}`], count: same.length };
+        const text = fill(this.texts.timeline_count, { ...words, time: this.time(first.at_min) });
+        return { kind, minute: seenAt(first, time), text };
+      });
+    },
+    remarks() {
+      return fill(this.texts.timeline_remarks, { count: this.course.approximations.length });
     },
     marks() {
       return this.events.map(({ at }) => ({ x: this.at(at) }));

@@ -1,0 +1,131 @@
+"""Panels of outputs over the values of a sweep or the time of a course, with bars where limits are broken."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from eclsim.devices.description import LABELS, Panel
+from eclsim.devices.registry import named_output
+from eclsim.outputs.limits import group_of
+from eclsim.outputs.registry import find_output, first_name
+from eclsim.reporting.style import OKABE_ITO
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PANELS = (
+    Panel("Arterial pressure", "mmHg", ("SP", "MAP", "DP"), ("systolic", "mean", "diastolic")),
+    Panel(
+        "Mean flows", "L/min", ("systemic_flow", "upper_body_flow", "lower_body_flow", "CO"),
+        ("organs", "upper body", "lower body", "lungs (CO)"),
+    ),
+    Panel(
+        "Filling pressures", "mmHg", ("MPAP", "PCWP", "right_atrial_pressure"),
+        ("pulmonary", "wedge", "right atrial (CVP)"),
+    ),
+    Panel(
+        "Ventricles", "mL", ("EDVLV", "ESVLV", "EDVRV", "ESVRV"),
+        ("left, end-diastolic", "left, end-systolic", "right, end-diastolic", "right, end-systolic"),
+    ),
+)  # fmt: skip
+"""Panels of the patient, to which flows and circuits of devices are added."""
+FURTHER_PANELS = (
+    Panel("Heart rate", "1/min", ("heart_rate",), ("heart rate",)),
+    Panel(
+        "Oxygen saturation", "%", ("SaO2", "SaO2_lower", "SvO2"),
+        ("arteries", "femoral artery", "pulmonary artery"),
+    ),
+    Panel("Oxygen delivery", "mL/min", ("DO2", "VO2"), ("delivery", "consumption")),
+    Panel(
+        "Carbon dioxide", "mmHg", ("PaCO2", "PaCO2_lower", "tissue_PCO2"),
+        ("arteries", "femoral artery", "tissue"),
+    ),
+)  # fmt: skip
+"""Panels of a patient with reflexes, drugs or blood gases, after those of devices."""
+QUANTITIES = {
+    "mmHg": "Pressure", "L/min": "Flow", "mL": "Volume", "1": "Volume fraction", "%": "Saturation",
+    "mmol/L": "Concentration", "1/min": "Rate", "mL/min": "Oxygen",
+}  # fmt: skip
+"""Labels of the vertical axes, by unit."""
+
+
+class BrokenLimit(NamedTuple):
+    """A limit that an output violates between two places on the horizontal axis."""
+
+    quantity: str
+    kind: str
+    begin: float
+    end: float
+
+
+_BARS: dict[str, dict[str, object]] = {
+    "collapse": {"color": "#7A0000", "linewidth": 4.5},
+    "alarm": {"color": OKABE_ITO["vermillion"], "linewidth": 3.0},
+    "warning": {"color": OKABE_ITO["orange"], "linewidth": 3.0, "linestyle": (0, (0.7, 0.5))},
+}
+"""Look of the bars; a warning is dashed, for grey print and any colour vision."""
+_ROOM = 0.08
+"""Height of the space that is added for bars or event numbers, as a share of that of the axes."""
+
+
+def panels_of(table: xr.Dataset) -> list[Panel]:
+    """The panels that have outputs, those of devices after the first ones of the patient."""
+    outputs = (named_output(str(name)) for name in table.data_vars)
+    instances = {result[0].key: result[0] for result in outputs if result is not None}
+    flows = [
+        (curve.output, curve.label)
+        for instance in instances.values()
+        for curve in instance.views().curves
+        if curve.panel == "flow"
+    ]
+    names, labels = zip(*flows, strict=True) if flows else ((), ())
+    of_patient = (
+        replace(p, names=p.names + names, labels=p.labels + labels) if p.unit == "L/min" else p
+        for p in PANELS
+    )
+    of_devices = (panel for instance in instances.values() for panel in instance.swept())
+    panels = (*of_patient, *of_devices, *FURTHER_PANELS)
+    return [panel for panel in panels if any(name in table for name in panel.names)]
+
+
+def draw_broken_limits(ax: Axes, panel: Panel, broken: Sequence[BrokenLimit]) -> None:
+    """Draw bars at the bottom where an output of the panel violates a limit, the most severe on top."""
+    names = set(map(first_name, panel.names))
+    shown = [one for one in broken if one.kind in _BARS and first_name(one.quantity) in names]
+    if shown:
+        make_room(ax, below=True)
+    for one in sorted(shown, key=lambda one: list(_BARS).index(one.kind), reverse=True):
+        draw_bar(ax, (one.begin, one.end), 0.02, solid_capstyle="butt", **_BARS[one.kind])
+
+
+def legend_of_bars(panels: Iterable[Panel], broken: Iterable[BrokenLimit]) -> list[str]:
+    """Lines that explain the bars and name the violated limits of outputs that no panel shows."""
+    names = {first_name(name) for panel in panels for name in panel.names}
+    limits = [one for one in broken if one.kind in _BARS]
+    lines = []
+    if any(first_name(one.quantity) in names for one in limits):
+        lines.append("bars: an output of the panel is in alarm (red) or warning (orange, dashed)")
+    groups = set(map(group_of, names))
+    further = (one for one in limits if find_output(one.quantity) and group_of(one.quantity) not in groups)
+    if hidden := dict.fromkeys(f"{one.quantity} ({LABELS.get(one.kind, one.kind)})" for one in further):
+        lines += textwrap.wrap(f"limits broken by outputs that are not drawn: {', '.join(hidden)}", 110)
+    return lines
+
+
+def make_room(ax: Axes, *, below: bool = False, above: bool = False) -> None:
+    """Widen the vertical axis, so that bars or numbers at its ends do not lie on curves."""
+    low, high = ax.get_ylim()
+    more = _ROOM * (high - low)
+    ax.set_ylim(low - more * below, high + more * above)
+
+
+def draw_bar(ax: Axes, ends: Sequence[float] | np.ndarray, height: float, **look: object) -> None:
+    """Draw a bar between two places at a height in that of the axes."""
+    ax.add_line(Line2D(ends, [height, height], transform=ax.get_xaxis_transform(), **look))  # pyright: ignore[reportArgumentType] - keywords of a line
