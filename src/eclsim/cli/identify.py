@@ -100,7 +100,8 @@ def identify(options: IdentifyOptions) -> None:
     """
     cohort = is_table(options.file)
     target, distribution = _checked_json(options, cohort)
-    content, refused = _fit_cohort(options, distribution) if cohort else (_fit_case(options), False)
+    fit = _fit_cohort if cohort else _fit_case
+    content, refused = fit(options, distribution)
     if write_json_output(content, target):
         from eclsim.identification.report import fits_text
 
@@ -194,8 +195,8 @@ def _unique(names: str | None) -> tuple[str, ...]:
 # --- one case -------------------------------------------------------------------------------------
 
 
-def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
-    """Fit one case and write its files; return the content of the JSON."""
+def _fit_case(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[str, Any], bool]:
+    """Fit one case and write its files; return the JSON content, and that nothing was refused."""
     from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     (reading,) = read_all([o.file], o.settings, o.volume_policy)
@@ -211,7 +212,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
     from eclsim.identification.fit import fit
 
     folder = Path(o.out)
-    with Progress() as progress:
+    with distribution.running(), Progress() as progress:
         result = fit(reading.case, settings=settings, progress=progress)
         warn(f"{o.file}, fitted: {line}" for line in result.warnings)
         result = _with_profiles(result, folder, progress) if result.simulated else result
@@ -221,7 +222,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
             result, posterior = _with_posterior(o, result, predictions, folder, progress)
             content, page = _write_fit(folder, result, settings, posterior)
     say(f"report: {page}")
-    return content
+    return content, False
 
 
 def _write_fit(
