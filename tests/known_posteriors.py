@@ -58,6 +58,20 @@ class TwoArms(CurvedPosterior):
         return np.array([[18.0 * z[0], -1.0]])
 
 
+@dataclass
+class TwoSolutions(CurvedPosterior):
+    """y = ((z1 - 0.3)^2, z1 + z2): the first output has two narrow solutions, z1 = -1.7 and 2.3."""
+
+    target: np.ndarray = field(default_factory=lambda: np.array([4.0, 0.0]))
+    scale: np.ndarray = field(default_factory=lambda: np.array([0.15, 0.3]))
+
+    def simulate(self, z, centre=None):
+        return np.stack([(z[..., 0] - 0.3) ** 2, z[..., 0] + z[..., 1]], axis=-1)
+
+    def jacobian(self, z):
+        return np.array([[2.0 * (z[0] - 0.3), 0.0], [1.0, 1.0]])
+
+
 class HalfBlind(TwoArms):
     """Many members side by side find no beat in the right arm, where one by one all is well."""
 

@@ -9,6 +9,7 @@ import pytest
 from eclsim.cases.cohort import read_cohort
 from eclsim.cases.fit_mark import FitMark, read_mark
 from eclsim.cli.identify import _check_points
+from eclsim.execution import threads
 from eclsim.identification import multi_start
 from eclsim.identification.settings import FitSettings
 
@@ -123,6 +124,19 @@ def test_what_is_fitted_stays_where_the_posterior_is_stopped(shell, quick, tmp_p
     assert "posterior" not in content
     assert content["points"][0]["parameters"]["Rmc"]["profile"]
     assert (out / "report.html").exists()
+
+
+def test_workers_are_those_of_a_single_case_too(shell, tmp_path, monkeypatch):
+    """A case was fitted with all processors, whatever --workers said."""
+    used = []
+
+    def fit(*_: object, **__: object) -> None:
+        used.append(threads())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("eclsim.identification.fit.fit", fit)
+    shell.run("identify", shell.case(more=MEASURED), "--workers", "3", "--out", str(tmp_path / "fit"))
+    assert used == [3]
 
 
 @pytest.mark.slow

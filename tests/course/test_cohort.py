@@ -179,7 +179,10 @@ def test_a_band_holds_the_courses_of_its_draws(cases, tmp_path):
         again = course_band(cases[0], samples, **CHOSEN, folder=tmp_path / "draws", executor=executor)
     np.testing.assert_array_equal(again["MAP"], band["MAP"])
     samples["Rmc"][1] = 1.01
-    with Distribution(resume=True).running() as executor, pytest.raises(ExecutionError, match="values was"):
+    with (
+        Distribution(resume=True).running() as executor,
+        pytest.raises(ExecutionError, match="other inputs .values."),
+    ):
         course_band(cases[0], samples, **CHOSEN, folder=tmp_path / "draws", executor=executor)
 
 
@@ -205,13 +208,17 @@ def test_where_steady_beats_stand_for_what_takes_time_is_said_of_a_band():
     assert band.attrs["warnings"] == ["in 2 of 3 draws, such as at 00:05 SaO2 from 94 to 3 % at once"]
 
 
-def test_draws_whose_numbers_are_not_to_be_read_are_counted():
+def test_draws_whose_numbers_are_not_to_be_read_are_counted_and_left_out():
     own = [drawn([70.0, 60.0], (0.0, 5.0)) for _ in range(3)]
     own[1]["impossible"] = ("time_min", [0, 1])
     own[2]["status"] = ("time_min", ["one_of_many", "one_of_many"])
+    for one, pressure in ((own[1], 5.0), (own[2], 7.0)):
+        one["MAP"] = one["MAP"] * 0.0 + pressure
     band = band_of(own)
+    assert band["MAP"].sel(quantile=0.5).values.tolist() == [37.5, 60.0]
     assert band["draws_impossible"].values.tolist() == [0, 1]
     assert band_object(band)["draws_undetermined"] == [1, 1]
     first, second = band.attrs["warnings"]
     assert first.startswith("in 1 of 3 draws, most at 00:05, a chamber is empty of blood")
     assert second.startswith("in 1 of 3 draws, most at 00:00, no valve opens during the beat")
+    assert second.endswith("the quantiles leave them out there")

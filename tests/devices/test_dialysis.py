@@ -135,7 +135,7 @@ def test_clearances_beside_another_filter_are_said_to_know_nothing_of_it(case):
     said = [line for line in two.attrs["warnings"] if "cleared nothing" in line]
     assert len(said) == 2
     assert said[0].startswith(
-        "effective clearances of the CRRT a are computed as if [crrt.b] cleared nothing: too high"
+        "caution: effective clearances of the CRRT a are computed as if [crrt.b] cleared nothing: too high"
     )
     assert not [line for line in eclsim.simulate(case).attrs["warnings"] if "cleared nothing" in line]
 

@@ -13,6 +13,7 @@ from eclsim.cases import read_case, write_case
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import Gas
+from eclsim.execution import using_threads
 from eclsim.identification.density import Prior
 from eclsim.identification.draw_remarks import away_from_fit, piled_up
 from eclsim.identification.figures import plot_pairs, plot_predictive
@@ -120,6 +121,15 @@ def test_prediction_at_another_heart_rate(fit, result):
     k = there.outputs.index("CO")
     gaussian = result.gaussian_predictions[1].intervals[k]
     assert gaussian == pytest.approx(there.intervals[k], rel=0.1)
+
+
+@pytest.mark.slow
+def test_draws_are_the_same_whatever_the_number_of_threads(fit, result):
+    for count in (1, 3):
+        with using_threads(count):
+            again = posterior(fit, settings=result.settings)
+        assert np.array_equal(again.samples, result.samples)
+        assert np.array_equal(again.predictions[0].values, result.predictions[0].values, equal_nan=True)
 
 
 def test_surer_measurements_give_narrower_intervals(fit, result):

@@ -3,8 +3,10 @@
 import pytest
 
 from eclsim.cases import read_mapping
+from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.settings import FitSettings, check_fit, checked_fit
 from eclsim.parameters.thiel2025 import BOUNDS
+from eclsim.sensitivity.inputs import Uncertainty
 
 ALL = {"SP": 101, "DP": 47, "MAP": 70, "MPAP": 26, "PCWP": 9, "CO": 5.8, "PF": 2.2}
 
@@ -76,3 +78,26 @@ def test_a_value_of_the_case_outside_of_the_bounds_is_said_with_wider_ones():
 def test_unknown_parameters_get_a_suggestion():
     (mistake,) = check_fit(case_with(ALL), {"Emaxl": (1, 0.1, 10)}).mistakes
     assert "Emaxlv" in mistake.suggestion
+
+
+@pytest.mark.parametrize(
+    ("cvp", "mistakes", "warnings"),
+    [
+        (0.0, ["10 % of a value of 0 is no uncertainty; give it in mmHg, such as CVP=2"], []),
+        (0.3, [], ["uncertainty 0.03 mmHg at the measured 0.3: far below the usual 2"]),
+        (6.0, [], []),
+    ],
+)
+def test_a_percentage_of_a_pressure_near_zero_is_refused_or_warned_of(cvp, mistakes, warnings):
+    """CVP=10% at a CVP of 0 was 0.01 mmHg without a word."""
+    settings = FitSettings(("Rmc",), uncertainties={"CVP": Uncertainty(relative=0.1)})
+    checked = checked_fit(case_with({"MAP": 70, "CVP": cvp}), settings)
+    for found, expected in ((checked.mistakes, mistakes), (checked.warnings, warnings)):
+        assert len(found) == len(expected)
+        assert all(text in str(each) for text, each in zip(expected, found, strict=True))
+
+
+def test_settings_that_give_other_numbers_are_other_settings():
+    """Fits with fewer polishing steps were continued as if they were the same."""
+    rough = FitSettings(multi_start=MultiStart(polishing=0))
+    assert rough.as_object() != FitSettings().as_object()

@@ -18,6 +18,7 @@ from eclsim.identification.verdict import (
     interval_agreement,
     plausibility,
     search,
+    single_start,
 )
 from eclsim.parameters.adult_ranges import adult_ranges
 
@@ -205,5 +206,20 @@ def test_an_interval_that_no_heartbeat_was_found_beyond_has_no_limit_there():
 def test_agreement_with_as_many_measurements_as_parameters_is_no_praise(probability, untested):
     """Of a mean pressure alone, which determines nothing, the first line was the same as of seven values."""
     verdict = FitVerdict(Goodness({"MAP": 0.0}, 0.0, 0.0, probability), ())
-    assert verdict.headline.startswith("GOOD FIT: the largest difference from a measurement is 0.0 standard")
+    assert verdict.headline.startswith("GOOD FIT: all measurements are met")
     assert ("no test of the model with so few measurements" in verdict.headline) == untested
+
+
+def test_a_doubtful_fit_that_meets_all_measurements_has_no_largest_difference():
+    """It read: the largest difference from a measurement is 0.0 standard uncertainties."""
+    implausible = Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "EDVRV", "an empty right ventricle")
+    verdict = FitVerdict(Goodness({"MAP": 0.04, "CO": -0.02}, 0.0, 1.0, 0.9), (implausible,))
+    assert verdict.headline.startswith("DOUBTFUL FIT: all measurements are met; read the reasons")
+
+
+@pytest.mark.parametrize(("agreeing", "refined", "remarks"), [(1, 60, 1), (2, 60, 0), (1, 1, 0), (0, 60, 0)])
+def test_an_optimum_of_one_start_alone_is_remarked(agreeing, refined, remarks):
+    """The line "optimum found (1 of 60 starts agree)" left the reader to guess what follows from it."""
+    reasons = single_start(agreeing, refined)
+    assert len(reasons) == remarks
+    assert all(r.level is Level.GOOD and "1 of 60 starts" in r.sentence for r in reasons)

@@ -5,6 +5,7 @@ import pytest
 
 from eclsim.sensitivity.identifiability import (
     ScaledSensitivities,
+    _in_words,
     all_subsets,
     fisher_information,
     propose,
@@ -137,6 +138,14 @@ def test_uncertainties_are_absolute_or_relative():
     assert chosen["MAP"] == Uncertainty(3.0)
 
 
+def test_a_percentage_of_zero_is_an_uncertainty_of_flows_only():
+    """10 % of a CVP of 0 was 0.01 mmHg, a percentage of the smallest flow."""
+    tenth = Uncertainty(relative=0.1)
+    assert standard_uncertainties({"CO": 0.0}, {"CO": tenth}) == {"CO": pytest.approx(0.01)}
+    with pytest.raises(InputError, match=r"CVP: 10 % of a value of 0 .* in mmHg, such as CVP=2$"):
+        standard_uncertainties({"CVP": 0.0, "MAP": 80.0}, {"CVP": tenth, "MAP": tenth})
+
+
 @pytest.mark.parametrize("text", ["SP", "SP=", "SP=abc", "SP=-1", "CO=0%", "CO=inf"])
 def test_wrong_uncertainties_say_what_is_allowed(text):
     with pytest.raises(InputError, match="CO=10%"):
@@ -168,3 +177,8 @@ def test_an_uncertainty_that_cannot_be_is_refused(numbers):
 def test_a_plain_number_as_uncertainty_says_what_to_write():
     with pytest.raises(InputError, match=r"uncertainty of MAP: 3; allowed: eclsim.Uncertainty\(3.0\)"):
         standard_uncertainties({"MAP": 80.0}, {"MAP": 3.0})  # pyright: ignore[reportArgumentType]  # the mistake
+
+
+def test_large_percentages_are_written_without_a_power_of_ten():
+    """It read: a least standard error of 1.22e+04 %."""
+    assert _in_words("Rmc", 121.7) == "12200 %"

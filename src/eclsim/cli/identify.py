@@ -105,7 +105,7 @@ def identify(options: IdentifyOptions) -> None:
         places.check()
         content, refused = _fit_cohort(options, distribution)
     else:
-        content, refused = _fit_case(options, places.mistakes), False
+        content, refused = _fit_case(options, distribution, places.mistakes), False
     if write_json_output(content, target):
         from eclsim.identification.report import fits_text
 
@@ -197,7 +197,7 @@ def _unique(names: str | None) -> tuple[str, ...]:
 # --- one case -------------------------------------------------------------------------------------
 
 
-def _fit_case(o: IdentifyOptions, mistakes: Collection[str]) -> dict[str, Any]:
+def _fit_case(o: IdentifyOptions, distribution: Distribution, mistakes: Collection[str]) -> dict[str, Any]:
     """Fit one case and write its files; return the content of the JSON.
 
     Errors in the options are reported together with those of the case.
@@ -219,7 +219,7 @@ def _fit_case(o: IdentifyOptions, mistakes: Collection[str]) -> dict[str, Any]:
     from eclsim.identification.fit import fit
 
     folder = Path(o.out)
-    with Progress() as progress:
+    with distribution.running(), Progress() as progress:
         result = fit(reading.case, settings=settings, progress=progress)
         warn(placed_sentence(f"{o.file}, fitted", line) for line in result.warnings)
         result = _with_profiles(result, folder, progress) if result.simulated else result

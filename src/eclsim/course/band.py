@@ -61,10 +61,10 @@ def course_band(
         progress: called when a group is done.
 
     Returns:
-        Dataset over `quantile` and `time_min`: outputs and slow states of the draws still followed, and their
-        number `draws_followed`. Over `alarm` and `time_min`: `alarm_probability`, the share of these draws
-        that violate a limit. Attributes as for `eclsim.course`, and `draws` and `failed` (numbers of all and
-        of those that ended early).
+        Dataset over `quantile` and `time_min`: outputs and slow states of the draws still followed, without
+        those whose beat is impossible or not determined, and the number `draws_followed`. Over `alarm` and
+        `time_min`: `alarm_probability`, the share of the draws followed that violate a limit. Attributes as
+        for `eclsim.course`, and `draws` and `failed` (numbers of all and of those that ended early).
 
     Raises:
         CaseError: The file is no case, an event is after the end, or parameters have different numbers of
@@ -106,17 +106,18 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     names = [str(n) for n, v in first.data_vars.items() if v.dtype.kind == "f"]
     columns = [_values_at(time, course, names) for course in courses]
     followed = np.array([np.isin(time, course[TIME].to_numpy()) for course in courses])
-    data: dict[str, xr.Variable] = {}
-    for k, name in enumerate(names):
-        values = np.array([column[k] for column in columns])
-        data[name] = variable(("quantile", TIME), _quantiles(values), **first[name].attrs)
-    data["draws_followed"] = variable(
-        TIME, followed.sum(axis=0), long_name="draws followed so far", units="1"
-    )
     unreadable = [
         (name, words, np.array([_has_mark(course, time, key, mark) for course in courses]))
         for name, key, mark, words in _UNREADABLE
     ]
+    left_out = np.any([marked for _, _, marked in unreadable], axis=0)
+    data: dict[str, xr.Variable] = {}
+    for k, name in enumerate(names):
+        values = np.where(left_out, np.nan, [column[k] for column in columns])
+        data[name] = variable(("quantile", TIME), _quantiles(values), **first[name].attrs)
+    data["draws_followed"] = variable(
+        TIME, followed.sum(axis=0), long_name="draws followed so far", units="1"
+    )
     for name, words, marked in unreadable:
         data[name] = variable(TIME, marked.sum(axis=0), long_name=f"draws: {words}", units="1")
     alarms = _alarm_probability(courses, time, followed)
@@ -239,7 +240,7 @@ def _count_text(marked: np.ndarray, time: np.ndarray, words: str) -> str:
     most = int(marked.sum(axis=0).argmax())
     return (
         f"in {marked.any(axis=1).sum()} of {len(marked)} draws, most at {clock_time(time[most])}, {words}; "
-        "they count in the quantiles"
+        "the quantiles leave them out there"
     )
 
 

@@ -26,7 +26,7 @@ for each. The curvature there is the Gauss-Newton approximation J' W J + I, with
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, get_args
@@ -246,6 +246,10 @@ SMALLEST_PROMISED_FALL = 1e-4
 """The search ends when the predicted decrease of U is smaller; 1e-4 is about 0.01 standard deviations."""
 LARGEST_DAMPING = 1e8
 LONGEST_STEP = 1.0
+SMALLEST_SHARE = 1e-3
+"""Probability around a further maximum, relative to that around the best, below which it is negligible."""
+SMALLEST_DISTANCE = 3.0
+"""Maxima that are nearer to each other, in their standard deviations, are one solution."""
 
 
 class NoSteadyBeatError(ValueError):
@@ -341,6 +345,7 @@ class Gaussian:
         outputs: outputs of the model at the centre, shape (outputs,).
         jacobian: d output / dz at the centre, shape (outputs, parameters).
         potential: U at the centre.
+        others: normal distributions at further maxima that hold a part of the probability; usually none.
     """
 
     centre: np.ndarray
@@ -348,6 +353,41 @@ class Gaussian:
     outputs: np.ndarray
     jacobian: np.ndarray
     potential: float
+    others: tuple[Gaussian, ...] = ()
+
+    @classmethod
+    def at_maxima(cls, maxima: Sequence[Gaussian]) -> Gaussian:
+        """Return the best of several maxima, with the others that are distinct and not negligible."""
+        best, *rest = sorted(maxima, key=lambda g: g.potential)
+        kept = [best]
+        for other in rest:
+            share = np.exp(other.log_probability - best.log_probability)
+            if share > SMALLEST_SHARE and all(one.distance(other) > SMALLEST_DISTANCE for one in kept):
+                kept.append(other)
+        return replace(best, others=tuple(kept[1:]))
+
+    @property
+    def solutions(self) -> tuple[Gaussian, ...]:
+        """This distribution and those at the further maxima."""
+        return (self, *self.others)
+
+    @property
+    def log_probability(self) -> float:
+        """Logarithm of the probability around the centre (Laplace's approximation), up to a constant."""
+        return 0.5 * float(np.linalg.slogdet(self.covariance)[1]) - self.potential
+
+    def distance(self, other: Gaussian) -> float:
+        """Distance between the centres in standard deviations of the difference of two draws."""
+        apart = other.centre - self.centre
+        return float(np.sqrt(apart @ np.linalg.solve(self.covariance + other.covariance, apart)))
+
+    def nearest(self, z: np.ndarray) -> np.ndarray:
+        """Index of the solution nearest to latent variables (..., parameters), in its standard deviations."""
+        squares = []
+        for each in self.solutions:
+            away = z - each.centre
+            squares.append(np.sum(away @ np.linalg.inv(each.covariance) * away, axis=-1))
+        return np.argmin(squares, axis=0)
 
     def draws(self, count: int, seed: int) -> np.ndarray:
         """Random latent variables, shape (count, parameters)."""
@@ -357,6 +397,8 @@ class Gaussian:
 
 def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
     """Return the best maximum of the density reached from several starts, with the curvature there.
+
+    Further maxima that hold a part of the probability are its `others`.
 
     Args:
         posterior: density to maximise.
@@ -368,7 +410,7 @@ def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> G
     """
     latent = [posterior.prior.z_of(x) for x in np.atleast_2d(starts)]
     climbs = [g for z in latent if (g := _maximise_from(posterior, z))]
-    best = min(climbs, key=lambda g: g.potential, default=None)
+    best = Gaussian.at_maxima(climbs) if climbs else None
     centre = np.clip(latent[0], -LARGEST_START, LARGEST_START) if best is None else best.centre
     beat = posterior.beats(centre[None])
     complete = np.isfinite(beat.values).all()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from eclsim.identification.density import Prior
+from eclsim.identification.density import Gaussian, Prior
 from eclsim.identification.verdict import SIDES, possible_limits
 
 OUTERMOST_LATENT, PILED_UP_SHARE = 1.96, 0.2
@@ -30,6 +30,31 @@ def piled_up(prior: Prior, z: np.ndarray) -> tuple[str, ...]:
         for side, sign, bound in zip(SIDES, (-1.0, 1.0), ends[k], strict=True)
         if (share := float(np.mean(sign * flat[:, k] > OUTERMOST_LATENT))) > PILED_UP_SHARE
         and bound not in possible_limits(name)
+    )
+
+
+def several_solutions(prior: Prior, z: np.ndarray, gaussian: Gaussian) -> tuple[str, ...]:
+    """Return a sentence if the measurements have several solutions, with the share of the draws near each.
+
+    Args:
+        prior: prior of the parameters.
+        z: draws of the latent variables, shape (..., parameters).
+        gaussian: Gaussian approximations at all solutions.
+    """
+    if not gaussian.others:
+        return ()
+    centres = np.stack([each.centre for each in gaussian.solutions])
+    spread = np.max([np.diag(each.covariance) for each in gaussian.solutions], axis=0)
+    k = int(np.argmax(np.ptp(centres, axis=0) ** 2 / spread))
+    nearest = gaussian.nearest(z.reshape(-1, z.shape[-1]))
+    each = ", ".join(
+        f"{prior.scale.value(k, x):.3g} ({np.mean(nearest == number):.0%} of the draws)"
+        for number, x in enumerate(prior.x_of(centres)[:, k])
+    )
+    return (
+        f"the measurements have {len(centres)} solutions, which differ most in {prior.names[k]}: {each}. "
+        "Medians and intervals are those of all draws together, and values between the solutions may fit "
+        "nothing: see the figure pairs; a further measurement, or narrower --bounds, may exclude one",
     )
 
 

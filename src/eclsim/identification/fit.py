@@ -51,6 +51,7 @@ from eclsim.identification.verdict import (
     intervals_differ,
     plausibility,
     search,
+    single_start,
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CaseSource, as_case, model_of
@@ -365,6 +366,7 @@ def _result(
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
+        *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
         *_doubts_of_bounds(parameters, gains), *_doubts_of_fixed_parameters(goodness, box.names),
         *_doubts_of_set_points(set_points),
         *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s) for s in remarks_on_unfitted(case, target.measured)),

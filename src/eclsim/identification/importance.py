@@ -393,16 +393,21 @@ def importance_sample(
 ) -> WeightedDraws:
     """Draw in rounds, each from a proposal fitted to all earlier rounds.
 
+    Where the density has several solutions, each has a proposal of its own, fitted to the draws nearest to
+    it: one map would have to span the gap between them, and a narrow solution would be missed.
+
     Args:
         posterior: posterior density to sample.
         gaussian: Gaussian approximation of it.
-        count: number of draws of each round.
+        count: number of draws of each round and solution.
         seed: seed of the random numbers; the same seed gives the same draws.
     """
     random = np.random.default_rng(seed)
     scaled = gaussian.jacobian / posterior.scale[:, None]
     flat = np.linalg.inv(TEMPERATURES[0] * scaled.T @ scaled + np.eye(len(gaussian.centre)))
-    proposals = [Transport.linear(gaussian.centre, flat)]
+    latest = [Transport.linear(gaussian.centre, flat)]
+    latest += [Transport.linear(other.centre, other.covariance) for other in gaussian.others]
+    proposals = [*latest]
     z, outputs = np.empty((0, len(gaussian.centre))), np.empty((0, len(posterior.outputs)))
     weights, shape = np.empty(0), np.inf
     for number in range(len(TEMPERATURES) + MOST_FURTHER_ROUNDS):
@@ -410,11 +415,16 @@ def importance_sample(
         if not planned and shape < GOOD_SHAPE and effective_number(weights) > GOOD_EFFECTIVE:
             break
         temper = TEMPERATURES[number + 1] if number + 1 < len(TEMPERATURES) else 1.0
-        new = Mixture((proposals[-1],)).draws(random, count)
+        new = Mixture(tuple(latest)).draws(random, count * len(latest))
         z = np.concatenate([z, new])
         outputs = np.concatenate([outputs, posterior.simulate(new, gaussian.centre)])
         density = Mixture(tuple(proposals)).log_density(z)
         weights, shape = smoothed(-posterior.potential(z, outputs, temper) - density)
+        nearest = gaussian.nearest(z)
+        for k in np.unique(nearest[weights > 0.0]):
+            latest[k] = Transport.fit(z[nearest == k], weights[nearest == k])
+        proposals += latest
+    if gaussian.others:
         proposals.append(Transport.fit(z, weights))
     return WeightedDraws(z, outputs, weights, shape, Mixture(tuple(proposals)))
 

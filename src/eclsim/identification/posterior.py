@@ -22,7 +22,7 @@ from eclsim.identification.density import (
     check_prior,
     gaussian_approximation,
 )
-from eclsim.identification.draw_remarks import away_from_fit, piled_up
+from eclsim.identification.draw_remarks import away_from_fit, piled_up, several_solutions
 from eclsim.identification.draws import draws_as_tree
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
@@ -411,8 +411,8 @@ def posterior(
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
-        (*piled_up(density.prior, z), *away_from_fit(density.prior, z, fit.optimum.x),
-         *remarks_on_fixed_volume(*point),
+        (*several_solutions(density.prior, z, gaussian), *piled_up(density.prior, z),
+         *away_from_fit(density.prior, z, fit.optimum.x), *remarks_on_fixed_volume(*point),
          *remarks_on_unmeasured_oxygenator(*point)),
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
-from eclsim.reporting.numbers import number
+from eclsim.reporting.numbers import number, significant
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
 _DIGITS = 12
@@ -74,7 +74,7 @@ class Scale:
     def error(self, k: int, error: float) -> str:
         """A standard error as text."""
         unit = self.units[k]
-        return number(error * unit, digits=2) if unit else f"a factor of {math.exp(error):.2g}"
+        return number(error * unit, digits=2) if unit else f"a factor of {significant(math.exp(error), 2)}"
 
     @property
     def _divisors(self) -> np.ndarray:

@@ -15,7 +15,7 @@ from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.html import Table, render
-from eclsim.reporting.numbers import MISSING, interval, number, text_table
+from eclsim.reporting.numbers import MISSING, interval, number, significant, text_table
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -65,7 +65,7 @@ TRACKED = {
 
 def _figures(value: float | None, digits: int = 4) -> str:
     """A number as text with significant digits; "-" for none."""
-    return "-" if value is None else f"{value:.{digits}g}"
+    return "-" if value is None else significant(value, digits)
 
 
 def _names(points: Sequence[Data], key: str) -> list[str]:

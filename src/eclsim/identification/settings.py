@@ -16,7 +16,7 @@ from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import example_setting, parameters
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale
+from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale, measurement_errors, unit_of
 from eclsim.inputs.mistakes import CaseError, Mistake, as_names, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
@@ -31,7 +31,7 @@ from eclsim.parameters.regulation import (
 )
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
-from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, as_uncertainties
+from eclsim.sensitivity.inputs import DEFAULTS, InputError, Uncertainty, as_uncertainties
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 DEFAULT_BOUND_FACTOR = 10.0
 """Default bounds of a parameter: its value divided and multiplied by this factor."""
+SMALLEST_USUAL_SHARE = 0.05
+"""Stated uncertainties below this share of the default one are warned of, such as 10 % of a CVP near 0."""
 SHUNT = "gas.shunt_fraction"
 CLOTTED = "ecmo.oxygenator.clotted_fraction"
 INFORMATIVE_MEASUREMENTS = {
@@ -113,13 +115,12 @@ class FitSettings:
 
     def as_object(self) -> dict[str, Any]:
         """Plain data; fits with equal objects give the same numbers."""
-        search = {name: value for name, value in vars(self.multi_start).items() if name != "polishing"}
         return {
             "parameters": list(self.parameters),
             "bounds": {k: list(v) for k, v in self.bounds.items()},
             "weights": self.weights,
             "uncertainties": {k: [u.absolute, u.relative] for k, u in self.uncertainties.items()},
-            **search,
+            **vars(self.multi_start),
             "blood_volume_policy": self.volume_policy,
             "shared": list(self.shared),
         }
@@ -407,6 +408,7 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
         elif limits[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
             checked.add_mistake(name, "is sought on a logarithmic scale: its lower bound must be above 0")
     checked.warnings += _values_out_of_bounds(case, checked.free)
+    _check_uncertainties(checked, settings.uncertainties)
     for name in settings.bounds:
         if name not in settings.names:
             hint, allowed = did_you_mean(name, settings.names), ", ".join(settings.names)
@@ -427,6 +429,25 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     if not checked.mistakes and not checked.free:
         checked.add_mistake("parameters", "none is free")
     return checked
+
+
+def _check_uncertainties(checked: CheckedFit, stated_ones: Mapping[str, Uncertainty]) -> None:
+    """Add a mistake for each uncertainty of 0, a warning for each that makes its measurement count alone."""
+    given = {name: stated_ones[name] for name in stated_ones if name in checked.targets}
+    try:
+        errors = measurement_errors({name: checked.targets[name] for name in given}, given)
+    except InputError as error:
+        for sentence in error.mistakes:
+            checked.add_mistake("uncertainty", sentence.removeprefix("uncertainty of "))
+        return
+    for name, error in errors.items():
+        usual, unit = DEFAULTS[name].at(checked.targets[name]), unit_of(name)
+        if error < SMALLEST_USUAL_SHARE * usual:
+            message = (
+                f"uncertainty {error:.2g} {unit} at the measured {checked.targets[name]:g}: far below the "
+                f"usual {usual:.2g}, so the fit follows this measurement above all"
+            )
+            checked.warnings.append(Mistake(f"measurements.{name}", message))
 
 
 def _values_out_of_bounds(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:

@@ -17,6 +17,7 @@ from eclsim.cases.quantities import quantity
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import Scale
 from eclsim.parameters.adult_ranges import AdultRange
+from eclsim.reporting.numbers import significant
 
 DOUBTFUL_DIFFERENCE = 2.5
 """Largest difference from a measurement in a good fit, in standard uncertainties."""
@@ -147,6 +148,8 @@ _HEADLINES = {
     Level.DOUBTFUL: "DOUBTFUL FIT: {agreement}; read the reasons before you use it",
     Level.POOR: "POOR FIT, not to be used: {agreement}",
 }
+_MET = 0.05
+"""Differences below this, which are written as 0.0, are no differences."""
 
 
 def headline(verdict: Mapping[str, Any]) -> str:
@@ -158,6 +161,8 @@ def headline(verdict: Mapping[str, Any]) -> str:
         agreement = (
             f"the largest difference from a measurement is {abs(differences[worst]):.1f} standard "
             f"uncertainties ({worst})"
+            if abs(differences[worst]) >= _MET
+            else "all measurements are met"
         )
         if verdict["goodness"]["probability"] is None and verdict["level"] != Level.POOR:
             agreement += ", which is no test of the model with so few measurements"
@@ -209,7 +214,7 @@ def agreement(
     reasons = [
         Reason(
             Aspect.AGREEMENT, Level.POOR if abs(off) > POOR_DIFFERENCE else Level.DOUBTFUL, name,
-            f"{name} {simulated[name]:.4g} fitted against {measured[name]:.4g} measured: "
+            f"{name} {significant(simulated[name])} fitted against {significant(measured[name])} measured: "
             f"{abs(off):.1f} standard uncertainties off",
         )
         for name, off in sorted(goodness.differences.items(), key=lambda item: -abs(item[1]))
@@ -240,6 +245,18 @@ def agreement(
         )
         reasons.append(Reason(Aspect.AGREEMENT, level, "", sentence))
     return reasons
+
+
+def single_start(agreeing: int, refined: int) -> list[Reason]:
+    """A remark if one start alone of several ended in the optimum."""
+    if agreeing != 1 or refined < 2:
+        return []
+    sentence = (
+        f"1 of {refined} starts of the search ended at this optimum: it may not be the best, or the "
+        "measurements may fit about as well with other parameters; repeat it with another --seed, and free "
+        "fewer parameters if the values change"
+    )
+    return [Reason(Aspect.SEARCH, Level.GOOD, "", sentence)]
 
 
 def search(status: FitStatus, beat: str = "") -> list[Reason]:

@@ -159,8 +159,13 @@ OUTFLOW_TRACT_CM = 2.0
 """Width of the left ventricular outflow tract [cm], in adults 1.8 to 2.2 (textbooks)."""
 
 
+SMALLEST_RATE = 1e-300
+"""Added to the heart rate [1/min] in denominators: a rate of 0 is refused, and its beat has no numbers."""
+
+
 def _vti(m: BeatMeasures) -> Numbers:
-    return m.mean("Qlv") * (60.0 / in_effect(HEART_RATE)(m)) / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
+    period = 60.0 / (in_effect(HEART_RATE)(m) + SMALLEST_RATE)
+    return m.mean("Qlv") * period / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
 
 
 _MORE = (

@@ -35,12 +35,16 @@ def number(
     """
     if value is None or not math.isfinite(value):
         return missing
-    text = f"{value:.{digits}g}" if decimals is None else f"{value:.{decimals}f}"
-    if "e+" in text and abs(value) < LARGEST_WITHOUT_EXPONENT:
-        text = f"{float(text):.0f}"
+    text = significant(value, digits) if decimals is None else f"{value:.{decimals}f}"
     if float(text) == 0.0:
         text = text.lstrip("-")
     return text.replace("-", MINUS) + (f" {unit}" if unit else "")
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """Format a number with significant digits, in plain text; a million or more as a power of ten."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < LARGEST_WITHOUT_EXPONENT else text
 
 
 def interval(low: float | None, high: float | None, digits: int = 3) -> str:

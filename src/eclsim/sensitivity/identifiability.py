@@ -21,7 +21,7 @@ from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
 from eclsim.outputs.results import beat_warnings, derivatives
 from eclsim.outputs.signals import output_names, parameters_read
-from eclsim.reporting.numbers import number, text_table
+from eclsim.reporting.numbers import number, significant, text_table
 from eclsim.sensitivity.inputs import (
     CARDIOVASCULAR,
     DEFAULTS,
@@ -52,7 +52,7 @@ def change(name: str) -> tuple[float, str]:
 def _in_words(name: str, share: float) -> str:
     """A share of the reference change as text: in percent, or in the unit of the parameter."""
     whole, unit = change(name)
-    return f"{share * whole:.3g} {unit}".strip() if whole else f"{100 * share:.3g} %"
+    return f"{significant(share * whole, 3)} {unit}".strip() if whole else f"{significant(100 * share, 3)} %"
 
 
 @dataclass(frozen=True)
@@ -512,9 +512,9 @@ def identifiability_text(result: Identifiability, limit: float) -> str:
 
 
 def _measurements(result: Identifiability) -> str:
-    measured = {o: f"{value:.4g}" for o, value in result.measured.items()}
+    measured = {o: significant(value) for o, value in result.measured.items()}
     rows = [
-        (o, measured.get(o, "-"), f"{result.simulated[o]:.4g}", f"±{u:.3g}")
+        (o, measured.get(o, "-"), significant(result.simulated[o]), f"±{u:.3g}")
         for o, u in result.uncertainties.items()
     ]
     return text_table(("output", "measured", "simulated", "uncertainty"), rows, numeric=(1, 2, 3))

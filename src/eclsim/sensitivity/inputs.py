@@ -18,7 +18,7 @@ import numpy as np
 from eclsim.arguments import number_of, written
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
-from eclsim.outputs.registry import unavailable
+from eclsim.outputs.registry import find_output, unavailable
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -415,9 +415,23 @@ def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Unce
     Args:
         values: measured values [mmHg, L/min].
         known: uncertainty of at least each measured value.
+
+    Raises:
+        InputError: A percentage of 0, except of a flow, is given as an uncertainty.
     """
     as_uncertainties({name: known[name] for name in values})
-    return {n: known[n].at(v) or known[n].at(SMALLEST_FLOW) for n, v in values.items()}
+    units = {n: entry.unit if (entry := find_output(n)) is not None else "" for n in values}
+    least = {n: SMALLEST_FLOW if unit == "L/min" else 0.0 for n, unit in units.items()}
+    errors = {n: known[n].at(v) or known[n].at(least[n]) for n, v in values.items()}
+    wrong = [
+        f"uncertainty of {n}: {100.0 * known[n].relative:g} % of a value of 0 is no uncertainty; give it in "
+        f"{units[n] or 'the unit of the output'}, such as {n}={DEFAULTS.get(n, Uncertainty(1.0)).absolute:g}"
+        for n, error in errors.items()
+        if error == 0.0
+    ]
+    if wrong:
+        raise InputError(wrong)
+    return errors
 
 
 def read_uncertainties(text: str) -> dict[str, Uncertainty]:
