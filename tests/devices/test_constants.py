@@ -10,6 +10,7 @@ from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import CANNULAE, OXYGENATORS
 from eclsim.devices.lvad import Lvad
 from eclsim.inputs.mistakes import CaseError
+from eclsim.simulation.single import simulate
 
 PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
@@ -128,7 +129,6 @@ def ecmo_case(**lines):
             "both lumens of a Medtronic Crescent have one size",
         ),
         (("crescent_drainage", 28), ("venous", 21), "not lumens of one cannula"),
-        (("avalon_drainage", 27), ("avalon_return", 27), "10 to 80 % more pressure"),
     ],
 )
 def test_both_lumens_of_a_dual_lumen_cannula_belong_together(drainage, back, words):
@@ -150,3 +150,11 @@ def test_a_return_lumen_does_not_drain():
         ecmo_case(
             drainage_cannula="avalon_return", drainage_fr=27, return_cannula="avalon_return", return_fr=27
         )
+
+
+@pytest.mark.parametrize("product", ["avalon", "crescent"])
+def test_a_chart_in_water_is_said_where_suction_is_shown(product):
+    lines = {f"{line}_cannula": f"{product}_{line}" for line in ("drainage", "return")}
+    case = ecmo_case(**lines, drainage_fr=28 if product == "crescent" else 27, return_fr=27).case
+    said = [line for line in simulate(case).attrs["warnings"] if "before its pump are too mild" in line]
+    assert len(said) == (product == "avalon")

@@ -8,11 +8,19 @@ There R Q^2 misses them by at most 9 mmHg; the cubics are within 3 % of R at eac
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import nan
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
+from eclsim.devices.description import CAUTION, Finding
+from eclsim.devices.device import Naming
 from eclsim.devices.products import CannulaType, by_key
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
 
 AVALON_BLOOD = "the chart is of water, and blood of haematocrit 26 % needs 10 to 80 % more pressure"
 _HLS = "unvalidated: no data of these cannulae found; others of one size differ by 30 %"
@@ -80,7 +88,7 @@ def fits_line(line: str) -> tuple[str, ...]:
 
 
 def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
-    """Warn where the lines of a section are not the two lumens of one cannula, and of charts in water."""
+    """Warn where the lines of a section `key` are not the two lumens of one cannula."""
     drainage, back = (CANNULAE.get(values.get(f"{line}_cannula", "")) for line in ("drainage", "return"))
     if drainage is None or back is None or not (drainage.dual_lumen or back.dual_lumen):
         return
@@ -90,7 +98,14 @@ def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
     elif values.get("drainage_fr") != values.get("return_fr"):
         message = f"both lumens of a {back.dual_lumen} have one size; drainage_fr is another"
         remarks.warning(f"{key}.return_fr", message, shown(values.get("return_fr")))
-    if drainage.dual_lumen == _AVALON:
-        remarks.warning(
-            f"{key}.drainage_cannula", f"drainage pressures are too mild: {AVALON_BLOOD}", drainage.key
-        )
+
+
+def caution_on_chart(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+    """Caution on pressures of a drainage lumen whose chart was measured in water."""
+    laws = (c.component for c in circuit.connections if c.name == names.place("ecmodrain"))
+    if not any(getattr(law, "coefficients", ()) == CANNULAE["avalon_drainage"].coefficients for law in laws):
+        return []
+    suction = ("lowest_drainage_pressure", "drainage_pressure", "pump_inlet_pressure")
+    concerns = tuple(name for name in map(names.output, suction) if name in outputs)
+    text = f"pressures of the {names.label} before its pump are too mild: {AVALON_BLOOD}"
+    return [Finding(CAUTION, one, outputs[one], nan, text, concerns=concerns) for one in concerns[:1]]

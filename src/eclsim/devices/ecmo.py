@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from eclsim.devices.cannulae import CANNULAE, check_lumens, fits_line
+from eclsim.devices.cannulae import CANNULAE, caution_on_chart, check_lumens, fits_line
 from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
@@ -842,6 +842,7 @@ class EcmoDevice(Device[Ecmo]):
             *_outside_label(names, outputs, values),
             *_without_exhaust_gas(names, outputs, values),
             *_caution_on_left_ventricle(names, outputs, circuit),
+            *caution_on_chart(names, outputs, circuit),
             *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
 
