@@ -50,6 +50,9 @@ demo: $(STAMPS)/core  ## the paper's ECMO + CRRT patient and the nine CRRT schem
 
 # --- checks -------------------------------------------------------------------------------------
 
+# Without bytecode on disk every worker, and every command in a test, compiles the same sources again.
+test quick: export PYTHONDONTWRITEBYTECODE :=
+
 test: $(STAMPS)/dev  ## run all tests
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 

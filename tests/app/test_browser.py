@@ -46,25 +46,24 @@ def test_the_notice_is_always_there(open_page):
         assert box["y"] + box["height"] <= LAPTOP["height"]
 
 
-@pytest.mark.parametrize(
-    ("typed", "message"),
-    [("3,425", "3.425 or 3425"), ("abc", "not a number"), ("9999", "far above"), ("<b>x</b>", "<b>x</b>")],
-)
-def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots, typed, message):
+def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots):
     page = open_page()
     field = page.locator("#knob-ecmo-speed_rpm")
-    field.fill(typed)
-    field.press("Enter")
     alert = page.locator("#knob-ecmo-speed_rpm-error")
-    expect(alert).to_contain_text(message)
-    expect(field).to_have_attribute("aria-invalid", "true")
-    assert beat(page)["outputs"]["PF"] == pytest.approx(3.70, abs=0.02)
-    if typed == "3,425":
-        picture(page, shots, "bad_value")
-    field.fill("3000")
-    field.press("Enter")
-    wait_for(page, "beat.outputs.PF < 3.2")
-    expect(alert).to_have_count(0)
+    for typed, message in (
+        ("3,425", "3.425 or 3425"), ("abc", "not a number"), ("9999", "far above"), ("<b>x</b>", "<b>x</b>"),
+    ):  # fmt: skip
+        turn(page, "ecmo.speed_rpm", typed)
+        expect(alert).to_contain_text(message)
+        expect(field).to_have_attribute("aria-invalid", "true")
+        assert beat(page)["outputs"]["PF"] == pytest.approx(3.70, abs=0.02)
+        if typed == "3,425":
+            picture(page, shots, "bad_value")
+        turn(page, "ecmo.speed_rpm", "3000")
+        wait_for(page, "beat.outputs.PF < 3.2")
+        expect(alert).to_have_count(0)
+        turn(page, "ecmo.speed_rpm", "3425")
+        wait_for(page, "beat.outputs.PF > 3.6")
     turn(page, "parameters.Rmc", "1,1")
     expect(knob(page, "parameters.Rmc")).to_have_value("1.1")
 

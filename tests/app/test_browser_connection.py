@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one serve
 def alone(browser, serving):
     """A page of a server of its own."""
     served = serving()
-    page = browser.new_page(viewport=LAPTOP)
+    page = browser.new_page(viewport=LAPTOP, reduced_motion="reduce")
     page.set_default_timeout(60_000)
     page.goto(served.url)
     page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
@@ -224,7 +224,7 @@ def test_a_page_whose_sign_in_ended_says_how_to_go_on(browser, serving, tmp_path
     secret.write_text("a long password\n")
     secret.chmod(0o600)
     served = serving("--password-file", str(secret))
-    page = browser.new_page(viewport=LAPTOP)
+    page = browser.new_page(viewport=LAPTOP, reduced_motion="reduce")
     page.set_default_timeout(60_000)
 
     def sign_in():
@@ -260,7 +260,7 @@ def test_charts_that_could_not_be_loaded_once_come_with_the_next_beat(browser, a
             refused.append(route.request.url)
             route.abort()
 
-    other = browser.new_page(viewport=LAPTOP)
+    other = browser.new_page(viewport=LAPTOP, reduced_motion="reduce")
     other.route("**" + names["nicegui-plotly"], once)
     other.goto(served.url)
     other.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)

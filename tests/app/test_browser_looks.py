@@ -200,22 +200,27 @@ def test_curves_of_the_ramp_differ_in_colour_and_dash_and_limits_have_names(open
     picture(page, shots, "ramp_labelled")
 
 
-@pytest.mark.parametrize("width", [1024, 820, 1280])
-def test_charts_keep_their_size_while_nobody_touches_them(open_page, shots, width):
-    page = open_page("paper", viewport={"width": width, "height": 768})
-    page.keyboard.press("Alt+s")
+def test_charts_keep_their_size_while_nobody_touches_them(open_page, shots):
+    """In three windows at once, which are watched together."""
+    pages = {w: open_page("paper", viewport={"width": w, "height": 768}) for w in (1024, 820, 1280)}
+    for page in pages.values():
+        page.keyboard.press("Alt+s")
     for view in ("ramp", "loops", "compare"):
-        show(page, view)
-        chart = page.locator(".ecl-chart:visible")
-        chart.locator(".scatterlayer .trace").first.wait_for()
+        charts = {}
+        for width, page in pages.items():
+            show(page, view)
+            charts[width] = page.locator(".ecl-chart:visible")
+            charts[width].locator(".scatterlayer .trace").first.wait_for()
         page.wait_for_timeout(700)
-        before = chart.bounding_box()
+        before = {width: chart.bounding_box() for width, chart in charts.items()}
         page.wait_for_timeout(1500)
-        assert chart.bounding_box() == before
-        assert 220 < before["height"] < 700
-        drawn = chart.locator(".main-svg").first.bounding_box()
-        assert abs(drawn["height"] - before["height"]) < 4
-        picture(page, shots, f"chart_{view}_{width}")
+        assert {width: chart.bounding_box() for width, chart in charts.items()} == before
+        for width, page in pages.items():
+            height = before[width]["height"]
+            assert 220 < height < 700, width
+            drawn = charts[width].locator(".main-svg").first.bounding_box()
+            assert abs(drawn["height"] - height) < 4, width
+            picture(page, shots, f"chart_{view}_{width}")
 
 
 def test_on_a_phone_nothing_overflows_and_schemes_have_units(open_page, shots):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import subprocess
 import sys
 
 import pytest
+
+from eclsim.app.fitting import _prepare
 
 STOPPED = """
 import os, threading, time
@@ -34,3 +37,12 @@ def test_a_server_that_stops_leaves_no_semaphores(running, tmp_path):
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0
     assert "leaked" not in done.stderr, done.stderr
+
+
+def test_what_fits_need_is_compiled_before_somebody_fits(monkeypatch):
+    """The settings of these searches were refused, without a word, and the first fit compiled everything."""
+    pipe, _ = multiprocessing.Pipe()
+    patients = []
+    monkeypatch.setattr("eclsim.identification.fit.fit", lambda case, **_: patients.append(case.as_mapping()))
+    _prepare(pipe)
+    assert ["crrt" in case for case in patients] == [True, False]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from eclsim.beat import compilation
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.gas import _at_equilibrium
 from eclsim.outputs.results import labelled
 from eclsim.outputs.steady_beat import steady_beat
 
@@ -58,3 +60,10 @@ def test_pressures_in_a_result_carry_the_gases_of_their_place(beat):
 
 def test_no_steady_gas_state_has_no_numbers():
     assert solved(shunt_fraction=1.0).gases == {}
+
+
+def test_the_next_process_need_not_trace_them(beat, monkeypatch, tmp_path):
+    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
+    assert set(beat.gases) == {0}
+    (shapes,) = _at_equilibrium._ready
+    assert compilation._file(_at_equilibrium.key, shapes, _at_equilibrium.modules) is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import multiprocessing
 import os
@@ -31,13 +32,14 @@ if TYPE_CHECKING:
     from eclsim.identification.settings import FitSettings
     from eclsim.orbit.model import VolumePolicy
 
+log = logging.getLogger("eclsim.app")
 _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
     (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
 """Options of `eclsim identify` in the reasons of a verdict, with the page's texts that replace them."""
 _OPTION = re.compile(r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*")
 PAGE_SEARCH = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
 """A smaller search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
-COMPILING_SEARCH = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0, "polishing": 0}
+COMPILING_SEARCH = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 1, "polishing": 0}
 LONGEST_CANCEL_S = 20.0
 """Time after which a cancelled fit that has not stopped is terminated together with its process [s]."""
 NICENESS = 5
@@ -160,8 +162,11 @@ def _serve(pipe: Connection, quit_now: Event) -> None:
     """Main function of the process: prepare, then run jobs from the pipe until its other end is closed."""
     with contextlib.suppress(OSError, AttributeError):
         os.nice(NICENESS)
-    with contextlib.suppress(Exception):  # an error recurs with the fit and is reported then
-        _prepare(pipe)
+    try:
+        with contextlib.suppress(CancelledError):
+            _prepare(pipe)
+    except Exception:  # what could not be compiled in advance is compiled by the first fit
+        log.exception("compiling what fits need failed")
     while True:
         try:
             job, case, policy, free = pipe.recv()
