@@ -47,7 +47,7 @@ def test_oxygen_delivery_is_held_against_the_size_of_the_patient():
     assert 500.0 < beat.outputs["DO2"] < 720.0
     assert beat.levels()["DO2"] == "alarm"
     said = next(finding.sentence for finding in beat.findings if finding.quantity == "DO2")
-    assert said in simulate(state.case).attrs["warnings"]
+    assert f"alarm: {said}" in simulate(state.case).attrs["warnings"]
     assert display(state.case)["specs"]["DO2"]["limits"][0]["value"] == 720.0
 
 

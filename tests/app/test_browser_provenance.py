@@ -70,7 +70,9 @@ def test_measured_and_simulated_stand_side_by_side(open_page, tmp_path, shots):
     page.get_by_text(f"{text('key_measured')} 99").wait_for()
     expect(page.locator(".q-notification")).to_be_visible()
     page.get_by_role("button", name=text("open")).click(timeout=4000)  # the message over it takes no click
+    expect(page.get_by_role("dialog")).to_be_visible()
     page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_be_hidden()
     show(page, "outputs")
     heads = page.locator(".ecl-outputs thead th")
     expect(heads.nth(1)).to_have_text(text("value"))

@@ -10,9 +10,10 @@ import sys
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import lru_cache, wraps
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
-from types import MappingProxyType
+from types import CodeType, MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from pydantic import BaseModel
@@ -138,6 +139,14 @@ def forget_device(key: str) -> None:
     _OTHERS.pop(key, None)
 
 
+class _Uncached(SourceFileLoader):
+    """Loads a file from its source: bytecode on disk is not renewed for an edit within the same second."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
 def load_device_file(file: str) -> list[AnyDevice]:
     """Run a Python file that registers a user's devices; the file can do whatever a program can.
 
@@ -150,8 +159,8 @@ def load_device_file(file: str) -> list[AnyDevice]:
     path = os.path.abspath(file)
     name = "eclsim_device_" + re.sub(r"\W", "_", os.path.splitext(os.path.basename(path))[0])
     before = dict(_OTHERS)
-    spec = spec_from_file_location(name, path)
-    if not os.path.isfile(path) or spec is None or spec.loader is None:
+    spec = spec_from_file_location(name, path, loader=_Uncached(name, path))
+    if not (os.path.isfile(path) and path.endswith(".py")) or spec is None or spec.loader is None:
         raise DeviceError(f"{file}: not a Python file")
     module = sys.modules[name] = module_from_spec(spec)
     try:
