@@ -33,6 +33,7 @@ test("play goes on at its speed and ends at the end", () => {
   assert.equal(playedTo(10, 60_000, 1, 100), 11);
   assert.equal(playedTo(10, 1000, 3600, 100), 70);
   assert.equal(playedTo(99, 1000, 3600, 100), 100);
+  assert.equal(playedTo(10, -16, 3600, 100), 10);
 });
 
 test("play meets the first alarms on its way, no warning, and none where it stands", () => {

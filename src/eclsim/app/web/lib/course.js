@@ -14,8 +14,10 @@ export function clock(minute, seconds = false) {
 // Clock time of a beat; empty for the start.
 export const timeOf = (beat) => (beat?.minute ? clock(beat.minute, beat.transient) : "");
 
-// Minute after some milliseconds of play, never beyond the end.
-export const playedTo = (minute, ms, speed, end) => Math.min(minute + (ms / 60_000) * speed, end);
+// Minute after some milliseconds of play, never beyond the end and never back: the time of a frame may be
+// before the press of Play, and an alarm that Play stopped at would be met again.
+export const playedTo = (minute, ms, speed, end) =>
+  Math.min(minute + (Math.max(ms, 0) / 60_000) * speed, end);
 
 // The first moment of a course at which an alarm is seen: between two moments its beginning is an estimate.
 export const seenAt = ({ at_min: at }, times) => times.find((time) => time >= at - 1e-9) ?? times.at(-1);
