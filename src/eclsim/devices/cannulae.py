@@ -80,6 +80,7 @@ CANNULAE = by_key(
     )
 )  # fmt: skip
 """Cannulae: arterial ones return; venous ones drain, and return in veno-venous ECMO."""
+_IN_WATER = CANNULAE["avalon_drainage"].coefficients
 
 
 def fits_line(line: str) -> tuple[str, ...]:
@@ -103,9 +104,10 @@ def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
 def caution_on_chart(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """Caution on pressures of a drainage lumen whose chart was measured in water."""
     laws = (c.component for c in circuit.connections if c.name == names.place("ecmodrain"))
-    if not any(getattr(law, "coefficients", ()) == CANNULAE["avalon_drainage"].coefficients for law in laws):
-        return []
+    in_water = any(getattr(law, "coefficients", ()) == _IN_WATER for law in laws)
     suction = ("lowest_drainage_pressure", "drainage_pressure", "pump_inlet_pressure")
     concerns = tuple(name for name in map(names.output, suction) if name in outputs)
+    if not in_water or not concerns:
+        return []
     text = f"pressures of the {names.label} before its pump are too mild: {AVALON_BLOOD}"
-    return [Finding(CAUTION, one, outputs[one], nan, text, concerns=concerns) for one in concerns[:1]]
+    return [Finding(CAUTION, concerns[0], outputs[concerns[0]], nan, text, concerns=concerns)]

@@ -157,8 +157,6 @@ _COLLAPSIBLE = (
 
 OUTFLOW_TRACT_CM = 2.0
 """Width of the left ventricular outflow tract [cm], in adults 1.8 to 2.2 (textbooks)."""
-
-
 SMALLEST_RATE = 1e-300
 """Added to the heart rate [1/min] in denominators: a rate of 0 is refused, and its beat has no numbers."""
 
