@@ -110,8 +110,11 @@ def legend_of_bars(panels: Iterable[Panel], broken: Iterable[BrokenLimit]) -> li
     names = {first_name(name) for panel in panels for name in panel.names}
     limits = [one for one in broken if one.kind in _BARS]
     lines = []
-    if any(first_name(one.quantity) in names for one in limits):
-        lines.append("bars: an output of the panel is in alarm (red) or warning (orange, dashed)")
+    if drawn := {one.kind for one in limits if first_name(one.quantity) in names}:
+        impossible = "; dark red: it is impossible" if "collapse" in drawn else ""
+        lines.append(
+            f"bars: an output of the panel is in alarm (red) or warning (orange, dashed){impossible}"
+        )
     groups = set(map(group_of, names))
     further = (one for one in limits if find_output(one.quantity) and group_of(one.quantity) not in groups)
     if hidden := dict.fromkeys(f"{one.quantity} ({LABELS.get(one.kind, one.kind)})" for one in further):
