@@ -280,7 +280,7 @@ def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> No
         available -= bled
         if bled and available < (1.0 - CLASS_IV) * blood_ml:
             message = (
-                f"leaves {available:.0f} of {blood_ml:.0f} mL of blood: a loss above {CLASS_IV:.0%} is soon "
-                "fatal (class IV, ATLS 2018), and beats may be computed that no patient can have"
+                f"leaves {available:.0f} of {blood_ml:.0f} mL of blood: a loss above {100 * CLASS_IV:.0f} % "
+                "is soon fatal (class IV, ATLS 2018), and beats may be computed that no patient can have"
             )
             remarks.warning(key, message, shown(bled))
