@@ -31,6 +31,7 @@ from eclsim.course.result import impossible_moments
 from eclsim.course.timeline import case_with_settings
 from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.files import finite
+from eclsim.fluid.dialysed_drug import UNBOUND
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
@@ -304,7 +305,7 @@ _OUTPUTS = (
     ("unstressed_volume", "mL", 0), ("systemic_resistance_factor", "", 2), ("contractility_lv_factor", "", 2),
     ("tissue_PCO2", "mmHg", 0), ("haematocrit", "%", 1), ("plasma_protein", "g/dL", 1),
     ("oncotic_pressure", "mmHg", 1), ("urea", "mmol/L", 1), ("creatinine", "umol/L", 0),
-    ("potassium", "mmol/L", 2), ("drug_unbound", "mg/L", 1), ("bicarbonate", "mmol/L", 1),
+    ("potassium", "mmol/L", 2), (UNBOUND, "mg/L", 1), ("bicarbonate", "mmol/L", 1),
     ("hypoxic_resistance_factor", "", 2),
     (INTERSTITIUM, "mL", 0), (REFILLED, "mL", 0), (REMOVED, "mL", 0),
 )  # fmt: skip
@@ -330,5 +331,6 @@ def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
     for name, unit, digits in _OUTPUTS:
         if name in result:
             values = result[name].to_numpy() * (100.0 if unit == "%" else 1.0)
-            rows.append(Lane(name, text(f"lane_{name}"), written_unit(unit), digits, values, False))
+            usual = name == UNBOUND
+            rows.append(Lane(name, text(f"lane_{name}"), written_unit(unit), digits, values, usual))
     return [lane for lane in rows if np.isfinite(lane.values).any()]

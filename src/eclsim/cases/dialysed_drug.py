@@ -11,7 +11,7 @@ from eclsim.parameters import dialysed_drug as keys
 
 MOST_SIEVED = 1.25
 """Ratio of sieving coefficient to unbound share above which one of them is probably wrong."""
-ASSUMED = ("central_volume_l", "body_clearance_ml_min")
+ASSUMED = ("central_volume_l", "body_clearance_ml_min", "koa_ml_min")
 """Constants of drug and patient that differ so much that a value which is left out is named."""
 
 
