@@ -132,6 +132,20 @@ def test_clearances_of_the_dialysis_example():
         assert agrees(recirculated.removesuffix(" %"), share)
 
 
+def test_the_antibiotic_of_the_example():
+    from eclsim.course.drug import drug_in_words
+
+    result = eclsim.course(Path("examples/antibiotic.toml"), minutes=1440.0)
+    page = " ".join(Path("docs/dialysis.md").read_text(encoding="utf-8").split())
+    assert drug_in_words(result) in page
+    cleared, plasma = (result[name].interp(time_min=[470, 490, 479, 1440]).to_numpy() for name in
+                       ("effective_clearance_drug", "drug_concentration"))  # fmt: skip
+    words = f"clears {cleared[0]:.0f} mL/min, and the drug is down to {plasma[2]:.0f} mg/L"
+    assert words in page
+    assert f"clears {cleared[1]:.0f}." in page
+    assert f"leaves {plasma[3]:.0f} instead of {plasma[2]:.0f} mg/L" in page
+
+
 def test_renox_beside_crrt():
     rows = {row[0]: row[1:] for row in table("docs/dialysis.md", "", "RenOx", "CRRT, scheme g")}
     case: dict[str, Any] = eclsim.read_case(PAPER_CASE).case.as_mapping()

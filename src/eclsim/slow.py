@@ -17,7 +17,17 @@ Named: TypeAlias = "Mapping[str, np.ndarray]"
 """Values by name, each of shape (members,)."""
 
 INFLOWS = ("crystalloid_ml", "albumin_ml", "red_cells_ml", "blood_ml", "bleed_ml")
-"""Amounts that events give, mL; bleeding is positive and leaves the patient."""
+"""Volumes that events give, mL; bleeding is positive and leaves the patient."""
+DOSE = "drug_mg"
+"""Amount that events give of the drug of the section [dialysed_drug], mg."""
+ALL_GIVEN = (*INFLOWS, DOSE)
+"""All that events give."""
+
+
+def kind_and_unit(name: str) -> tuple[str, str]:
+    """Return words and unit of what an event gives, such as "red cells" and "mL" of "red_cells_ml"."""
+    kind, _, unit = name.rpartition("_")
+    return kind.replace("_", " "), {"ml": "mL"}.get(unit, unit)
 
 
 class SlowState(NamedTuple):
@@ -92,7 +102,7 @@ class SlowLaw(ABC):
             states: states of all laws, by name.
             settings: parameters of the case at that moment, with events and ramps applied.
             beat: outputs named by `reads`, of the steady beat at these states.
-            inflows: rates at which events give fluid at that moment, mL/s, by the names in `INFLOWS`.
+            inflows: rates of what events give at that moment, mL/s and mg/s, by the names in `ALL_GIVEN`.
         """
 
     @property

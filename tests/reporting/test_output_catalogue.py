@@ -27,6 +27,7 @@ REGIONS = "[physiology] regional = true"
 GIVEN = {
     "[gas]": {"gas": {}},
     "[solutes]": {"solutes": {}, "fluid": {}},
+    "[dialysed_drug]": {"dialysed_drug": {}},
     REGIONS: {"physiology": {"regional": True}},
     "[physiology] bronchial_fraction": {"physiology": {"bronchial_fraction": 0.02}},
     "[physiology] collapsible_veins = true": {"physiology": {"collapsible_veins": True}},

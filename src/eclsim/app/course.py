@@ -26,16 +26,18 @@ from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
 from eclsim.course.alarms import clock_time
+from eclsim.course.drug import drug_in_words
 from eclsim.course.result import impossible_moments
 from eclsim.course.timeline import case_with_settings
 from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.files import finite
+from eclsim.fluid.dialysed_drug import UNBOUND
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
 from eclsim.parameters.fluid import sets_initial_value
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
-from eclsim.slow import INFLOWS
+from eclsim.slow import DOSE, INFLOWS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -126,6 +128,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
         "rows": rows, "message": with_minus(str(result.attrs["message"])),
         "alarms": finite(broken[:MOST_ALARMS]),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
+        "drug": drug_in_words(result),
         "approximations": [
             with_minus(str(s)) for kind in ("approximations", "cautions") for s in result.attrs[kind]
         ],
@@ -162,6 +165,8 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
         {"key": kind, "give": True, "label": text(f"give_{kind}"), "unit": "mL", "value": 300.0}
         for kind in INFLOWS
     ]
+    if case.dialysed_drug is not None:
+        gifts.append({"key": DOSE, "give": True, "label": text(f"give_{DOSE}"), "unit": "mg", "value": 500.0})
     knobs = [
         k for k in controls(case) if isinstance(k, Knob) and k.key != VOLUME and not sets_initial_value(k.key)
     ]
@@ -300,7 +305,8 @@ _OUTPUTS = (
     ("unstressed_volume", "mL", 0), ("systemic_resistance_factor", "", 2), ("contractility_lv_factor", "", 2),
     ("tissue_PCO2", "mmHg", 0), ("haematocrit", "%", 1), ("plasma_protein", "g/dL", 1),
     ("oncotic_pressure", "mmHg", 1), ("urea", "mmol/L", 1), ("creatinine", "umol/L", 0),
-    ("potassium", "mmol/L", 2), ("bicarbonate", "mmol/L", 1), ("hypoxic_resistance_factor", "", 2),
+    ("potassium", "mmol/L", 2), (UNBOUND, "mg/L", 1), ("bicarbonate", "mmol/L", 1),
+    ("hypoxic_resistance_factor", "", 2),
     (INTERSTITIUM, "mL", 0), (REFILLED, "mL", 0), (REMOVED, "mL", 0),
 )  # fmt: skip
 """Name, displayed unit and decimals of the curves offered in addition to the key figures."""
@@ -325,5 +331,6 @@ def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
     for name, unit, digits in _OUTPUTS:
         if name in result:
             values = result[name].to_numpy() * (100.0 if unit == "%" else 1.0)
-            rows.append(Lane(name, text(f"lane_{name}"), written_unit(unit), digits, values, False))
+            usual = name == UNBOUND
+            rows.append(Lane(name, text(f"lane_{name}"), written_unit(unit), digits, values, usual))
     return [lane for lane in rows if np.isfinite(lane.values).any()]

@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_validator
 
 from eclsim.cases.checking import check_case
+from eclsim.cases.dialysed_drug import DialysedDrug
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.fluid import Fluid, Solutes
@@ -58,6 +59,7 @@ class Case(PublishedDevices):
     drugs: Drugs | None = None
     fluid: Fluid | None = None
     solutes: Solutes | None = None
+    dialysed_drug: DialysedDrug | None = None
     other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)
     parameters: dict[str, float] = Field(default_factory=dict)
     events: tuple[Event, ...] = ()

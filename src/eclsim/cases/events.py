@@ -13,12 +13,13 @@ from pydantic import Field as Default
 from eclsim.cases.quantities import section_and_key
 from eclsim.cases.settings import keys_replaced_by, put_in, unknown_key
 from eclsim.devices.registry import example_setting
-from eclsim.inputs.fields import number
+from eclsim.inputs.fields import number, setting
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import is_number
 from eclsim.inputs.sections import Raw, check_field, short
+from eclsim.parameters import dialysed_drug as drug
 from eclsim.parameters.fluid import sets_initial_value
-from eclsim.slow import INFLOWS
+from eclsim.slow import DOSE, INFLOWS, kind_and_unit
 from eclsim.spelling import did_you_mean
 
 LONGEST_MIN = 31 * 1440.0
@@ -35,6 +36,7 @@ _TIMES = {
     "over_min": number("Time over which it is given", "min", 0.1, LONGEST_MIN, 30),
 }
 _AMOUNT = number("Volume", "mL", 0, LARGEST_ML, 500)
+_DOSE = replace(setting(drug.PARAMETERS[drug.DOSE]), name=DOSE)
 KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
 Path = tuple[str, str]
 """Section and key of a setting."""
@@ -43,6 +45,7 @@ BODY_KEYS = {("patient", name) for name in ("sex", "age_years", "height_cm", "we
 FILLING = "P0"
 """Prefix of the start pressures' names; these set the blood in each compartment at the start."""
 Check = Callable[[Raw], Remarks]
+_NEEDS_DRUG = f"a section [{drug.SECTION}], which says how the body handles it"
 
 
 class Event(BaseModel):
@@ -52,8 +55,8 @@ class Event(BaseModel):
         at_min: time at which the event begins [min from the start].
         set: new values of settings, by any key that `--set` takes.
         ramp_min: duration of the linear change of these settings [min]; 0 for an immediate change.
-        give: volumes [mL] by kind; `bleed_ml` is lost.
-        over_min: duration over which the volumes are given [min].
+        give: volumes [mL] by kind, of which `bleed_ml` is lost; `drug_mg` of the drug of [dialysed_drug].
+        over_min: duration over which it is given [min].
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -67,7 +70,10 @@ class Event(BaseModel):
     def summary(self) -> str:
         """Short description of the event."""
         changes = [f"{key} = {shown(value)[:40]}" for key, value in self.set.items()]
-        gifts = [f"{kind.removesuffix('_ml').replace('_', ' ')} {ml:g} mL" for kind, ml in self.give.items()]
+        gifts = [
+            f"{kind} {amount:g} {unit}"
+            for (kind, unit), amount in zip(map(kind_and_unit, self.give), self.give.values(), strict=True)
+        ]
         return ", ".join(changes + gifts)
 
     def as_object(self) -> dict[str, Any]:
@@ -159,11 +165,14 @@ class _EventChecker:
                 self.remarks.error(f"{place}.{kind}", "is negative", shown(value), allowed, instead)
             elif kind in INFLOWS:
                 check_field(f"{place}.{kind}", value, replace(_AMOUNT, name=kind), values, self.remarks)
+            elif kind == DOSE and drug.SECTION in self.case:
+                check_field(f"{place}.{kind}", value, _DOSE, values, self.remarks)
+            elif kind == DOSE:
+                self.remarks.error(f"{place}.{kind}", "the case has no drug", shown(value), _NEEDS_DRUG)
             else:
-                hint = did_you_mean(str(kind), INFLOWS)
-                self.remarks.error(
-                    f"{place}.{short(kind)}", "unknown", shown(value), ", ".join(INFLOWS), hint
-                )
+                known = (*INFLOWS, DOSE)
+                hint = did_you_mean(str(kind), known)
+                self.remarks.error(f"{place}.{short(kind)}", "unknown", shown(value), ", ".join(known), hint)
         return values
 
     def _settings(self, place: str, raw: object, ramped: bool) -> dict[str, Any]:
@@ -182,6 +191,8 @@ class _EventChecker:
             elif sets_initial_value(".".join(path)) or path in BODY_KEYS or path[1].startswith(FILLING):
                 message = "is a value at the start of the course, which computes its later values"
                 self.remarks.error(key, message, shown(value), "give = { ... } changes blood and fluid")
+            elif path[0] == drug.SECTION not in self.case:
+                self.remarks.error(key, "the case has no drug", shown(value), _NEEDS_DRUG)
             elif path[1] == "flow_l_min" and "speed_rpm" in keys_replaced_by(*path):
                 self.remarks.error(
                     key, "a course keeps the pump's speed, not its flow; set the speed", shown(value)
@@ -272,7 +283,7 @@ def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> No
     for event in events:
         gifts, key = event.get("give", {}), f"{event['place']}.give.bleed_ml"
         bled = gifts.get("bleed_ml", 0.0)
-        available += sum(ml for kind, ml in gifts.items() if kind != "bleed_ml")
+        available += sum(gifts.get(kind, 0.0) for kind in INFLOWS if kind != "bleed_ml")
         if bled >= available:
             allowed = f"below {available:.0f} mL, the blood volume at that time"
             remarks.error(key, "more blood than the patient has", shown(bled), allowed)

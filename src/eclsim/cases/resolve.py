@@ -100,16 +100,20 @@ def circuit_of(case: Case) -> Circuit:
     for instance in case.instances():
         nodes |= instance.sites()
         circuit += instance.circuit()
-    return with_sites(with_viscosity_of(case, circuit), nodes)
+    return with_sites(with_blood_of(case, circuit), nodes)
 
 
-def with_viscosity_of(case: Case, circuit: Circuit) -> Circuit:
-    """Return the circuit, with resistances that depend on the haematocrit if the case has [fluid]."""
-    if case.fluid is None:
-        return circuit
-    from eclsim.fluid.viscosity import with_viscosity
+def with_blood_of(case: Case, circuit: Circuit) -> Circuit:
+    """Return the circuit with what its blood does: viscosity with [fluid], a drug with [dialysed_drug]."""
+    if case.fluid is not None:
+        from eclsim.fluid.viscosity import with_viscosity
 
-    return with_viscosity(circuit)
+        circuit = with_viscosity(circuit)
+    if case.dialysed_drug is not None:
+        from eclsim.fluid.dialysed_drug import with_dialysed_drug
+
+        circuit = with_dialysed_drug(circuit)
+    return circuit
 
 
 def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
@@ -133,7 +137,7 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
         choices = {line: Choice(tuple(sites.values()), f"{instance.device.key}.{line}") for line in at}
         switched += replace(instance, section=instance.section.model_copy(update=choices)).circuit()
         chosen |= {names[line]: float(list(sites).index(site)) for line, site in at.items()}
-    return with_sites(with_viscosity_of(case, circuit + switched), nodes), chosen
+    return with_sites(with_blood_of(case, circuit + switched), nodes), chosen
 
 
 def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:
@@ -161,7 +165,7 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     values = {key: parameter.value for key, parameter in parameters().items()}
     values["heart_rate_bpm"] = case.patient.heart_rate_bpm
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
-    for section in (case.physiology, case.regulation, case.drugs):
+    for section in (case.physiology, case.regulation, case.drugs, case.dialysed_drug):
         values |= {} if section is None else section.values()
     if case.regulation is not None or case.drugs is not None:
         values[AGE] = case.patient.age_years

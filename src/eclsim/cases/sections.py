@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
+from eclsim.cases.dialysed_drug import DialysedDrug
 from eclsim.cases.fluid import Fluid, Solutes
 from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.devices.device import AnyDevice, device_key
@@ -189,7 +190,9 @@ class Physiology(Section):
         return {f"{self.section}.{k}": value for k, value in stated.items() if not isinstance(value, bool)}
 
 
-PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drugs, Fluid, Solutes)
+PATIENT_SECTIONS: tuple[type[Section], ...] = (
+    Physiology, Gas, Regulation, Drugs, Fluid, Solutes, DialysedDrug,
+)  # fmt: skip
 """Optional sections that extend the published model of the patient."""
 MEASURED = tuple(Measurements.fields())
 """Names of all measurements."""

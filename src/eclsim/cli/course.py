@@ -346,7 +346,7 @@ def _cohort(o: CourseOptions) -> bool:
 
 SHOWN_OUTPUTS = (
     "MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "SaO2", "PaCO2",
-    "DO2", "potassium", "bicarbonate",
+    "DO2", "potassium", "bicarbonate", "drug_unbound",
 )  # fmt: skip
 MOST_ROWS = 25
 BAND_OUTPUTS = ("MAP", "PF", "drainage_pressure", "DO2")
@@ -358,6 +358,7 @@ def _text(result: xr.Dataset) -> str:
     """Format some moments of the course as a table, followed by the blood balance."""
     import json
 
+    from eclsim.course.drug import drug_in_words
     from eclsim.course.result import impossible_moments, spans_in_words
     from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
     from eclsim.reporting.numbers import number, text_table
@@ -388,6 +389,8 @@ def _text(result: xr.Dataset) -> str:
         words = f"* a beat {IMPOSSIBLE_BEAT}: ignore its numbers\n\n{words}"
     if spans:
         words += f"\n{spans}, where an event followed before the circulation had settled"
+    if drug := drug_in_words(result):
+        words += f"\n{drug}"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
 
 

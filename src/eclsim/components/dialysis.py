@@ -54,12 +54,12 @@ class Solute(NamedTuple):
 
     Attributes:
         red_cell_water: share of the red cells' volume that releases the solute while blood passes the filter.
-        sieving: sieving coefficient, relative to the concentration in plasma water.
+        sieving: sieving coefficient, relative to the concentration in plasma water (of a drug, in plasma).
         area_product: KoA of the filter for this solute [mL/min].
     """
 
     red_cell_water: float
-    sieving: float
+    sieving: Array | float
     area_product: Array | float
 
     def water_flow(self, blood: Array, haematocrit: Array) -> Array:
@@ -102,19 +102,21 @@ class Hemofilter(Exchanger):
         clearance: prefix of the names of its device's outputs of effective clearances.
         base_gain: name of its device's output of the bicarbonate gained.
         citrate: name of its device's output of the citrate that reaches the patient; empty if there is none.
+        drug: parameters of a drug that it clears: sieving coefficient and KoA; empty if there is none.
     """
 
     settings: tuple[str, ...]
     clearance: str = EFFECTIVE_CLEARANCE
     base_gain: str = BASE_GAIN
     citrate: str = CITRATE_LOAD
+    drug: tuple[str, ...] = ()
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order of `Settings`."""
-        return self.settings
+        """Names of the parameters, in the order of `Settings`; then those of a drug."""
+        return (*self.settings, *self.drug)
 
     def renamed(self, parameter: Renaming) -> Hemofilter:
-        """The same filter with its parameters renamed."""
+        """The same filter with its parameters renamed, except those of the drug, which is the patient's."""
         return replace(self, settings=tuple(map(parameter, self.settings)))
 
 
@@ -266,6 +268,22 @@ def performance(numbers: Array) -> Array:
         60.0 * blood * (1.0 - haematocrit),
     )
     return jnp.stack(jnp.broadcast_arrays(*result))
+
+
+def drug_clearance(numbers: Array) -> Array:
+    """Compute the clearance of a drug by a filter, relative to plasma, and the flow of plasma [mL/min].
+
+    Only unbound drug passes; binding in the fibres is in equilibrium, and red cells hold none.
+
+    Args:
+        numbers: blood flow [mL/min]; sieving coefficient; KoA [mL/min]; then the entries of `Settings`.
+    """
+    blood, sieving, area_product, *rest = numbers
+    blood, settings = _moving(blood), Settings(*rest)
+    plasma, fluids = blood * (1.0 - settings.haematocrit), settings.fluids
+    cleared = clearance(plasma, fluids, Solute(0.0, sieving, area_product))
+    water_is_left = PLASMA_WATER * plasma > fluids.after + fluids.net
+    return jnp.stack([jnp.where(water_is_left, cleared, jnp.nan), plasma])
 
 
 def _moving(blood: Array) -> Array:

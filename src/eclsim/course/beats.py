@@ -45,7 +45,7 @@ from eclsim.outputs.signals import needed_parameters, needed_signals, output_nam
 from eclsim.outputs.steady_beat import status_outputs, steady_beat
 from eclsim.parameters.regulation import UNSTRESSED, local_resistance
 from eclsim.simulation.target_flow import with_speed
-from eclsim.slow import INFLOWS
+from eclsim.slow import ALL_GIVEN
 
 LONGEST_MIN = 120.0
 MOST_SHOWN_BEATS = 1200
@@ -464,7 +464,7 @@ class BeatMarch:
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
         """Volumes given between two times [s], by kind [mL]."""
-        amounts = {str(kind): 0.0 for kind in INFLOWS}
+        amounts = {str(kind): 0.0 for kind in ALL_GIVEN}
         for gift in self.timeline.constant_inflows:
             shared = max(0.0, min(end, gift.end) - max(begin, gift.begin))
             for kind, rate in gift.rates.items():

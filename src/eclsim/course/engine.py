@@ -45,7 +45,7 @@ from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
-from eclsim.slow import INFLOWS
+from eclsim.slow import ALL_GIVEN
 
 SHORTEST_STEP_S = 5.0
 """A moment without a steady beat ends a course if the step is shorter than this [s]."""
@@ -136,7 +136,7 @@ class Engine:
         self.jacobian_age = np.zeros(count, dtype=int)
         self.messages = [""] * count
         self.table = {key: np.zeros(count) for timeline in timelines for key in timeline.start[1]}
-        self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
+        self.inflow = {kind: np.zeros(count) for kind in ALL_GIVEN}
         self.settling_s = [0.0] * count
         self.snapshots = [predictor.snapshot() for predictor in self.predictors]
         self.at_rest = [dict[str, float]() for _ in timelines]

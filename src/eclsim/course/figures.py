@@ -11,11 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from eclsim.cases.dialysed_drug import DialysedDrug
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
 from eclsim.course.alarms import clock_time
+from eclsim.course.drug import dialysed_drug_of, drug_in_words
 from eclsim.course.result import impossible_moments, spans_in_words
 from eclsim.devices.description import Panel
+from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT, consecutive_runs
 from eclsim.reporting import style
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 BLOOD = Panel("Fluid and blood", "mL", (GIVEN, REMOVED, REFILLED), ("given", "removed", "refilled"))
 DISSOLVED = Panel("Dissolved", "mmol/L", ("urea", "potassium", "bicarbonate"),
                   ("urea", "potassium", "bicarbonate"))  # fmt: skip
+DRUG = Panel("Drug in the plasma", "mg/L", (CONCENTRATION, UNBOUND), ("bound and unbound", "unbound"))
 BLOOD_CELLS = Panel("Haematocrit", "1", ("haematocrit",), ("haematocrit",))
 _NARROWEST = {"1": 0.005, "mL": 2.0}
 """Smallest span of an axis in its unit, so that rounding is not shown as a curve; 0.1 for other units."""
@@ -50,7 +54,7 @@ def plot_course(result: xr.Dataset) -> Figure:
     Args:
         result: dataset as of `eclsim.course` or `eclsim.course_band`.
     """
-    panels = (*panels_of(result), BLOOD, BLOOD_CELLS, DISSOLVED)
+    panels = (*panels_of(result), BLOOD, BLOOD_CELLS, DISSOLVED, DRUG)
     drawn = list({p.names: p for p in panels if any(_has_values(result, name) for name in p.names)}.values())
     probable = bool(result.sizes.get("alarm"))
     rows = -(-max(len(drawn) + probable, 1) // 2)
@@ -67,6 +71,8 @@ def plot_course(result: xr.Dataset) -> Figure:
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
         _mark_spans(ax, json.loads(result.attrs.get("spans", "[]")), _time_axis_unit(result)[1])
         draw_broken_limits(ax, panel, broken)
+        if panel is DRUG:
+            _mark_target(ax, dialysed_drug_of(result))
     used = len(drawn)
     if probable:
         _draw_probability(axes[used], result, events)
@@ -115,6 +121,19 @@ def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index:
         for (lower, upper), alpha in zip(((lowest, highest), (low, high)), (0.14, 0.24), strict=True):
             ax.fill_between(hours, lower, upper, color=look["color"], alpha=alpha, linewidth=0.0)
     ax.plot(hours, numbers, label=label, **look)
+
+
+def _mark_target(ax: Axes, drug: DialysedDrug | None) -> None:
+    """Name the drug, and draw the unbound concentration to be exceeded."""
+    if drug is None:
+        return
+    if drug.name:
+        ax.set_title(style.plain_text(drug.name, 40), loc="left", pad=14.5)
+    if drug.target_mg_l:
+        ax.axhline(drug.target_mg_l, color=style.GREY, linewidth=0.9, linestyle=(0, (4, 2)), zorder=0)
+        place = (1.0, drug.target_mg_l)
+        ax.annotate("target", place, xycoords=("axes fraction", "data"), xytext=(-2, 2), ha="right",
+                    textcoords="offset points", fontsize=6.5, color=style.GREY)  # fmt: skip
 
 
 def _mark_events(ax: Axes, hours: np.ndarray, events: list[Event], minutes: float) -> None:
@@ -189,6 +208,8 @@ def _notes(result: xr.Dataset) -> list[str]:
         lines.append(f"grey areas: beats {IMPOSSIBLE_BEAT}: ignore their numbers")
     if spans := spans_in_words(result):
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
+    if "quantile" not in result.dims and (drug := drug_in_words(result)):
+        lines += textwrap.wrap(style.plain_text(drug, 200), 110)
     said = [*untrusted(result.attrs["warnings"]), result.attrs["message"]]
     said = result.attrs["warnings"] if "quantile" in result.dims else said
     for sentence in filter(None, said):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.fit_mark import DOUBTS, untrusted, with_doubts
+from eclsim.course.drug import drug_record
 from eclsim.course.result import TIME, impossible_moments
 from eclsim.files import (
     csv_text,
@@ -47,6 +48,7 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
         "slow_states": {n: finite(result[n].to_numpy()) for n in states},
         "units": {n: str(result[n].attrs.get("units", "")) for n in numeric},
         "balance": json.loads(about["balance"]),
+        **({"drug": finite(drug)} if (drug := drug_record(result)) else {}),
         "events": json.loads(about["events"]),
         "alarms": finite(json.loads(about["alarms"])),
         "beat_by_beat": json.loads(about.get("spans", "[]")),
@@ -59,7 +61,17 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
 
 def cohort_object(results: Sequence[xr.Dataset]) -> dict[str, Any]:
     """Courses of a cohort as plain data for JSON: the result of each, without its moments."""
-    summary = ("id", "converged", "status", "message", "balance", "alarms", "warnings", "blood_volume_policy")
+    summary = (
+        "id",
+        "converged",
+        "status",
+        "message",
+        "balance",
+        "drug",
+        "alarms",
+        "warnings",
+        "blood_volume_policy",
+    )
     courses = [
         {key: value for key, value in course_object(course).items() if key in summary} for course in results
     ]

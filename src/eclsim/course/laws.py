@@ -9,8 +9,10 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.drugs.published import InfusedDoses
+from eclsim.fluid.dialysed_drug import dialysed_drug_law
 from eclsim.fluid.law import fluid_law
 from eclsim.fluid.solutes import solutes_law, stores_of_carbon_dioxide
+from eclsim.parameters.dialysed_drug import FOLLOWED as DRUG_FOLLOWED
 from eclsim.parameters.fluid import HAEMATOCRIT, SOLUTES_FOLLOWED
 from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction
@@ -26,6 +28,7 @@ def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, .
         *([fluid_law(circuit, settings)] if fluid else []),
         *([] if solutes is None else [solutes]),
         *stores_of_carbon_dioxide(circuit, solutes),
+        *([dialysed_drug_law(circuit, settings, fluid)] if np.any(settings.get(DRUG_FOLLOWED, 0.0)) else []),
         *([InfusedDoses()] if any(name.startswith(f"{DRUGS}.") for name in names) else []),
         *([HypoxicVasoconstriction()] if LUNG_RESISTANCE in names else []),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -19,6 +19,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import start_volume
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
+from eclsim.parameters import dialysed_drug as keys
 from eclsim.parameters.fluid import SOLUTES_FOLLOWED
 from eclsim.parameters.regulation import (
     DRUG_DOSES,
@@ -28,9 +29,9 @@ from eclsim.parameters.regulation import (
     REGULATION,
     UNSTRESSED,
 )
-from eclsim.slow import INFLOWS
+from eclsim.slow import ALL_GIVEN, DOSE, kind_and_unit
 
-MINUTE = 60.0
+MINUTE, HOUR = 60.0, 3600.0
 BEFORE_S = 1.0
 """A moment this long before a sudden change shows the state before it [s]."""
 START = -1
@@ -69,7 +70,7 @@ class ConstantInflow:
     Args:
         begin: start [s].
         end: end [s].
-        rates: rates by the names of `INFLOWS` [mL/s].
+        rates: rates by the names of `ALL_GIVEN` [mL/s, mg/s].
     """
 
     begin: float
@@ -158,12 +159,26 @@ class Timeline:
 
     @cached_property
     def constant_inflows(self) -> tuple[ConstantInflow, ...]:
-        """Constant inflows and losses by events."""
-        return tuple(
+        """Constant inflows and losses by events, and the repeated doses of a drug."""
+        by_events = tuple(
             ConstantInflow(event.at_min * MINUTE, (event.at_min + event.over_min) * MINUTE,
-                 {kind: ml / (event.over_min * MINUTE) for kind, ml in event.give.items()})
+                 {kind: amount / (event.over_min * MINUTE) for kind, amount in event.give.items()})
             for event in self.case.events if event.give
         )  # fmt: skip
+        return by_events + tuple(self._doses())
+
+    def _doses(self) -> Iterator[ConstantInflow]:
+        """Repeated doses of [dialysed_drug], each as set when it begins."""
+        if self.case.dialysed_drug is None:
+            return
+        interval = self.start[1][keys.EVERY] * HOUR
+        for begin in np.arange(0.0, self.end, interval).tolist():
+            now = dict(self.start[1])
+            for change in self.changes:
+                now |= change.after if change.begin <= begin else {}
+            lasts = now[keys.OVER] * MINUTE
+            if now[keys.DOSE] > 0.0:
+                yield ConstantInflow(begin, begin + lasts, {DOSE: now[keys.DOSE] / lasts})
 
     def cut_short(self) -> list[str]:
         """Descriptions of what continues beyond the end of the course."""
@@ -172,8 +187,9 @@ class Timeline:
             what = []
             if event.give and event.at_min + event.over_min > end + 1e-9:
                 share = (end - event.at_min) / event.over_min
-                given = (f"{share * ml:.0f} of {ml:g} mL {kind}" for kind, ml in event.give.items())
-                what += [one.removesuffix("_ml") for one in given]
+                for name, amount in event.give.items():
+                    kind, unit = kind_and_unit(name)
+                    what.append(f"{share * amount:.0f} of {amount:g} {unit} {kind}")
             if event.set and event.at_min + event.ramp_min > end + 1e-9:
                 share = (end - event.at_min) / event.ramp_min
                 what += [f"{100.0 * share:.0f} % of the ramp of {key}" for key in event.set]
@@ -224,8 +240,8 @@ class Timeline:
         return min((c.end for c in self._begun(segment) if c.end > begin), default=begin)
 
     def inflows(self, segment: int) -> dict[str, float]:
-        """Rates of fluids given in a segment [mL/s], by kind."""
-        rates = {str(kind): 0.0 for kind in INFLOWS}
+        """Rates of what is given in a segment [mL/s, mg/s], by kind."""
+        rates = {str(kind): 0.0 for kind in ALL_GIVEN}
         for gift in self.constant_inflows:
             if segment != START and gift.begin <= self.breaks[segment] < gift.end:
                 for kind, rate in gift.rates.items():

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from eclsim.cases.resolve import resolve_parameters, with_viscosity_of
+from eclsim.cases.resolve import resolve_parameters, with_blood_of
 from eclsim.circuit import Choice, Circuit
 from eclsim.devices.crrt import CRRT, Crrt, crrt
 from eclsim.devices.ecmo import POSITIONS
@@ -124,7 +124,7 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
     nodes = (*POSITIONS.values(), *sorted(others))
     section = case.crrt or Crrt(flow_ml_min=crrt_flow_ml_min, access_site="post_oxy", return_site="pre_oxy")
     lines = crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
-    circuit = without + with_viscosity_of(case, lines)
+    circuit = without + with_blood_of(case, lines)
     # The case's own CRRT: its filter meets the patient's haematocrit and bicarbonate.
     own = resolve_parameters(case.model_copy(update={"crrt": section}))
     values = values_of(without_crrt)

@@ -329,7 +329,8 @@ class CrrtDevice(Device[Crrt]):
             (
                 "effluent_ml_h", "filtration_fraction", "transmembrane_pressure", "effluent_pressure",
                 "effective_clearance_urea", "effective_clearance_creatinine",
-                "effective_clearance_potassium", "base_gain", "crrt_carbon_dioxide_removal",
+                "effective_clearance_potassium", "effective_clearance_drug", "base_gain",
+                "crrt_carbon_dioxide_removal",
             ),
         ),
     )  # fmt: skip

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import Naming
-from eclsim.devices.dialysed_blood import FLUIDS, Fibres
+from eclsim.devices.dialysed_blood import DRUG_DEFINITION, FLUIDS, Fibres
 from eclsim.parameters.parameter import Parameter
 
 GROUP = "crrt"
@@ -100,6 +101,17 @@ def _for_patient(
     )  # fmt: skip
 
 
+def _drug(m: BeatMeasures) -> Sequence[Numbers]:
+    """Clearance of the drug by the filter and for the patient [mL/min]."""
+
+    def compute() -> Sequence[Numbers]:
+        cleared, plasma = _FIBRES.drug(m)
+        (share,) = m.effective("crrtfil", [cleared], [plasma])
+        return cleared, cleared * share
+
+    return m.cached((GROUP, "drug"), compute)
+
+
 OUTPUTS = (
     _FIBRES.output(
         "effluent_ml_h", "effluent", "effluent of the CRRT", "mL/h", "dialysate, replacement and net"
@@ -130,6 +142,14 @@ OUTPUTS = (
             lambda m, name=name: _effective(m, name),
         )
         for name in SOLUTES
+    ),
+    _FIBRES.drug_output("clearance_drug", "clearance of the drug by the dialyzer", lambda m: _drug(m)[0]),
+    replace(
+        _FIBRES.drug_output(
+            "effective_clearance_drug", "clearance of the drug for the patient", lambda m: _drug(m)[1]
+        ),
+        all_flows=True,
+        definition=f"{DRUG_DEFINITION}, of the blood that leaves the tissues, corrected for recirculation",
     ),
     _for_patient(
         "base_gain", "bicarbonate gained from the CRRT", "mmol/h",

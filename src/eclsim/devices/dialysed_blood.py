@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from eclsim.devices.device import CaseValues, Naming
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section
+from eclsim.parameters import dialysed_drug
 from eclsim.parameters.gas import PARAMETERS as GAS
 
 if TYPE_CHECKING:
@@ -49,6 +50,9 @@ USUAL_HAEMOGLOBIN = GAS["gas.haemoglobin_g_dl"].value
 CARBON_DIOXIDE_FROM_GASES = 0.0
 """Value of plasma carbon dioxide that selects the one computed from the gases of the entering blood."""
 TEMPERATURE = "gas.temperature_c"
+DRUG = (dialysed_drug.SIEVING, dialysed_drug.AREA_PRODUCT)
+"""Parameters of the drug of [dialysed_drug], in the order of `eclsim.components.dialysis.drug_clearance`."""
+DRUG_DEFINITION = "removed / concentration in the plasma, bound and unbound"
 UNKNOWN_GASES = (0.0, 7.4, 37.0)
 """PCO2 [mmHg], pH and temperature [C] if gases are not computed; the plasma's CO2 is then set."""
 
@@ -100,6 +104,20 @@ class Fibres:
             gases = [*gases, m.parameter(TEMPERATURE)]
         numbers = [60.0 * flow, *pressures, *gases, *map(m.parameter, self.settings)]
         return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+
+    def drug(self, m: BeatMeasures) -> Sequence[Numbers]:
+        """Clearance of the drug of [dialysed_drug] and flow of plasma in a beat [mL/min]."""
+        from eclsim.components import dialysis
+
+        numbers = [60.0 * m.mean(self.signals[0]), *map(m.parameter, (*DRUG, *self.settings))]
+        return m.apply(dialysis.drug_clearance, numbers)
+
+    def drug_output(self, name: str, long_name: str, compute: Callable[[BeatMeasures], Numbers]) -> Output:
+        """Output of a clearance of the drug [mL/min], which only a case with a drug has."""
+        return Output(
+            f"{self.prefix}{name}", long_name, "mL/min", DRUG_DEFINITION, self.signals[:1], compute,
+            parameters=(*self.settings, *DRUG), read_at=self.read_at,
+        )  # fmt: skip
 
     def output(
         self, name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False

@@ -51,7 +51,7 @@ FILES = "ECLSIM_DEVICES"
 """Environment variable with Python files of devices, separated as in PATH; worker processes inherit it."""
 RESERVED = (
     "format", "blood_volume_policy", "patient", "measurements", "physiology", "gas", "regulation", "drugs",
-    "fluid", "solutes", "events", "parameters", "heart", "vessels",
+    "fluid", "solutes", "dialysed_drug", "events", "parameters", "heart", "vessels",
 )  # fmt: skip
 SCHEME = "scheme"
 """Suffix after the key of a device with `schemes`: selects one of them."""

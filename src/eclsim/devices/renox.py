@@ -112,6 +112,9 @@ class RenoxDevice(Device[Renox]):
             )
             for name in SOLUTES
         ),
+        _FIBRES.drug_output(
+            "clearance_drug", "clearance of the drug by the RenOx", lambda m: _FIBRES.drug(m)[0]
+        ),
         _FIBRES.output(
             "base_gain", "base_gain", "bicarbonate gained from the RenOx", "mmol/h",
             "from the dialysate, less what is removed", by_gases=True,

@@ -171,7 +171,7 @@ class SolutesLaw(SlowLaw):
         outside = states[PLASMA] + states[INTERSTITIUM] if self.fluid else start
         blood = inflows["blood_ml"] - inflows["bleed_ml"]
         clear = inflows["crystalloid_ml"] + inflows["albumin_ml"]
-        plasma = _plasma_share(states, settings, self.fluid)
+        plasma = plasma_share(states, settings, self.fluid)
         result: dict[str, np.ndarray] = {}
         for solute, transfer in POOL_TRANSFER_ML_MIN.items():
             concentration = 1e3 * states[_state(solute)] / outside
@@ -379,7 +379,7 @@ def _tissue_words(tissue: str) -> str:
     return f"the tissues of the {_region(tissue)} body" if _region(tissue) else "the tissues"
 
 
-def _plasma_share(states: Named, settings: Named, fluid: bool) -> np.ndarray:
+def plasma_share(states: Named, settings: Named, fluid: bool) -> np.ndarray:
     """Plasma share of blood that is bled or given: that in large vessels."""
     if not fluid:
         return 1.0 - settings[HAEMATOCRIT]

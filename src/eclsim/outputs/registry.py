@@ -23,6 +23,7 @@ from eclsim.devices.device import Naming
 from eclsim.devices.registry import DeviceError, cached_by_devices, devices, named_output, namings
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED, in_effect
+from eclsim.parameters.dialysed_drug import SIEVING
 from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
 
@@ -372,6 +373,7 @@ _SECTION_OF_OUTPUT = (
     ("[physiology] regional = true", {s for entry in _REGIONS for s in entry.needs}),
     ("[physiology] bronchial_fraction", {"Qbronchial"}),
     ("[gas]", {GASES}),
+    ("[dialysed_drug]", {SIEVING}),
     ("[regulation], [drugs] or [fluid]", {s for entry in REGULATED for s in entry.parameters} - {GASES}),
 )
 """Parts of a case file, and the waveforms or parameters of outputs that only these parts provide."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
+from eclsim.parameters import dialysed_drug
 from eclsim.parameters.parameter import Parameter
 
 SECTION, SOLUTES = "fluid", "solutes"
@@ -114,4 +115,4 @@ the capillary wall is in balance at the start, with the constants of the wall at
 
 def sets_initial_value(key: str) -> bool:
     """Whether a key of a case file sets only the initial value of a quantity that a course follows."""
-    return key in STARTS or key.endswith(".haematocrit_in")
+    return key in STARTS | dialysed_drug.STARTS or key.endswith(".haematocrit_in")

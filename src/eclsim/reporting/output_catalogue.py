@@ -9,6 +9,7 @@ from eclsim.devices.description import GASES
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, named_output
 from eclsim.outputs.registry import Output, all_outputs, output
+from eclsim.parameters import dialysed_drug
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.fluid import SOLUTES
 from eclsim.reporting.beat_values import naming_at, place_label_of
@@ -20,6 +21,7 @@ _REFLEX = "[regulation] baroreflex or chemoreflex"
 _LOCAL = "[regulation] hypoxic_vasodilation or carbon_dioxide_response"
 _PARTS = (
     ("[gas]", (GASES, keys.LUNG_RESISTANCE)),
+    ("[dialysed_drug]", (dialysed_drug.SIEVING,)),
     ("[solutes]", tuple(f"{SOLUTES}.{bed}tissue_pco2_mmHg" for bed in ("", "upper_", "lower_"))),
     (_REGIONS, ("Qupper", "Qlower", "Pupper", "Plower", "Psvc", "Pivc", "Qarchupper", "Vtsvc", "Vtivc")),
     (_NO_REGIONS, ("Qsart", "Psvn", "Vtvc")),

@@ -51,7 +51,7 @@ FURTHER_PANELS = (
 """Panels of a patient with reflexes, drugs or blood gases, after those of devices."""
 QUANTITIES = {
     "mmHg": "Pressure", "L/min": "Flow", "mL": "Volume", "1": "Volume fraction", "%": "Saturation",
-    "mmol/L": "Concentration", "1/min": "Rate", "mL/min": "Oxygen",
+    "mmol/L": "Concentration", "mg/L": "Concentration", "1/min": "Rate", "mL/min": "Oxygen",
 }  # fmt: skip
 """Labels of the vertical axes, by unit."""
 

@@ -20,6 +20,14 @@ from eclsim.validation.reference_cases import compared
 
 TROYANOV = "Troyanov et al. 2003 (Nephrol Dial Transplant), AN69 filter M-100, abstract"
 MAY = "May et al. 2017 (10.1186/s40635-017-0132-7), scaled from the bench, abstract"
+DELDOT = "DelDot et al. 2004 (10.1111/j.1365-2125.2004.02143.x), 10 patients, abstract"
+ROBERTS = "Roberts et al. 2015 (10.1186/s13054-015-0818-8), 24 patients, abstract"
+BILGRAMI = "Bilgrami et al. 2010 (PMC2897321), 10 patients, median and quartiles, abstract"
+VANCOMYCIN_SIEVING, MEROPENEM_UNBOUND = 0.7, 0.98
+"""Sieving of vancomycin (0.7 +- 0.1, DelDot 2004), and unbound share of meropenem (usual; not verified)."""
+RENAL_WEIGHT_KG, RENAL_BLOOD_ML_MIN = 80.0, 180.0
+"""Assumed weight and blood flow of Roberts 2015; half of the fluid is assumed to be dialysate and half to be
+given behind the filter; the abstract states none of them."""
 HAEMATOCRIT, BLOOD_ML_MIN = 0.30, 150.0
 """Haematocrit in intensive care and usual blood flow of that time, if a source does not state them."""
 SOLUTES = {"urea": Solute(UREA_RED_CELL_WATER, 1.0, 300.0), "creatinine": Solute(0.0, 1.0, 230.0)}
@@ -33,10 +41,10 @@ BATHS_MMOL_L = (-5.0, -1.0)
 def dialysis_check() -> Check:
     """Compare clearances by filtration, dilution, and carbon dioxide removal on benches and in patients.
 
-    One constant is fitted to one number, the area product of the bench's dialyzer for carbon dioxide; all
-    other numbers are tests.
+    Two constants are fitted to one number each, the area products of the bench's dialyzer for carbon dioxide
+    and of patients' dialyzers for vancomycin; all other numbers are tests.
     """
-    return compared("dialysis", (*_filtration(), *respiratory_dialysis()))
+    return compared("dialysis", (*_filtration(), *antibiotics(), *respiratory_dialysis()))
 
 
 def _filtration() -> list[Row]:
@@ -53,6 +61,51 @@ def _filtration() -> list[Row]:
         label = f"{name}, 4.5 L/h before the filter: clearance lost"
         rows.append(within(label, 40.0, lost, 5.0, "%", source=TROYANOV))
     return rows
+
+
+def antibiotics() -> list[Row]:
+    """Rows for clearances of vancomycin [mL/min] and meropenem [L/h] by CRRT."""
+
+    def vancomycin(blood: float, area_product: float, dialysate: float, after: float) -> float:
+        return _drug_cleared(blood, VANCOMYCIN_SIEVING, area_product, dialysate=dialysate, after=after)
+
+    fitted = float(np.asarray(brentq(lambda x: vancomycin(200.0, x, 1.0, 2.0) - 30.0, 5.0, 1000.0)))
+    half = {dose: 0.5e-3 * dose * RENAL_WEIGHT_KG for dose in (25.0, 40.0)}
+    got = {dose: vancomycin(RENAL_BLOOD_ML_MIN, fitted, flow, flow) for dose, flow in half.items()}
+    before, after, both = (
+        0.06 * _drug_cleared(250.0, MEROPENEM_UNBOUND, 200.0, before=share * 4.4, after=(1.0 - share) * 4.4)
+        for share in (1.0, 0.0, 0.5)
+    )
+    label = "meropenem cleared by 4.4 L/h of filtrate, blood 250 mL/min"
+    unknown = Explanation(
+        f"the abstract does not say where the fluid is given: {after:.1f} L/h all behind, {before:.1f} all "
+        "before the filter, half before as measured",
+        (within(label, 3.5, both, 0.4, "L/h"),),
+        undecided=True,
+    )
+    rows = [
+        within(
+            "vancomycin cleared, 1 L/h of dialysate and 2 L/h of filtrate (fit)", 30.0,
+            vancomycin(200.0, fitted, 1.0, 2.0), 6.7, "mL/min", source=DELDOT,
+        ),
+        *(
+            within(f"vancomycin cleared, {dose:g} mL/kg/h (test)", value, got[dose], 0.15 * value, "mL/min",
+                   source=ROBERTS)
+            for dose, value in ((25.0, 22.0), (40.0, 28.0))
+        ),
+        within(label, 3.5, after, 0.4, "L/h", source=BILGRAMI, explanation=unknown),
+    ]  # fmt: skip
+    return rows
+
+
+def _drug_cleared(
+    blood: float, sieving: float, area_product: float, *,
+    dialysate: float = 0.0, before: float = 0.0, after: float = 0.0,
+) -> float:  # fmt: skip
+    """Clearance of a drug [mL/min] relative to plasma, with fluids in L/h."""
+    fluids = _fluids(*(1000.0 / 60.0 * flow for flow in (dialysate, before, after)))
+    plasma = jnp.asarray(blood * (1.0 - HAEMATOCRIT))
+    return float(clearance(plasma, fluids, Solute(0.0, sieving, area_product)))
 
 
 def _fluids(dialysate: float = 0.0, before: float = 0.0, after: float = 0.0) -> Fluids:

@@ -276,7 +276,7 @@ export default {
     },
     balance() {
       const b = this.course.balance;
-      return fill(
+      const blood = fill(
         fill(this.texts.timeline_balance, {
           start: fixed(b.blood_volume_start_ml, 0),
           end: fixed(b.blood_volume_end_ml, 0),
@@ -285,6 +285,7 @@ export default {
         }),
         { refilled: fixed(b.refilled_ml, 0), error: fixed(b.error_ml, 3), seconds: this.course.seconds },
       );
+      return this.course.drug ? `${blood} ${this.course.drug}.` : blood;
     },
   },
   methods: {
