@@ -12,9 +12,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from playwright.sync_api import Page
-
 from page_latency import launched, served
+from playwright.sync_api import Page
 
 ROOT = Path(__file__).parents[1]
 CRRT = """
