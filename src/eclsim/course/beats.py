@@ -8,7 +8,6 @@ length).
 
 from __future__ import annotations
 
-import json
 import time as clock
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -24,7 +23,7 @@ from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
-from eclsim.course.alarms import alarms, not_survived
+from eclsim.course.alarms import alarms, alarms_text, not_survived
 from eclsim.course.gases import GasDynamics, Gases
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
@@ -564,8 +563,8 @@ class BeatMarch:
         warnings = [self.stopped] * bool(self.stopped) + [alarm.labelled for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)
         about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)
-        as_json = json.dumps([alarm._asdict() for alarm in broken])
-        return result.assign_attrs(about, alarms=as_json, settling_s=0.0, beat_by_beat=1, steps=len(beats))
+        about |= {"alarms": alarms_text(broken), "settling_s": 0.0, "beat_by_beat": 1}
+        return result.assign_attrs(about, steps=len(beats))
 
 
 def _recorded_beat(

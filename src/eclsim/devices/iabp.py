@@ -12,7 +12,6 @@ its full volume; it is in the ascending aorta, whether or not the arteries are d
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -131,7 +130,7 @@ class IabpDevice(Device[Iabp]):
         result = []
         if "CO" in outputs:
             concerns = tuple(name for name in _AFFECTED_OUTPUTS if name in outputs)
-            result.append(Finding(CAUTION, "CO", outputs["CO"], math.nan, _IDEAL_BALLOON, concerns=concerns))
+            result.append(Finding.without_limit(CAUTION, "CO", outputs["CO"], _IDEAL_BALLOON, *concerns))
         if early := _early_inflation_finding(names, outputs, values):
             result.append(early)
         elif "SP" in outputs and outputs.get(names.output(_AUGMENTED.name), 0.0) >= outputs["SP"]:
@@ -141,7 +140,7 @@ class IabpDevice(Device[Iabp]):
                 f"{names.output(_SYSTOLIC.name)} and LVO"
             )
             concerns = ("SP", "DP", "pulse_pressure")
-            result.append(Finding(CAUTION, "SP", outputs["SP"], math.nan, text, concerns=concerns))
+            result.append(Finding.without_limit(CAUTION, "SP", outputs["SP"], text, *concerns))
         return result
 
 
@@ -158,7 +157,7 @@ def _early_inflation_finding(
         "during ejection, and their difference is not an augmentation"
     )
     concerns = ("SP", name, *(names.output(one.name) for one in (_AUGMENTED, _DIFFERENCE)))
-    return Finding("warning", name, outputs[name], math.nan, text, concerns=concerns)
+    return Finding.without_limit("warning", name, outputs[name], text, *concerns)
 
 
 IABP = IabpDevice()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -99,16 +99,6 @@ def marks(
         for name in finding.concerns:
             result[name] = min(finding.kind, result.get(name, finding.kind), key=KINDS.index)
     return result | {name: result[first] for name in outputs if (first := first_name(name)) in result}
-
-
-def consecutive_runs(places: Sequence[int]) -> list[list[int]]:
-    """Split indices into runs of consecutive ones."""
-    runs: list[list[int]] = []
-    for place in places:
-        if not runs or place != runs[-1][-1] + 1:
-            runs.append([])
-        runs[-1].append(place)
-    return runs
 
 
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
