@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from eclsim.arguments import WholeNumber, number_of
-from eclsim.cases.samples import as_samples, check_samples
+from eclsim.cases.quantities import as_samples, check_samples
 from eclsim.course.alarms import NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
 from eclsim.course.course import checked_interval_min, refuse_unknown

@@ -21,8 +21,14 @@ from eclsim.course.alarms import (
     not_survived,
 )
 from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
-from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_LAG, largest_gas_change, watched_gases
-from eclsim.course.history import EarlyStop, History
+from eclsim.course.handover import (
+    BLOOD_RENEWAL_S,
+    LARGEST_LAG,
+    EarlyStop,
+    History,
+    largest_gas_change,
+    watched_gases,
+)
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import (

@@ -214,7 +214,7 @@ def _beat(
     check_grid: bool,
 ) -> xr.Dataset:  # fmt: skip
     if solver == ADAPTIVE:
-        from eclsim.outputs.independent import simulate_adaptive
+        from eclsim.outputs.results import simulate_adaptive
 
         return simulate_adaptive(model, policy)
     result = results.simulate(model, policy, options, resolution)
