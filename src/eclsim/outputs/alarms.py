@@ -67,7 +67,9 @@ def findings(
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
     if circuit is not None:
-        result += _sealed_parts(outputs, circuit, values)
+        if (trapped := sealed(outputs, circuit, values)) is not None:
+            about = ("V" + trapped.parts[0][0], 0.0, 0.0, trapped.sentence)
+            result.append(Finding(CAUTION, *about, concerns=trapped.concerns))
         for names in _devices_of(circuit):
             result += names.device.findings(names, outputs, circuit, values)
         result += assumptions(outputs, circuit, values)
@@ -292,13 +294,3 @@ def _device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
     paths = () if circuit is None else circuit.connections
     result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
     return next((f"{names.label} " for names in result if names), "")
-
-
-def _sealed_parts(
-    outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
-) -> list[Finding]:
-    """Findings on numbers of a beat that are not determined, since blood is trapped by closed valves."""
-    result = sealed(outputs, circuit, values)
-    if result is None:
-        return []
-    return [Finding(CAUTION, "V" + result.parts[0][0], 0.0, 0.0, result.sentence, concerns=result.concerns)]

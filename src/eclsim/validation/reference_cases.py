@@ -222,6 +222,13 @@ def _demo_row(printed: Printed, result: xr.Dataset) -> Row:
     return within(name, printed.value, got, tolerance, printed.unit, source=source)
 
 
+def root(function: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
+    """Zero of a function between two bounds, by Brent's method."""
+    from scipy.optimize import brentq
+
+    return float(np.asarray(brentq(function, low, high, xtol=xtol)))
+
+
 # --- models matched to measured values ------------------------------------------------------------
 
 Measure = Callable[[Mapping[str, np.ndarray]], np.ndarray]
