@@ -108,10 +108,6 @@ class IabpDevice(Device[Iabp]):
         room = Compartment(_BALLOON, Balloon(_VOLUME, _INFLATION), GROUP, StartVolume(0.0))
         return Circuit((room,), (Connection("iabp", Resistance(DELAY), "ao", _BALLOON, GROUP),))
 
-    def values(self, section: Iabp) -> dict[str, float]:
-        """Volume and phase of inflation."""
-        return {_VOLUME: section.volume_ml, _INFLATION: section.inflation_phase}
-
     def summary(self, section: Iabp) -> str:
         """Volume and phase of inflation."""
         return f"{section.volume_ml:g} mL, inflates at {section.inflation_phase:g}"
