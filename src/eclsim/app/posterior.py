@@ -194,15 +194,12 @@ def plain_posterior(
         Plain data: names and members, intervals of the parameters, and diagnostics of the weights.
     """
     report(text("posterior_preparing"))
-    case, settings = prepared_for_fit(raw, policy, free)
-    checked = checked_fit(case, settings)
-    prior, model = Prior.within(Box.of(checked.free)), model_of(case).with_values(dict(checked.fixed))
-    errors = measurement_errors(checked.targets)
-    posterior = _ReportingDensity(model, dict(checked.targets), errors, prior, policy, report)
-    weighted = importance_sample(posterior, gaussian_approximation(posterior, prior.start[None]), seed=SEED)
-    shown = prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
+    posterior, start = _density(raw, policy, report, free)
+    weighted = importance_sample(posterior, gaussian_approximation(posterior, start[None]), seed=SEED)
+    names = posterior.prior.names
+    shown = posterior.prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
     chosen = np.random.default_rng(SEED).permutation(weighted.resample(BAND_MEMBERS, SEED))
-    members, names = prior.values_of(weighted.z[chosen]), prior.names
+    members = posterior.prior.values_of(weighted.z[chosen])
     quantiles = np.quantile(shown, (0.05, 0.5, 0.95), axis=0).T.tolist()
     return {
         "names": list(names), "members": members.tolist(), "method": "importance",
@@ -213,3 +210,15 @@ def plain_posterior(
             for n, (low, middle, high) in zip(names, quantiles, strict=True)
         },
     }  # fmt: skip
+
+
+def _density(
+    raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None], free: Sequence[str]
+) -> tuple[_ReportingDensity, np.ndarray]:
+    """Return the density of a fitted case's parameters, and the coordinates of their fitted values."""
+    case, settings = prepared_for_fit(raw, policy, free)
+    checked = checked_fit(case, settings)
+    prior = Prior.within(Box.of(checked.free))
+    model = model_of(case).with_values(dict(checked.fixed))
+    errors = measurement_errors(checked.targets)
+    return _ReportingDensity(model, dict(checked.targets), errors, prior, policy, report), prior.start
