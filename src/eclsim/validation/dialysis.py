@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import brentq
 
 from eclsim.blood.acid_base import carbon_dioxide_solubility
 from eclsim.blood.gases import gases
@@ -14,7 +16,7 @@ from eclsim.components.dialysis import (
     clearance,
 )
 from eclsim.paper.comparison import Check, Explanation, Row, within
-from eclsim.validation.reference_cases import compared, root
+from eclsim.validation.reference_cases import compared
 
 TROYANOV = "Troyanov et al. 2003 (Nephrol Dial Transplant), AN69 filter M-100, abstract"
 MAY = "May et al. 2017 (10.1186/s40635-017-0132-7), scaled from the bench, abstract"
@@ -107,5 +109,5 @@ def _dialysed(crosses: bool, base_excess: tuple[float, float] = (0.0, 0.0)) -> l
         dissolved = (free if crosses else cleared) * carbon_dioxide_solubility() * pco2
         return 1e-3 * CARBON_DIOXIDE_ML_PER_MMOL * float(cleared * bath.bicarbonate + dissolved)
 
-    fitted = root(lambda x: removal(MAY_POINTS[0], x) - 62.6, 5.0, 1000.0)
+    fitted = float(np.asarray(brentq(lambda x: removal(MAY_POINTS[0], x) - 62.6, 5.0, 1000.0)))
     return [removal(point, fitted) for point in MAY_POINTS]
