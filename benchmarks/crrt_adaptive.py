@@ -15,7 +15,7 @@ from eclsim.cases import read_case
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.crrt import Crrt
 from eclsim.orbit.model import model_of
-from eclsim.outputs.independent import simulate_adaptive
+from eclsim.outputs.results import simulate_adaptive
 
 OUTPUTS = (
     "SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF", "EDVRV", "ESVRV", "crrt_access_pressure",

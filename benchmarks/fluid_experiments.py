@@ -16,7 +16,7 @@ from eclsim.course.course import course
 from eclsim.fluid import starling
 from eclsim.regulation.attach import REFLEXES
 from eclsim.reporting.style import curve_style, figure_style
-from eclsim.validation import boluses, fluid, pericapillary, refill
+from eclsim.validation import boluses, fluid, refill
 from eclsim.validation.fluid import MEASURED, Patient, bled, dialysed, driven, fall_of_blood, healthy, stood
 
 CASE = Path(__file__).parents[1] / "examples" / "fluid_removal.toml"
@@ -137,7 +137,7 @@ def dialysis() -> None:
         ]
         print(f"{coefficient:6.3g}", *(f"{v:7.3g}" for v in (*falls, *driven(one, 1700.0).values())))
     print("pericapillary share 0.12")
-    for row in pericapillary.pericapillary_check().rows:
+    for row in refill.pericapillary_check().rows:
         print(f"{row.name:86} {row.got:7.3g}")
 
 

@@ -23,7 +23,7 @@ from eclsim.cases.case import Case
 from eclsim.cases.cohort import read_cohort
 from eclsim.identification.quantities import BEAT_OUTPUTS as TARGETS
 from eclsim.orbit.model import model_of
-from eclsim.outputs.independent import simulate_adaptive
+from eclsim.outputs.results import simulate_adaptive
 from eclsim.parameters.thiel2025 import BOUNDS
 
 HERE = Path(__file__).parent

@@ -81,6 +81,14 @@ def write_text(text: str, destination: Path | str) -> None:
         partial.write_text(text, encoding="utf-8", newline="")
 
 
+def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write texts by name to a folder, which is created if necessary, and return the paths of the files."""
+    folder.mkdir(exist_ok=True)
+    for name, text in texts.items():
+        write_text(text, folder / name)
+    return [folder / name for name in texts]
+
+
 # --- JSON -----------------------------------------------------------------------------------------
 
 

@@ -1,8 +1,12 @@
 """Sentences of courses that go on where a patient would not."""
 
-import numpy as np
+import json
 
-from eclsim.course.alarms import not_survived
+import numpy as np
+import pytest
+
+from eclsim.course.alarms import alarms, alarms_text, not_survived
+from eclsim.devices.description import Finding
 
 
 def pressures(*values):
@@ -23,3 +27,18 @@ def test_a_short_fall_is_survived():
     minute = np.array([0.0, 4.0, 8.0, 20.0, 25.0, 29.0])
     assert not_survived(minute, pressures(80, 20, 25, 60, 20, 25)) == []
     assert not_survived(minute, {"CO": np.zeros(6)}) == []
+
+
+def test_alarms_without_a_limit_are_finite_json():
+    """Files with NaN in the attribute `alarms` could not be read by strict readers of JSON."""
+    paced = Finding.without_limit("warning", "heart_rate", 90.0, "paced", "heart_rate", "CO")
+    nothing = Finding.without_limit("alarm", "VO2", float("nan"), "no steady gases", "VO2")
+    minute = np.array([0.0, 60.0, 66.0, 80.0])
+    outputs = pressures(80, 70, 28, 5) | {"heart_rate": np.full(4, 90.0), "VO2": np.full(4, np.nan)}
+    broken = [*not_survived(minute, outputs), *alarms([[paced, nothing], [paced], [], []], outputs, minute)]
+    written = json.loads(alarms_text(broken), parse_constant=pytest.fail)
+    assert [(one["kind"], one["limit"], one["worst"]) for one in written] == [
+        ("collapse", None, 5.0), ("alarm", None, None), ("warning", None, 90.0),
+    ]  # fmt: skip
+    assert (written[2]["at_min"], written[2]["until_min"]) == (0.0, 66.0)
+    assert paced.concerns == ("heart_rate", "CO")

@@ -6,7 +6,7 @@ import pytest
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
-from eclsim.course.fluid_remarks import remarks_on_fluids
+from eclsim.course.result import remarks_on_fluids
 from eclsim.course.timeline import Timeline
 
 RAW = {

@@ -9,7 +9,7 @@ import xarray as xr
 from eclsim.cases import read_case
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course, follow
-from eclsim.course.history import EarlyStop
+from eclsim.course.handover import EarlyStop
 from eclsim.course.plan import (
     ULTRAFILTRATION,
     BrokenGoal,

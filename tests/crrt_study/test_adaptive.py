@@ -3,7 +3,7 @@
 import pytest
 
 from eclsim.orbit.model import model_of
-from eclsim.outputs.independent import simulate_adaptive
+from eclsim.outputs.results import simulate_adaptive
 from eclsim.paper.crrt import paper_case
 
 

@@ -13,7 +13,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.components import Resistance
 from eclsim.devices import iabp
 from eclsim.orbit.model import model_of
-from eclsim.outputs.independent import simulate_adaptive
+from eclsim.outputs.results import simulate_adaptive
 
 PATIENT = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
 FAILING = {"Emaxlv": 0.5, "Emaxrv": 0.5, "Rmc": 0.8}

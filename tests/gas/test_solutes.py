@@ -8,7 +8,7 @@ import pytest
 from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import ecmo
 from eclsim.gas.network import flows_of
-from eclsim.gas.solutes import effective_shares, sources
+from eclsim.gas.tracers import effective_shares, sources
 from eclsim.gas.transport import mixtures
 from eclsim.outputs.measures import single
 from eclsim.patient.circulation import circulation

@@ -15,7 +15,7 @@ from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import Gas
 from eclsim.execution import using_threads
 from eclsim.identification.density import Prior
-from eclsim.identification.draw_remarks import away_from_fit, piled_up
+from eclsim.identification.draws import away_from_fit, piled_up
 from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case

@@ -11,8 +11,7 @@ from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import Model, nominal_values
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.independent import simulate_adaptive
-from eclsim.outputs.results import simulate, simulate_many
+from eclsim.outputs.results import simulate, simulate_adaptive, simulate_many
 from eclsim.outputs.steady_beat import steady_beat
 from model_catalogue import CIRCUITS, model
 from user_components import StenosedValve, StiffeningDevice, ValveWithInertia

@@ -6,9 +6,8 @@ import pytest
 from eclsim.orbit.independent import AdaptiveBeats, AdaptiveOptions
 from eclsim.orbit.model import PATIENT_HELD
 from eclsim.orbit.steady import start_state
-from eclsim.outputs.independent import simulate_adaptive
 from eclsim.outputs.registry import leading_outputs
-from eclsim.outputs.results import simulate
+from eclsim.outputs.results import simulate, simulate_adaptive
 from model_catalogue import model
 
 CONFIGURATIONS = ("none", "LVAD", "V-A", "V-A, CRRT g", "V-V", "veins, pericardium, V-A")

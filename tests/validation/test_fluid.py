@@ -8,7 +8,7 @@ import pytest
 from eclsim.fluid.law import GIVEN, REMOVED
 from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
 from eclsim.regulation.ursino1998 import URSINO_1998
-from eclsim.validation import boluses, fluid, pericapillary, refill
+from eclsim.validation import boluses, fluid, refill
 from eclsim.validation.cardiopulmonary import joined
 
 
@@ -109,7 +109,7 @@ def test_a_joined_reflex_keeps_its_arterial_answer_and_gets_the_other_one(reflex
 
 @pytest.mark.slow
 def test_with_a_pericapillary_share_one_wall_suits_dialyses_donors_and_nearly_those_who_stand():
-    rows = {row.name: row for row in pericapillary.pericapillary_check().rows}
+    rows = {row.name: row for row in refill.pericapillary_check().rows}
     fits = [row for name, row in rows.items() if "(fit)" in name]
     assert len(fits) == 2
     assert all(row.holds for row in fits)

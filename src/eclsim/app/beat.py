@@ -12,7 +12,7 @@ import numpy as np
 
 from eclsim.app.texts import text, with_minus
 from eclsim.beat.heartbeat import HEART_RATE
-from eclsim.cases.resolve import resolve_parameters, switched_circuit
+from eclsim.cases.resolve import switched_circuit
 from eclsim.circuit import Circuit
 from eclsim.files import finite
 from eclsim.gas.network import GasStatus
@@ -34,19 +34,14 @@ if TYPE_CHECKING:
     from eclsim.course.beats import TransientBeat
 
 
-def page_circuit(case: Case, at_rest: bool = True) -> tuple[Circuit, dict[str, float]]:
+def page_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
     """Return circuit and parameter values of a case.
 
     If all movable lines of a device are at sites of one other device, the sites are chosen by parameter
     values. Otherwise they are fixed, and moving a line compiles another circuit.
-
-    Args:
-        case: case from `PageState.computed_case`.
-        at_rest: whether to compute the resting values to which open set points refer; otherwise these are
-            NaN.
     """
     circuit, chosen = switched_circuit(case)
-    return _same(circuit), (values_of if at_rest else resolve_parameters)(case) | chosen
+    return _same(circuit), values_of(case) | chosen
 
 
 @lru_cache(maxsize=256)

@@ -321,10 +321,8 @@ def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
     """
     from eclsim.identification.verdict import Level, headline, interval_agreement
 
-    reasons = []
-    for r in interval_agreement(fit["parameters"], others, "posterior"):
-        plain = {"aspect": str(r.aspect), "level": str(r.level), "about": r.about, "sentence": r.sentence}
-        reasons.append(in_page_words(plain))
+    contradictions = interval_agreement(fit["parameters"], others, "posterior")
+    reasons = [in_page_words(reason.as_object()) for reason in contradictions]
     order = [str(level) for level in Level]
     reasons_sorted = sorted([*reasons, *fit["verdict"]["reasons"]], key=lambda r: -order.index(r["level"]))
     level = max([fit["verdict"]["level"], *(r["level"] for r in reasons)], key=order.index)

@@ -234,8 +234,13 @@ def _check_blood(case: CaseValues, stated: Mapping[str, float], remarks: Remarks
         if not case.physiology.get(SECTION, {}).get("collapsible_veins", False):
             _check_empty_vein(concerned, stated, stressed["svn"], remarks)
         for place in _VESSELS:
-            capacity = values[f"volume_fraction_{place}"] * total
-            _check_vessel(place, concerned, stated, stressed[place], capacity, remarks)
+            keys = [key for key in concerned if key in (f"P0{place}", f"C{place}")]
+            if keys and stressed[place] > (capacity := values[f"volume_fraction_{place}"] * total):
+                message = (
+                    f"C{place} times P0{place} is a stressed volume of {stressed[place]:.0f} mL, more than "
+                    f"the {capacity:.0f} mL that this vessel holds"
+                )
+                remarks.warning(f"parameters.{keys[0]}", message, shown(stated[keys[0]]))
 
 
 def _check_empty_vein(
@@ -249,23 +254,6 @@ def _check_empty_vein(
             "as published): a patient short of blood. These veins do not collapse: drainage that would fail "
             "at the bedside goes on, and with the arterial pressure falling the pump flow may even rise "
             f"([{SECTION}] collapsible_veins = true lets them collapse)"
-        )
-        remarks.warning(f"parameters.{keys[0]}", message, shown(stated[keys[0]]))
-
-
-def _check_vessel(
-    place: str,
-    concerned: list[str],
-    stated: Mapping[str, float],
-    stressed: float,
-    capacity: float,
-    remarks: Remarks,
-) -> None:
-    keys = [key for key in concerned if key in (f"P0{place}", f"C{place}")]
-    if keys and stressed > capacity:
-        message = (
-            f"C{place} times P0{place} is a stressed volume of {stressed:.0f} mL, more than the "
-            f"{capacity:.0f} mL that this vessel holds"
         )
         remarks.warning(f"parameters.{keys[0]}", message, shown(stated[keys[0]]))
 

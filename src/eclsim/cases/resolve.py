@@ -71,8 +71,7 @@ def _regulated(patient: Circuit, case: Case) -> Circuit:
     if not (case.regulation or case.drugs or case.fluid or shifted):
         return patient
     from eclsim.drugs.published import with_drugs
-    from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
-    from eclsim.regulation.heart_rate import with_heart_rate_response
+    from eclsim.regulation.attach import REFLEXES, with_heart_rate_response, with_reflex, with_volume_offset
     from eclsim.regulation.oxygen import with_chemoreflex, with_hypoxic_vasoconstriction, with_local_control
 
     baroreflex = case.regulation if case.regulation and case.regulation.baroreflex is not None else None

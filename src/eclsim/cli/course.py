@@ -202,18 +202,16 @@ def _destinations(o: CourseOptions) -> Destinations:
     return places
 
 
-def _checked(o: CourseOptions, places: Destinations) -> tuple[Target, Distribution]:
-    """Return the destination of the JSON and the distribution of tasks; exit with status 2 on errors."""
-    target, distribution = places.target("--json", o.json), o.distribution(places.mistakes)
-    places.check()
-    return target, distribution
+def _checked(o: CourseOptions, places: Destinations, cases: Sequence[Case]) -> tuple[Target, Distribution]:
+    """Return the destination of the JSON and the distribution of tasks.
 
-
-def _late_events(o: CourseOptions, cases: Sequence[Case]) -> None:
-    """Exit with status 2 if an event is after the end of the course."""
+    Exit with status 2 if there are errors in the options, or an event is after the end of the course.
+    """
     from eclsim.course.timeline import MINUTE, Timeline
     from eclsim.inputs.mistakes import CaseError
 
+    target, distribution = places.target("--json", o.json), o.distribution(places.mistakes)
+    places.check()
     wrong: dict[str, None] = {}
     for case in cases:
         try:
@@ -222,6 +220,20 @@ def _late_events(o: CourseOptions, cases: Sequence[Case]) -> None:
             place = o.events or (case.patient.id if o.has_several_patients else o.files[0])
             wrong |= dict.fromkeys(str(mistake.at(place, None)) for mistake in error.mistakes)
     refuse(wrong)
+    return target, distribution
+
+
+def _one_patient(
+    o: CourseOptions, places: Destinations
+) -> tuple[CaseReading, Path | None, Path | None, Target, Distribution]:
+    """Return the case, folders of results and figures, and as `_checked`; exit with status 2 on errors."""
+    from eclsim.course import files
+
+    (reading,), _ = _cases(o, places.mistakes)
+    name = reading.case.patient.id
+    folder = places.folder("--out", o.out, files.course_files(name))
+    figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
+    return reading, folder, figures, *_checked(o, places, [reading.case])
 
 
 # --- one patient ----------------------------------------------------------------------------------
@@ -235,16 +247,11 @@ def _single(o: CourseOptions) -> bool:
     from eclsim.course.engine import CourseOptions as EngineOptions
     from eclsim.inputs.mistakes import CaseError
 
-    places = _destinations(o)
-    (reading,), _ = _cases(o, places.mistakes)
-    case, name = reading.case, reading.case.patient.id
-    folder = places.folder("--out", o.out, files.course_files(name))
-    figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
-    target, _ = _checked(o, places)
-    _late_events(o, [case])
+    reading, folder, figures, target, _ = _one_patient(o, _destinations(o))
+    case = reading.case
     try:
         with Progress() as progress:
-            progress(f"following {name} for {o.minutes:g} min")
+            progress(f"following {case.patient.id} for {o.minutes:g} min")
             if o.beats:
                 result = course_beats(case, minutes=o.minutes, every_min=o.every)
             else:
@@ -276,12 +283,8 @@ def _band(o: CourseOptions) -> bool:
 
     places, samples = _destinations(o), list[Mapping[str, Sequence[float]]]()
     places.mistakes += mistakes_in({"--posterior": lambda: samples.append(read_samples(o.posterior or ""))})
-    (reading,), _ = _cases(o, places.mistakes)
-    case, name = reading.case, reading.case.patient.id
-    folder = places.folder("--out", o.out, files.course_files(name))
-    figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
-    target, distribution = _checked(o, places)
-    _late_events(o, [case])
+    reading, folder, figures, target, distribution = _one_patient(o, places)
+    case = reading.case
     try:
         with explaining_resume(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
             band = course_band(
@@ -319,8 +322,7 @@ def _cohort(o: CourseOptions) -> bool:
     folder = places.folder("--out", o.out, [files.SUMMARY])
     stems = files.course_stems([case.patient.id for case in cases])
     figures = places.folder("--figures", o.figures, stems=stems)
-    target, distribution = _checked(o, places)
-    _late_events(o, cases)
+    target, distribution = _checked(o, places, cases)
     try:
         with explaining_resume(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
             results = course_cohort(

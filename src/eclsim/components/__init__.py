@@ -21,11 +21,19 @@ from eclsim.components.chambers import (
     Ventricle,
     VentricularSystole,
 )
-from eclsim.components.collapse import CollapsibleChamber, CollapsibleVein
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Tissue
 from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.valves import HeartValve, LeakingValve, OpenOrifice, Orifice
-from eclsim.components.vessels import Artery, Cannula, ElasticVessel, Resistance, Tube, TubeVolume
+from eclsim.components.vessels import (
+    Artery,
+    Cannula,
+    CollapsibleChamber,
+    CollapsibleVein,
+    ElasticVessel,
+    Resistance,
+    Tube,
+    TubeVolume,
+)
 
 all_storages = (
     ElasticVessel, CollapsibleVein, Atrium, CollapsibleChamber, Ventricle, LinearChamber, Balloon,

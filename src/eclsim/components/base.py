@@ -225,6 +225,9 @@ class Enclosure(Component, ABC, Generic[Constants]):
         """Pressure [mmHg] on the compartments and its slope [mmHg/mL], from the sum of their volumes [mL]."""
 
 
+NEWTON_STEPS = 40
+
+
 class Path(Component, ABC, Generic[Constants]):
     """A connection's law: the pressure drop [mmHg] at a flow [mL/s].
 
@@ -267,8 +270,19 @@ class Path(Component, ABC, Generic[Constants]):
         """Pressure upstream minus downstream [mmHg] at a steady flow [mL/s]."""
 
     def flow(self, pressure_difference: Number, load: Number, constants: Constants) -> Number:
-        """Flow [mL/s] with load * flow + pressure_drop(flow) = pressure_difference; load in mmHg s/mL."""
-        return _newton_flow(self, pressure_difference, load, constants)
+        """Flow [mL/s] with load * flow + pressure_drop(flow) = pressure_difference; load in mmHg s/mL.
+
+        By Newton's method on a monotone drop; slopes are bounded above 0 to avoid dividing by 0. Only the
+        last step is differentiated, which gives the exact derivative of the root.
+        """
+
+        def improved(flow: Number) -> Number:
+            drop, slope = jax.jvp(lambda q: self.pressure_drop(q, constants), (flow,), (jnp.ones_like(flow),))
+            return flow + (pressure_difference - drop - load * flow) / jnp.maximum(load + slope, 1e-9)
+
+        start = jnp.zeros_like(pressure_difference + load)
+        root = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, flow: improved(flow), start)
+        return improved(jax.lax.stop_gradient(root))
 
     def sharpened(self: Own, smoothing: float) -> Own:
         """The law for an explicit solver; kinks, as of a valve, are rounded over `smoothing` [mmHg]."""
@@ -281,27 +295,6 @@ class Exchanger(Component):
     Examples are an oxygenator, the lungs, tissue and a dialyzer. The heartbeat does not use it: it moves no
     blood.
     """
-
-
-def _newton_flow(
-    path: Path[Constants],
-    pressure_difference: Number,
-    load: Number,
-    constants: Constants,
-    iterations: int = 40,
-) -> Number:
-    """Flow by Newton's method on a monotone drop; slopes are bounded above 0 to avoid dividing by 0.
-
-    Only the last step is differentiated, which gives the exact derivative of the root.
-    """
-
-    def improved(flow: Number) -> Number:
-        drop, slope = jax.jvp(lambda q: path.pressure_drop(q, constants), (flow,), (jnp.ones_like(flow),))
-        return flow + (pressure_difference - drop - load * flow) / jnp.maximum(load + slope, 1e-9)
-
-    start = jnp.zeros_like(pressure_difference + load)
-    root = jax.lax.fori_loop(0, iterations, lambda _, flow: improved(flow), start)
-    return improved(jax.lax.stop_gradient(root))
 
 
 # --- slow regulation --------------------------------------------------------------------------------

@@ -1,14 +1,32 @@
-"""Elastic compartments and the resistances between them: vessels, oxygenators, dialyzers, tubes, cannulae."""
+"""Elastic compartments and the resistances between them: vessels, oxygenators, dialyzers, tubes, cannulae.
+
+Collapsible veins follow the law of Lu et al. 2001 (thoracic vena cava). Above its rest volume the vein is a
+vessel of constant compliance. Below, its cross-section buckles and blood leaves it at a nearly constant
+pressure. When it is almost empty, its walls touch and pressure falls without bound.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
-from eclsim.components.base import Component, Key, Number, Path, Storage, Values, value_of
+from eclsim.components.base import (
+    Activation,
+    Component,
+    Key,
+    Number,
+    Path,
+    Renaming,
+    Storage,
+    Values,
+    names_in,
+    renamed,
+    value_of,
+)
 from eclsim.units import ML_S_PER_L_MIN, PA_PER_MMHG
 
 
@@ -238,3 +256,167 @@ class Cannula(Path[Number]):
         """Flow [mL/s] in either direction."""
         root = jnp.sqrt(load * load + 4.0 * constants * jnp.abs(pressure_difference) + SMALLEST_LOAD)
         return 2.0 * pressure_difference / (load + root)
+
+
+# --- collapsible veins ----------------------------------------------------------------------------
+
+REST_PRESSURE_MMHG = 0.3855
+"""D1, pressure at the rest volume [mmHg]."""
+REST_ML, BUCKLING_ML, EMPTYING_ML = 130.0, 50.0, 8.0
+"""V0, Vmin and D_xv of Lu: rest volume and the volumes over which the vein buckles and empties [mL]."""
+EMPTYING_MMHG = 2.0
+"""K_xv, pressure scale of emptying [mmHg]."""
+BLENDING_WIDTH = 0.04
+"""Width over which both branches are blended, as a share of the rest volume; Lu's law has a kink there."""
+LARGEST_EXPONENT = 40.0
+"""Blending widths beyond the rest volume at which the buckling branch is negligible (weight e^-40)."""
+SMALLEST_VOLUME_SHARE = 0.01
+"""Share of the emptying volume below which the pressure (-200 mmHg there) is continued as a straight line."""
+
+
+def emptying(volume: Number, scale: Number) -> tuple[Number, Number]:
+    """Pressure loss [mmHg] due to touching walls, 2 / (exp(V / scale) - 1), and its slope [mmHg/mL]."""
+    relative = volume / scale
+    inside = jnp.where(relative.real > SMALLEST_VOLUME_SHARE, relative, SMALLEST_VOLUME_SHARE)
+    grown = jnp.expm1(jnp.where(inside.real > LARGEST_EXPONENT, LARGEST_EXPONENT, inside))
+    pressure = EMPTYING_MMHG / grown
+    slope = -pressure * (1.0 + 1.0 / grown)
+    return pressure + slope * jnp.where(
+        relative.real > SMALLEST_VOLUME_SHARE, 0.0, relative - SMALLEST_VOLUME_SHARE
+    ), slope / scale
+
+
+class VeinConstants(NamedTuple):
+    """Constants of a collapsible vein."""
+
+    stiffness: Number
+    rest_volume: Number
+    collapse_pressure: Number
+    resistance: Number
+    reference_volume: Number
+
+
+@dataclass(frozen=True)
+class CollapsibleVein(Storage[VeinConstants]):
+    """Large vein that collapses when it is drained.
+
+        o---+---[ R(V) ]---o       V > V0:  P = D1 + (V - V0) / C - psi
+            |                      V < V0:  P = D2 + (D1 - D2) exp((V - V0) / Vb) - psi
+           (=) V                   psi = 2 / (exp(V / Ve) - 1),  R = Rr (Vr / V)^2
+
+    D1 = 0.3855 mmHg. Vb and Ve are 50 and 8 mL at V0 = 130 mL and proportional to V0 otherwise. The branches
+    meet at V0 with slopes of 0.15 and 0.11 mmHg/mL; they are blended over 5 mL. V is all blood in the vein.
+
+    Args:
+        compliance: C above the rest volume [mL/mmHg].
+        rest_volume: V0 [mL].
+        collapse_pressure: D2, at which the vein empties [mmHg].
+        resistance: Rr, resistance of the outlet at the pressure `reference` [mmHg s/mL].
+        reference: pressure [mmHg] at which the vein holds Vr.
+
+    Source: Lu et al. 2001, doi 10.1152/ajpheart.2001.281.6.H2661, as in Albanese et al. 2016, doi
+    10.1152/ajpheart.00230.2014, Table 2 (D2 = -5 mmHg, with which the branches meet).
+    """
+
+    compliance: Key
+    rest_volume: Key
+    collapse_pressure: Key
+    resistance: Key
+    reference: Key
+    above_zero: ClassVar = ("compliance", "rest_volume")
+    not_negative: ClassVar = ("resistance",)
+    narrows: ClassVar = True
+
+    def constants(self, values: Values) -> VeinConstants:
+        """Stiffness, volumes, pressure and resistance."""
+        compliance, rest = value_of(values, self.compliance), value_of(values, self.rest_volume)
+        filled = value_of(values, self.reference) - REST_PRESSURE_MMHG
+        keys = value_of(values, self.collapse_pressure), value_of(values, self.resistance)
+        return VeinConstants(1.0 / compliance, rest, *keys, rest + compliance * filled)
+
+    def pressure(self, volume: Number, activation: Number, constants: VeinConstants) -> tuple[Number, Number]:
+        """Pressure [mmHg] and stiffness [mmHg/mL]."""
+        rest, low = constants.rest_volume, constants.collapse_pressure
+        beyond, width, buckling = volume - rest, BLENDING_WIDTH * rest, BUCKLING_ML / REST_ML * rest
+        steps = beyond / width
+        near = jnp.where(steps.real > LARGEST_EXPONENT, LARGEST_EXPONENT, steps)
+        share = 1.0 / (1.0 + jnp.exp(-jnp.where(near.real < -LARGEST_EXPONENT, -LARGEST_EXPONENT, near)))
+        depth = (REST_PRESSURE_MMHG - low) * jnp.exp(near * width / buckling)
+        buckled, filled = low + depth, REST_PRESSURE_MMHG + constants.stiffness * beyond
+        touching, slope = emptying(volume, EMPTYING_ML / REST_ML * rest)
+        pressure = buckled + share * (filled - buckled) - touching
+        blended = share * (1.0 - share) / width * (filled - buckled)
+        stiffness = depth / buckling * (1.0 - share) + share * constants.stiffness + blended - slope
+        return pressure, stiffness
+
+    def outlet(self, volume: Number, constants: VeinConstants) -> Number:
+        """R(V) [mmHg s/mL], constant below the residual volume of an empty vein."""
+        least = SMALLEST_VOLUME_SHARE * EMPTYING_ML / REST_ML * constants.rest_volume
+        held = jnp.where(volume > least, volume, least)
+        return constants.resistance * (constants.reference_volume / held) ** 2
+
+
+class ChamberConstants(NamedTuple):
+    """Constants of the chamber itself, and the volume over which it empties [mL]."""
+
+    chamber: object
+    scale: Number
+
+
+@dataclass(frozen=True)
+class CollapsibleChamber(Storage[ChamberConstants]):
+    """Heart chamber whose volume cannot fall below zero.
+
+    P = P of the chamber - psi,  psi = 2 / (exp(V / Ve) - 1).
+
+    Args:
+        chamber: law of the chamber while it holds blood.
+        emptying: Ve, volume over which it empties [mL].
+
+    Source: emptying as in Lu et al. 2001 (see above); the published chamber laws continue to negative
+        volumes.
+    """
+
+    chamber: Storage
+    emptying: Key
+
+    @property
+    def activation(self) -> Activation | None:
+        """Activation of the chamber."""
+        return self.chamber.activation
+
+    @property
+    def above_zero(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]  # read only
+        """Fields of the chamber's law, and `emptying`."""
+        return (*self.chamber.above_zero, "emptying")
+
+    @property
+    def not_negative(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]  # read only
+        """Fields of the chamber's law."""
+        return self.chamber.not_negative
+
+    def names_of(self, wanted: Iterable[str]) -> tuple[str, ...]:
+        """Names of the parameters in the given fields of the chamber's law and of this one."""
+        fields = tuple(wanted)
+        own = names_in(self.emptying) if "emptying" in fields else ()
+        return self.chamber.names_of(field for field in fields if field != "emptying") + own
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the chamber's parameters and of Ve."""
+        return self.chamber.parameter_names() + names_in(self.emptying)
+
+    def renamed(self, parameter: Renaming) -> CollapsibleChamber:
+        """The same law with its parameters renamed."""
+        return CollapsibleChamber(self.chamber.renamed(parameter), renamed(self.emptying, parameter))
+
+    def constants(self, values: Values) -> ChamberConstants:
+        """Constants of the chamber, and Ve."""
+        return ChamberConstants(self.chamber.constants(values), value_of(values, self.emptying))
+
+    def pressure(
+        self, volume: Number, activation: Number, constants: ChamberConstants
+    ) -> tuple[Number, Number]:
+        """Pressure [mmHg] and stiffness [mmHg/mL]."""
+        pressure, stiffness = self.chamber.pressure(volume, activation, constants.chamber)
+        touching, slope = emptying(volume, constants.scale)
+        return pressure - touching, stiffness - slope

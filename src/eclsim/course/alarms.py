@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,8 +12,9 @@ import numpy as np
 
 from eclsim.course.timeline import BEFORE_S, MINUTE
 from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding, labelled_sentence
-from eclsim.outputs.alarms import KINDS, breach, consecutive_runs
-from eclsim.outputs.limits import COURSE_LIMITS, group_of
+from eclsim.files import finite
+from eclsim.outputs.alarms import KINDS, breach
+from eclsim.outputs.limits import COURSE_LIMITS, consecutive_runs, group_of
 from eclsim.outputs.registry import find_output
 from eclsim.slow import DerivedQuantity
 
@@ -35,7 +37,7 @@ class Alarm(NamedTuple):
         until_min: end [min]; None if the limit is still violated at the end of the course.
         kind: "collapse", "alarm", "warning" or "caution".
         quantity: the output or waveform.
-        limit: limit that is violated.
+        limit: limit that is violated; None if there is none.
         worst: the value farthest beyond it.
         sentence: description with the time.
     """
@@ -44,7 +46,7 @@ class Alarm(NamedTuple):
     until_min: float | None
     kind: str
     quantity: str
-    limit: float
+    limit: float | None
     worst: float
     sentence: str
 
@@ -52,6 +54,11 @@ class Alarm(NamedTuple):
     def labelled(self) -> str:
         """The sentence after the label of its kind."""
         return labelled_sentence(self.kind, self.sentence)
+
+
+def alarms_text(broken: Sequence[Alarm]) -> str:
+    """Alarms as JSON without NaN, as in the attribute `alarms` of a course."""
+    return json.dumps(finite([alarm._asdict() for alarm in broken]), allow_nan=False)
 
 
 def clock_time(minute: float, seconds: bool = False) -> str:
@@ -104,7 +111,7 @@ def alarms(
 def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[Alarm]:
     """Alarm on the first time without a circulation that lasts too long to survive; empty if none does.
 
-    It has no `limit`, as a pressure alone does not break it, and no end, as a later pressure does not help.
+    It has no limit, as a pressure alone does not break it, and no end, as a later pressure does not help.
 
     Args:
         minute: time of each moment [min].
@@ -121,7 +128,7 @@ def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[
                 "describes a patient, even if pressure returns (a convention of this project)"
             )
             worst = float(np.min(np.asarray(pressure)[run]))
-            return [Alarm(float(minute[run[0]]), None, "collapse", "MAP", float("nan"), worst, text)]
+            return [Alarm(float(minute[run[0]]), None, "collapse", "MAP", None, worst, text)]
     return []
 
 
@@ -154,9 +161,9 @@ def _with_equivalent_breaches(
     result = []
     for (kind, quantity, _), broken in by_limit.items():
         values, first = outputs.get(quantity), next(iter(broken.values()))
-        fixed = np.isfinite(first.limit) and all(f.limit == first.limit for f in broken.values())
-        if kind in GRAVEST_FIRST and values is not None and fixed:
-            beyond = np.sign(first.value - first.limit) * (values - first.limit) > 0.0
+        limit = first.limit if all(f.limit == first.limit for f in broken.values()) else None
+        if kind in GRAVEST_FIRST and values is not None and limit is not None:
+            beyond = np.sign(first.value - limit) * (values - limit) > 0.0
             hidden = [k for k in groups[group_of(quantity)] if beyond[k] and k not in broken]
             broken = broken | {k: replace(first, value=float(values[k])) for k in hidden}
         result.append(broken)
@@ -165,11 +172,11 @@ def _with_equivalent_breaches(
 
 def _makes_redundant(one: Alarm, other: Alarm) -> bool:
     """Whether an alarm makes another redundant: as severe and as long, for an equivalent output."""
-    if CAUTION in (one.kind, other.kind) or one is other:
+    if CAUTION in (one.kind, other.kind) or one is other or one.limit is None or other.limit is None:
         return False
     gravity = KINDS.index(other.kind) - KINDS.index(one.kind)
     ends = [np.inf if alarm.until_min is None else alarm.until_min for alarm in (one, other)]
-    sides = [np.sign(alarm.worst - alarm.limit) for alarm in (one, other)]
+    sides = np.sign((one.worst - one.limit, other.worst - other.limit))
     return (
         group_of(one.quantity) == group_of(other.quantity)
         and sides[0] == sides[1]
@@ -188,13 +195,14 @@ def _alarm(
     named: Mapping[str, tuple[str, str]],
 ) -> Alarm:
     first, begun, over = broken[run[0]], run[0], run[-1] + 1
+    limit = np.nan if first.limit is None else first.limit
 
     def crossing(place: int) -> float:
         means = None if by_beat[place] else values  # of a beat, which begins at this minute
-        return _crossing(place - 1, place, first.limit, minute, means)
+        return _crossing(place - 1, place, limit, minute, means)
 
     at, until = crossing(begun), None if over >= len(minute) else crossing(over)
-    worst = max((broken[k].value for k in run), key=lambda value: abs(value - first.limit))
+    worst = max((broken[k].value for k in run), key=lambda value: abs(value - limit))
     begin = clock_time(at, by_beat[begun])
     end = "" if until is None else clock_time(until, by_beat[over] or by_beat[over - 1])
     if until is not None and begin == end:
@@ -221,13 +229,13 @@ def _sentence(
     when = f"at {begin}" + (f", until {end}" if end else "")
     entry = find_output(finding.quantity)
     words = named.get(finding.quantity) or (entry and (entry.long_name, entry.unit))
-    limited = finding.kind in GRAVEST_FIRST and np.isfinite(finding.limit)
-    if words is None or not limited or f" {finding.limit:g}" not in finding.sentence:
+    limit = finding.limit if finding.kind in GRAVEST_FIRST else None
+    if words is None or limit is None or f" {limit:g}" not in finding.sentence:
         return f"{when}: {finding.sentence}{_at_worst(finding, worst)}"
     long_name, unit = words
-    side, unit = "below" if worst < finding.limit else "above", "" if unit == "1" else f" {unit}"
+    side, unit = "below" if worst < limit else "above", "" if unit == "1" else f" {unit}"
     meaning = finding.sentence.partition(": ")[2]
-    return f"{long_name} {side} {finding.limit:g}{unit} {when} ({worst:.4g}{unit} at worst): {meaning}"
+    return f"{long_name} {side} {limit:g}{unit} {when} ({worst:.4g}{unit} at worst): {meaning}"
 
 
 def _at_worst(finding: Finding, worst: float) -> str:

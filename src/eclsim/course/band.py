@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from eclsim.arguments import WholeNumber, number_of
-from eclsim.cases.samples import as_samples, check_samples
+from eclsim.cases.quantities import as_samples, check_samples
 from eclsim.course.alarms import NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
 from eclsim.course.course import checked_interval_min, refuse_unknown
@@ -162,7 +162,7 @@ def _quantiles(values: np.ndarray) -> np.ndarray:
     return result
 
 
-_Key = tuple[str, str, str, float]
+_Key = tuple[str, str, str, float | None]
 """Kind, quantity, side and limit of an alarm."""
 
 
@@ -171,24 +171,25 @@ def _alarm_probability(
 ) -> dict[_Key, np.ndarray]:
     """Share of the draws followed that violate a limit at each moment, the most probable limit first."""
     broken: dict[_Key, np.ndarray] = {}
-    limits: dict[tuple[str, str, str], float] = {}
+    limits: dict[tuple[str, str, str], float | None] = {}
     fixed: dict[_Key, bool] = {}
     for k, course in enumerate(courses):
         for alarm in json.loads(course.attrs["alarms"]):
             if alarm["kind"] == CAUTION:
                 continue
-            side = "below" if alarm["worst"] < alarm["limit"] else "above"
+            limit = alarm["limit"]
+            side = "below" if limit is not None and alarm["worst"] < limit else "above"
             about = (alarm["kind"], alarm["quantity"], side)
-            key = (*about, limits.setdefault(about, alarm["limit"]))
+            key = (*about, limits.setdefault(about, limit))
             until = np.inf if alarm["until_min"] is None else alarm["until_min"]
             draws = broken.setdefault(key, np.zeros_like(followed))
             draws[k] |= followed[k] & (time >= alarm["at_min"]) & (time < until)
-            fixed[key] = fixed.get(key, True) and alarm["limit"] == key[-1] and np.isfinite(key[-1])
+            fixed[key] = fixed.get(key, True) and limit == key[-1]
     # A more severe alarm of a draw hides a milder one, whose limit is violated as well.
     for key, draws in broken.items():
         _, quantity, side, limit = key
         for k, course in enumerate(courses):
-            if fixed[key] and quantity in course:
+            if fixed[key] and limit is not None and quantity in course:
                 (values,) = _values_at(time, course, [quantity])
                 draws[k] |= followed[k] & (values < limit if side == "below" else values > limit)
     counts = np.maximum(followed.sum(axis=0), 1)
@@ -196,13 +197,13 @@ def _alarm_probability(
     return dict(sorted(shares.items(), key=lambda item: -float(item[1].max())))
 
 
-def _label(kind: str, quantity: str, side: str, limit: float) -> str:
+def _label(kind: str, quantity: str, side: str, limit: float | None) -> str:
     """A label such as "MAP below 65 mmHg (warning)" or "right atrium, Vra (collapse)"."""
     entry = find_output(quantity)
     if entry is None:
         place = THIN_WALLED.get(quantity[1:])
         return f"{f'{place}, ' if place else ''}{quantity} ({kind})"
-    bound = f" {side} {limit:g} {entry.unit}".removesuffix(" 1") if np.isfinite(limit) else ""
+    bound = "" if limit is None else f" {side} {limit:g} {entry.unit}".removesuffix(" 1")
     return f"{quantity}{bound} ({kind})"
 
 

@@ -8,7 +8,6 @@ length).
 
 from __future__ import annotations
 
-import json
 import time as clock
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -24,7 +23,7 @@ from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
-from eclsim.course.alarms import alarms, not_survived
+from eclsim.course.alarms import alarms, alarms_text, not_survived
 from eclsim.course.gases import GasDynamics, Gases
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
@@ -416,8 +415,11 @@ class BeatMarch:
             if self.stopped:
                 return at
         beat = RecordedBeat(at.time, state, series, lowest, plain, in_effect, at.slow[:, 0].copy(), gas_state)
-        slow = self._slow_states_after(at, settings, beat, program, alike * period)
-        end = at.time + alike * period
+        duration = alike * period
+        end = at.time + duration
+        read = self._measured(self.reads, [beat], program)
+        inflows = {kind: np.array([ml / duration]) for kind, ml in self._amounts(at.time, end).items()}
+        slow = at.slow + duration * self.laws.rates(at.slow, settings, read, inflows)
         if alike > 1:  # the last repetition is shown, since the gases are those at its end
             beat = beat._replace(time=end - period, slow=(slow - (slow - at.slow) / alike)[:, 0])
         shown.add_if_due(beat.time, beat)
@@ -447,20 +449,6 @@ class BeatMarch:
         started = self.assembly.start_changes(_numbers(before), _numbers(now))
         change[self.assembly.layout.volumes.where] = started
         return change
-
-    def _slow_states_after(
-        self,
-        at: MarchState,
-        settings: dict[str, np.ndarray],
-        recorded: RecordedBeat,
-        program: BeatProgram,
-        period: float,
-    ) -> np.ndarray:
-        """Slow states at the end of a beat."""
-        beat = self._measured(self.reads, [recorded], program)
-        amounts = self._amounts(at.time, at.time + period)
-        inflows = {kind: np.array([ml / period]) for kind, ml in amounts.items()}
-        return at.slow + period * self.laws.rates(at.slow, settings, beat, inflows)
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
         """Volumes given between two times [s], by kind [mL]."""
@@ -564,8 +552,8 @@ class BeatMarch:
         warnings = [self.stopped] * bool(self.stopped) + [alarm.labelled for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)
         about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)
-        as_json = json.dumps([alarm._asdict() for alarm in broken])
-        return result.assign_attrs(about, alarms=as_json, settling_s=0.0, beat_by_beat=1, steps=len(beats))
+        about |= {"alarms": alarms_text(broken), "settling_s": 0.0, "beat_by_beat": 1}
+        return result.assign_attrs(about, steps=len(beats))
 
 
 def _recorded_beat(

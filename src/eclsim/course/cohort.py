@@ -21,7 +21,6 @@ from eclsim.course.result import attributes_of
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import (
-    Distribution,
     Executor,
     Progress,
     Tasks,
@@ -30,7 +29,6 @@ from eclsim.execution import (
     as_folder,
     json_format,
 )
-from eclsim.execution.tasks import in_process
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
 
@@ -190,8 +188,7 @@ def _complete(
         "courses", unit, compute, groups, {**inputs, "course": vars(compute), **digests_of_own_files()},
         side_by_side=len(groups) > 1,
     )  # fmt: skip
-    executor = executor or Executor(Distribution(), in_process)
-    results = executor.complete(tasks, folder, _FORMAT, progress)
+    results = (executor or Executor()).complete(tasks, folder, _FORMAT, progress)
     return [xr.Dataset.from_dict(course) for group in results for course in group]
 
 

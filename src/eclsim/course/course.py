@@ -13,10 +13,22 @@ import xarray as xr
 
 from eclsim.arguments import FiniteNumber, number_of
 from eclsim.circuit.network import Circuit
-from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities, not_survived
+from eclsim.course.alarms import (
+    alarms,
+    alarms_text,
+    clock_time,
+    findings_of_derived_quantities,
+    not_survived,
+)
 from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
-from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_LAG, largest_gas_change, watched_gases
-from eclsim.course.history import EarlyStop, History
+from eclsim.course.handover import (
+    BLOOD_RENEWAL_S,
+    LARGEST_LAG,
+    EarlyStop,
+    History,
+    largest_gas_change,
+    watched_gases,
+)
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import (
@@ -290,7 +302,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
     return result.assign_attrs(
         attributes,
-        alarms=json.dumps([alarm._asdict() for alarm in broken]),
+        alarms=alarms_text(broken),
         settling_s=settling,
         beat_by_beat=0,
         spans=json.dumps([span.as_object() for span in history.spans]),

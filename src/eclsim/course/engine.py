@@ -23,6 +23,8 @@ from eclsim.course.handover import (
     NO_STEADY_BEAT,
     RECONNECTED,
     BloodState,
+    EarlyStop,
+    History,
     SkippedTransient,
     StateBeforeEvent,
     SteadyTarget,
@@ -34,7 +36,6 @@ from eclsim.course.handover import (
     slow_state_lag,
     watched_gases,
 )  # fmt: skip
-from eclsim.course.history import EarlyStop, History
 from eclsim.course.laws import Laws, message_without_rates
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step

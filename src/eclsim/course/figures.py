@@ -20,7 +20,8 @@ from eclsim.course.result import impossible_moments, spans_in_words
 from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
-from eclsim.outputs.alarms import IMPOSSIBLE_BEAT, consecutive_runs
+from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
+from eclsim.outputs.limits import consecutive_runs
 from eclsim.reporting import style
 from eclsim.simulation.figures import draw_legend_above
 from eclsim.simulation.panels import (

@@ -10,8 +10,7 @@ import numpy as np
 
 from eclsim.circuit.network import Circuit
 from eclsim.course.engine import SHORTEST_STEP_S, Engine
-from eclsim.course.handover import Span
-from eclsim.course.history import History
+from eclsim.course.handover import History, Span
 from eclsim.course.predictor import anchor_at
 from eclsim.course.rosenbrock import between
 from eclsim.course.timeline import BEFORE_S

@@ -15,8 +15,7 @@ from eclsim.crrt_study.ranking import Ranked, first_choice, ties
 from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, StudyError, policy_of_cases, select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
-from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
-from eclsim.execution.tasks import in_process
+from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -216,8 +215,8 @@ def crrt_cohort(
     # Studies with different options have separate folders, so the fits can be reused.
     mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
     place = None if folder is None else folder / f"studies-{mark}"
-    executor = executor or Executor(Distribution(), in_process)
-    outcomes = [outcome for group in executor.complete(tasks, place, _FORMAT, progress) for outcome in group]
+    groups_done = (executor or Executor()).complete(tasks, place, _FORMAT, progress)
+    outcomes = [outcome for group in groups_done for outcome in group]
     by_name = {outcome.name: outcome for outcome in outcomes}
     failures = {**fitted.not_fitted, **{outcome.name: outcome.lost for outcome in outcomes if outcome.lost}}
     points = tuple(study for name in fitted.cases if (study := by_name[name].study) is not None)

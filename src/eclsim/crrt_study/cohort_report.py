@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from eclsim.cases.fit_mark import DOUBTS
 from eclsim.crrt_study.cohort import conclusion, summaries
 from eclsim.crrt_study.ranking import place
-from eclsim.files import csv_text, json_text, write_text
+from eclsim.files import csv_text, json_text, write_texts
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number, show_table, show_text
@@ -27,16 +27,13 @@ if TYPE_CHECKING:
 
 def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
     """Write all files to a folder, which is created if necessary, and return their paths."""
-    folder.mkdir(exist_ok=True)
     drawn = svg_text(_figure(study))
     schemes = [{"policy": p, **asdict(each)} for p in study.policies for each in summaries(study, p)]
     texts = {
         "report.html": _page(study, drawn), "cohort.json": cohort_json(study),
         "points.csv": _csv(_point_rows(study)), "schemes.csv": _csv(schemes), "ranks.svg": drawn,
     }  # fmt: skip
-    for name, content in texts.items():
-        write_text(content, folder / name)
-    return [folder / name for name in texts]
+    return write_texts(folder, texts)
 
 
 def cohort_json(study: CohortStudy) -> str:

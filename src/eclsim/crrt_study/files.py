@@ -17,7 +17,7 @@ from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.one_housing import compared_with_schemes
 from eclsim.crrt_study.ranking import choice_text, first_choice
 from eclsim.crrt_study.report import EXCHANGE_COLUMNS, drawings, study_page
-from eclsim.files import Json, finite, frame_text, json_text, write_text
+from eclsim.files import Json, finite, frame_text, json_text, write_texts
 from eclsim.orbit.model import AS_PUBLISHED, CASE, case_record
 
 if TYPE_CHECKING:
@@ -35,16 +35,13 @@ def file_names() -> tuple[str, ...]:
 
 def write_study(study: CrrtStudy, folder: Path) -> list[Path]:
     """Write all files to a folder, which is created if necessary, and return their paths."""
-    folder.mkdir(exist_ok=True)
     drawn = drawings(study)
     texts = {"report.html": study_page(study, drawn), "study.json": study_json(study)}
     texts |= {f"{name}.svg": svg for name, svg in drawn.items()}
-    for name, table in tables(study).items():
-        texts[f"{name}.csv"] = frame_text(table)
-    for name, content in texts.items():
-        write_text(content, folder / name)
+    texts |= {f"{name}.csv": frame_text(table) for name, table in tables(study).items()}
+    written = write_texts(folder, texts)
     write_netcdf(study, folder / "study.nc")
-    return [folder / name for name in (*texts, "study.nc")]
+    return [*written, folder / "study.nc"]
 
 
 def study_json(study: CrrtStudy) -> str:

@@ -168,7 +168,7 @@ def crrt_study(
         SchemeError: A scheme cannot be read.
         SpeedError: A speed cannot be read or is not above 0.
     """
-    from eclsim.cases.samples import as_samples, check_samples
+    from eclsim.cases.quantities import as_samples, check_samples
     from eclsim.crrt_study.one_housing import in_one_housing, without_renox
     from eclsim.crrt_study.ranking import rank
     from eclsim.simulation.target_flow import with_speed

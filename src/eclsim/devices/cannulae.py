@@ -9,7 +9,6 @@ There R Q^2 misses them by at most 9 mmHg; the cubics are within 3 % of R at eac
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import nan
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -110,4 +109,4 @@ def caution_on_chart(names: Naming, outputs: Mapping[str, float], circuit: Circu
     if not in_water or not concerns:
         return []
     text = f"pressures of the {names.label} before its pump are too mild: {AVALON_BLOOD}"
-    return [Finding(CAUTION, concerns[0], outputs[concerns[0]], nan, text, concerns=concerns)]
+    return [Finding.without_limit(CAUTION, concerns[0], outputs[concerns[0]], text, *concerns)]

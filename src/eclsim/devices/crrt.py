@@ -469,7 +469,7 @@ def _pump_stopped(names: Naming, outputs: Mapping[str, float], values: Mapping[s
         f"{names.label}: pump and fluids stand still, so nothing is cleared or removed; the blood in the "
         "filter clots within minutes (not modelled), and is lost if it cannot be given back: bleed_ml"
     )
-    return [Finding("warning", flow, outputs[flow], math.nan, text, concerns=(flow,))]
+    return [Finding.without_limit("warning", flow, outputs[flow], text, flow)]
 
 
 def _draws_more_than_carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:

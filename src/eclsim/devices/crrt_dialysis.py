@@ -51,7 +51,7 @@ _FIBRES = Fibres(("Qcrrtpump", "Pcrrtfil", "Pcrrttuout"), SETTINGS, "crrtfil", "
 
 
 def _share(m: BeatMeasures, what: str) -> Numbers:
-    """Ratio of effective to own clearance of the filter (`eclsim.gas.solutes`).
+    """Ratio of effective to own clearance of the filter (`eclsim.gas.tracers`).
 
     Args:
         m: measures of the beat.

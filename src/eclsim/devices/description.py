@@ -210,7 +210,7 @@ class Finding:
         kind: "collapse" (impossible), "alarm", "warning", or "caution" (no limit: how to read a number).
         quantity: output or waveform that it concerns.
         value: value in the beat.
-        limit: value with which it is compared.
+        limit: value with which it is compared; None if it is not compared with one.
         sentence: text of the finding.
         source: source of the limit.
         concerns: names of the outputs that it mentions.
@@ -219,10 +219,15 @@ class Finding:
     kind: str
     quantity: str
     value: float
-    limit: float
+    limit: float | None
     sentence: str
     source: str = ""
     concerns: tuple[str, ...] = ()
+
+    @classmethod
+    def without_limit(cls, kind: str, quantity: str, value: float, sentence: str, *concerns: str) -> Finding:
+        """Return a finding that compares no value with a limit."""
+        return cls(kind, quantity, value, None, sentence, concerns=concerns)
 
     def is_about(self, outputs: Collection[str]) -> bool:
         """Whether to report it if only these outputs are shown; always true unless it is a caution."""

@@ -36,6 +36,7 @@ from eclsim.devices.description import (
 )
 from eclsim.devices.products import Product
 from eclsim.inputs.mistakes import Remarks
+from eclsim.inputs.numbers import is_number
 from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters.parameter import Parameter
 
@@ -125,9 +126,13 @@ class Device(ABC, Generic[S]):
         them.
         """
 
-    @abstractmethod
     def values(self, section: S) -> dict[str, float]:
-        """Values of circuit parameters that are missing in `parameters` or differ from the values there."""
+        """Values of circuit parameters that are missing in `parameters` or differ from the values there.
+
+        By default these are the numbers of the section, such as `vent.fr`.
+        """
+        settings = section.model_dump().items()
+        return {f"{self.key}.{name}": value for name, value in settings if is_number(value)}
 
     def values_of_blood(self, section: S, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
         """Values that follow from the patient's blood (if haemoglobin is known) unless the section sets them.

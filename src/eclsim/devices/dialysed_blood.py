@@ -264,4 +264,4 @@ def warn_of_other_filters(names: Naming, outputs: Mapping[str, float], circuit: 
         f"effective clearances of the {names.label} are computed as if [{'] and ['.join(others)}] cleared "
         "nothing: too high if blood that it has cleared reaches this filter"
     )
-    return [Finding(CAUTION, concerned, outputs[concerned], math.nan, text, concerns=(concerned,))]
+    return [Finding.without_limit(CAUTION, concerned, outputs[concerned], text, concerned)]

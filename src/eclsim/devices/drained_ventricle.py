@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -48,6 +47,6 @@ def ejection_fraction_findings(
             does, counts = "lets blood back into", "how much of that it ejects again"
         text = f"the {names.label} {does} the {ventricle}: "
         text += f"its ejection fraction and stroke volume count {counts}"
-        concerns = (name, f"stroke_volume_{drained}")
-        result.append(Finding(CAUTION, name, outputs[name], math.nan, text, concerns=concerns))
+        stroke = f"stroke_volume_{drained}"
+        result.append(Finding.without_limit(CAUTION, name, outputs[name], text, name, stroke))
     return result

@@ -905,7 +905,7 @@ def _without_exhaust_gas(
     )
     concerned = ("VCO2_oxygenator", "VO2_oxygenator", "PpostCO2", "PexhaustCO2")
     concerns = tuple(map(names.output, concerned))
-    return [Finding(CAUTION, concerns[0], removed, math.nan, text, concerns=concerns)]
+    return [Finding.without_limit(CAUTION, concerns[0], removed, text, *concerns)]
 
 
 def _caution_on_left_ventricle(
@@ -920,8 +920,8 @@ def _caution_on_left_ventricle(
         f"{names.label} returns to the arteries: do not read distension or unloading of the left "
         f"ventricle off EDVLV, LVEDP and PCWP; {_reason_for_left_ventricle(circuit)}"
     )
-    concerns = tuple(name for name in LEFT_SIDE if name in outputs)
-    return [Finding(CAUTION, "EDVLV", outputs["EDVLV"], float("nan"), text, concerns=concerns)]
+    concerns = (name for name in LEFT_SIDE if name in outputs)
+    return [Finding.without_limit(CAUTION, "EDVLV", outputs["EDVLV"], text, *concerns)]
 
 
 def _reason_for_left_ventricle(circuit: Circuit) -> str:

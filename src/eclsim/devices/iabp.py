@@ -12,7 +12,6 @@ its full volume; it is in the ascending aorta, whether or not the arteries are d
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
@@ -109,10 +108,6 @@ class IabpDevice(Device[Iabp]):
         room = Compartment(_BALLOON, Balloon(_VOLUME, _INFLATION), GROUP, StartVolume(0.0))
         return Circuit((room,), (Connection("iabp", Resistance(DELAY), "ao", _BALLOON, GROUP),))
 
-    def values(self, section: Iabp) -> dict[str, float]:
-        """Volume and phase of inflation."""
-        return {_VOLUME: section.volume_ml, _INFLATION: section.inflation_phase}
-
     def summary(self, section: Iabp) -> str:
         """Volume and phase of inflation."""
         return f"{section.volume_ml:g} mL, inflates at {section.inflation_phase:g}"
@@ -131,7 +126,7 @@ class IabpDevice(Device[Iabp]):
         result = []
         if "CO" in outputs:
             concerns = tuple(name for name in _AFFECTED_OUTPUTS if name in outputs)
-            result.append(Finding(CAUTION, "CO", outputs["CO"], math.nan, _IDEAL_BALLOON, concerns=concerns))
+            result.append(Finding.without_limit(CAUTION, "CO", outputs["CO"], _IDEAL_BALLOON, *concerns))
         if early := _early_inflation_finding(names, outputs, values):
             result.append(early)
         elif "SP" in outputs and outputs.get(names.output(_AUGMENTED.name), 0.0) >= outputs["SP"]:
@@ -141,7 +136,7 @@ class IabpDevice(Device[Iabp]):
                 f"{names.output(_SYSTOLIC.name)} and LVO"
             )
             concerns = ("SP", "DP", "pulse_pressure")
-            result.append(Finding(CAUTION, "SP", outputs["SP"], math.nan, text, concerns=concerns))
+            result.append(Finding.without_limit(CAUTION, "SP", outputs["SP"], text, *concerns))
         return result
 
 
@@ -158,7 +153,7 @@ def _early_inflation_finding(
         "during ejection, and their difference is not an augmentation"
     )
     concerns = ("SP", name, *(names.output(one.name) for one in (_AUGMENTED, _DIFFERENCE)))
-    return Finding("warning", name, outputs[name], math.nan, text, concerns=concerns)
+    return Finding.without_limit("warning", name, outputs[name], text, *concerns)
 
 
 IABP = IabpDevice()

@@ -51,10 +51,6 @@ class SeptostomyDevice(Device[Septostomy]):
         area = Scaled(CONTRACTION * math.pi / 400.0, (_DIAMETER, _DIAMETER))
         return Circuit(connections=(Connection(GROUP, OpenOrifice(Orifice(area)), "la", "ra", GROUP),))
 
-    def values(self, section: Septostomy) -> dict[str, float]:
-        """Diameter of the hole."""
-        return {_DIAMETER: section.diameter_mm}
-
     def summary(self, section: Septostomy) -> str:
         """Diameter."""
         return f"{section.diameter_mm:g} mm"

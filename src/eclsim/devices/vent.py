@@ -76,10 +76,6 @@ class VentDevice(Device[Vent]):
         path = OpenOrifice(Scaled(_COEFFICIENT / _REFERENCE_FR**2, ("vent.fr", "vent.fr")))
         return Circuit(connections=(Connection("vent", path, section.site, "post_dc", GROUP),))
 
-    def values(self, section: Vent) -> dict[str, float]:
-        """Size of the cannula."""
-        return {"vent.fr": section.fr}
-
     def summary(self, section: Vent) -> str:
         """Site and size."""
         return f"{section.site} {section.fr:g} Fr"

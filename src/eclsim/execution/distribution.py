@@ -123,15 +123,15 @@ class Distribution:
 
 @dataclass(frozen=True)
 class Executor:
-    """Executor of tasks.
+    """Executor of tasks; by default it runs all of them in this process.
 
     Args:
         distribution: which tasks to run and whether earlier results are kept.
         run: function that runs tasks, in this process or on Dask.
     """
 
-    distribution: Distribution
-    run: Callable[..., Results]
+    distribution: Distribution = Distribution()
+    run: Callable[..., Results] = in_process
 
     def complete(
         self,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fit_mark import DOUBTS
-from eclsim.files import csv_text, whole_file, write_json, write_text
+from eclsim.files import csv_text, whole_file, write_json, write_text, write_texts
 from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.objective import RISE_90
 from eclsim.identification.samples import write_samples
@@ -42,9 +42,8 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
     """Write identification.json, outputs.csv, parameters.csv and verdicts.csv."""
     folder.mkdir(parents=True, exist_ok=True)
     write_json(content, folder / SUMMARY)
-    head = ("id", "output", "measured", "simulated", "standard_uncertainties_off", "status")
+    outputs = ("id", "output", "measured", "simulated", "standard_uncertainties_off", "status")
     rows = (row for p in content["points"] for row in _output_rows(p))
-    write_text(csv_text(head, rows), folder / "outputs.csv")
     keys = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
     parameters = [
         (p["id"], name, *(q[key] for key in keys), *(q["profile"] or (None, None)))
@@ -52,14 +51,16 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
         for name, q in p["parameters"].items()
     ]
     head = ("id", "parameter", *keys, "profile_lower", "profile_upper")
-    write_text(csv_text(head, parameters), folder / "parameters.csv")
     keys = ("level", "aspect", "about", "sentence")
     reasons = [
         (p["id"], p["verdict"]["level"], *(r[key] for key in keys))
         for p in content["points"]
         for r in p["verdict"]["reasons"] or [dict.fromkeys(keys, "")]
     ]
-    write_text(csv_text(("id", "verdict", *keys), reasons), folder / "verdicts.csv")
+    write_texts(folder, {
+        "outputs.csv": csv_text(outputs, rows), "parameters.csv": csv_text(head, parameters),
+        "verdicts.csv": csv_text(("id", "verdict", *keys), reasons),
+    })  # fmt: skip
 
 
 def _output_rows(point: Mapping[str, Any]) -> list[tuple[object, ...]]:
@@ -89,7 +90,7 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None
     )
     from eclsim.identification.profiles import slices
     from eclsim.identification.quantities import unit_of_parameter
-    from eclsim.reporting.style import save_figure
+    from eclsim.reporting.style import save_figures
 
     if not len(fit.optimum.starts.agreeing):
         return []
@@ -108,9 +109,9 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None
     if profiled is None:
         for earlier in folder.glob("profiles.*"):
             earlier.unlink()
-        return [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
+        return save_figures(figures, folder)
     figures["profiles"] = plot_profiles(profiled.refitted, profiled.held, units, RISE_90)
-    written = [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
+    written = save_figures(figures, folder)
     table, refitted = folder / "profiles.csv", profiled.refitted
     rows = [
         (name, value, cost if np.isfinite(cost) else None)
@@ -124,12 +125,10 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None
 def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     """Scatter and box plots of measured and simulated values."""
     from eclsim.identification.figures import plot_boxes, plot_scatter
-    from eclsim.reporting.style import save_figure
+    from eclsim.reporting.style import save_figures
 
-    return [
-        *save_figure(plot_scatter(content["points"], content["r2"]), folder / "scatter"),
-        *save_figure(plot_boxes(content["points"]), folder / "boxes"),
-    ]
+    points = content["points"]
+    return save_figures({"scatter": plot_scatter(points, content["r2"]), "boxes": plot_boxes(points)}, folder)
 
 
 def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
@@ -138,7 +137,7 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
     `arviz.from_netcdf` reads the NetCDF file; `eclsim crrt-study --posterior` takes the samples.
     """
     from eclsim.identification.figures import plot_pairs, plot_predictive, plot_traces
-    from eclsim.reporting.style import save_figure
+    from eclsim.reporting.style import save_figures
 
     folder.mkdir(parents=True, exist_ok=True)
     netcdf, samples, summary = (folder / f for f in ("posterior.nc", "samples.csv", "posterior.json"))
@@ -149,8 +148,7 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
     figures = {"pairs": plot_pairs(result), "predictive": plot_predictive(result)}
     if result.chains is not None:
         figures["traces"] = plot_traces(result)
-    drawn = [path for n, figure in figures.items() for path in save_figure(figure, folder / "figures" / n)]
-    return [netcdf, samples, summary, *drawn]
+    return [netcdf, samples, summary, *save_figures(figures, folder / "figures")]
 
 
 def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
@@ -168,8 +166,6 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
         for s, p in each
         for n, i in p["parameters"].items()
     )
-    write_text(csv_text(head, rows), folder / "parameters.csv")
-    write_text(csv_text(_TRACKED_HEAD, _tracked_rows(each)), folder / "outputs.csv")
     figures, drawings = [], {}
     for series in content["series"]:
         for key, plot in (("parameters", plot_parameters), ("outputs", plot_outputs)):
@@ -178,7 +174,10 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
             figures += saved
             (svg,) = (path for path in saved if path.suffix == ".svg")
             drawings[series["id"], key] = svg.read_text(encoding="utf-8")
-    write_text(track_page(content, drawings), folder / REPORT)
+    write_texts(folder, {
+        "parameters.csv": csv_text(head, rows), "outputs.csv": csv_text(_TRACKED_HEAD, _tracked_rows(each)),
+        REPORT: track_page(content, drawings),
+    })  # fmt: skip
     return figures
 
 

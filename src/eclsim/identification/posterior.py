@@ -22,8 +22,7 @@ from eclsim.identification.density import (
     check_prior,
     gaussian_approximation,
 )
-from eclsim.identification.draw_remarks import away_from_fit, piled_up, several_solutions
-from eclsim.identification.draws import draws_as_tree
+from eclsim.identification.draws import away_from_fit, draws_as_tree, piled_up, several_solutions
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent

@@ -161,18 +161,14 @@ class CheckedFit:
 
 
 def case_to_fit(case: Case, settings: FitSettings) -> Case:
-    """Prepare a case for a fit: section for a free blood volume, set points from measurements, no verdict."""
+    """Prepare a case for a fit: section for a free blood volume, set points from measurements, no verdict.
+
+    Measurements become open set points, so that reflexes do not act at rest. Data points that share
+    parameters keep set points open: a patient has one, not one per data point.
+    """
     case = case.model_copy(update={"fit_mark": None})
     if EXTRA_VOLUME in settings.names and case.fluid is None:
         case = with_values(case, {EXTRA_VOLUME: 0.0})
-    return with_measured_set_points(case, settings)
-
-
-def with_measured_set_points(case: Case, settings: FitSettings) -> Case:
-    """Return the case with measurements as open set points, so that reflexes do not act at rest.
-
-    Data points that share parameters keep set points open: a patient has one, not one per data point.
-    """
     return case if settings.shared else with_values(case, measured_open_set_points(case))
 
 

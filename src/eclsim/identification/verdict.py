@@ -7,7 +7,7 @@ conventions: by chance, one measurement in 80 differs by 2.5 standard uncertaint
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -71,6 +71,10 @@ class Reason:
     about: str
     sentence: str
 
+    def as_object(self) -> dict[str, str]:
+        """Plain data for JSON."""
+        return {name: str(value) for name, value in asdict(self).items()}
+
 
 @dataclass(frozen=True)
 class Goodness:
@@ -132,10 +136,7 @@ class FitVerdict:
         g = self.goodness
         return {
             "level": str(self.level),
-            "reasons": [
-                {"aspect": str(r.aspect), "level": str(r.level), "about": r.about, "sentence": r.sentence}
-                for r in self.reasons
-            ],
+            "reasons": [reason.as_object() for reason in self.reasons],
             "goodness": None if g is None else {
                 "differences": dict(g.differences), "chi_square": g.chi_square,
                 "degrees_of_freedom": g.degrees, "probability": g.probability,

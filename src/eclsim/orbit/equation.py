@@ -14,7 +14,7 @@ import numpy as np
 
 from eclsim.arguments import FiniteNumber, WholeNumber, check_fields
 from eclsim.beat.heartbeat import BeatProgram
-from eclsim.circuit.layout import StateLayout
+from eclsim.circuit.assembly import StateLayout
 
 
 @dataclass(frozen=True)

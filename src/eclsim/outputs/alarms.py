@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,9 @@ def findings(
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
     if circuit is not None:
-        result += _sealed_parts(outputs, circuit, values)
+        if (trapped := sealed(outputs, circuit, values)) is not None:
+            about = ("V" + trapped.parts[0][0], 0.0, 0.0, trapped.sentence)
+            result.append(Finding(CAUTION, *about, concerns=trapped.concerns))
         for names in _devices_of(circuit):
             result += names.device.findings(names, outputs, circuit, values)
         result += assumptions(outputs, circuit, values)
@@ -99,16 +101,6 @@ def marks(
         for name in finding.concerns:
             result[name] = min(finding.kind, result.get(name, finding.kind), key=KINDS.index)
     return result | {name: result[first] for name in outputs if (first := first_name(name)) in result}
-
-
-def consecutive_runs(places: Sequence[int]) -> list[list[int]]:
-    """Split indices into runs of consecutive ones."""
-    runs: list[list[int]] = []
-    for place in places:
-        if not runs or place != runs[-1][-1] + 1:
-            runs.append([])
-        runs[-1].append(place)
-    return runs
 
 
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
@@ -302,13 +294,3 @@ def _device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
     paths = () if circuit is None else circuit.connections
     result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
     return next((f"{names.label} " for names in result if names), "")
-
-
-def _sealed_parts(
-    outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
-) -> list[Finding]:
-    """Findings on numbers of a beat that are not determined, since blood is trapped by closed valves."""
-    result = sealed(outputs, circuit, values)
-    if result is None:
-        return []
-    return [Finding(CAUTION, "V" + result.parts[0][0], 0.0, 0.0, result.sentence, concerns=result.concerns)]

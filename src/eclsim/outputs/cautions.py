@@ -74,10 +74,6 @@ def organ_flow(outputs: Mapping[str, float]) -> float | None:
     return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
 
 
-def _caution(quantity: str, value: float, text: str, *concerns: str) -> Finding:
-    return Finding(CAUTION, quantity, value, float("nan"), text, concerns=concerns)
-
-
 def _venodilators_without_congestion(
     outputs: Mapping[str, float], doses: Mapping[str, float]
 ) -> list[Finding]:
@@ -91,7 +87,7 @@ def _venodilators_without_congestion(
         f"{wedge:.0f} mmHg, and blood that pools in dilated veins empties the heart: pressures and outputs "
         "are probably too low, and may fall although they rise in patients"
     )
-    return [_caution("PCWP", wedge, text, "CO", "MAP")]
+    return [Finding.without_limit(CAUTION, "PCWP", wedge, text, "CO", "MAP")]
 
 
 def _vasopressin_without_sepsis(outputs: Mapping[str, float], doses: Mapping[str, float]) -> list[Finding]:
@@ -109,7 +105,7 @@ def _vasopressin_without_sepsis(outputs: Mapping[str, float], doses: Mapping[str
         f"drug, here {without:.0f}; it hardly raises the pressure of people who are not septic (Landry "
         "1997): the rise is probably too large"
     )
-    return [_caution("systemic_resistance_factor", without, text, "MAP")]
+    return [Finding.without_limit(CAUTION, "systemic_resistance_factor", without, text, "MAP")]
 
 
 def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
@@ -122,7 +118,7 @@ def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
                 f"{drug}: dose times sensitivity is {dose:.3g} {unit}, above the usual {usual:g}: "
                 "its effect is extrapolated"
             )
-            result.append(_caution(keys.dose(drug), dose, text, "MAP", "CO"))
+            result.append(Finding.without_limit(CAUTION, keys.dose(drug), dose, text, "MAP", "CO"))
     return result
 
 
@@ -136,7 +132,7 @@ def _constricting_adrenaline(doses: Mapping[str, float]) -> list[Finding]:
         "larger doses constrict in patients, but dilate here, so that pressure is too low: not for a bolus "
         "or a resuscitation"
     )
-    return [_caution("systemic_resistance_factor", dose, text, "MAP", "CO")]
+    return [Finding.without_limit(CAUTION, "systemic_resistance_factor", dose, text, "MAP", "CO")]
 
 
 def _vasopressin_on_noradrenaline(doses: Mapping[str, float]) -> list[Finding]:
@@ -154,7 +150,7 @@ def _vasopressin_on_noradrenaline(doses: Mapping[str, float]) -> list[Finding]:
         "rose by 17 mmHg (Morales 2000): read the rise as an upper limit, above all from a pressure that is "
         "not low"
     )
-    return [_caution("systemic_resistance_factor", first + added, text, "MAP", "CO")]
+    return [Finding.without_limit(CAUTION, "systemic_resistance_factor", first + added, text, "MAP", "CO")]
 
 
 def _combined_effects(doses: Mapping[str, float]) -> list[Finding]:
@@ -174,7 +170,7 @@ def _combined_effects(doses: Mapping[str, float]) -> list[Finding]:
         f"{', '.join(doses)} together ({', '.join(parts)}): their factors are multiplied; no combination was "
         "fitted. Of dobutamine and milrinone the measured effect was smaller: read it as an upper limit"
     )
-    return [_caution("contractility_lv_factor", float("nan"), text, "MAP", "CO")]
+    return [Finding.without_limit(CAUTION, "contractility_lv_factor", float("nan"), text, "MAP", "CO")]
 
 
 def _logarithms(drug: str, dose: float) -> list[float]:
@@ -199,7 +195,7 @@ def _unanswered_gases(outputs: Mapping[str, float], values: Mapping[str, float])
         "hypoxic_vasodilation, hypoxic_vasoconstriction and carbon_dioxide_response hold part of the "
         "response)"
     )
-    return [_caution(name, outputs[name], text, "MAP", "CO", "heart_rate")]
+    return [Finding.without_limit(CAUTION, name, outputs[name], text, "MAP", "CO", "heart_rate")]
 
 
 def _is_in_alarm(outputs: Mapping[str, float], name: str, side: str) -> bool:
@@ -236,10 +232,10 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
         if pressure > rest + LARGEST_STUDIED_MMHG:
             text += "; the response was measured up to 19 mmHg above, and is extrapolated"
             others = ("CO", "MPAP", "heart_rate")
-        return [_caution("MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
+        return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
     else:
         return []
-    return [_caution("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
+    return [Finding.without_limit(CAUTION, "PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
 
 
 def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
@@ -252,7 +248,7 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
         f"pH {ph:.{digits}f} of the arterial blood is outside {low:g} to {high:g}, the range for which the "
         "blood gas laws were fitted: saturations and carbon dioxide are extrapolated"
     )
-    return [_caution("pHa", ph, text, "SaO2", "PaCO2")]
+    return [Finding.without_limit(CAUTION, "pHa", ph, text, "SaO2", "PaCO2")]
 
 
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
@@ -264,4 +260,4 @@ def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
         "no blood flows through the lungs: the blood in the pulmonary artery stands still, and its gases "
         "are not those of mixed venous blood; read the saturation of the drained or venous blood instead"
     )
-    return [_caution("SvO2", saturation, text, "SvO2", "PvO2")]
+    return [Finding.without_limit(CAUTION, "SvO2", saturation, text, "SvO2", "PvO2")]

@@ -6,7 +6,7 @@ numbers for which a clinician would be called, or which are impossible.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -399,6 +399,16 @@ def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO
         if limit.broken_by(outputs[limit.quantity]):
             result.setdefault((group_of(limit.quantity), limit.side), limit)
     return list(result.values())
+
+
+def consecutive_runs(places: Sequence[int]) -> list[list[int]]:
+    """Split the indices of moments or values at which a limit is violated into runs of consecutive ones."""
+    runs: list[list[int]] = []
+    for place in places:
+        if not runs or place != runs[-1][-1] + 1:
+            runs.append([])
+        runs[-1].append(place)
+    return runs
 
 
 def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:

@@ -24,8 +24,7 @@ from eclsim.beat.recording import MEAN, RATE, one_way_mean
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law, Measured, Numbers
 from eclsim.gas.network import FlowFunction, Quantity, gas_of
-from eclsim.gas.origin import ARTERIES, native_shares
-from eclsim.gas.solutes import effective_shares
+from eclsim.gas.tracers import ARTERIES, effective_shares, native_shares
 
 SIDE_BY_SIDE = 16
 """Number of members whose laws are computed together; more do not fit into the processor's caches."""
@@ -207,7 +206,7 @@ class Measures:
         return self._carried(effective_shares(self.circuit, at), (*clearances, *water))
 
     def native(self, artery: str) -> Numbers:
-        """Share of the blood in an artery that the left heart has pumped (`eclsim.gas.origin`)."""
+        """Share of the blood in an artery that the left heart has pumped (`eclsim.gas.tracers`)."""
         shares = self.cached(("native",), lambda: self._carried(native_shares(self.circuit), ()))
         return shares[ARTERIES.index(artery)]
 

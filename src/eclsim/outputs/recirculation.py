@@ -107,7 +107,7 @@ def _share_of_patient(
     circuit: Circuit, access: str, line_out: str, mean_flows: Mapping[str, float]
 ) -> float | None:
     """Share in a compartment of the patient that came from a line and has passed no capillaries since."""
-    from eclsim.gas.solutes import sources
+    from eclsim.gas.tracers import sources
     from eclsim.gas.transport import mixtures
 
     place = {c.name: k for k, c in enumerate(circuit.compartments)}

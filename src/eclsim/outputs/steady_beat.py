@@ -214,14 +214,14 @@ class SteadyBeat:
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
             result = findings(self.outputs(member), ranges, circuit, values) + self._gas_findings(member)
         if doubt := self.orbits.grid_warning(member):
-            result.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
+            result.append(Finding.without_limit("warning", "grid", np.nan, doubt))
         return gravest_first(result)
 
     def _gas_findings(self, member: int) -> list[Finding]:
         """Findings about gases, other than limits."""
         read, status = self.of_gases, GasStatus(int(self.gas_status[member]))
         if status is not GasStatus.STEADY:
-            return [Finding("alarm", "VO2", float("nan"), float("nan"), status.message, concerns=read)]
+            return [Finding.without_limit("alarm", "VO2", np.nan, status.message, *read)]
         if "VO2" not in read:
             return []
         vo2 = float(self.output("VO2")[member])

@@ -50,7 +50,7 @@ MODEL_TOLERANCE = 0.001
 """Numerical error of eclsim relative to a value, added to half a unit of the last printed digit."""
 
 
-def paper_case(access_site: str = "post_oxy", return_site: str = "pre_oxy") -> Case:
+def paper_case() -> Case:
     """Return the assumed patient: 70 years, 165 cm, 60 kg, 120 beats/min; cannulae 21 and 17 Fr."""
     return Case.model_validate(
         {
@@ -63,7 +63,7 @@ def paper_case(access_site: str = "post_oxy", return_site: str = "pre_oxy") -> C
                 "drainage_site": "ra", "drainage_cannula": "venous", "drainage_fr": 21,
                 "return_site": "ao", "return_cannula": "arterial", "return_fr": 17,
             },
-            "crrt": {"flow_ml_min": 200, "access_site": access_site, "return_site": return_site},
+            "crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"},
             "parameters": dict(TABLE_S4),
         }
     )  # fmt: skip

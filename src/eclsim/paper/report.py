@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim.crrt_study.report import drawings as crrt_drawings
-from eclsim.files import csv_text, json_text, write_text
+from eclsim.files import csv_text, json_text, write_texts
 from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import YES_NO, Row, Verdict
 from eclsim.paper.printed import TABLE_2
@@ -46,7 +46,6 @@ def write_reproduction(
     result: Reproduction, folder: Path, progress: Callable[[str], None] = lambda _: None
 ) -> list[Path]:
     """Write all files to a folder, which is created if necessary, and return their paths."""
-    folder.mkdir(exist_ok=True)
     drawn = draw_figures(result, progress)
     texts = {
         INDEX: reproduction_page(result, drawn),
@@ -57,9 +56,7 @@ def write_reproduction(
         texts |= dict(
             zip(item.files, drawn.get(item.key) or [_rows_csv(table_rows(item, result))], strict=True)
         )
-    for name, content in texts.items():
-        write_text(content, folder / name)
-    return [folder / name for name in texts]
+    return write_texts(folder, texts)
 
 
 def as_object(result: Reproduction) -> dict[str, object]:

@@ -1,16 +1,22 @@
-"""Adds published reflexes to a circuit: controllers, and veins whose unstressed volume can change."""
+"""Adds published reflexes to a circuit: controllers, and veins whose unstressed volume can change.
+
+The last controller sets how far the heart rate follows reflexes and drugs: wholly, in part, or not at all in
+a paced heart.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
-from eclsim.circuit.network import Circuit, Compartment, Control, StartPressure, mean_of
+from eclsim.circuit.network import HEART_RATE, Circuit, Compartment, Control, StartPressure, mean_of
 from eclsim.components import Complement, ElasticVessel
-from eclsim.components.base import Key, Scaled, names_in
+from eclsim.components.base import Key, Number, Scaled, Values, names_in, value_of
 from eclsim.parameters.physiology import CAVAL_SHARE
-from eclsim.parameters.regulation import EXTRA_VOLUME, REGULATION, UNSTRESSED
+from eclsim.parameters.regulation import EXTRA_VOLUME, HEART_RATE_RESPONSE, REGULATION, UNSTRESSED
 from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
-from eclsim.regulation.reflex import Reflex, ReflexModel, TransmuralReflex
+from eclsim.regulation.reflex import InstantController, Reflex, ReflexModel, TransmuralReflex
 from eclsim.regulation.ursino1998 import URSINO_1998
 
 REFLEXES: dict[str, ReflexModel] = {model.name: model for model in (URSINO_1998, HELDT_2004, HELDT_2010)}
@@ -60,3 +66,49 @@ def with_reflex(circuit: Circuit, model: ReflexModel) -> Circuit:
         law, reads = TransmuralReflex(model), (*reads, mean_of(f"P{outside}"))
     control = Control(REGULATION, law, reads, model.acts_on)
     return circuit + Circuit(controllers=(control,))
+
+
+# --- heart rate -----------------------------------------------------------------------------------
+
+SINUS_NODE = "sinus_node"
+
+
+class HeartRateConstants(NamedTuple):
+    """The patient's own heart rate [bpm], and the share by which it responds."""
+
+    own_bpm: Number
+    response: Number
+
+
+@dataclass(frozen=True)
+class HeartRateResponse(InstantController[HeartRateConstants]):
+    """Controller that takes back part of what the controllers before it did to the heart rate.
+
+    rate = own + response (changed - own)
+
+    It comes after reflexes and drugs.
+
+    Args:
+        response: 1 for a healthy sinus node, 0 for a paced heart.
+        own: the patient's own heart rate [bpm].
+    """
+
+    response: Key = HEART_RATE_RESPONSE
+    own: Key = HEART_RATE
+    not_negative: ClassVar = ("response",)
+
+    def constants(self, values: Values) -> HeartRateConstants:
+        """Own rate and share."""
+        return HeartRateConstants(value_of(values, self.own), value_of(values, self.response))
+
+    def in_effect(
+        self, states: Sequence[Number], values: Sequence[Number], constants: HeartRateConstants
+    ) -> Sequence[Number]:
+        """The heart rate between the patient's own and that of reflexes and drugs."""
+        (changed,) = values
+        return [constants.own_bpm + constants.response * (changed - constants.own_bpm)]
+
+
+def with_heart_rate_response(circuit: Circuit) -> Circuit:
+    """Add the controller to a circuit whose reflexes or drugs change the heart rate."""
+    return circuit + Circuit(controllers=(Control(SINUS_NODE, HeartRateResponse(), (), (HEART_RATE,)),))

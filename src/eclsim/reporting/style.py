@@ -7,7 +7,7 @@ differ as well, so that figures can be read in grey print. Sizes are in millimet
 import textwrap
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
@@ -205,6 +205,11 @@ def save_figure(
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         with _layout_fixed(fig):
             return [_write(fig, stem.with_name(f"{stem.name}.{suffix}"), suffix) for suffix in formats]
+
+
+def save_figures(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
+    """Write figures by name to a folder and return the paths of the files."""
+    return [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from eclsim.devices.description import Panel
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import device_of
 from eclsim.files import file_stem
-from eclsim.outputs.alarms import consecutive_runs
+from eclsim.outputs.limits import consecutive_runs
 from eclsim.reporting.beat_values import (
     COMPARTMENTS,
     CONNECTIONS,

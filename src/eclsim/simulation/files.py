@@ -138,12 +138,7 @@ def case_object(result: xr.Dataset) -> dict[str, object]:
         "blood_volume_policy": str(result.attrs["blood_volume_policy"]),
         "status": _plain(result.attrs.get("status", "")),
         "message": str(result.attrs.get("message", "")),
-        **({"gas_status": result.attrs["gas_status"]} if "gas_status" in result.attrs else {}),
-        **(
-            {"grid_error_percent": finite(result.attrs["grid_error_percent"])}
-            if "grid_error_percent" in result.attrs
-            else {}
-        ),
+        **{n: finite(result.attrs[n]) for n in ("gas_status", "grid_error_percent") if n in result.attrs},
         **_solved(result),
         "impossible": bool(result.attrs.get("impossible", 0)),
         "one_of_many": bool(result.attrs.get("one_of_many", 0)),

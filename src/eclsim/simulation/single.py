@@ -214,9 +214,7 @@ def _beat(
     check_grid: bool,
 ) -> xr.Dataset:  # fmt: skip
     if solver == ADAPTIVE:
-        from eclsim.outputs.independent import simulate_adaptive
-
-        return simulate_adaptive(model, policy)
+        return results.simulate_adaptive(model, policy)
     result = results.simulate(model, policy, options, resolution)
     return results.with_grid_check(model, result) if check_grid else result
 

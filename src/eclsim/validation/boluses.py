@@ -215,9 +215,9 @@ def gained(given: Given, sections: Sections = ()) -> tuple[float, float]:
     return plasma, plasma + cells
 
 
-def protein_changed(given: Given, sections: Sections = ()) -> float:
+def protein_changed(given: Given) -> float:
     """Relative change of the plasma protein concentration [%]."""
-    before, after = followed(given, sections)
+    before, after = followed(given)
     return 100.0 * (after["plasma_protein"] / before["plasma_protein"] - 1.0)
 
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.optimize import brentq, fsolve
+from scipy.optimize import fsolve
 
 from eclsim.blood.gases import LAWS, gases, gases_with_contents, gases_with_saturation
 from eclsim.cases.reading import read_mapping
@@ -25,7 +25,7 @@ from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
 from eclsim.validation import recirculation
 from eclsim.validation.dialysis import respiratory_dialysis
 from eclsim.validation.gas_bench import ADULT, VenoVenous, single_pass, veno_venous
-from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table
+from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table, root
 
 BENCH_INLET = 0.60
 """Inlet saturation that reproduces both the PO2 and the oxygen transfer of Khadka's abstract."""
@@ -79,11 +79,11 @@ def _oxygenators() -> dict[str, float]:
         passed = single_pass(flow, flow, 0.65, oxygen_transfer=membrane.oxygen_transfer)
         numbers[f"oxygen {name}"] = passed.oxygen
     for area in (0.35, 0.8, 1.35):
-        numbers[f"prisma {area}"] = _removed(area, 0.3, 10.0, area / 1.8)
+        numbers[f"prisma {area}"] = _removed(0.3, 10.0, area / 1.8)
     for area, flow, sweep in ((0.4, 0.9, 2), (0.4, 0.9, 8), (0.8, 1.8, 2), (0.8, 1.8, 8)):
-        numbers[f"strassmann {area} {sweep}"] = _removed(area, flow, sweep, area / 1.8)
+        numbers[f"strassmann {area} {sweep}"] = _removed(flow, sweep, area / 1.8)
     gains = [numbers[f"strassmann {area} 8"] - numbers[f"strassmann {area} 2"] for area in (0.4, 0.8)]
-    diluted = [_removed(0.65, 0.5, 10.0, 0.65 / 1.8, hb=100.0 * hct / 3.0) for hct in (0.33, 0.08)]
+    diluted = [_removed(0.5, 10.0, 0.65 / 1.8, hb=100.0 * hct / 3.0) for hct in (0.33, 0.08)]
     return numbers | {
         "strassmann gain": float(gains[1] > gains[0] > 0.0),
         "haematocrit": 100.0 * (diluted[1] / diluted[0] - 1.0),
@@ -91,12 +91,10 @@ def _oxygenators() -> dict[str, float]:
     }
 
 
-def _removed(
-    area: float, flow: float, sweep: float, scale: float, pco2: float = 45.0, hb: float = 10.0
-) -> float:
+def _removed(flow: float, sweep: float, scale: float, hb: float = 10.0) -> float:
     """Carbon dioxide removed by a membrane with a scaled constant of the adult one [mL/min]."""
     transfer = CARBON_DIOXIDE * scale
-    return single_pass(flow, sweep, 0.65, pco2, hb, carbon_dioxide_transfer=transfer).carbon_dioxide
+    return single_pass(flow, sweep, 0.65, 45.0, hb, carbon_dioxide_transfer=transfer).carbon_dioxide
 
 
 # --- slopes in pigs, and other models -------------------------------------------------------------
@@ -186,7 +184,7 @@ def _joyce() -> dict[str, float]:
         numbers |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, pairs(fitted[name]), strict=True)}
     consumed, mixing = fitted["3"]
     # Their model has recirculation as an input, and it rises in the third patient.
-    raised = _root(lambda m: pair(3.6, consumed, 5.0, 1.0, m)[1] - 25.5, mixing, 1.0)
+    raised = root(lambda m: pair(3.6, consumed, 5.0, 1.0, m)[1] - 25.5, mixing, 1.0)
     after = pair(3.6, consumed, 5.0, 1.0, raised)
     return numbers | {"joyce 3 a after": float(after[0]), "joyce 3 v after": float(after[1])}
 
@@ -299,7 +297,7 @@ def _by_carbon_dioxide(beats: Mapping[str, np.ndarray], ratio: float, c: float =
 
 
 def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
-    cells = _root(lambda x: _with_cells(x)[0] + 3.48, 0.0, 0.2)
+    cells = root(lambda x: _with_cells(x)[0] + 3.48, 0.0, 0.2)
     warm = [_pig(temperature_c=37.0 + t, vo2_ml_min=200.0 * 1.1**t).paco2 for t in (-0.5, 0.5)]
     shunted = 0.5 * (_pig(shunt_fraction=1.0).pao2 - _pig(shunt_fraction=0.98).pao2)
     half = [single_pass(3.0, 5.0, s, 45.0, 10.0, oxygen_transfer=0.0259).oxygen for s in (0.64, 0.66)]
@@ -316,10 +314,7 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         ),
         undecided=True,
     )  # fmt: skip
-    needed = [
-        _root(lambda x, a=area, v=removed: _removed(a, 0.3, 10.0, x) - v, 0.02, 60.0)
-        for area, removed in ((0.8, 73.0), (1.35, 72.0))
-    ]
+    needed = [root(lambda x, v=removed: _removed(0.3, 10.0, x) - v, 0.02, 60.0) for removed in (73.0, 72.0)]
     by_area = Explanation(
         "0.8 and 1.35 m2 removed the same, so no constant that depends on area alone gives both: fibres "
         "differ",
@@ -353,10 +348,6 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         ),
     }  # fmt: skip
     return reasons
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(np.asarray(brentq(function, low, high)))
 
 
 def _with_cells(share: float) -> tuple[float, float]:
@@ -411,7 +402,7 @@ def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     def slope(output: float) -> float:
         return (_pig(output=output + 0.1).pao2 - _pig(output=output - 0.1).pao2) / 0.2
 
-    steep = _root(lambda output: slope(output) + 12.0, 3.6, 6.0)
+    steep = root(lambda output: slope(output) + 12.0, 3.6, 6.0)
     by_consumption = (_pig(vo2_ml_min=205.0).paco2 - _pig(vo2_ml_min=195.0).paco2) / 10.0
     more = (3.6 - numbers["park pco2 output"]) / by_consumption
     return {
@@ -471,7 +462,7 @@ def not_significant_in_five(fall: float) -> Explanation:
 
 def _other_membrane() -> Explanation:
     """Explanation by the membrane of the other simulator, which its page does not state."""
-    scale = _root(lambda x: _swept(10.0, x) / 27.0 + _swept(2.0, x) / 60.0 - 2.0, 0.2, 1.0)
+    scale = root(lambda x: _swept(10.0, x) / 27.0 + _swept(2.0, x) / 60.0 - 2.0, 0.2, 1.0)
     return Explanation(
         f"the other simulator does not state its membrane; {scale:.2f} times the constant gives both numbers",
         (
@@ -485,7 +476,7 @@ def _other_membrane() -> Explanation:
 def _formula(numbers: Mapping[str, float]) -> Explanation:
     """Explanation by the formula's constant, which converts removal to another ratio of gas to blood flow."""
     beats = _ventilated_at(1.5)
-    fitted = _root(lambda c: _by_carbon_dioxide(beats, 1.5, c)[1], 1.0, 8.0)
+    fitted = root(lambda c: _by_carbon_dioxide(beats, 1.5, c)[1], 1.0, 8.0)
     low = float(_by_carbon_dioxide(beats, 1.5, fitted)[0])
     return Explanation(
         f"the formula's constant is 1.157 in those pigs and {fitted:.1f} in the model; with that of the "

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import brentq
 
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
@@ -20,7 +19,7 @@ from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Explanation, Row
 from eclsim.validation.gas_bench import veno_venous
-from eclsim.validation.reference_cases import PROTOCOLS
+from eclsim.validation.reference_cases import PROTOCOLS, root
 
 CASE = PROTOCOLS["recirculation"]
 FLOW, MIXING, SHARE = f"{ECMO.key}.roller_l_min", f"{ECMO.key}.drainage_mixing", "recirculation_fraction"
@@ -45,7 +44,7 @@ def beats(**changes: list[float]) -> xr.Dataset:
 def _flows_and_tips() -> dict[str, float]:
     """Rise of the recirculated share [%] with flow, for tips apart and for tips that raise it by 16 %."""
     apart = CASE[ECMO.key]["drainage_mixing"]
-    near = float(np.asarray(brentq(lambda m: _rise(mixing=[apart, m]) - 16.0, apart, 1.0, xtol=1e-4)))
+    near = root(lambda m: _rise(mixing=[apart, m]) - 16.0, apart, 1.0, xtol=1e-4)
     faster = {"apart": _rise(flow=[SLOW, FAST]), "near": _rise(flow=[SLOW, FAST], mixing=[near, near])}
     shares = beats(flow=[2.0, 3.0, 4.0, 5.0, 6.0])[SHARE].values
     return {f"tips {name}": rise for name, rise in faster.items()} | {
@@ -83,7 +82,7 @@ def _loss_of_blood() -> dict[str, float]:
 
 def _simulated_cava() -> dict[str, float]:
     """Recirculated share [%] at 3 and 5 L/min, with the mixing that gives the first."""
-    mixing = float(np.asarray(brentq(lambda m: _percent(3.0, m) - 7.66, 0.01, 1.0, xtol=1e-5)))
+    mixing = root(lambda m: _percent(3.0, m) - 7.66, 0.01, 1.0, xtol=1e-5)
     return {f"cava {flow:g}": _percent(flow, mixing) for flow in (3.0, 5.0)}
 
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from eclsim.cases.sections import Physiology
 from eclsim.circuit.assembly import assemble
-from eclsim.execution import Distribution, Executor, Format, Progress, Tasks, json_format
-from eclsim.execution.tasks import in_process
+from eclsim.execution import Executor, Format, Progress, Tasks, json_format
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
@@ -45,7 +44,7 @@ class Effort:
 
     quick: bool = False
     points: int = 512
-    executor: Executor = field(default=Executor(Distribution(), in_process))
+    executor: Executor = field(default_factory=Executor)
     folder: Path | None = None
     progress: Progress | None = None
 

@@ -21,9 +21,8 @@ from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import Model
 from eclsim.orbit.steady import Batch, solve, start_state
-from eclsim.outputs.independent import simulate_adaptive
 from eclsim.outputs.registry import leading_outputs, output
-from eclsim.outputs.results import derivatives, simulate
+from eclsim.outputs.results import derivatives, simulate, simulate_adaptive
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, at_most, within
 from eclsim.parameters import shi_hose2009

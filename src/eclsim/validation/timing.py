@@ -22,13 +22,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from eclsim._version import __version__
+from eclsim.sensitivity.inputs import CARDIOVASCULAR
 from eclsim.validation.reference_cases import DATA, PAPER_PATIENT, reference_model
 
-PARAMETERS = (
-    "Cao", "Cpart", "Cpas", "Cpvn", "Csart", "Csvn", "Edla", "Edra", "Emaxla", "Emaxlv", "Emaxra", "Emaxrv",
-    "Lao", "Lpart", "Lpas", "Lsart", "Rao", "Rmc", "Rpart", "Rpas", "Rpmc", "Rpvn", "Rsart", "Rsvn",
-)  # fmt: skip
-"""The 24 parameters of the paper's global sensitivity analysis."""
 MEMBERS = 1024
 SPREAD = 0.25
 REPEATS = 15
@@ -132,8 +128,8 @@ def warm_derivatives() -> Measurement:
 
     beat = steady_beat(Batch.of(reference_model(PAPER_PATIENT)))
     outputs = beat.names
-    wall, cpu = _medians(lambda: beat.linearise(outputs, PARAMETERS))
-    name = f"derivatives of all {len(outputs)} outputs with respect to {len(PARAMETERS)} parameters, warm"
+    wall, cpu = _medians(lambda: beat.linearise(outputs, CARDIOVASCULAR))
+    name = f"derivatives of all {len(outputs)} outputs with respect to {len(CARDIOVASCULAR)} parameters, warm"
     remark = f"on a solved orbit; median of {REPEATS}; published code: 7 parameters, reverse mode"
     return Measurement(name, wall, "ms", 15.0, cpu, 13_900.0, remark)
 
@@ -166,7 +162,7 @@ def print_batch() -> None:
     from eclsim.orbit.steady import Batch, solve
 
     model, random = reference_model(PAPER_PATIENT), np.random.default_rng(1)
-    factors = {name: random.uniform(1.0 - SPREAD, 1.0 + SPREAD, MEMBERS) for name in PARAMETERS}
+    factors = {name: random.uniform(1.0 - SPREAD, 1.0 + SPREAD, MEMBERS) for name in CARDIOVASCULAR}
     values = {**model.values, **{name: model.values[name] * factor for name, factor in factors.items()}}
     many = Batch(model.circuit, values, MEMBERS)
     orbits = solve(many, start=model.values)
