@@ -115,6 +115,19 @@ def correlation(covariance: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
+class Explored:
+    """Sets of parameters at which a search has computed the model.
+
+    Args:
+        x: coordinates of the parameters, shape (sets, parameters).
+        outputs: outputs of the model, shape (sets, outputs); an accuracy that ranks the sets is enough.
+    """
+
+    x: np.ndarray
+    outputs: np.ndarray
+
+
+@dataclass(frozen=True)
 class Tangent:
     """First-order expansion of a steady beat in the parameters, from which searches for nearby beats start.
 

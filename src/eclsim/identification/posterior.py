@@ -379,7 +379,7 @@ def posterior(
     models = _models_of(fit, predictions, settings.volume_policy)
     started = time.perf_counter()
     density = density_of(fit, settings)
-    gaussian = gaussian_approximation(density, fit.optimum.distinct_ends)
+    gaussian = gaussian_approximation(density, fit.optimum.distinct_ends, fit.best_explored)
     chains = weighted = diagnostics = None
     seed, doubts = settings.sampling.seed, ()
     if settings.method == "gaussian":
