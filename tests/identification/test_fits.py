@@ -20,7 +20,7 @@ from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.files import fits_object, write_fit_figures, write_fits, write_fitted_case
 from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, checked_by_simulation, fit_cases
 from eclsim.identification.fit import fit as fit_case
-from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
+from eclsim.identification.multi_start import FitStatus, MultiStart, optimum_without_fit
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.profiles import with_profiles
 from eclsim.identification.report import fits_text
@@ -290,11 +290,7 @@ def test_a_point_whose_fit_breaks_off_stops_no_other(points, tmp_path, monkeypat
 
 
 def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monkeypatch):
-    none, flat = np.zeros((0, 2)), np.zeros(0)
-    nothing = Optimum(
-        np.full(2, np.nan), np.full(6, np.nan), np.inf, np.full((6, 2), np.nan),
-        Starts(none, flat, flat, flat > 0, none), 20, 20, 0, 0, FitStatus.NO_STEADY_BEAT,
-    )  # fmt: skip
+    nothing = optimum_without_fit(2, 6, FitStatus.NO_STEADY_BEAT, (20, 20, 0, 0))
     monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
     (result,) = fitted(points[:1], tmp_path)
     assert result["status"] == "no_steady_beat"
