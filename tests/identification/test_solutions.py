@@ -1,5 +1,7 @@
 """Further solutions of the measurements: sought, named, and part of the intervals where they fit as well."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,14 +14,21 @@ from eclsim.identification.settings import FitSettings
 from eclsim.identification.solutions import with_solutions_sought
 from eclsim.identification.verdict import Aspect, Level
 
-NAMES = ("gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "ecmo.oxygenator.clotted_fraction", "Rmc")
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NAMES = (
+    "gas.shunt_fraction",
+    "gas.vo2_ml_min",
+    "ecmo.drainage_mixing",
+    "ecmo.oxygenator.clotted_fraction",
+    "Rmc",
+)
 SEARCH = MultiStart(points_per_parameter=36, round_size=2, rediscoveries=1)
 
 
 @pytest.fixture(scope="module")
-def veno_venous(examples):
+def veno_venous():
     """Simulated with a shunt of 0.55 and 230 mL/min, and measured with noise."""
-    case: Case = read_case(examples / "veno_venous_blood_gases.toml").case
+    case: Case = read_case(EXAMPLES / "veno_venous_blood_gases.toml").case
     measured = Measurements(
         MAP=84.37, PF=4.882, SaO2=97.51, PaO2=81.01, PaCO2=36.8, SpreO2=79.16, PpostO2=328.9, PexhaustCO2=35.4
     )

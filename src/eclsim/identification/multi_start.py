@@ -484,8 +484,8 @@ def fit_shared(
     problem, refined = refine_shared(objective, box, common, np.stack([o.x for o in separate]))
     height, space = len(objective.outputs), problem.box(box)
     jacobian, outputs = refined.jacobians[0], refined.outputs[0]
-    scaled = _scaled(objective, jacobian, errors, space)
-    spread = space.covariance(scaled.matrix)
+    scaled, weights = _scaled(objective, jacobian, errors, space)
+    spread = space.covariance(scaled.matrix, weights)
     excluded = propose(scaled).excluded
     settled = refined.terminations[0] == Termination.SETTLED
     optima = []
@@ -511,12 +511,14 @@ def fit_shared(
 
 def _scaled(
     objective: Objective, jacobian: np.ndarray, errors: Sequence[np.ndarray], space: Box
-) -> ScaledSensitivities:
-    """Sensitivities of all measurements of the patient, in standard uncertainties."""
-    rows, names = [], []
+) -> tuple[ScaledSensitivities, np.ndarray]:
+    """Sensitivities of all measurements of the patient and their weights, both in standard uncertainties."""
+    rows, names, weights = [], [], []
     height = len(objective.outputs)
     for k, (target, point_errors) in enumerate(zip(objective.targets, errors, strict=True)):
         for name, error in zip(target.measured, point_errors, strict=True):
-            rows.append(jacobian[k * height + objective.outputs.index(name)] / error)
+            place = objective.outputs.index(name)
+            rows.append(jacobian[k * height + place] / error)
             names.append(f"{name} of point {k + 1}")
-    return ScaledSensitivities(tuple(names), space.names, np.array(rows))
+            weights.append(objective.weights[k, place] * error)
+    return ScaledSensitivities(tuple(names), space.names, np.array(rows)), np.array(weights)
