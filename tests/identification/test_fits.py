@@ -116,7 +116,8 @@ def test_a_poor_fit_at_a_bound_says_that_alone(twin):
     assert "--bounds" in held_back[0].sentence
 
 
-def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determine(fit):
+def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determine(twin):
+    fit = fit_case(twin, settings=replace(QUICK, weights="uncertainty"))
     judged, profiled = with_profiles(fit)
     assert judged.verdict.level == "good"
     for name, p in judged.parameters.items():
@@ -125,6 +126,15 @@ def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determi
         assert np.log(lower) == pytest.approx(np.log(p.lower), abs=0.15 * np.log(p.upper / p.lower))
         assert np.log(upper) == pytest.approx(np.log(p.upper), abs=0.15 * np.log(p.upper / p.lower))
         assert judged.as_object()["parameters"][name]["profile"] == [lower, upper]
+
+
+def test_intervals_of_relative_weights_are_wider_than_those_of_the_uncertainties(twin, fit):
+    """They were the same, although only the weights by uncertainty make errors that small."""
+    best = fit_case(twin, settings=replace(QUICK, weights="uncertainty"))
+    for name, p in fit.parameters.items():
+        other = best.parameters[name]
+        assert p.value == pytest.approx(other.value, rel=1e-4)
+        assert p.upper / p.lower > 1.005 * other.upper / other.lower
 
 
 def test_the_terminal_prints_the_wider_of_two_intervals_and_no_profile_is_said(fit, tmp_path, monkeypatch):

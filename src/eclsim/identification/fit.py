@@ -22,7 +22,7 @@ from eclsim.identification.multi_start import (
     optimum_without_fit,
     silent,
 )
-from eclsim.identification.objective import NORMAL_90, Box, Explored, Objective, Target, correlation
+from eclsim.identification.objective import NORMAL_90, Box, Objective, Target, correlation
 from eclsim.identification.profiles import held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
@@ -146,13 +146,6 @@ class FitResult:
     def status(self) -> FitStatus:
         """How the search ended."""
         return self.optimum.status
-
-    @property
-    def best_explored(self) -> Explored:
-        """The best sets of parameters that the search explored, with the measured outputs."""
-        every = self.optimum.best_explored
-        rows = [self.objective.outputs.index(n) for n in self.measured]
-        return Explored(every.x, every.outputs[:, rows])
 
     @property
     def ranges(self) -> dict[str, AdultRange]:

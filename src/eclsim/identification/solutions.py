@@ -7,15 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from eclsim.identification.density import (
-    Gaussian,
-    NoSteadyBeatError,
-    PosteriorDensity,
-    gaussian_approximation,
-)
+from eclsim.identification.density import Gaussian, NoSteadyBeatError, PosteriorDensity
 from eclsim.identification.fit import FitResult, FittedParameter
 from eclsim.identification.objective import RISE_90
-from eclsim.identification.posterior import PosteriorSettings, density_of
+from eclsim.identification.posterior import PosteriorSettings, density_of, maxima_of
 from eclsim.identification.quantities import Scale
 from eclsim.identification.verdict import Aspect, Level, Reason, intervals_differ
 
@@ -27,14 +22,14 @@ def with_solutions_sought(fit: FitResult) -> FitResult:
     """Return the fit with what further solutions of the measurements mean for it; the same fit without any.
 
     Maxima of the posterior density are sought from the ends of the search and from sets of parameters that it
-    explored; see `gaussian_approximation`. A solution that meets the measurements as well as the fit belongs
+    explored; see `maxima_of`. A solution that meets the measurements as well as the fit belongs
     to the 90 % intervals, as an end of the search does.
     """
     if not fit.simulated or fit.optimum.shared is not None or fit.verdict.goodness is None:
         return fit
     density = density_of(fit, PosteriorSettings())
     try:
-        maxima = gaussian_approximation(density, fit.optimum.distinct_ends, fit.best_explored)
+        maxima = maxima_of(fit, density)
     except NoSteadyBeatError:
         return fit
     if not maxima.others:

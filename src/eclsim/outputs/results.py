@@ -168,7 +168,8 @@ def beat_warnings(
     beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
     if not beat.converged[0]:
         return (*model.doubts, beat.message())
-    warnings = sentences(f for f in beat.findings() if shown is None or f.is_about(shown))
+    every = gravest_first([*beat.findings(), *findings_of_second_beat(beat)])
+    warnings = sentences(f for f in every if shown is None or f.is_about(shown))
     return (*model.doubts, *warnings)
 
 

@@ -24,6 +24,8 @@ PUMP_SETTINGS = ("speed_rpm", "roller_l_min")
 FILLINGS = ("caval_filling", "superior_caval_filling", "inferior_caval_filling")
 COLLAPSED_PERCENT = 40.0
 """Filling of a vein below which it has collapsed, as in the limits of beats [%]."""
+FULL_PERCENT = 120.0
+"""Filling of the emptiest vein above which no second beat was ever found, so that none is sought [%]."""
 FASTER, SLOWER = 1.6, 0.4
 """Speed of the pumps before they are set back, relative to their own."""
 BEATS_AWAY, BEATS_BACK = 60, 10
@@ -48,8 +50,10 @@ def second_beat(beat: SteadyBeat, member: int = 0) -> SteadyBeat | None:
         return None
     problem = OrbitProblem(program, batch.packed(program), batch.volume())
     search, found = compiled_search(program, 1), beat.orbits.states[:, [member]]
-    fillings = [float(beat.output(name)[member]) for name in FILLINGS if name in beat.names]
-    for factor in (FASTER, SLOWER) if min(fillings, default=100.0) < COLLAPSED_PERCENT else (FASTER,):
+    emptiest = min((float(beat.output(name)[member]) for name in FILLINGS if name in beat.names), default=0.0)
+    if emptiest > FULL_PERCENT:
+        return None
+    for factor in (FASTER, SLOWER) if emptiest < COLLAPSED_PERCENT else (FASTER,):
         driven = problem.packed.copy()
         driven[pumps] *= factor
         away = search.wait(search.wait(found, driven, BEATS_AWAY), problem.packed, BEATS_BACK)
