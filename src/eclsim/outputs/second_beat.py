@@ -22,6 +22,7 @@ from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 PUMP_SETTINGS = ("speed_rpm", "roller_l_min")
 """Ends of the names of parameters by which pumps are driven."""
 FILLINGS = ("caval_filling", "superior_caval_filling", "inferior_caval_filling")
+SUCTION = "lowest_drainage_pressure"
 COLLAPSED_PERCENT = 40.0
 """Filling of a vein below which it has collapsed, as in the limits of beats [%]."""
 FULL_PERCENT = 120.0
@@ -89,13 +90,13 @@ def findings_of_second_beat(beat: SteadyBeat, member: int = 0) -> list[Finding]:
 
 
 def _numbers(beat: SteadyBeat, member: int) -> str:
-    """Flows and filling of the emptiest vein of a beat as text."""
-    flow, filling = float(beat.output("PF")[member]), ""
-    fillings = [float(beat.output(name)[member]) for name in FILLINGS if name in beat.names]
-    if fillings:
-        filling = f" with the vena cava filled to {min(fillings):.0f} %"
-    native = f", CO {float(beat.output('CO')[member]):.2f}" if "CO" in beat.names else ""
-    return f"PF {flow:.2f}{native} L/min{filling}"
+    """Flows, suction, and filling of the emptiest vein of a beat as text."""
+    by_name = beat.outputs(member)
+    fillings = [by_name[name] for name in FILLINGS if name in by_name]
+    native = f", CO {by_name['CO']:.2f}" if "CO" in by_name else ""
+    suction = f", drainage down to {by_name[SUCTION]:.0f} mmHg" if SUCTION in by_name else ""
+    filling = f" with the vena cava filled to {min(fillings):.0f} %" if fillings else ""
+    return f"PF {by_name['PF']:.2f}{native} L/min{suction}{filling}"
 
 
 def _differs(beat: SteadyBeat, other: SteadyBeat, member: int) -> bool:
