@@ -180,6 +180,7 @@ def fit_of(page, off: float) -> dict:
             "of": "Fit of P01", "message": "optimum found", "seconds": 9, "usable": True, "link": "",
             "verdict": verdict, "headline": headline(verdict), "parameters": {"Rmc": parameter},
             "outputs": {"MAP": {"measured": 80.0, "simulated": values["MAP"]}},
+            "starts_agreeing": 2, "starts_refined": 3, "explored": 252,
         },
     }  # fmt: skip
 
@@ -199,6 +200,7 @@ def test_a_fit_that_is_wrong_has_no_tick_and_says_why(open_page, shots):
         eventually(has_ticks)
         picture(page, shots, f"fit_{level}")
     expect(result).to_contain_text("POOR FIT, not to be used")
+    expect(result).to_contain_text("by 2 of 3 starts, the best of 252 sets of values")
     expect(result).to_contain_text(re.compile(r"MAP 102\.[56] fitted against 80 measured"))
     expect(page.get_by_role("button", name=text("fit_use"))).to_have_count(0)
     expect(page.get_by_role("button", name=text("fit_use_poor"))).to_be_visible()

@@ -453,6 +453,11 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
         ),
         ("free it (x among --parameters)", "free it (x among an option of eclsim identify)"),
         ("weigh (--weights uncertainty-like)", "weigh (an option of eclsim identify)"),
+        ("a posterior (--posterior) covers both", "a posterior (press Uncertainty) covers both"),
+        (
+            "may fit nothing: see the figure pairs; a",
+            "may fit nothing: see the loops once this patient is used; a",
+        ),
     ],
 )
 def test_options_of_the_command_line_are_whole_words_on_the_page(written, shown):

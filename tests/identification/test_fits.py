@@ -20,7 +20,7 @@ from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.files import fits_object, write_fit_figures, write_fits, write_fitted_case
 from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, checked_by_simulation, fit_cases
 from eclsim.identification.fit import fit as fit_case
-from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
+from eclsim.identification.multi_start import FitStatus, MultiStart, optimum_without_fit
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.profiles import with_profiles
 from eclsim.identification.report import fits_text
@@ -116,7 +116,8 @@ def test_a_poor_fit_at_a_bound_says_that_alone(twin):
     assert "--bounds" in held_back[0].sentence
 
 
-def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determine(fit):
+def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determine(twin):
+    fit = fit_case(twin, settings=replace(QUICK, weights="uncertainty"))
     judged, profiled = with_profiles(fit)
     assert judged.verdict.level == "good"
     for name, p in judged.parameters.items():
@@ -125,6 +126,15 @@ def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determi
         assert np.log(lower) == pytest.approx(np.log(p.lower), abs=0.15 * np.log(p.upper / p.lower))
         assert np.log(upper) == pytest.approx(np.log(p.upper), abs=0.15 * np.log(p.upper / p.lower))
         assert judged.as_object()["parameters"][name]["profile"] == [lower, upper]
+
+
+def test_intervals_of_relative_weights_are_wider_than_those_of_the_uncertainties(twin, fit):
+    """They were the same, although only the weights by uncertainty make errors that small."""
+    best = fit_case(twin, settings=replace(QUICK, weights="uncertainty"))
+    for name, p in fit.parameters.items():
+        other = best.parameters[name]
+        assert p.value == pytest.approx(other.value, rel=1e-4)
+        assert p.upper / p.lower > 1.005 * other.upper / other.lower
 
 
 def test_the_terminal_prints_the_wider_of_two_intervals_and_no_profile_is_said(fit, tmp_path, monkeypatch):
@@ -290,11 +300,7 @@ def test_a_point_whose_fit_breaks_off_stops_no_other(points, tmp_path, monkeypat
 
 
 def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monkeypatch):
-    none, flat = np.zeros((0, 2)), np.zeros(0)
-    nothing = Optimum(
-        np.full(2, np.nan), np.full(6, np.nan), np.inf, np.full((6, 2), np.nan),
-        Starts(none, flat, flat, flat > 0, none), 20, 20, 0, 0, FitStatus.NO_STEADY_BEAT,
-    )  # fmt: skip
+    nothing = optimum_without_fit(2, 6, FitStatus.NO_STEADY_BEAT, (20, 20, 0, 0))
     monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
     (result,) = fitted(points[:1], tmp_path)
     assert result["status"] == "no_steady_beat"

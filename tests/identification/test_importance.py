@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eclsim.identification.density import Gaussian
+from eclsim.identification import density
+from eclsim.identification.density import Gaussian, gaussian_approximation
 from eclsim.identification.importance import (
     FEWEST_EFFECTIVE,
     Mixture,
@@ -16,7 +17,8 @@ from eclsim.identification.importance import (
     smoothed,
     weighted_quantile,
 )
-from known_posteriors import TwoSolutions
+from eclsim.identification.objective import Explored
+from known_posteriors import AnalyticGradient, CurvedPosterior, TwoSolutions
 
 
 def gaussian_of(posterior, z=(0.4, 0.5)):
@@ -58,6 +60,57 @@ def test_both_of_two_narrow_solutions_are_sampled():
     assert (away.T * result.weights) @ away == pytest.approx(covariance, abs=0.05)
     assert not result.doubts
     assert result.transport.centre == pytest.approx(weighted)
+
+
+def explored_sets(posterior, count=64):
+    """Random sets of parameters between the bounds, as those of a search."""
+    z = np.random.default_rng(2).uniform(-2.4, 2.4, (count, 2))
+    return Explored(posterior.prior.x_of(z), posterior.simulate(z))
+
+
+def test_a_solution_that_was_only_explored_is_sampled(monkeypatch):
+    """The search ended in one of two solutions alone: an eleventh of the posterior was missing, unnoticed."""
+    monkeypatch.setattr(density, "GradientEvaluator", AnalyticGradient)
+    posterior = TwoSolutions()
+    ends = posterior.prior.x_of(np.array([[-1.7, 1.6], [-1.6, 1.5]]))
+    missed = gaussian_approximation(posterior, ends)
+    assert missed.others == ()
+    assert importance_sample(posterior, missed, count=500).doubts == ()
+    both = gaussian_approximation(posterior, ends, explored_sets(posterior))
+    assert [g.centre[0] for g in both.solutions] == pytest.approx([-1.69, 2.29], abs=0.02)
+    assert both.potential == missed.potential
+    result = importance_sample(posterior, both, count=500)
+    mean, _ = posterior.moments()
+    assert result.weights @ result.z == pytest.approx(mean, abs=0.02)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.8], ids=["straight", "curved"])
+def test_one_solution_stays_the_same_to_the_last_bit_whatever_was_explored(monkeypatch, bend):
+    monkeypatch.setattr(density, "GradientEvaluator", AnalyticGradient)
+    posterior = CurvedPosterior(bend=bend)
+    ends = posterior.prior.x_of(np.array([[0.4, 0.5]]))
+    alone, result = (
+        gaussian_approximation(posterior, ends, explored) for explored in (None, explored_sets(posterior))
+    )
+    assert result.others == ()
+    assert result.potential == alone.potential
+    assert np.array_equal(result.centre, alone.centre)
+    assert np.array_equal(result.covariance, alone.covariance)
+
+
+def test_climbs_from_explored_sets_are_few_and_stop_where_nothing_is_unexplained(monkeypatch):
+    climbs = []
+
+    class Counted(AnalyticGradient):
+        def __init__(self, posterior, centre, by_point=False):
+            climbs.append(centre)
+            super().__init__(posterior, centre)
+
+    monkeypatch.setattr(density, "GradientEvaluator", Counted)
+    posterior = TwoSolutions()
+    gaussian_approximation(posterior, posterior.prior.x_of(np.array([[-1.7, 1.6]])), explored_sets(posterior))
+    assert 1 < len(climbs) <= 1 + density.FURTHER_CLIMBS
+    assert climbs[1][0] > 0.3
 
 
 def test_maxima_without_probability_are_no_solutions():

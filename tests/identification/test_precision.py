@@ -21,6 +21,29 @@ def test_of_a_linear_model_with_wide_bounds_it_is_that_of_least_squares():
     np.testing.assert_allclose(np.sqrt(np.diag(result)), draws.std(axis=1), rtol=0.03)
 
 
+def test_of_a_fit_with_other_weights_it_is_that_of_its_own_errors():
+    """Intervals were those of the best weights whatever the fit had: too narrow by a third here."""
+    generator = np.random.default_rng(2)
+    design, weights = generator.normal(size=(6, 3)), np.array([3.0, 0.5, 1.0, 2.0, 0.3, 1.0])
+    wide = box_of(1e6, 1e6, 1e6)
+    result, best = wide.covariance(design, 5.0 * weights), wide.covariance(design)
+    noise = generator.normal(size=(6, 20_000))
+    draws = np.linalg.lstsq(weights[:, None] * design, weights[:, None] * noise, rcond=None)[0]
+    np.testing.assert_allclose(np.sqrt(np.diag(result)), draws.std(axis=1), rtol=0.03)
+    assert np.all(np.diag(result) > 1.2 * np.diag(best))
+    assert np.array_equal(wide.covariance(design, np.full(6, 0.7)), best)
+
+
+def test_other_weights_never_make_a_fit_surer_than_the_best_ones_or_less_sure_than_its_bounds():
+    generator, box = np.random.default_rng(3), box_of(1.0, 0.3, 2.0)
+    for _ in range(20):
+        design = generator.normal(size=(5, 3)) * 10.0 ** generator.uniform(-2, 2, (5, 1))
+        design[:, 2] = 0.0
+        result = box.covariance(design, 10.0 ** generator.uniform(-1, 1, 5))
+        assert np.linalg.eigvalsh(result - box.covariance(design)).min() > -1e-9
+        assert result[2, 2] == pytest.approx(4.0)
+
+
 def test_what_nothing_is_known_of_keeps_what_its_bounds_leave():
     box = Box.of(dict.fromkeys("ab", (1.0, 0.1, 10.0)))
     prior = box.prior_deviations

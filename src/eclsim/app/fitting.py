@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("eclsim.app")
 _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
-    (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
+    (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"),
+    (" (--posterior)", "fit_posterior_here"), (": see the figure pairs", "fit_loops_here"))  # fmt: skip
 """Options of `eclsim identify` in the reasons of a verdict, with the page's texts that replace them."""
 _OPTION = re.compile(r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*")
 PAGE_SEARCH = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
@@ -247,11 +248,14 @@ def _run_job(
     job: str, raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str], report: Callable[[str], None]
 ) -> tuple[str, Any]:
     from eclsim.app.posterior import plain_posterior
+    from eclsim.identification.solutions import with_solutions_sought
 
     try:
         if job == "posterior":
             return "done", plain_posterior(raw, policy, report, free)
-        return "done", plain_fit(_fit(raw, policy, PAGE_SEARCH, report))
+        found = _fit(raw, policy, PAGE_SEARCH, report)
+        report(text("fit_other_solutions"))
+        return "done", plain_fit(with_solutions_sought(found))
     except CancelledError:
         return "cancelled", None
     except CaseError as error:

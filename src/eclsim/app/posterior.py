@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from eclsim.app.fitting import prepared_for_fit
+from eclsim.app.fitting import PAGE_SEARCH, in_page_words, prepared_for_fit
 from eclsim.app.texts import text
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, resolve_parameters
 from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
+from eclsim.identification.draws import several_solutions
 from eclsim.identification.importance import importance_sample
-from eclsim.identification.objective import Box
+from eclsim.identification.multi_start import MultiStart, sobol
+from eclsim.identification.objective import Box, Explored
 from eclsim.identification.quantities import Scale, measurement_errors
 from eclsim.identification.settings import checked_fit
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -191,20 +193,25 @@ def plain_posterior(
         free: the fitted parameters; empty to choose those worth fitting.
 
     Returns:
-        Plain data: names and members, intervals of the parameters, and diagnostics of the weights.
+        Plain data: names and members, intervals of the parameters, notes on several solutions, and
+        diagnostics of the weights.
     """
     report(text("posterior_preparing"))
     posterior, start = _density(raw, policy, report, free)
-    weighted = importance_sample(posterior, gaussian_approximation(posterior, start[None]), seed=SEED)
-    names = posterior.prior.names
-    shown = posterior.prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
+    explored = sobol(posterior.prior, MultiStart(PAGE_SEARCH["points_per_parameter"]))
+    outputs = PosteriorDensity.simulate(posterior, posterior.prior.z_of(explored))
+    gaussian = gaussian_approximation(posterior, start[None], Explored(explored, outputs))
+    weighted = importance_sample(posterior, gaussian, seed=SEED)
+    names, drawn = posterior.prior.names, weighted.z[weighted.resample(SHOWN_DRAWS, SEED)]
+    shown = posterior.prior.values_of(drawn)
+    notes = [in_page_words({"sentence": n}) for n in several_solutions(posterior.prior, drawn, gaussian)]
     chosen = np.random.default_rng(SEED).permutation(weighted.resample(BAND_MEMBERS, SEED))
     members = posterior.prior.values_of(weighted.z[chosen])
     quantiles = np.quantile(shown, (0.05, 0.5, 0.95), axis=0).T.tolist()
     return {
         "names": list(names), "members": members.tolist(), "method": "importance",
         "doubts": list(weighted.doubts), "shape": float(weighted.shape), "effective": weighted.effective,
-        "draws": len(weighted.z),
+        "draws": len(weighted.z), "notes": [note["sentence"] for note in notes],
         "parameters": {
             n: {"lower": low, "median": middle, "upper": high}
             for n, (low, middle, high) in zip(names, quantiles, strict=True)

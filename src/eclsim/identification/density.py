@@ -35,7 +35,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from eclsim.beat.heartbeat import beat_program
-from eclsim.identification.objective import Box, Tangent, execution_of
+from eclsim.identification.objective import Box, Explored, Tangent, execution_of
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.model import AS_PUBLISHED, Model
 from eclsim.orbit.search import solve_orbits
@@ -250,6 +250,10 @@ SMALLEST_SHARE = 1e-3
 """Probability around a further maximum, relative to that around the best, below which it is negligible."""
 SMALLEST_DISTANCE = 3.0
 """Maxima that are nearer to each other, in their standard deviations, are one solution."""
+FURTHER_CLIMBS, BEST_EXPLORED = 8, 64
+"""Number of climbs from explored points, and of the best of these points among which they are chosen."""
+LARGEST_LEFT_FALL = 1e-2
+"""Predicted decrease of U above which the end of such a climb is no maximum: it was stopped on its way."""
 
 
 class NoSteadyBeatError(ValueError):
@@ -389,13 +393,31 @@ class Gaussian:
             squares.append(np.sum(away @ np.linalg.inv(each.covariance) * away, axis=-1))
         return np.argmin(squares, axis=0)
 
+    def rises(self, z: np.ndarray, centre: np.ndarray) -> np.ndarray:
+        """Rise of U from a centre to latent variables (..., parameters) by the curvature of this maximum."""
+        away = z - centre
+        return 0.5 * np.sum(away @ np.linalg.inv(self.covariance) * away, axis=-1)
+
+    def is_near(self, z: np.ndarray, potential: float) -> bool:
+        """Whether latent variables with this U belong to this maximum."""
+        nearest = 0.5 * SMALLEST_DISTANCE**2
+        return potential - self.potential < nearest and float(self.rises(z, self.centre)) < nearest
+
+    def left_fall(self, posterior: PosteriorDensity) -> float:
+        """Decrease of U that the slope at the centre still promises; 0 at a maximum of the density."""
+        misfit = (self.outputs - posterior.target) / posterior.scale**2
+        gradient = self.jacobian.T @ misfit + self.centre
+        return 0.5 * float(gradient @ self.covariance @ gradient)
+
     def draws(self, count: int, seed: int) -> np.ndarray:
         """Random latent variables, shape (count, parameters)."""
         normal = np.random.default_rng(seed).standard_normal((count, len(self.centre)))
         return self.centre + normal @ np.linalg.cholesky(self.covariance).T
 
 
-def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
+def gaussian_approximation(
+    posterior: PosteriorDensity, starts: np.ndarray, explored: Explored | None = None
+) -> Gaussian:
     """Return the best maximum of the density reached from several starts, with the curvature there.
 
     Further maxima that hold a part of the probability are its `others`.
@@ -403,6 +425,9 @@ def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> G
     Args:
         posterior: density to maximise.
         starts: coordinates of the parameters, shape (starts, parameters).
+        explored: sets of parameters, with the measured outputs in the order of the density. Those that the
+            maxima reached do not explain are starts, too; what is reached from them is used only if it is a
+            solution of its own.
 
     Raises:
         NoSteadyBeatError: No start reaches a maximum, or the beat there is not unique or lacks a steady state
@@ -410,6 +435,8 @@ def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> G
     """
     latent = [posterior.prior.z_of(x) for x in np.atleast_2d(starts)]
     climbs = [g for z in latent if (g := _maximise_from(posterior, z))]
+    if climbs and explored is not None:
+        climbs += _further_maxima(posterior, climbs, explored)
     best = Gaussian.at_maxima(climbs) if climbs else None
     centre = np.clip(latent[0], -LARGEST_START, LARGEST_START) if best is None else best.centre
     beat = posterior.beats(centre[None])
@@ -429,7 +456,45 @@ def gaussian_approximation(posterior: PosteriorDensity, starts: np.ndarray) -> G
     )
 
 
-def _maximise_from(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
+def _further_maxima(
+    posterior: PosteriorDensity, found: Sequence[Gaussian], explored: Explored
+) -> list[Gaussian]:
+    """Return maxima, apart from all that were found, that are reached from explored sets of parameters.
+
+    Near a maximum that was found, U rises as its curvature says. A set whose U is far below that belongs to
+    another maximum, so the sets with the smallest share of the predicted rise are tried first. A set whose
+    climb ended at a known maximum predicts a rise around itself, too, so that the next start is elsewhere.
+    """
+    z = np.clip(posterior.prior.z_of(explored.x), -LARGEST_START, LARGEST_START)
+    potential = posterior.potential(z, explored.outputs)
+    best = np.argsort(potential, kind="stable")[:BEST_EXPLORED]
+    best = best[np.isfinite(potential[best])]
+    z, excess = z[best], potential[best] - min(g.potential for g in found)
+    predicted = np.min([g.rises(z, g.centre) for g in found], axis=0)
+    left = predicted > 0.5 * SMALLEST_DISTANCE**2
+    known, further = list(found), []
+    for _ in range(min(FURTHER_CLIMBS, int(left.sum()))):
+        if not left.any():
+            break
+        k = int(np.argmin(np.where(left, excess / np.maximum(predicted, 1e-300), np.inf)))
+        left[k] = False
+        end = _maximise_from(posterior, z[k], known)
+        if end is None:
+            continue
+        if all(one.distance(end) > SMALLEST_DISTANCE for one in known):
+            known.append(end)
+            if end.left_fall(posterior) < LARGEST_LEFT_FALL:
+                further.append(end)
+        for centre in (end.centre, z[k]):
+            predicted = np.minimum(predicted, end.rises(z, centre))
+        left &= predicted > 0.5 * SMALLEST_DISTANCE**2
+    return further
+
+
+def _maximise_from(
+    posterior: PosteriorDensity, start: np.ndarray, known: Sequence[Gaussian] = ()
+) -> Gaussian | None:
+    """Climb to a maximum; one of the known maxima if the climb comes near it, None without a steady beat."""
     z = np.clip(start, -LARGEST_START, LARGEST_START)
     evaluator = GradientEvaluator(posterior, z)
     linear = evaluator.linear(z)
@@ -453,6 +518,8 @@ def _maximise_from(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian |
         lower = np.inf if trial is None else float(posterior.potential(z + step, trial[0]))
         if trial is not None and lower < level:
             z, linear, level, damping = z + step, trial, lower, damping / 5.0
+            if reached := next((one for one in known if one.is_near(z, level)), None):
+                return reached
         else:
             damping = max(damping * 4.0, 1e-3)
     outputs, jacobian = linear

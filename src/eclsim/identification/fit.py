@@ -351,9 +351,11 @@ def _result(
     rows = [objective.outputs.index(o) for o in target.measured]
     errors = np.array(list(known.values()))
     scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
-    spread = box.covariance(scaled.matrix) if optimum.shared is None else optimum.shared.covariance
+    weights = objective.weights[number][rows] * errors
+    spread = box.covariance(scaled.matrix, weights) if optimum.shared is None else optimum.shared.covariance
     simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
-    goodness = goodness_of(target.measured, simulated, known, scaled.matrix, spread)
+    best_weights = box.covariance(scaled.matrix) if optimum.shared is None else spread
+    goodness = goodness_of(target.measured, simulated, known, scaled.matrix, best_weights)
     gains = _gains_beyond_bounds(objective, number, optimum, box, goodness.chi_square)
     measured, least = np.array(list(target.measured.values())), goodness.chi_square
     as_good = optimum.starts.within_90(rows, measured, errors, least)

@@ -22,7 +22,14 @@ from eclsim.identification.least_squares import (
     polish,
     refine,
 )
-from eclsim.identification.objective import RISE_90, Box, LeastSquaresProblem, Objective, SharedObjective
+from eclsim.identification.objective import (
+    RISE_90,
+    Box,
+    Explored,
+    LeastSquaresProblem,
+    Objective,
+    SharedObjective,
+)
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
 
@@ -40,6 +47,8 @@ SHARES = (0.2, 0.5, 0.8)
 """Further start values of common parameters, as shares of the distance between their bounds."""
 MOST_DISTINCT_ENDS, SAME_END = 5, 0.05
 """Largest number of distinct ends of a search, and smallest difference in a coordinate between them."""
+BEST_KEPT = 256
+"""Number of the best explored points that are kept, to look for further solutions among them."""
 FINAL_SHARED_REFINEMENT = Tolerances(1e-6, 1e-12, 1e-8, 40, EXACT.orbits)
 Progress = Callable[[object], None]
 """Called with an object whose text describes the current step."""
@@ -197,6 +206,7 @@ class Optimum:
         explored_without_gases: number of these points with a steady beat but without a steady gas state,
             which measured gases need.
         status: how the search ended.
+        best_explored: the best explored points, with all outputs.
         shared: estimate from a fit together with other data points; None if the point was fitted by itself.
     """
 
@@ -210,6 +220,7 @@ class Optimum:
     explored_one_of_many: int
     explored_without_gases: int
     status: FitStatus
+    best_explored: Explored
     shared: SharedEstimate | None = None
 
     @property
@@ -242,6 +253,7 @@ class _Candidates:
     explored_without_beat: int
     explored_one_of_many: int
     explored_without_gases: int
+    best_explored: Explored
     first_costs: list[float] = field(default_factory=list)
     refined: list[Refinement] = field(default_factory=list)
 
@@ -306,8 +318,9 @@ def _explore(
     evaluation = problem.evaluate(np.full(len(explored), point), explored, EXPLORING, COARSE)
     costs = evaluation.costs
     count = max(round(settings.refined_share * len(explored)), 2)
-    order = np.argsort(costs, kind="stable")[:count]
-    order = order[np.isfinite(costs[order])]
+    ranked = np.argsort(costs, kind="stable")
+    ranked = ranked[np.isfinite(costs[ranked])]
+    order, kept = ranked[:count], ranked[:BEST_KEPT]
     explored_one_of_many, explored_without_gases = (
         int(evaluation.one_of_many.sum()),
         int(evaluation.without_gases.sum()),
@@ -320,6 +333,7 @@ def _explore(
         explored_without_beat,
         explored_one_of_many,
         explored_without_gases,
+        Explored(explored[kept], evaluation.outputs[kept]),
     )
 
 
@@ -388,7 +402,7 @@ def _best_optimum(
     settled = last.terminations[0] == Termination.SETTLED
     return Optimum(
         last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, *explored,
-        FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
+        FitStatus.FITTED if settled else FitStatus.NOT_SETTLED, candidates.best_explored,
     )  # fmt: skip
 
 
@@ -408,7 +422,7 @@ def optimum_without_fit(
     starts = Starts(none, flat, flat, np.zeros(0, dtype=bool), np.zeros((0, count)))
     return Optimum(
         np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), starts,
-        *explored, status,
+        *explored, status, Explored(none, np.zeros((0, count))),
     )  # fmt: skip
 
 
@@ -470,8 +484,8 @@ def fit_shared(
     problem, refined = refine_shared(objective, box, common, np.stack([o.x for o in separate]))
     height, space = len(objective.outputs), problem.box(box)
     jacobian, outputs = refined.jacobians[0], refined.outputs[0]
-    scaled = _scaled(objective, jacobian, errors, space)
-    spread = space.covariance(scaled.matrix)
+    scaled, weights = _scaled(objective, jacobian, errors, space)
+    spread = space.covariance(scaled.matrix, weights)
     excluded = propose(scaled).excluded
     settled = refined.terminations[0] == Termination.SETTLED
     optima = []
@@ -497,12 +511,14 @@ def fit_shared(
 
 def _scaled(
     objective: Objective, jacobian: np.ndarray, errors: Sequence[np.ndarray], space: Box
-) -> ScaledSensitivities:
-    """Sensitivities of all measurements of the patient, in standard uncertainties."""
-    rows, names = [], []
+) -> tuple[ScaledSensitivities, np.ndarray]:
+    """Sensitivities of all measurements of the patient and their weights, both in standard uncertainties."""
+    rows, names, weights = [], [], []
     height = len(objective.outputs)
     for k, (target, point_errors) in enumerate(zip(objective.targets, errors, strict=True)):
         for name, error in zip(target.measured, point_errors, strict=True):
-            rows.append(jacobian[k * height + objective.outputs.index(name)] / error)
+            place = objective.outputs.index(name)
+            rows.append(jacobian[k * height + place] / error)
             names.append(f"{name} of point {k + 1}")
-    return ScaledSensitivities(tuple(names), space.names, np.array(rows))
+            weights.append(objective.weights[k, place] * error)
+    return ScaledSensitivities(tuple(names), space.names, np.array(rows)), np.array(weights)

@@ -90,16 +90,27 @@ class Box:
         """Return the nearest point within the bounds."""
         return np.clip(x, self.lower, self.upper)
 
-    def covariance(self, scaled: np.ndarray) -> np.ndarray:
+    def covariance(self, scaled: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
         """Covariance of the coordinates at an optimum (Gaussian approximation), (parameters, parameters).
 
         The prior of each coordinate is uniform between its bounds. Without it, a parameter that the
         measurements say nothing about would make all intervals infinite.
 
+        A fit with other weights than the measurement noise gives them has larger errors. By linear theory
+        they are those of the "sandwich" estimator (White 1980, doi 10.2307/1912934), here with the prior as a
+        further measurement of each coordinate.
+
         Args:
             scaled: d output / d coordinate in standard uncertainties, shape (outputs, parameters).
+            weights: weight of each difference in standard uncertainties, up to a common factor, shape
+                (outputs,); None for equal weights, which give the smallest errors.
         """
-        return np.linalg.inv(scaled.T @ scaled + np.diag(1.0 / self.prior_deviations**2))
+        prior = np.diag(1.0 / self.prior_deviations**2)
+        if weights is None or np.allclose(weights, weights[0]):
+            return np.linalg.inv(scaled.T @ scaled + prior)
+        squares = weights[:, None] ** 2 / np.mean(weights**2)
+        inverse = np.linalg.inv(scaled.T @ (squares * scaled) + prior)
+        return inverse @ (scaled.T @ (squares**2 * scaled) + prior) @ inverse
 
     def interval(self, k: int, x: float, error: float) -> tuple[float, float]:
         """Central 90 % interval of a parameter from its coordinate and standard error, cut at the bounds."""
@@ -112,6 +123,19 @@ def correlation(covariance: np.ndarray) -> np.ndarray:
     """Convert a covariance matrix to a correlation matrix."""
     deviation = np.sqrt(np.diag(covariance))
     return covariance / np.outer(deviation, deviation)
+
+
+@dataclass(frozen=True)
+class Explored:
+    """Sets of parameters at which a search has computed the model.
+
+    Args:
+        x: coordinates of the parameters, shape (sets, parameters).
+        outputs: outputs of the model, shape (sets, outputs); an accuracy that ranks the sets is enough.
+    """
+
+    x: np.ndarray
+    outputs: np.ndarray
 
 
 @dataclass(frozen=True)

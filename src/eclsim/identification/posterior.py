@@ -27,6 +27,7 @@ from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, numpyro_hmc, sample
+from eclsim.identification.objective import Explored
 from eclsim.identification.quantities import OUTPUTS, measurement_errors
 from eclsim.identification.settings import (
     avoidable_assumptions,
@@ -378,7 +379,7 @@ def posterior(
     models = _models_of(fit, predictions, settings.volume_policy)
     started = time.perf_counter()
     density = density_of(fit, settings)
-    gaussian = gaussian_approximation(density, fit.optimum.distinct_ends)
+    gaussian = maxima_of(fit, density)
     chains = weighted = diagnostics = None
     seed, doubts = settings.sampling.seed, ()
     if settings.method == "gaussian":
@@ -424,6 +425,18 @@ def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
     return PosteriorDensity(
         model_of(fit.case), dict(fit.measured), errors, Prior.within(fit.box, settings.prior), policy
     )
+
+
+def maxima_of(fit: FitResult, density: PosteriorDensity) -> Gaussian:
+    """Return the maxima of a fit's posterior density that its search ended in or explored.
+
+    Raises:
+        NoSteadyBeatError: None was reached; see `gaussian_approximation`.
+    """
+    explored = fit.optimum.best_explored
+    rows = [fit.objective.outputs.index(n) for n in density.outputs]
+    sets = Explored(explored.x, explored.outputs[:, rows])
+    return gaussian_approximation(density, fit.optimum.distinct_ends, sets)
 
 
 def _models_of(

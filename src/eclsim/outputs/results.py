@@ -26,11 +26,12 @@ from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch, SolvedOrbits, start_state
-from eclsim.outputs.alarms import findings, impossible, marks, sentences
+from eclsim.outputs.alarms import Finding, findings, gravest_first, impossible, marks, sentences
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import leading_outputs, output
 from eclsim.outputs.regulation import REFLEX_USE, corner_at_set_point
+from eclsim.outputs.second_beat import findings_of_second_beat
 from eclsim.outputs.signals import (
     gas_dependent_outputs,
     needed_parameters,
@@ -55,12 +56,13 @@ def simulate(
     model = as_model(case)
     batch = Batch.of(model, volume_policy)
     beat = steady_beat(batch, waveforms=None, keep=None, options=options, resolution=resolution)
-    return labelled(beat, 0, model.name, model.doubts)
+    return labelled(beat, 0, model.name, model.doubts, findings_of_second_beat(beat))
 
 
 def labelled(
-    beat: SteadyBeat, member: int = 0, name: str = "model", doubts: Sequence[str] = ()
-) -> xr.Dataset:
+    beat: SteadyBeat, member: int = 0, name: str = "model", doubts: Sequence[str] = (),
+    further: Sequence[Finding] = (),
+) -> xr.Dataset:  # fmt: skip
     """Return one member of a batch as `simulate` does; its waveforms must have been kept.
 
     Args:
@@ -68,6 +70,7 @@ def labelled(
         member: index of the member.
         name: `id` of the result.
         doubts: doubts about the model, which are placed before the warnings of the beat.
+        further: findings about the beat that are not computed from it alone.
     """
     values, circuit = beat.batch.member(member), beat.batch.circuit
     phases = beat.waveforms[member].phases
@@ -86,7 +89,7 @@ def labelled(
             continue
         gases = {"SO2": 100.0 * blood.saturation, "PO2": blood.po2, "PCO2": blood.pco2}
         data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
-    outputs, result = beat.outputs(member), beat.findings(member)
+    outputs, result = beat.outputs(member), gravest_first([*beat.findings(member), *further])
     data |= {n: variable((), v, **output_labels(n)) for n, v in outputs.items()}
     for concerned, kind in marks(result, outputs, beat.batch.all_values_of(member)).items():
         if concerned in data:
@@ -175,7 +178,8 @@ def beat_warnings(
     beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
     if not beat.converged[0]:
         return (*model.doubts, beat.message())
-    warnings = sentences(f for f in beat.findings() if shown is None or f.is_about(shown))
+    every = gravest_first([*beat.findings(), *findings_of_second_beat(beat)])
+    warnings = sentences(f for f in every if shown is None or f.is_about(shown))
     return (*model.doubts, *warnings)
 
 

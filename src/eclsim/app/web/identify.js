@@ -69,6 +69,7 @@ export default {
         </template>
         <span v-else class="message">{{ texts.posterior_hint }}</span>
       </p>
+      <p v-for="note in posterior?.notes" :key="note" class="verdict" role="status">! {{ note }}</p>
       <div class="ecl-table"><table>
         <thead><tr>
           <th scope="col">{{ texts.output }}</th>
@@ -199,7 +200,8 @@ export default {
       return this.level === "good" ? "✓ " : "";
     },
     ending() {
-      return fill(this.texts.fit_ended_with, { message: this.result.message });
+      const { message, starts_agreeing: agreeing, starts_refined: refined, explored } = this.result;
+      return fill(this.texts.fit_ended_with, { message, agreeing, refined, explored });
     },
     identifiable() {
       const all = Object.values(this.result.parameters);
