@@ -330,14 +330,14 @@ def whole_beat(recorded: np.ndarray) -> np.ndarray:
 
 
 def in_two_columns(series: np.ndarray) -> np.ndarray:
-    """The only member's signals (..., 1) twice: a sum over a single column is rounded in a different order."""
+    """The only member's signals (..., 1) twice: sums over a single column are rounded in another order."""
     result = np.empty((*series.shape[:-1], 2))  # filled column by column: 20 times as fast as `repeat`
     result[..., 0] = result[..., 1] = series[..., 0]
     return result
 
 
 def _weights(widths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of the points in a mean: of values that hold for the step before, and by the trapezoidal rule."""
+    """Weights of the points in a mean: of means over the step before, and by the trapezoidal rule."""
     return np.r_[0.0, widths], 0.5 * (np.r_[widths, 0.0] + np.r_[0.0, widths])
 
 
