@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,12 @@ from system_browser import LAPTOP, system_browser
 
 START_SECONDS = 180
 """Patience with a server that starts beside other tests on a small machine."""
+AS_USERS_START_IT = ("-m", "eclsim")
+UNPREPARED = (
+    "-c",
+    "import eclsim.app.engine as engine; from eclsim.cli import main; engine._warm_states = list; main()",
+)
+"""The same command, which compiles no circuits in advance but the first: that takes 10 s of a processor."""
 pytest.importorskip("nicegui", reason="the page needs the extra `app`")
 
 
@@ -38,15 +44,15 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def serve(*options: str, path: str = "/favicon.ico", port: int | None = None) -> Served:
+def serve(*options: str, program: Sequence[str] = AS_USERS_START_IT, port: int | None = None) -> Served:
     port = port or free_port()
-    command = [sys.executable, "-m", "eclsim", "app", *options, "--port", str(port)]
+    command = [sys.executable, *program, "app", *options, "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     url = f"http://127.0.0.1:{port}"
     until = time.monotonic() + START_SECONDS
     while time.monotonic() < until:
         try:
-            urllib.request.urlopen(url + path, timeout=2).close()
+            urllib.request.urlopen(url + "/favicon.ico", timeout=2).close()
             return Served(url, process)
         except urllib.error.HTTPError:
             return Served(url, process)
@@ -65,11 +71,11 @@ def stop(served: Served) -> None:
 
 
 def _starting() -> Iterator[Callable[..., Served]]:
-    """Starts servers and stops them at the end."""
+    """Starts servers for single tests, and stops them at the end."""
     started: list[Served] = []
 
     def start(*options: str, port: int | None = None) -> Served:
-        started.append(serve(*options, port=port))
+        started.append(serve(*options, program=UNPREPARED, port=port))
         return started[-1]
 
     yield start

@@ -133,12 +133,14 @@ def test_a_pump_that_stands_still_removes_nothing(own):
         plan_removal(stopped, 300.0, "MAP > 20")
 
 
+@pytest.mark.slow
 def test_a_rate_that_harmed_patients_is_named_in_the_first_words(own):
     found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
     assert "mL/kg/h are above 1.75: see the warning" in found.message
     assert any("fewer critically ill patients survived" in line for line in found.warnings)
 
 
+@pytest.mark.slow
 def test_alarms_on_the_way_stand_in_the_first_words(own):
     """ "can be removed" stood there alone, with a pressure of 4 mmHg on the way among the warnings."""
     found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)

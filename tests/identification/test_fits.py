@@ -252,6 +252,7 @@ def without_times(results: list[dict]) -> list[dict]:
     return [{name: value for name, value in one.items() if name != "seconds"} for one in results]
 
 
+@pytest.mark.slow
 def test_a_cohort_in_shards_or_stopped_and_resumed_is_the_same_and_fitted_once(points, tmp_path, monkeypatch):
     monkeypatch.setattr(cohort, "POINTS_PER_GROUP", 1)
     whole = fitted(points, tmp_path / "whole")

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from eclsim.beat.grid import PhaseGrid
-from eclsim.beat.recording import RATE
+from eclsim.beat.recording import MEAN, RATE
 from eclsim.outputs.derivatives import LinearMeasures
-from eclsim.outputs.measures import Measures
+from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
 
 PHASES = PhaseGrid(1).phases
 TURN = 2.0 * np.pi * PHASES
@@ -21,6 +21,21 @@ def test_mean_is_weighted_with_time_on_the_uneven_grid():
     result = measures(x=5.0 + 3.0 * np.sin(TURN), y=PHASES**2)
     assert result.mean("x") == pytest.approx(5.0, abs=4e-4)
     assert result.mean("y") == pytest.approx(1.0 / 3.0, abs=1e-5)
+
+
+def test_flows_one_way_at_once_are_those_of_each_connection_to_the_bit():
+    """Forward and backward flow of a valve by its means, of a vessel by its values, and of a still one."""
+    beat = np.stack([3.0 * np.sin(TURN[1:] + 0.3), np.cos(TURN[1:]) - 0.4, 0.0 * TURN[1:]], axis=1)
+    names, table = (f"Qvalve{MEAN}", "Qvessel", "Qstill"), in_two_columns(whole_beat(beat[..., None]))
+    waves = dict(zip(names, table.transpose(1, 0, 2), strict=True))
+    each, at_once = Measures(waves, PHASES), Measures(waves, PHASES)
+    at_once.measure_one_way(("valve", "vessel", "still"), names, table)
+    for connection in ("valve", "vessel", "still"):
+        for direction in ("forward", "backward"):
+            np.testing.assert_array_equal(
+                getattr(at_once, direction)(connection), getattr(each, direction)(connection)
+            )
+    assert (at_once.backward("valve") > 0.0).all()
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.00031, 0.12, 0.7, 0.89, 0.9996])

@@ -133,6 +133,7 @@ class StoredProgram:
         place = file.with_name(f"{PROGRAM}{_hash(*map(str, read))}")
         program = _load(place)
         if program is None:
+            _remove_origins(lowered)
             program = _compiled_without_cache(lowered)
             _write(place, lambda: _serialised(program))
         _write(file, place.name.encode)
@@ -237,6 +238,17 @@ def _file_of(module: str) -> Path | None:
     path = PACKAGE.joinpath(*rest.split(".")) if rest else PACKAGE
     files = (path / "__init__.py", path.with_suffix(".py"))
     return next((f for f in files if head == "eclsim" and f.is_file()), None)
+
+
+def _remove_origins(lowered: Lowered) -> None:
+    """Remove from each operation where it was written: a quarter of a program's size, for no number."""
+    from jax.extend.mlir import passmanager  # its package takes 50 ms to import
+
+    module = lowered.compiler_ir()
+    if module is None:
+        return
+    with module.context:
+        passmanager.PassManager.parse("builtin.module(strip-debuginfo)").run(module.operation)
 
 
 _COMPILING = threading.Lock()

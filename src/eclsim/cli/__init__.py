@@ -7,12 +7,15 @@ from collections.abc import Sequence
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `eclsim` with given arguments, or those of the process, and exit with its exit status."""
+    import gc
     import os
 
     # The search for pydantic plugins reads every installed package: 50 ms without any benefit.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Commands compute on the CPU, so no GPU needs to be initialised.
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    # Imports and programs leave 500,000 objects: a frequent search for garbage takes a seventh of the time.
+    gc.set_threshold(50_000, 20, 20)
     from eclsim.cli.application import run
 
     run(arguments)

@@ -37,7 +37,7 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import Finding, findings
 from eclsim.outputs.gas import artery_of
-from eclsim.outputs.measures import Measures, whole_beat
+from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names, watched_waveforms
@@ -211,7 +211,7 @@ class MarchState(NamedTuple):
     time: float
     state: np.ndarray
     slow: np.ndarray
-    before: Mapping[str, np.ndarray]
+    before: Mapping[str, float]
     last: np.ndarray | None
     gases: Gases | None
 
@@ -314,17 +314,17 @@ class BeatMarch:
     def from_steady(self, time: float, beat: SteadyState, slow: np.ndarray, segment: int) -> MarchState:
         """Return the state of a steady beat at a time [s] in a segment of the timeline."""
         settings = _columns({**self.timeline.settings(segment, time), **beat.coupled})
-        before = self.steady_laws.in_effect(slow[:, None], settings)
+        before = _numbers(self.steady_laws.in_effect(slow[:, None], settings))
         return MarchState(
             time, beat.state, slow[:, None], before, None, self._steady_gases(beat.state, before)
         )
 
-    def _steady_gases(self, state: np.ndarray, values: Mapping[str, np.ndarray]) -> Gases | None:
+    def _steady_gases(self, state: np.ndarray, values: Mapping[str, float]) -> Gases | None:
         if self.in_time is None:
             return None
-        program, plain = self._program(values), _numbers(values)
-        recorded = _recorded_beat(program, self.signals, state, plain)[1]
-        return self.in_time.begin(whole_beat(recorded), program.grid.phases, plain)
+        program = self._program(values)
+        recorded = _recorded_beat(program, self.signals, state, values)[1]
+        return self.in_time.begin(whole_beat(recorded), program.grid.phases, values)
 
     def distance(self, at: MarchState, goal: MarchState) -> float:
         """Distance from the steady state, relative to what counts as settled."""
@@ -392,10 +392,9 @@ class BeatMarch:
         """Simulate one beat, or repetitions of it for some seconds; the run stops at non-finite values."""
         values = self._values(at, settings)
         state = at.state + self._blood_given(at.before, values)
-        plain = _numbers(values)
-        effective = self.assembly.in_effect(plain, state)
+        effective = self.assembly.in_effect(values, state)
         period = 60.0 / float(effective[HEART_RATE])
-        after, everything = _recorded_beat(program, (*self.signals, *self.watched), state, plain)
+        after, everything = _recorded_beat(program, (*self.signals, *self.watched), state, values)
         recorded, watched = np.split(everything, [len(self.signals)], axis=1)
         if not np.isfinite(after).all():
             self.stopped = Status.NOT_FINITE.message
@@ -410,11 +409,11 @@ class BeatMarch:
             ends = state[where], after[where]
             if np.abs(ends[1] - ends[0]).sum() < LARGEST_REPEATED_SHIFT_ML:
                 alike = max(1, int(repeat_s / period))
-            gases = self.in_time.after(gases, series, program.grid.phases, plain, ends, alike * period)
+            gases = self.in_time.after(gases, series, program.grid.phases, values, ends, alike * period)
             self.stopped, gas_state = self.in_time.reason_without_gases(gases), gases.state
             if self.stopped:
                 return at
-        beat = RecordedBeat(at.time, state, series, lowest, plain, in_effect, at.slow[:, 0].copy(), gas_state)
+        beat = RecordedBeat(at.time, state, series, lowest, values, in_effect, at.slow[:, 0].copy(), gas_state)
         duration = alike * period
         end = at.time + duration
         read = self._measured(self.reads, [beat], program)
@@ -425,28 +424,28 @@ class BeatMarch:
         shown.add_if_due(beat.time, beat)
         return MarchState(end, after, slow, values, recorded[-1], gases)
 
-    def _values(self, at: MarchState, settings: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def _values(self, at: MarchState, settings: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Parameters of the beat that begins in a state."""
-        values = self.laws.in_effect(at.slow, settings)
+        values = _numbers(self.laws.in_effect(at.slow, settings))
         if self.in_time is None or at.gases is None:
             return values
-        return values | _columns(self.in_time.in_effect(at.gases, _numbers(values)))
+        return values | self.in_time.in_effect(at.gases, values)
 
     def on_ramp(self, time: float) -> bool:
         """Whether a setting is changing on a ramp at a time [s]."""
         return self.timeline.ramp_end(self.timeline.segment_at(time)) > time
 
-    def _program(self, values: Mapping[str, np.ndarray]) -> BeatProgram:
-        level = needed_resolution(self.assembly, _numbers(values))
+    def _program(self, values: Mapping[str, float]) -> BeatProgram:
+        level = needed_resolution(self.assembly, values)
         return beat_program(self.circuit, int(np.asarray(level).flat[0]))
 
-    def _blood_given(self, before: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> np.ndarray:
+    def _blood_given(self, before: Mapping[str, float], now: Mapping[str, float]) -> np.ndarray:
         """Blood added to the circuit since the last beat, as a change of its state.
 
         A setting that changes the volume in the circulation at the start also counts, as for steady beats.
         """
         change = np.zeros(self.assembly.layout.size)
-        started = self.assembly.start_changes(_numbers(before), _numbers(now))
+        started = self.assembly.start_changes(before, now)
         change[self.assembly.layout.volumes.where] = started
         return change
 
@@ -463,20 +462,20 @@ class BeatMarch:
         self, names: Sequence[str], beats: Sequence[RecordedBeat], program: BeatProgram
     ) -> dict[str, np.ndarray]:
         """Outputs of recorded beats, shape (beats,) each."""
-        series = np.stack([beat.series for beat in beats], axis=-1)
+        series, alone = np.stack([beat.series for beat in beats], axis=-1), len(beats) == 1
         values, in_effect = [beat.values for beat in beats], [beat.in_effect for beat in beats]
         states = [beat.gases for beat in beats if beat.gases is not None]
         gases = {q: np.array([state[q] for state in states]) for q in states[0]} if states else None
-        double = series.shape[-1] == 1
-        waves = {
-            n: series[:, k].repeat(2, -1) if double else series[:, k] for k, n in enumerate(self.signals)
-        }
         read = needed_parameters(self.circuit, names)
         parameters = {n: np.array([of_beat.get(n, np.nan) for of_beat in values]) for n in read}
-        if double:
+        if alone:
+            series = in_two_columns(series)
             parameters = {n: column.repeat(2) for n, column in parameters.items()}
             gases = gases and {quantity: column.repeat(2) for quantity, column in gases.items()}
+        waves = dict(zip(self.signals, series.transpose(1, 0, 2), strict=True))
         measures = Measures(waves, program.grid.phases, self.circuit, parameters, gases, len(beats))
+        if alone and any(output(name).all_flows for name in names):
+            measures.measure_one_way([c.name for c in self.circuit.connections], self.signals, series)
         result: dict[str, np.ndarray] = {}
         for name in names:
             column = self._lagged_output(name, values, in_effect)
@@ -504,7 +503,7 @@ class BeatMarch:
         self, beat: RecordedBeat, outputs: Mapping[str, float], beat_findings: Sequence[Finding]
     ) -> TransientBeat:
         """Simulate a beat again and record all its waveforms."""
-        program, signals = self._program(_columns(beat.values)), all_signals(self.assembly)
+        program, signals = self._program(beat.values), all_signals(self.assembly)
         names, phases = needed_signals(self.circuit, (), signals), program.grid.phases
         _, series = _recorded_beat(program, names, beat.state, beat.values)
         points = np.concatenate([series[:1], series])[..., None]
@@ -520,7 +519,7 @@ class BeatMarch:
         columns: dict[str, list[np.ndarray]] = {name: [] for name in self.judged}
         for points, group in groupby(beats, key=lambda beat: len(beat.series)):
             members = list(group)
-            program = self._program(_columns(members[0].values))
+            program = self._program(members[0].values)
             assert points == program.grid.n_steps + 1
             for name, column in self._measured(self.judged, members, program).items():
                 columns[name].append(column)
@@ -562,7 +561,7 @@ def _recorded_beat(
     """State at the end of a beat, and its signals, shape (points, signals)."""
     packed = np.array([values[name] for name in program.names])
     after, recorded = compiled_search(program, 1).beat(state, packed)
-    return after, recorded[:, _columns_of(program.signals, signals)]
+    return after, recorded.take(_columns_of(program.signals, signals), axis=1)
 
 
 @lru_cache(maxsize=64)

@@ -88,13 +88,23 @@ class PublishedDevices(BaseModel):
 
 def devices() -> Mapping[str, AnyDevice]:
     """All devices by the key of their section, in the order in which case files are written."""
-    return {device.key: device for device in registered()}
+    return _by_key(registered())
 
 
 def registered() -> tuple[AnyDevice, ...]:
     """All devices at present."""
     _load_others()
+    return _at_present()
+
+
+@lru_cache(1)
+def _at_present() -> tuple[AnyDevice, ...]:
     return (*_PACKAGE, *_OTHERS.values())
+
+
+@lru_cache(8)
+def _by_key(among: tuple[AnyDevice, ...]) -> Mapping[str, AnyDevice]:
+    return MappingProxyType({device.key: device for device in among})
 
 
 def cached_by_devices(maxsize: int) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
@@ -131,12 +141,14 @@ def register_device(device: AnyDevice | type[AnyDevice]) -> AnyDevice:
     made = device() if isinstance(device, type) else device
     _check(made)
     _OTHERS[made.key] = made
+    _at_present.cache_clear()
     return made
 
 
 def forget_device(key: str) -> None:
     """Remove the registration of a user's device."""
     _OTHERS.pop(key, None)
+    _at_present.cache_clear()
 
 
 class _Uncached(SourceFileLoader):

@@ -106,7 +106,7 @@ class CompiledSearch:
         """One plain beat of one member at a width of 1: state after it, and `signals` (steps, signals)."""
         n, rules = len(state), np.array([-1.0, -1.0, 1.0, 1.0])
         numbers, series = _single(self.program)(state, np.zeros((n, n)), packed, np.zeros(n), 1.0, rules)
-        return np.asarray(numbers[n : 2 * n]), np.asarray(series)
+        return np.asarray(numbers)[n : 2 * n], np.asarray(series)
 
     def record(
         self, states: np.ndarray, packed: np.ndarray, signals: tuple[str, ...]
@@ -115,7 +115,7 @@ class CompiledSearch:
         count = states.shape[1]
         if self.width == 1:
             series = [self.beat(states[:, k], packed[:, k])[1] for k in range(count)]
-            return self.signals, np.stack(series, axis=-1)
+            return self.signals, series[0][..., None] if count == 1 else np.stack(series, axis=-1)
         entries = np.arange(-(-count // self.width) * self.width).reshape(-1, self.width) % count
         trace = self.program.trace(signals)
         blocks = [np.asarray(trace(states[:, block], packed[:, block])[1]) for block in entries]

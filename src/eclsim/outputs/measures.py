@@ -25,6 +25,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law, Measured, Numbers
 from eclsim.gas.network import FlowFunction, Quantity, gas_of
 from eclsim.gas.tracers import ARTERIES, effective_shares, native_shares
+from eclsim.units import ML_S_PER_L_MIN
 
 SIDE_BY_SIDE = 16
 """Number of members whose laws are computed together; more do not fit into the processor's caches."""
@@ -80,9 +81,8 @@ class Measures:
             names: names of the `waveforms`.
             table: these waveforms, shape (points, names, patients).
         """
-        weights = np.stack([self._moved if n.endswith(MEAN) else self._trapezoid for n in names], axis=1)
         points, _, patients = table.shape
-        weighted = np.repeat(weights, patients, axis=1) * table.reshape(points, -1)
+        weighted = self._weights_of(names, patients) * table.reshape(points, -1)
         means = dict(zip(names, weighted.sum(axis=0).reshape(-1, patients), strict=True))
         for name in names:
             self._cache["mean", name] = means.get(name + MEAN, means[name])
@@ -100,10 +100,28 @@ class Measures:
         )
         tables = {"": waves, RATE: rates}
         for kind, sign in (("maximum", 1.0), ("minimum", -1.0)):
-            points = self._cubic(sign * waves, sign * rates, np.argmax(sign * waves[:-1], axis=0))
+            signed = sign * waves
+            points = self._cubic(signed, sign * rates, np.argmax(signed[:-1], axis=0))
             extremes = sum(weight * _at(tables[of], index) for of, index, weight in points)
             for name, values in zip(names, np.split(extremes, len(names)), strict=True):
                 self._cache[kind, name] = values
+
+    def measure_one_way(self, connections: Sequence[str], names: Sequence[str], table: np.ndarray) -> None:
+        """Compute forward and backward means of many connections at once: the same numbers in less time.
+
+        Args:
+            connections: names of connections whose flows are among the `waveforms`.
+            names: names of the `waveforms`.
+            table: these waveforms, shape (points, names, patients).
+        """
+        flows = [f"Q{c}{MEAN}" if f"Q{c}{MEAN}" in self.waveforms else f"Q{c}" for c in connections]
+        points, _, patients = table.shape
+        series = table.take([names.index(name) for name in flows], axis=1).reshape(points, -1)
+        weights = self._weights_of(flows, patients)
+        for kind, sign in (("forward", 1.0), ("backward", -1.0)):
+            means = (weights * np.maximum(sign * series, 0.0)).sum(axis=0) / ML_S_PER_L_MIN
+            rows = means.reshape(-1, patients)
+            self._cache.update({(kind, name): row for name, row in zip(connections, rows, strict=True)})
 
     def maximum(self, name: str) -> Numbers:
         """Largest value over the beat."""
@@ -248,13 +266,17 @@ class Measures:
         """Weighted sum over few points."""
         return sum(weight * _at(self.waveforms[name], index) for name, index, weight in points)
 
+    def _weights_of(self, names: Sequence[str], patients: int) -> np.ndarray:
+        """Weights of the points in the means of waveforms, shape (points, names x patients)."""
+        return _mean_weights(self._widths.tobytes(), tuple(n.endswith(MEAN) for n in names), patients)
+
     @cached_property
     def _moved(self) -> np.ndarray:
-        return np.r_[0.0, self._widths]
+        return _weights(self._widths)[0]
 
     @cached_property
     def _trapezoid(self) -> np.ndarray:
-        return 0.5 * (np.r_[self._widths, 0.0] + np.r_[0.0, self._widths])
+        return _weights(self._widths)[1]
 
     def _extreme(self, name: str, sign: float, among: np.ndarray | None = None) -> Points:
         values = sign * self.waveforms[name]
@@ -304,6 +326,27 @@ class Measures:
 def whole_beat(recorded: np.ndarray) -> np.ndarray:
     """Signals at all grid points from phase 0 to 1: the steady beat starts where it ends."""
     return np.concatenate([recorded[-1:], recorded])
+
+
+def in_two_columns(series: np.ndarray) -> np.ndarray:
+    """The only member's signals (..., 1) twice: sums over a single column are rounded in another order."""
+    result = np.empty((*series.shape[:-1], 2))  # filled column by column: 20 times as fast as `repeat`
+    result[..., 0] = result[..., 1] = series[..., 0]
+    return result
+
+
+def _weights(widths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weights of the points in a mean: of means over the step before, and by the trapezoidal rule."""
+    return np.r_[0.0, widths], 0.5 * (np.r_[widths, 0.0] + np.r_[0.0, widths])
+
+
+@lru_cache(maxsize=16)
+def _mean_weights(widths: bytes, moved: tuple[bool, ...], patients: int) -> np.ndarray:
+    of_steps, trapezoid = _weights(np.frombuffer(widths))
+    columns = np.stack([of_steps if one else trapezoid for one in moved], axis=1)
+    result = np.repeat(columns, patients, axis=1)
+    result.flags.writeable = False
+    return result
 
 
 @lru_cache(maxsize=64)

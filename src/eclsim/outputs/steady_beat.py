@@ -39,7 +39,7 @@ from eclsim.outputs.coupling import (
 )
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gas import PlaceGases, gases_of_places
-from eclsim.outputs.measures import Measures, whole_beat
+from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import closed_valves, sealed, valve_flows
@@ -371,9 +371,10 @@ def _recorded(
     search = orbits.search(int(members[0]))
     packed = orbits.batch.packed(search.program)[:, members]
     recorded, series = search.record(orbits.states[:, members], packed, signals)
-    if len(members) == 1:  # a sum over a single column is rounded in a different order
-        series = np.broadcast_to(series, (*series.shape[:-1], 2))
-    return recorded, whole_beat(series), search.program.grid.phases
+    series = whole_beat(series)
+    if len(members) == 1:
+        series = in_two_columns(series)
+    return recorded, series, search.program.grid.phases
 
 
 def with_status(
