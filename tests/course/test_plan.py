@@ -21,7 +21,7 @@ from eclsim.course.plan import (
     plan_removal,
     plan_weaning,
 )
-from eclsim.course.timeline import Timeline, case_with_settings
+from eclsim.course.timeline import Change, Timeline, case_with_settings
 from eclsim.devices.renox import Renox
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
@@ -123,7 +123,7 @@ def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not(
     assert found.rate_ml_h == 40.0
     assert found.message == (
         "100 mL can be removed at 40 mL/h, in 2.5 h; at 80 mL/h MAP > 65 breaks after 0.5 h (60 mmHg); "
-        "slower is not safer here: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg)"
+        "of the slower rates, 10 mL/h does not keep the goals: PCWP < 18 breaks after 5.0 h (19 mmHg)"
     )
 
 
@@ -135,7 +135,7 @@ def test_a_pump_that_stands_still_removes_nothing(own):
 
 def test_a_rate_that_harmed_patients_is_named_in_the_first_words(own):
     found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
-    assert "mL/kg/h are above 1.75: see the warning" in found.message
+    assert "mL/kg/h are above 1.75 (" in found.message
     assert any("fewer critically ill patients survived" in line for line in found.warnings)
 
 
@@ -226,3 +226,35 @@ def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
     assert all(step.reached for step in steps)
     assert all(step.outputs["MAP"] >= 75.0 - 1e-2 for step in steps)
     assert steps[1].setting > steps[0].setting
+
+
+@pytest.mark.slow
+def test_a_removal_is_followed_by_what_comes_after_it(tmp_path):
+    """5 L/h kept all goals until the last litre; of the hours after it, when they broke, nothing was said.
+
+    The slowest rate broke the same goal, after 70 h, so that it was said to be less safe than the fastest.
+    """
+    file = tmp_path / "case.toml"
+    file.write_text(
+        ON_ECMO + "dialysate_ml_h = 1000\n[parameters]\nEmaxlv = 0.7\n[fluid]\nextra_volume_ml = 500\n"
+    )
+    case = read_case(file).case
+    found = plan_removal(case, 2500.0, "MAP > 66", hours=48.0)
+    assert found.possible
+    assert found.afterwards
+    (later,) = found.afterwards
+    assert later.goal == "MAP > 66"
+    assert later.at_min > 0.0
+    assert "after the removal, though nothing more is removed, MAP > 66 breaks after" in found.message
+    assert found.as_object()["afterwards"] == [later._asdict()]
+    assert "slower is not safer" not in found.message
+
+
+def test_a_sudden_change_is_whole_at_a_time_rounded_to_just_before_it():
+    """A plan that ended after 2.77 h ended with a division by zero."""
+    begin = 9999.99951
+    change = Change(begin, begin, {"a": 0.0}, {"a": 1.0}, None)
+    assert change.share(round(begin, 3) - 1e-6) == 1.0
+    ramp = Change(begin, begin + 10.0, {"a": 0.0}, {"a": 1.0}, None)
+    assert ramp.share(begin - 1e-3) == 0.0
+    assert ramp.share(begin + 5.0) == pytest.approx(0.5)

@@ -25,6 +25,7 @@ from eclsim.goals.goal import (
     read_goals,
     read_settings,
 )
+from eclsim.goals.result import broken_alarms_text
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.registry import all_outputs
@@ -474,3 +475,17 @@ def test_a_share_out_of_reach_has_no_unit():
     case = CASE.model_copy(update={"crrt": CASE.crrt.model_copy(update=dialysed)})
     result = reach(case, "filtration_fraction < 0.05", vary="crrt.flow_ml_min=100..300")
     assert "the best is 0.07937, with crrt.flow_ml_min = 300 mL/min" in result.message
+
+
+def test_no_goal_is_advised_for_an_output_that_has_one():
+    """A goal for PCWP was missed, and the same sentence advised to add a goal for PCWP."""
+    where = "with the settings found"
+    said = broken_alarms_text(["PCWP", "SaO2", "MAP", "MAP"], where, {"PCWP": False, "MAP": True})
+    assert said == (
+        "; with the settings found SaO2 is beyond alarm limits: add a goal for it"
+        "; with the settings found MAP is beyond alarm limits, which its goal allows"
+    )
+    assert broken_alarms_text(["PCWP"], where, {"PCWP": False}) == ""
+    assert broken_alarms_text(["PF", "MAP"], where, {}).endswith(
+        "PF, MAP are beyond alarm limits: add a goal for them"
+    )

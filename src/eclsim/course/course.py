@@ -15,6 +15,7 @@ from eclsim.arguments import FiniteNumber, number_of
 from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms, clock_time, findings_of_derived_quantities, not_survived
 from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
+from eclsim.course.fluid_remarks import remarks_on_protein
 from eclsim.course.handover import BLOOD_RENEWAL_S, LARGEST_LAG, largest_gas_change, watched_gases
 from eclsim.course.history import EarlyStop, History
 from eclsim.course.laws import Laws, laws_of
@@ -287,7 +288,10 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     ahead += _sudden_gas_change(time, outputs, engine, member, moments.by_beat[places])
     sentences = [message] * bool(message) + [alarm.labelled for alarm in broken]
     balance = balance_of(laws, states, in_effect)
-    attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
+    remarks = remarks_on_protein(minute, dict(zip(laws.names, states, strict=True)))
+    attributes = attributes_of(
+        engine.timelines[member], engine.policy, message, balance, sentences, ahead, remarks
+    )
     return result.assign_attrs(
         attributes,
         alarms=json.dumps([alarm._asdict() for alarm in broken]),

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from eclsim.circuit.network import BLOOD_VOLUME
+from eclsim.course.alarms import clock_time
 from eclsim.course.timeline import Timeline
+from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PROTEIN
 from eclsim.parameters.fluid import PERICAPILLARY
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN
 
@@ -75,6 +81,8 @@ _ULTRAFILTRATION = (
     "(fluid.pericapillary_share = 0.12), or with a wall of 1.6 mL/min/mmHg "
     "(fluid.filtration_ml_min_mmHg = 1.6), it falls as measured"
 )
+NOTABLE_ESCAPE = 0.1
+"""Share of the plasma's protein at the start; less that moves into a drier interstitium gives no remark."""
 _OWN_BLOOD = (
     "blood_ml is blood of the patient's own composition at that moment, so that it never raises the "
     "haematocrit; donors' blood is red_cells_ml (haematocrit 0.60) with albumin_ml or crystalloid_ml"
@@ -126,6 +134,28 @@ def remarks_on_fluids(timeline: Timeline) -> list[str]:
             "the citrate that they bring: potassium falls by dilution where it may rise"
         )
     return result
+
+
+def remarks_on_protein(minutes: np.ndarray, states: Mapping[str, np.ndarray]) -> list[str]:
+    """Sentence on protein that leaves the plasma while the interstitium dries, against expectation.
+
+    Args:
+        minutes: times of the moments [min].
+        states: slow states at the moments, by name.
+    """
+    if not len(minutes) or not {PROTEIN, INTERSTITIAL_PROTEIN, INTERSTITIUM} <= states.keys():
+        return []
+    escaped = (states[INTERSTITIAL_PROTEIN] - states[INTERSTITIAL_PROTEIN][0]) / states[PROTEIN][0]
+    over = np.flatnonzero((escaped > NOTABLE_ESCAPE) & (states[INTERSTITIUM] < states[INTERSTITIUM][0]))
+    if not len(over):
+        return []
+    return [
+        f"from {clock_time(float(minutes[over[0]]))} more than a tenth of the plasma's protein has left it "
+        f"({100.0 * float(escaped[over].max()):.0f} % at worst): here lymph, which brings it back, slows as "
+        "the interstitium dries and stands still when that has lost a sixth, while the capillary wall goes "
+        "on leaking. This was not verified; blood volume and pressures of these hours are probably too low, "
+        "also after the removal has ended"
+    ]
 
 
 def _other_wall(wall: float) -> str:

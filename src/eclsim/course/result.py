@@ -61,14 +61,16 @@ def attributes_of(
     balance: Mapping[str, float],
     warnings: Sequence[str],
     approximations: Sequence[str] = (),
+    remarks: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Attributes of every course; `message` is the reason for an early end, empty if there was none.
 
     `approximations` lists where steady beats replace transients; `cautions` lists where the model differs
-    from patients for fluid given or lost. Both are also among `warnings`. `balance` is empty if the course
-    did not begin. `case_values` are parameters that differ from those of the case, such as those of a draw.
+    from patients for fluid given or lost, the last of them `remarks` on the course itself. Both are also
+    among `warnings`. `balance` is empty if the course did not begin. `case_values` are parameters that differ
+    from those of the case, such as those of a draw.
     """
-    cautions = remarks_on_fluids(timeline) if balance else []  # none if the course did not begin
+    cautions = [*remarks_on_fluids(timeline), *remarks] if balance else []  # none if the course did not begin
     return {
         "id": timeline.case.patient.id,
         CASE: json.dumps(case_record(timeline.case, policy)),
@@ -117,13 +119,20 @@ def impossible_moments(result: xr.Dataset) -> np.ndarray:
     return result[IMPOSSIBLE].to_numpy() == 1 if IMPOSSIBLE in result else np.zeros(result.sizes[TIME], bool)
 
 
-def spans_in_words(result: xr.Dataset) -> str:
-    """Sentence on the spans in which every beat was followed; empty if there are none."""
+def spans_in_words(result: xr.Dataset, reasons: bool = False) -> str:
+    """Sentence on the spans in which every beat was followed; empty if there are none.
+
+    Args:
+        result: a course.
+        reasons: whether the reason of each span follows in brackets.
+    """
     spans = json.loads(result.attrs.get("spans", "[]"))
     if not spans:
         return ""
     named = [
-        f"{clock_time(s['from_min'], True)} to {clock_time(s['until_min'], True)}" for s in spans[:MOST_SPANS]
+        f"{clock_time(s['from_min'], True)} to {clock_time(s['until_min'], True)}"
+        + (f" ({s['reason']})" if reasons else "")
+        for s in spans[:MOST_SPANS]
     ]
     further = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
     return f"followed beat by beat {', '.join(named)}{further}"

@@ -214,18 +214,27 @@ def _breaks_below(result: GoalResult, setting: str) -> bool:
     return result.slopes[setting] > 0.0 if at_low else result.slopes[setting] < 0.0
 
 
-def broken_alarms_text(quantities: Iterable[str], where: str = "with the settings found") -> str:
+def broken_alarms_text(quantities: Iterable[str], where: str, goals: Mapping[str, bool]) -> str:
     """Sentence on outputs beyond alarm limits; empty if there are none.
+
+    Outputs whose goal is missed are left out, since the answer says so already.
 
     Args:
         quantities: outputs or waveforms whose alarm limits are violated.
         where: when this is so, in words.
+        goals: outputs with a goal that was asked for, and whether it is met.
     """
-    alarming = dict.fromkeys(quantities)
-    if not alarming:
-        return ""
-    are, them = ("are", "them") if len(alarming) > 1 else ("is", "it")
-    return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: add a goal for {them}"
+    alarming = list(dict.fromkeys(name for name in quantities if goals.get(name, True)))
+    without, allowed = ([name for name in alarming if (name in goals) == known] for known in (False, True))
+    text = ""
+    for names, (one, several) in (
+        (without, (": add a goal for it", ": add a goal for them")),
+        (allowed, (", which its goal allows", ", which their goals allow")),
+    ):
+        if names:
+            are, end = ("are", several) if len(names) > 1 else ("is", one)
+            text += f"; {where} {', '.join(names)} {are} beyond alarm limits{end}"
+    return text
 
 
 def _goal_with_reason(goal: Goal) -> str:
