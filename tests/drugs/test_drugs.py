@@ -175,7 +175,9 @@ def test_an_infusion_that_settles_at_a_bound_is_not_beyond_it():
 
     def said(adrenaline):
         return [
-            one.text for one in cautions(beat, {dose("adrenaline"): adrenaline}) if "adrenaline" in one.text
+            one.sentence
+            for one in cautions(beat, {dose("adrenaline"): adrenaline})
+            if "adrenaline" in one.sentence
         ]
 
     assert said(0.15 * (1.0 + 1e-6)) == []
