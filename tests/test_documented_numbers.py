@@ -10,6 +10,7 @@ import pytest
 
 import eclsim
 from eclsim.cases.reading import read_mapping
+from eclsim.devices.registry import find_parameter
 from eclsim.validation.reference_cases import DATA, PAPER_PATIENT, demo_rows, reference_model
 
 REPOSITORY = Path(__file__).parents[1]
@@ -72,6 +73,18 @@ def test_the_demonstration_of_the_readme():
     }
     assert len(shown) >= 5
     assert [line for line in shown if not agrees(line[2], got[line[0], line[1]])] == []
+
+
+def test_the_bounds_of_the_page_on_identification_are_those_of_a_fit():
+    """The oxygenator's transfer began at 0.036 there, after its constant had become 0.0518."""
+    rows = table("docs/identification.md", "key", "start", "bounds")
+    assert len(rows) >= 6
+    for key, start, printed in rows:
+        bounds = find_parameter(key.strip("`")).bounds
+        low, high = (float(one) for one in re.match(r"([\d.]+) to ([\d.]+)", printed).groups())
+        assert (bounds.lower, bounds.upper) == pytest.approx((low, high)), key
+        if re.fullmatch(r"[\d.]+", start):
+            assert bounds.start == pytest.approx(float(start)), key
 
 
 def test_the_answer_of_the_page_on_settings():

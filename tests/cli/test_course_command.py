@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import xarray as xr
 
 from eclsim.cases.fit_mark import with_mark
 from eclsim.cli.course import SHOWN_OUTPUTS, CourseOptions, _cases, _rows, _text
+from eclsim.cli.plan import _kept_text
 from eclsim.course.files import course_object
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
@@ -233,3 +235,17 @@ def test_moments_that_no_patient_can_have_are_marked_in_table_and_json():
     assert next(line for line in shown.splitlines() if "*" in line).split() == ["00:02", "*", "36.0"]
     assert "* a beat that no patient can have" in shown
     assert "*" not in _text(course.assign(impossible=("time_min", [0, 0, 0, 0])))
+
+
+@pytest.mark.parametrize(
+    ("reached", "words"),
+    [
+        ((True, True), "kept at every speed"), ((False, False), "kept at no speed"),
+        ((True, False), "kept at 3000 rpm, not at 2500 rpm"),
+    ],
+)  # fmt: skip
+def test_weaning_says_at_which_speeds_the_goals_are_kept(reached, words):
+    """With `--keep` alone a table without a word on the goals came out where all were kept."""
+    steps = [SimpleNamespace(speed_rpm=s, reached=r) for s, r in zip((3000.0, 2500.0), reached, strict=True)]
+    assert _kept_text(steps, "MAP > 65") == f"\n\nMAP > 65: {words}"
+    assert _kept_text(steps, None) == ""

@@ -166,6 +166,18 @@ def test_the_figure_shows_every_event(hour, tmp_path):
     assert np.diff(panels["Fluid and blood"].get_ylim()) > 100.0
 
 
+def test_no_legend_of_a_course_or_a_band_runs_beyond_the_page(hour):
+    """In a band, "right, end-diastolic" ended in the middle of the word, at the edge of the page."""
+    from eclsim.course.figures import plot_course
+
+    fig = plot_course(hour)
+    fig.draw_without_rendering()
+    for ax in fig.axes:
+        end = ax.get_legend().get_window_extent().x1
+        assert end <= fig.bbox.x1, (ax.get_title(loc="left"), end, fig.bbox.x1)
+        assert end <= ax.get_window_extent().x1 + 0.02 * fig.bbox.x1, ax.get_title(loc="left")
+
+
 def test_the_figure_shades_beats_that_no_patient_can_have(hour):
     """An LVAD that emptied the ventricle to -50 mL was drawn like any other curve."""
     from matplotlib.colors import to_rgba

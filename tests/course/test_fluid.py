@@ -6,8 +6,9 @@ import pytest
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
-from eclsim.course.result import remarks_on_fluids
+from eclsim.course.fluid_remarks import remarks_on_fluids, remarks_on_protein
 from eclsim.course.timeline import Timeline
+from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PROTEIN
 
 RAW = {
     "format": 1,
@@ -299,3 +300,18 @@ def test_courses_call_for_help_where_haematocrit_and_protein_are_survived_by_few
     warnings = follow(12.0, **thin).attrs["warnings"]
     assert any("a third of patients died at 4.1 to 5 g/dL" in line for line in warnings)
     assert any("none of 21 patients in shock survived" in line for line in warnings)
+
+
+def test_protein_that_leaves_a_drying_patient_is_remarked_on():
+    """Three litres off, and nothing more removed: a third of the plasma's protein left within three days."""
+    minutes = np.array([0.0, 600.0, 1200.0])
+    states = {
+        PROTEIN: np.array([235.0, 220.0, 190.0]), INTERSTITIAL_PROTEIN: np.array([217.0, 232.0, 262.0]),
+        INTERSTITIUM: np.array([12000.0, 9800.0, 9900.0]),
+    }  # fmt: skip
+    (said,) = remarks_on_protein(minutes, states)
+    assert said.startswith("from 20:00 more than a tenth")
+    assert "(19 % at worst)" in said
+    assert remarks_on_protein(minutes, states | {INTERSTITIUM: np.array([12000.0, 12500.0, 13000.0])}) == []
+    assert remarks_on_protein(minutes[:2], {key: values[:2] for key, values in states.items()}) == []
+    assert remarks_on_protein(minutes, {}) == []

@@ -75,6 +75,7 @@ def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
     assert sum("coefficient of the membrane, 37" in message for message in result.attrs["warnings"]) == 1
     assert spans_in_words(result).startswith("followed beat by beat 00:02:00 to 00:0")
     first, second = course_object(result)["beat_by_beat"]
+    assert f" ({first['reason']}), 00:05:00 to" in spans_in_words(result, reasons=True)
     assert "the circulation shifts" in first["reason"]
     assert "plasma volume changes by" in second["reason"]
 

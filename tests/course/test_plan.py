@@ -13,15 +13,17 @@ from eclsim.course.handover import EarlyStop
 from eclsim.course.plan import (
     ULTRAFILTRATION,
     BrokenGoal,
+    Removal,
     _bracketing_rates,
     _broken_goals,
     _fastest,
     _removal_courses,
     _removal_result,
+    _with_afterwards,
     plan_removal,
     plan_weaning,
 )
-from eclsim.course.timeline import Timeline, case_with_settings
+from eclsim.course.timeline import Change, Timeline, case_with_settings
 from eclsim.devices.renox import Renox
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.inputs.mistakes import CaseError
@@ -123,7 +125,7 @@ def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not(
     assert found.rate_ml_h == 40.0
     assert found.message == (
         "100 mL can be removed at 40 mL/h, in 2.5 h; at 80 mL/h MAP > 65 breaks after 0.5 h (60 mmHg); "
-        "slower is not safer here: at 10 mL/h PCWP < 18 breaks after 5.0 h (19 mmHg)"
+        "of the slower rates, 10 mL/h does not keep the goals: PCWP < 18 breaks after 5.0 h (19 mmHg)"
     )
 
 
@@ -136,7 +138,7 @@ def test_a_pump_that_stands_still_removes_nothing(own):
 @pytest.mark.slow
 def test_a_rate_that_harmed_patients_is_named_in_the_first_words(own):
     found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
-    assert "mL/kg/h are above 1.75: see the warning" in found.message
+    assert "mL/kg/h are above 1.75 (" in found.message
     assert any("fewer critically ill patients survived" in line for line in found.warnings)
 
 
@@ -228,3 +230,35 @@ def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
     assert all(step.reached for step in steps)
     assert all(step.outputs["MAP"] >= 75.0 - 1e-2 for step in steps)
     assert steps[1].setting > steps[0].setting
+
+
+@pytest.mark.slow
+def test_a_removal_is_followed_by_what_comes_after_it(own):
+    """3 L at 5 L/h kept the pressure to the last minute, and nothing was said of the day after it.
+
+    The slowest rate broke the same goal after 70 h, so that it was called less safe than the fastest.
+    """
+    case = own.with_section("ecmo", speed_rpm=3300.0)
+    case = apply_settings(case, ["Emaxlv=0.7", "Rmc=0.7", "fluid.extra_volume_ml=700"])
+    removal = Removal("P01", 3000.0, ("MAP > 65",), 5000.0, 0.6, True, (), "3000 mL can be removed")
+    key, goals = f"crrt.{ULTRAFILTRATION}", [Goal("MAP", low=65.0)]
+    found = _with_afterwards(case, key, removal, goals, 72.0 * 60.0, "patient_held")
+    (later,) = found.afterwards
+    assert later.goal == "MAP > 65"
+    assert 12.0 * 60.0 < later.at_min < 72.0 * 60.0
+    assert found.message.startswith(
+        "3000 mL can be removed; after the removal, though nothing more is removed, MAP > 65 breaks after"
+    )
+    assert found.as_object()["afterwards"] == [later._asdict()]
+    kept = _with_afterwards(case, key, removal, [Goal("MAP", low=20.0)], 0.0, "patient_held")
+    assert kept == removal
+
+
+def test_a_sudden_change_is_whole_at_a_time_rounded_to_just_before_it():
+    """A plan that ended after 2.77 h ended with a division by zero."""
+    begin = 9999.99951
+    change = Change(begin, begin, {"a": 0.0}, {"a": 1.0}, None)
+    assert change.share(round(begin, 3) - 1e-6) == 1.0
+    ramp = Change(begin, begin + 10.0, {"a": 0.0}, {"a": 1.0}, None)
+    assert ramp.share(begin - 1e-3) == 0.0
+    assert ramp.share(begin + 5.0) == pytest.approx(0.5)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import eclsim
+from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import FLOWMETER_TO_STPD
 
 LOW_SWEEP = Path(__file__).parents[2] / "examples/veno_venous_low_sweep.toml"
@@ -34,3 +35,64 @@ def test_nothing_is_said_of_a_sweep_that_is_off_or_leaves_the_oxygenator(sweep, 
     beat, said = used_up(sweep, fdo2)
     assert beat.attrs["converged"]
     assert said == []
+
+
+def test_thin_sweep_gas_is_said_to_give_too_little_oxygen():
+    """With 70 % of oxygen a new membrane left blood at 77 mmHg, and nothing said that this is the model."""
+    case = eclsim.read_case(LOW_SWEEP).case.with_section("ecmo", sweep_l_min=2.0, fdo2=0.6)
+    beat = eclsim.simulate(case)
+    (said,) = [text for text in beat.attrs["warnings"] if "FdO2" in text]
+    assert said.startswith("caution: FdO2 of the ECMO is 0.6: oxygen transfer was fitted with pure oxygen")
+    assert "too low" in said
+    pure = eclsim.simulate(case.with_section("ecmo", fdo2=1.0))
+    assert not any("FdO2" in text for text in pure.attrs["warnings"])
+
+
+def veno_venous(**ecmo):
+    """What is said about a case on V-V ECMO with gas exchange and the given keys of its circuit."""
+    raw = {
+        "format": 1,
+        "patient": {"id": "v", "sex": "male", "age_years": 45, "heart_rate_bpm": 95},
+        "gas": {},
+        "ecmo": {
+            "mode": "VV", "pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult",
+            "drainage_fr": 25, "return_fr": 19, **ecmo,
+        },
+    }  # fmt: skip
+    reading = read_mapping(raw)
+    return [
+        [(one.key, one.message) for one in remarks if "share no compartment" in one.message]
+        for remarks in (reading.warnings, reading.notes)
+    ]
+
+
+def test_mixing_where_drainage_and_return_are_apart_is_said_to_have_no_effect():
+    """`mode = "VV"` drains svn and returns to ra: a mixing of 0.33 gave 3 % of recirculation, silently."""
+    (warning,), notes = veno_venous(drainage_mixing=0.33)
+    assert warning[0] == "ecmo.drainage_mixing"
+    assert 'without effect: drainage ("svn") and return ("ra")' in warning[1]
+    assert 'write drainage_site and return_site = "ra"' in warning[1]
+    assert not notes
+    warnings, ((key, message),) = veno_venous()
+    assert not warnings
+    assert key == "ecmo.drainage_site"
+    assert "9 to 28 %" in message
+    assert veno_venous(drainage_site="ra", return_site="ra", drainage_mixing=0.33) == [[], []]
+
+
+@pytest.mark.parametrize(("site", "opposed"), [("ra", False), ("pas", False), ("ao", True)])
+def test_only_an_ecmo_that_returns_to_arteries_opposes_an_lvad(site, opposed):
+    """A right-sided ECMO fills the LVAD; it was said that the two may oppose each other."""
+    raw = {
+        "format": 1,
+        "patient": {"id": "l", "sex": "male", "age_years": 57, "heart_rate_bpm": 95},
+        "lvad": {"pump": "HM3", "speed_rpm": 5400, "inlet_site": "lv", "outlet_site": "ao"},
+        "gas": {},
+        "ecmo": {
+            "pump": "Rotaflow", "speed_rpm": 2800, "oxygenator": "Quadrox-i Adult", "drainage_fr": 25,
+            "return_fr": 19, "drainage_site": "ra", "drainage_cannula": "venous", "return_site": site,
+            "return_cannula": "arterial",
+        },
+    }  # fmt: skip
+    notes = [note.message for note in read_mapping(raw).notes]
+    assert any("oppose each other" in note for note in notes) is opposed

@@ -42,6 +42,18 @@ def test_a_vent_is_an_orifice_of_its_size_that_unloads_the_left_ventricle(alone)
 
 
 @pytest.mark.slow
+def test_blood_that_the_right_ventricle_pumps_round_through_a_hole_is_said():
+    """A hole of 10 mm let 6.5 L/min run back to the lungs at an ECMO flow of 4.2, without a word."""
+    full = case(septostomy={"diameter_mm": 10}, fluid={"extra_volume_ml": 900})
+    beat = eclsim.simulate(full)
+    (said,) = [text for text in beat.attrs["warnings"] if "hole in the septum" in text]
+    assert said.startswith(f"caution: {float(beat['septostomy_flow']):.1f} L/min run through the hole")
+    assert "Baruteau 2018" in said
+    small = eclsim.simulate(full.with_section("septostomy", diameter_mm=1.0))
+    assert not any("hole in the septum" in text for text in small.attrs["warnings"])
+
+
+@pytest.mark.slow
 def test_a_vent_that_feeds_the_drainage_cannula_backwards_is_an_alarm_and_a_bound_of_settings(alone):
     slow = case(vent={"site": "lv", "fr": 17}).with_section("ecmo", speed_rpm=1500.0)
     vented = eclsim.simulate(slow)

@@ -15,6 +15,7 @@ from eclsim.drugs.published import PUBLISHED
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.cautions import cautions
 from eclsim.outputs.results import derivatives
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS, UNSTRESSED, dose, sensitivity
@@ -166,3 +167,21 @@ def test_a_dose_that_rounding_makes_negative_is_none(drug):
     share, slope = jax.jvp(drug.share, (-1e-20,), (1.0,))
     assert (float(share), float(slope)) == (0.0, 0.0)
     assert np.isfinite(jax.jvp(drug.share, (0.0,), (1.0,))[1])
+
+
+def test_an_infusion_that_settles_at_a_bound_is_not_beyond_it():
+    """In a course with 0.15 ug/kg/min the remark on larger doses came and went with the last digits."""
+    beat = {"MAP": 65.0, "PCWP": 15.0, "CO": 5.0, "right_atrial_pressure": 5.0, "systemic_flow": 5.0}
+
+    def said(adrenaline):
+        return [
+            one.sentence
+            for one in cautions(beat, {dose("adrenaline"): adrenaline})
+            if "adrenaline" in one.sentence
+        ]
+
+    assert said(0.15 * (1.0 + 1e-6)) == []
+    assert len(said(0.16)) == 1
+    usual = DRUG_DOSES["adrenaline"].usual
+    assert not any("extrapolated" in text for text in said(usual * (1.0 + 1e-6)))
+    assert any("extrapolated" in text for text in said(1.1 * usual))

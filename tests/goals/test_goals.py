@@ -25,6 +25,7 @@ from eclsim.goals.goal import (
     read_goals,
     read_settings,
 )
+from eclsim.goals.result import GoalResult, broken_alarms_text, message_of
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.registry import all_outputs
@@ -474,3 +475,31 @@ def test_a_share_out_of_reach_has_no_unit():
     case = CASE.model_copy(update={"crrt": CASE.crrt.model_copy(update=dialysed)})
     result = reach(case, "filtration_fraction < 0.05", vary="crrt.flow_ml_min=100..300")
     assert "the best is 0.07937, with crrt.flow_ml_min = 300 mL/min" in result.message
+
+
+def test_no_goal_is_advised_for_an_output_that_has_one():
+    """A goal for PCWP was missed, and the same sentence advised to add a goal for PCWP."""
+    where = "with the settings found"
+    said = broken_alarms_text(["PCWP", "SaO2", "MAP", "MAP"], where, {"PCWP": False, "MAP": True})
+    assert said == (
+        "; with the settings found SaO2 is beyond alarm limits: add a goal for it"
+        "; with the settings found MAP is beyond alarm limits, which its goal allows"
+    )
+    assert broken_alarms_text(["PCWP"], where, {"PCWP": False}) == ""
+    assert broken_alarms_text(["PF", "MAP"], where, {}).endswith(
+        "PF, MAP are beyond alarm limits: add a goal for them"
+    )
+
+
+def test_of_several_goals_that_are_missed_none_is_said_to_be_at_its_best():
+    """SaO2 was 73 % in the file, and an answer with SaO2 > 95 and MAP < 90 said "the best is 68.03 %"."""
+    speed = Setting("ecmo.speed_rpm", 1000.0, 5000.0, "rpm")
+    missed = [
+        GoalResult(Goal("SaO2", low=95.0), 68.03, met=False, binding=True, slopes={}),
+        GoalResult(Goal("MAP", high=90.0), 111.1, met=False, binding=True, slopes={}),
+    ]
+    said = message_of([speed], {speed.name: 2986.0}, missed, {}, "")
+    assert said.startswith("SaO2 > 95 and MAP < 90 are not reached: the sum of their misses")
+    assert "is smallest at 68.03 % and 111.1 mmHg (either alone may come closer)" in said
+    one = message_of([speed], {speed.name: 2986.0}, missed[:1], {}, "")
+    assert one.startswith("SaO2 > 95 is not reached: the best is 68.03 %, with ecmo.speed_rpm = 2986 rpm")

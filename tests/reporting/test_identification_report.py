@@ -51,6 +51,19 @@ def test_the_table_of_a_cohort_explains_stars_only_where_it_has_some(fitted_poin
     assert "* at a bound" in fits_text(content(*points))
 
 
+def test_a_cohort_says_which_parameter_its_missed_measurements_ask_to_free(fitted_point):
+    """Two fits were poor because CVP was measured and the blood held; the terminal named a missed SP only."""
+    points = [copy.deepcopy(fitted_point) | {"id": name} for name in ("P01", "P02")]
+    assert "do not vary" not in fits_text(content(*points))
+    sentence = "CVP tells how much blood there is, which this fit does not vary: free {} as well (--free)"
+    asked = {"aspect": "agreement with the measurements", "level": "doubtful", "subject": ""}
+    points[1]["verdict"]["reasons"].append(asked | {"sentence": sentence.format("fluid.extra_volume_ml")})
+    assert (
+        "in 1 of 2 fits a measurement is missed that tells how much blood there is, which they do not vary: "
+        "free fluid.extra_volume_ml as well (--free)"
+    ) in fits_text(content(*points))
+
+
 def test_fits_by_the_policy_of_each_case_say_so(fitted_point):
     every = fits_object([fitted_point], FitSettings().as_object())
     assert every["settings"]["blood_volume_policy"] is None

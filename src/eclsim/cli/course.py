@@ -367,7 +367,7 @@ def _text(result: xr.Dataset) -> str:
 
     if not result.sizes["time_min"]:
         return "no moment of this course has a steady beat"
-    spans = spans_in_words(result)
+    spans = spans_in_words(result, reasons=True)
     seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN_OUTPUTS if name in result]
     impossible = impossible_moments(result)
@@ -390,7 +390,7 @@ def _text(result: xr.Dataset) -> str:
     if any(impossible):
         words = f"* a beat {IMPOSSIBLE_BEAT}: ignore its numbers\n\n{words}"
     if spans:
-        words += f"\n{spans}, where an event followed before the circulation had settled"
+        words += f"\n{spans}"
     if drug := drug_in_words(result):
         words += f"\n{drug}"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))

@@ -119,7 +119,7 @@ def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     }  # fmt: skip
     with reporting_write_errors():
         if write_json_output(_with_case(reading, content), target):
-            typer.echo(_table(steps, options.vary))
+            typer.echo(_table(steps, options.vary) + _kept_text(steps, options.keep))
     warn(_warnings(steps, reading.case.doubts))
     return all(step.reached for step in steps)
 
@@ -150,6 +150,22 @@ def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
         for step in steps
     ]  # fmt: skip
     return text_table(head, rows, tuple(range(len(head) - 1)))
+
+
+def _kept_text(steps: Sequence[WeaningStep], keep: str | None) -> str:
+    """Speeds at which the goals are kept, in words; empty without goals."""
+    if keep is None:
+        return ""
+    kept, broken = (
+        [f"{s.speed_rpm:g}" for s in steps if bool(s.reached) is reached] for reached in (True, False)
+    )
+    if not broken:
+        where = "at every speed"
+    elif not kept:
+        where = "at no speed"
+    else:
+        where = f"at {', '.join(kept)} rpm, not at {', '.join(broken)} rpm"
+    return f"\n\n{keep}: kept {where}"
 
 
 def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:

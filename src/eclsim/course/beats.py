@@ -413,7 +413,9 @@ class BeatMarch:
             self.stopped, gas_state = self.in_time.reason_without_gases(gases), gases.state
             if self.stopped:
                 return at
-        beat = RecordedBeat(at.time, state, series, lowest, values, in_effect, at.slow[:, 0].copy(), gas_state)
+        beat = RecordedBeat(
+            at.time, state, series, lowest, values, in_effect, at.slow[:, 0].copy(), gas_state
+        )
         duration = alike * period
         end = at.time + duration
         read = self._measured(self.reads, [beat], program)

@@ -21,6 +21,7 @@ from eclsim.course.alarms import (
     not_survived,
 )
 from eclsim.course.engine import FEWEST_SIDE_BY_SIDE, SHORTEST_STEP_S, CourseOptions, Engine
+from eclsim.course.fluid_remarks import remarks_on_protein
 from eclsim.course.handover import (
     BLOOD_RENEWAL_S,
     LARGEST_LAG,
@@ -299,7 +300,10 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     ahead += _sudden_gas_change(time, outputs, engine, member, moments.by_beat[places])
     sentences = [message] * bool(message) + [alarm.labelled for alarm in broken]
     balance = balance_of(laws, states, in_effect)
-    attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
+    remarks = remarks_on_protein(minute, dict(zip(laws.names, states, strict=True)))
+    attributes = attributes_of(
+        engine.timelines[member], engine.policy, message, balance, sentences, ahead, remarks
+    )
     return result.assign_attrs(
         attributes,
         alarms=alarms_text(broken),

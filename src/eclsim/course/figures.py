@@ -23,7 +23,7 @@ from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.reporting import style
-from eclsim.simulation.figures import draw_legend_above
+from eclsim.simulation.figures import draw_legend_above, legend_start
 from eclsim.simulation.panels import (
     QUANTITIES,
     BrokenLimit,
@@ -110,7 +110,7 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     _mark_events(ax, hours, events, minutes)
     ax.set_ylabel(f"{QUANTITIES.get(panel.unit, '')} [{panel.unit}]".strip())
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * -(-len(drawn) // 2))
-    draw_legend_above(ax)
+    draw_legend_above(ax, start=legend_start([label for _, label in drawn]))
 
 
 def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index: int) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from eclsim.arguments import number_of
 from eclsim.cases.case import Case
-from eclsim.cases.events import LARGEST_ML
+from eclsim.cases.events import LARGEST_ML, Event
 from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
@@ -46,6 +46,8 @@ RATES_PER_ROUND = 8
 ROUNDS = 3
 MOMENTS_PER_COURSE = 40
 """Number of moments of each course at which goals are checked."""
+AFTERWARDS_H = 24.0
+"""Shortest time for which the patient is followed after the removal, with nothing more removed [h]."""
 ROUNDING = 1e-3
 """A march ends beyond a goal by this share of its scale; beats of steps and moments differ by less."""
 
@@ -78,6 +80,8 @@ class Removal:
         hours: duration of the removal [h].
         possible: whether any rate keeps the goals.
         limits: goals that the next faster rate tried violates.
+        afterwards: goals that are violated after the removal, though nothing more is removed, with the time
+            from its end.
         message: result in words.
         tried: by rate, whether all goals were kept.
         warnings: limits that the patient violates at the rate found, and cautions.
@@ -93,11 +97,17 @@ class Removal:
     message: str
     tried: dict[float, bool] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    afterwards: tuple[BrokenGoal, ...] = ()
 
     def as_object(self) -> dict[str, Any]:
         """Plain data for JSON."""
         tried = [{"rate_ml_h": rate, "kept": kept} for rate, kept in sorted(self.tried.items())]
-        return asdict(self) | {"limits": [one._asdict() for one in self.limits], "tried": tried}
+        named = {"limits": self.limits, "afterwards": self.afterwards}
+        return (
+            asdict(self)
+            | {key: [one._asdict() for one in goals] for key, goals in named.items()}
+            | {"tried": tried}
+        )
 
 
 def plan_removal(
@@ -159,7 +169,12 @@ def plan_removal(
             break
         rates = np.linspace(below, above, RATES_PER_ROUND + 2)[1:-1]
     removal = _removal_result(solved.patient.id, remove_ml, goals, tried, broken)
-    return _with_warnings(solved, key, removal, volume_policy) if removal.possible else removal
+    if not removal.possible:
+        return removal
+    below = (found for rate, found in broken.items() if rate < removal.rate_ml_h)
+    slower = max((one.at_min for found in below for one in found), default=0.0)
+    removal = _with_afterwards(solved, key, removal, goals, slower, volume_policy)
+    return _with_warnings(solved, key, removal, asked, volume_policy)
 
 
 def _implied_goals(
@@ -180,7 +195,34 @@ def _implied_goals(
     return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
 
 
-def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -> Removal:
+def _with_afterwards(
+    case: Case, key: str, removal: Removal, goals: Sequence[Goal], slower: float, policy: str | None
+) -> Removal:
+    """Add the goals that are violated after the removal, with nothing more removed.
+
+    The patient is followed for a day, and at least as long as `slower` [min], when a slower rate violates a
+    goal.
+    """
+    end = 60.0 * removal.hours
+    until = max(end + 60.0 * AFTERWARDS_H, slower)
+    removing = case_with_settings(case, {key: removal.rate_ml_h}, case)
+    ended = removing.model_copy(update={"events": (Event(at_min=end, set={key: 0.0}),)})
+    timeline = Timeline(ended, until * MINUTE)
+    every = until / MOMENTS_PER_COURSE
+    (result,) = follow(
+        [timeline], [every], [goal.output for goal in goals], policy, broken=lambda beat: _breaks(goals, beat)
+    )
+    broken = tuple(one._replace(at_min=one.at_min - end) for one in _broken_goals(goals, result))
+    if not broken or broken[0].at_min <= 0.0:
+        return removal
+    reason = " and ".join(map(_break_sentence, broken))
+    message = f"{removal.message}; after the removal, though nothing more is removed, {reason}"
+    return replace(removal, message=message, afterwards=broken)
+
+
+def _with_warnings(
+    case: Case, key: str, removal: Removal, asked: Sequence[Goal], policy: str | None
+) -> Removal:
     """Add the alarms and cautions of the course at the rate found."""
     minutes = 60.0 * removal.hours
     timeline = Timeline(case_with_settings(case, {key: removal.rate_ml_h}, case), minutes * MINUTE)
@@ -188,11 +230,17 @@ def _with_warnings(case: Case, key: str, removal: Removal, policy: str | None) -
     alarms = json.loads(result.attrs["alarms"])
     sentences, message = [labelled_sentence(one["kind"], one["sentence"]) for one in alarms], removal.message
     message += broken_alarms_text(
-        (one["quantity"] for one in alarms if one["kind"] in ALARM_KINDS), "on the way"
+        (one["quantity"] for one in alarms if one["kind"] in ALARM_KINDS),
+        "on the way",
+        {goal.output: True for goal in asked},
     )
     per_kg = removal.rate_ml_h / height_weight(case.patient)[1]
     if per_kg > HARMFUL_ML_KG_H:
-        message += f"; {per_kg:.1f} mL/kg/h are above {HARMFUL_ML_KG_H:g}: see the warning"
+        tolerated = removal.rate_ml_h * HARMFUL_ML_KG_H / per_kg
+        message += (
+            f"; {per_kg:.1f} mL/kg/h are above {HARMFUL_ML_KG_H:g} ({tolerated:.0f} mL/h, "
+            f"{removal.rate_ml_h * removal.hours / tolerated:.0f} h): see the warning"
+        )
         sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}")
     sentences += [labelled_sentence(CAUTION, text) for text in result.attrs["cautions"]]
     return replace(removal, message=message, warnings=tuple(sentences))
@@ -269,10 +317,14 @@ def _removal_courses(
     ]
     every = [span / MOMENTS_PER_COURSE for span in minutes]
 
-    def is_broken(beat: Mapping[str, float]) -> bool:
-        return any(goal.excess(beat[goal.output]) > ROUNDING * goal.scale for goal in goals)
+    return follow(
+        timelines, every, [goal.output for goal in goals], policy, broken=lambda beat: _breaks(goals, beat)
+    )
 
-    return follow(timelines, every, [goal.output for goal in goals], policy, broken=is_broken)
+
+def _breaks(goals: Sequence[Goal], beat: Mapping[str, float]) -> bool:
+    """Whether a beat violates a goal by more than steps and moments differ."""
+    return any(goal.excess(beat[goal.output]) > ROUNDING * goal.scale for goal in goals)
 
 
 def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]:
@@ -314,7 +366,7 @@ def _removal_result(
         slower = [rate for rate, kept in tried.items() if not kept and rate < best]
         if slower:
             reason = " and ".join(map(_break_sentence, broken[max(slower)]))
-            text += f"; slower is not safer here: at {max(slower):.0f} mL/h {reason}"
+            text += f"; of the slower rates, {max(slower):.0f} mL/h does not keep the goals: {reason}"
     rate = math.nan if best is None else best
     keep = tuple(str(goal) for goal in goals)
     return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)

@@ -59,8 +59,10 @@ class Change:
     circuit: Circuit
 
     def share(self, time: float) -> float:
-        """Share of the change that is done at a time [s] within a segment."""
-        return 1.0 if time >= self.end - 1e-9 else (time - self.begin) / (self.end - self.begin)
+        """Share of the change that is done at a time [s], which may be rounded, within a segment."""
+        if self.end <= self.begin or time >= self.end - 1e-9:
+            return 1.0
+        return max(time - self.begin, 0.0) / (self.end - self.begin)
 
 
 @dataclass(frozen=True)

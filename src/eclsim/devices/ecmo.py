@@ -252,6 +252,10 @@ ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
 """Choices on the page for a roller pump and for sites that form no usual mode; never in a case file."""
 _OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
+NEARLY_PURE_OXYGEN = 0.95
+"""Fraction of oxygen in the sweep gas down to which the fitted oxygen transfer holds within a tenth."""
+MIXED_SITE = "ra"
+"""Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
 _IF_OMITTED = MappingProxyType({"drainage_mixing": 1.0, "return_clamp": 0.0})
 """Values shown by the knobs of keys that a case leaves out."""
 _MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
@@ -636,7 +640,7 @@ class EcmoDevice(Device[Ecmo]):
         ),
         Limit(
             "PpostO2", "warning", "below", 100.0,
-            "blood is not saturated: flow above the rated one, a clot, or too little oxygen in the sweep",
+            "the oxygenator gives little oxygen: flow above the rated one, a clot, or too little in its gas",
             "a convention of this project",
         ),
         *(
@@ -841,6 +845,7 @@ class EcmoDevice(Device[Ecmo]):
         return [
             *_outside_label(names, outputs, values),
             *_without_exhaust_gas(names, outputs, values),
+            *_caution_on_thin_gas(names, outputs, values),
             *_caution_on_left_ventricle(names, outputs, circuit),
             *caution_on_chart(names, outputs, circuit),
             *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
@@ -908,6 +913,23 @@ def _without_exhaust_gas(
     return [Finding.without_limit(CAUTION, concerns[0], removed, text, *concerns)]
 
 
+def _caution_on_thin_gas(
+    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
+) -> list[Finding]:
+    """Caution about oxygen transfer with less oxygen in the sweep gas than in the study it is fitted to."""
+    fraction = values.get(names.parameter("ecmo.fdo2"), 1.0)
+    concerned = tuple(map(names.output, ("PpostO2", "SpostO2")))
+    value = outputs.get(concerned[0], math.nan)
+    if fraction >= NEARLY_PURE_OXYGEN or math.isnan(value):
+        return []
+    text = (
+        f"FdO2 of the {names.label} is {fraction:.2g}: oxygen transfer was fitted with pure oxygen, and with "
+        "less it falls too fast: at 0.8 it is a fifth, at 0.6 two fifths less than was measured in "
+        "cardiopulmonary bypass; PO2 and saturation behind the oxygenator are probably too low"
+    )
+    return [Finding.without_limit(CAUTION, concerned[0], value, text, *concerned)]
+
+
 def _caution_on_left_ventricle(
     names: Naming, outputs: Mapping[str, float], circuit: Circuit
 ) -> list[Finding]:
@@ -962,6 +984,29 @@ def _check_gases(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
             "a course follows gases beat by beat"
         )
         remarks.note(f"{key}.oxygenator", message, shown(product.key))
+    if with_gas:
+        _check_recirculation(values, key, remarks)
+
+
+def _check_recirculation(values: Raw, key: str, remarks: Remarks) -> None:
+    """Say where drained and returned blood meet in no compartment, so that hardly any recirculates."""
+    drained, returned = values.get("drainage_site"), values.get("return_site")
+    if drained is None or returned is None or drained in (returned, values.get("second_return_site")):
+        return
+    apart = f"drainage ({shown(drained)}) and return ({shown(returned)}) share no compartment"
+    mixing = values.get("drainage_mixing", _IF_OMITTED["drainage_mixing"])
+    in_veins = drained in VENOUS_SITES and returned in VENOUS_SITES
+    if mixing != _IF_OMITTED["drainage_mixing"]:
+        advice = f': to state recirculation, write drainage_site and return_site = "{MIXED_SITE}"'
+        message = f"without effect: {apart}{advice if in_veins else ''}"
+        remarks.warning(f"{key}.drainage_mixing", message, shown(mixing))
+    elif in_veins:
+        message = (
+            f"{apart}, so only blood that flows back between them recirculates, less than the 9 to 28 % "
+            f'measured with usual cannulae: to state recirculation, write "{MIXED_SITE}" for both sites, and '
+            "drainage_mixing"
+        )
+        remarks.note(f"{key}.drainage_site", message)
 
 
 def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:

@@ -184,7 +184,9 @@ class LvadDevice(Device[Lvad]):
             message = f"drains {PATIENT_SITES[inlet]}: blood bypasses the lungs without an oxygenator"
             remarks.warning(f"{key}.inlet_site", message, shown(inlet), "lv or la")
         check_speed(key, values, PUMPS, remarks)
-        if case.of("ecmo"):
+        if any(
+            ecmo.get("return_site") not in (*VENOUS_SITES, *RIGHT_HEART) for ecmo in case.of("ecmo").values()
+        ):
             remarks.note(key, "ECMO and LVAD work on the same circulation and may oppose each other")
 
     def findings(

@@ -172,12 +172,7 @@ def message_of(
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
         return f"all goals are reached with {where}{_binding_goals_text(settings, values, results)}"
-    unmet = [r for r in results if not r.met]
-    text = "; ".join(
-        f"{_goal_with_reason(r.goal)} is not reached: the best is "
-        + _with_unit(r.value, output(r.goal.output).unit)
-        for r in unmet
-    )
+    text = _unmet_text([result for result in results if not result.met])
     asked = sum(not result.goal.because for result in results)
     text += f" within the other goals, with {where}" if asked > 1 else f", with {where}"
     ends = [_at_end(s, values[s.name]) for s in settings]
@@ -191,6 +186,18 @@ def message_of(
             numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
             text += f"; without the goal {goal} all others are reached, with {numbers}"
     return text
+
+
+def _unmet_text(unmet: Sequence[GoalResult]) -> str:
+    """Goals that are missed, with the values found; of several, only the sum of the misses is smallest."""
+    goals = [_goal_with_reason(result.goal) for result in unmet]
+    found = [_with_unit(result.value, output(result.goal.output).unit) for result in unmet]
+    if len(unmet) == 1:
+        return f"{goals[0]} is not reached: the best is {found[0]}"
+    return (
+        f"{' and '.join(goals)} are not reached: the sum of their misses, each in hundredths of its bound, "
+        f"is smallest at {' and '.join(found)} (either alone may come closer)"
+    )
 
 
 def _binding_goals_text(
@@ -214,18 +221,27 @@ def _breaks_below(result: GoalResult, setting: str) -> bool:
     return result.slopes[setting] > 0.0 if at_low else result.slopes[setting] < 0.0
 
 
-def broken_alarms_text(quantities: Iterable[str], where: str = "with the settings found") -> str:
+def broken_alarms_text(quantities: Iterable[str], where: str, goals: Mapping[str, bool]) -> str:
     """Sentence on outputs beyond alarm limits; empty if there are none.
+
+    Outputs whose goal is missed are left out, since the answer says so already.
 
     Args:
         quantities: outputs or waveforms whose alarm limits are violated.
         where: when this is so, in words.
+        goals: outputs with a goal that was asked for, and whether it is met.
     """
-    alarming = dict.fromkeys(quantities)
-    if not alarming:
-        return ""
-    are, them = ("are", "them") if len(alarming) > 1 else ("is", "it")
-    return f"; {where} {', '.join(alarming)} {are} beyond alarm limits: add a goal for {them}"
+    alarming = list(dict.fromkeys(name for name in quantities if goals.get(name, True)))
+    without, allowed = ([name for name in alarming if (name in goals) == known] for known in (False, True))
+    text = ""
+    for names, (one, several) in (
+        (without, (": add a goal for it", ": add a goal for them")),
+        (allowed, (", which its goal allows", ", which their goals allow")),
+    ):
+        if names:
+            are, end = ("are", several) if len(names) > 1 else ("is", one)
+            text += f"; {where} {', '.join(names)} {are} beyond alarm limits{end}"
+    return text
 
 
 def _goal_with_reason(goal: Goal) -> str:

@@ -297,7 +297,13 @@ def _search_from_starts(
         + gaps
         + "".join(f"; {alarm.sentence}" for alarm in alarms)
         + broken_alarms_text(
-            one.quantity for one in findings if one.kind in ALARM_KINDS and one.quantity not in named_outputs
+            (
+                one.quantity
+                for one in findings
+                if one.kind in ALARM_KINDS and one.quantity not in named_outputs
+            ),
+            "with the settings found",
+            {result.goal.output: result.met for result in results if not result.goal.because},
         ),
         tuple(result for result in results if result.goal.because and result.binding),
         without,

@@ -11,6 +11,7 @@ from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.files import write_text
 from eclsim.identification.quantities import axis_label, unit_of, unit_of_parameter
+from eclsim.identification.settings import INFORMATIVE_MEASUREMENTS
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
@@ -151,7 +152,25 @@ def _several_fits(points: Sequence[Data]) -> str:
     table = text_table(head, rows, numeric=range(2, len(head) - 1))
     starred = any(p["parameters"][n]["at_bound"] for p in points for n in names)
     legend = ["* at a bound"] if starred else []
-    return "\n".join((table, *legend, "", f"{_counted(points)} of {len(points)} fits", *lines))
+    counted = f"{_counted(points)} of {len(points)} fits"
+    return "\n".join((table, *legend, "", counted, *lines, *_what_to_free(points)))
+
+
+def _what_to_free(points: Sequence[Data]) -> list[str]:
+    """Parameters that missed measurements ask to free, which chief reasons lack, with the number of fits."""
+    lines = []
+    for key, (meaning, _) in INFORMATIVE_MEASUREMENTS.items():
+        asking = [
+            point["id"]
+            for point in points
+            if any(f"free {key} as well" in reason["sentence"] for reason in point["verdict"]["reasons"])
+        ]
+        if asking:
+            lines.append(
+                f"in {len(asking)} of {len(points)} fits a measurement is missed that tells {meaning}, which "
+                f"they do not vary: free {key} as well (--free)"
+            )
+    return lines
 
 
 def _counted(points: Sequence[Data]) -> str:

@@ -22,6 +22,8 @@ LARGEST_COMBINED_LOGARITHM = 0.1
 """Largest change of the logarithm of a factor by several drugs, beyond that of the strongest drug."""
 LARGEST_DILATING_ADRENALINE = 0.15
 """Larger dose of the study to which adrenaline is fitted [ug/kg/min]."""
+ROUNDING = 1e-3
+"""Share of a bound by which a dose must exceed it: an infusion that settles at the bound does not."""
 PRESSORS = ("noradrenaline", "vasopressin")
 NOTABLE_LOGARITHM = 0.02
 """Logarithm of a drug's factor below which the drug hardly acts."""
@@ -74,6 +76,10 @@ def organ_flow(outputs: Mapping[str, float]) -> float | None:
     return sum(outputs[name] for name in places) if set(places) <= outputs.keys() else None
 
 
+def _exceeds(dose: float, bound: float) -> bool:
+    return dose > bound * (1.0 + ROUNDING)
+
+
 def _venodilators_without_congestion(
     outputs: Mapping[str, float], doses: Mapping[str, float]
 ) -> list[Finding]:
@@ -113,7 +119,7 @@ def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
     result = []
     for drug, dose in doses.items():
         usual, unit = keys.DRUG_DOSES[drug].usual, keys.DRUG_DOSES[drug].unit
-        if dose > usual:
+        if _exceeds(dose, usual):
             text = (
                 f"{drug}: dose times sensitivity is {dose:.3g} {unit}, above the usual {usual:g}: "
                 "its effect is extrapolated"
@@ -125,7 +131,7 @@ def _extrapolated_doses(doses: Mapping[str, float]) -> list[Finding]:
 def _constricting_adrenaline(doses: Mapping[str, float]) -> list[Finding]:
     """Caution about adrenaline at doses at which it constricts vessels, unlike those that were fitted."""
     dose = doses.get("adrenaline", 0.0)
-    if not dose > LARGEST_DILATING_ADRENALINE:
+    if not _exceeds(dose, LARGEST_DILATING_ADRENALINE):
         return []
     text = (
         f"adrenaline: fitted at 0.075 and {LARGEST_DILATING_ADRENALINE:g} ug/kg/min, where it dilates; "

@@ -213,7 +213,7 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     ax.set_xlim(0.0, 2 * beat_period(result))
     _widen_flat_axis(ax)
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * legend_rows)
-    start = _legend_start([place_label_of(name) for name in names])
+    start = legend_start([place_label_of(name) for name in names])
     draw_legend_above(ax, _legend_columns(panel), start)
 
 
@@ -225,7 +225,7 @@ def draw_legend_above(ax: Axes, columns: int = 2, start: float = 0.0) -> None:
     )  # fmt: skip
 
 
-def _legend_start(labels: list[str]) -> float:
+def legend_start(labels: list[str]) -> float:
     """Left end of a legend, in widths of the axes; a long legend starts above the axis label.
 
     Otherwise it would extend beyond the axes to the edge of the page.
@@ -497,7 +497,7 @@ def _draw_sweep_panel(ax: Axes, table: xr.Dataset, panel: Panel) -> None:
     ax.set_xlabel(plain_text(table.attrs["key"], 40) + (f" [{unit}]" if unit else ""))
     ax.set_ylabel(f"{QUANTITIES[panel.unit]} [{panel.unit}]")
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * math.ceil(len(drawn) / 2))
-    draw_legend_above(ax)
+    draw_legend_above(ax, start=legend_start(ax.get_legend_handles_labels()[1]))
 
 
 def _axis(table: xr.Dataset) -> tuple[np.ndarray, list[str]]:
