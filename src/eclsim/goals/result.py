@@ -82,6 +82,8 @@ class Reached:
         tried: number of points throughout the ranges that were tried first.
         without_beat: number of these points without a determined steady beat.
         doubts: doubts about the fit that gave the parameters, if it is not good.
+        kept: outputs that were kept within limits although no goal was stated for them, one goal for each:
+            arterial PCO2 and pH, where sweep or ventilation may change.
     """
 
     id: str
@@ -99,6 +101,7 @@ class Reached:
     tried: int = 0
     without_beat: int = 0
     doubts: tuple[str, ...] = ()
+    kept: tuple[GoalResult, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Reached {self.id}: {self.message}>"
@@ -127,6 +130,7 @@ class Reached:
             "goals": [g.as_object() for g in self.goals],
             "stops": [{**g.as_object(), "because": g.goal.because} for g in self.stops],
             "not_kept": [{**g.as_object(), "because": g.goal.because} for g in self.not_kept],
+            "kept": [g.as_object() for g in self.kept],
             "without": {goal: None if at is None else dict(at) for goal, at in self.without.items()},
             "outputs": dict(self.outputs),
             "warnings": list(self.warnings),
@@ -137,11 +141,27 @@ class Reached:
 
 
 def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
-    """The goals that outputs miss or whose output has no value."""
+    """The goals that outputs miss or whose output has no value; of an alarm and a warning, only the alarm."""
+    broken: set[tuple[str, bool]] = set()
     for goal in goals:
         value = outputs.get(goal.output, math.nan)
-        if not goal.is_met(value):
+        side = goal.output, value > goal.high
+        if not goal.is_met(value) and side not in broken:
+            broken.add(side)
             yield GoalResult(goal, value, met=False, binding=False, slopes={})
+
+
+def kept_by_default(results: Iterable[GoalResult], names: Iterable[str]) -> tuple[GoalResult, ...]:
+    """Bounds of outputs for which no goal was stated, joined to one goal for each output."""
+    results, joined = [result for result in results if result.goal.because], []
+    for name in names:
+        own = [result for result in results if result.goal.output == name]
+        if own:
+            low, high = max(one.goal.low for one in own), min(one.goal.high for one in own)
+            goal = Goal(name, low, high, because="kept by default", gives_way=True)
+            met, binding = all(one.met for one in own), any(one.binding for one in own)
+            joined.append(GoalResult(goal, own[0].value, met, binding, own[0].slopes))
+    return tuple(joined)
 
 
 def scan_gaps_text(tried: int, without_beat: int) -> str:
