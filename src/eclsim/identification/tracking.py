@@ -54,7 +54,16 @@ from eclsim.identification.series import (
     series_of,
 )
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
+from eclsim.identification.verdict import (
+    TRANSFER,
+    Aspect,
+    FitVerdict,
+    Level,
+    Reason,
+    agreement,
+    goodness_of,
+    stronger_membrane,
+)
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.outputs.signals import gas_dependent_outputs, output_names, parameters_read
@@ -545,6 +554,8 @@ def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
     scaled = gaussian.jacobian / density.scale[:, None]
     goodness = goodness_of(density.measured, simulated, density.errors, scaled, gaussian.covariance)
     reasons = agreement(density.measured, simulated, goodness, "uncertainty")
+    names, values = density.prior.names, density.model.values
+    reasons += stronger_membrane(density.measured, simulated, goodness, names, values)
     return FitVerdict(goodness, ()).with_reasons(reasons)
 
 
@@ -553,6 +564,7 @@ def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
     doubts = []
     if verdict.doubts:
         doubts.append(f"first estimate: {verdict.headline}")
+        doubts += [reason.sentence for reason in verdict.doubts if reason.about == TRANSFER]
     if power < 1.0:
         doubts.append(
             f"the first estimate is itself uncertain: {'; '.join(weighted.reasons)}; its intervals are "
