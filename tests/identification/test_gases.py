@@ -35,7 +35,7 @@ from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.reporting.numbers import significant
+from eclsim.reporting.numbers import number, significant
 
 CASE = read_mapping({
     "format": 1,
@@ -76,6 +76,19 @@ def test_coordinates_are_logarithms_but_where_a_value_may_be_zero_or_negative():
     slopes = (scale.values(x + 1e-6) - scale.values(x - 1e-6)) / 2e-6
     assert np.allclose(slopes, scale.slopes(x), rtol=1e-6)
     assert x[1, 1] - x[0, 1] == pytest.approx(np.log(100.0))
+
+
+def test_differences_and_errors_of_a_parameter_have_its_unit():
+    """Starts differed "by 150", of a blood volume in mL."""
+    scale = Scale.of(("fluid.extra_volume_ml", "gas.base_excess_mmol_l", "gas.shunt_fraction", "Rmc"))
+    volume, excess, shunt, _ = (0.1 * unit for unit in scale.units)
+    assert scale.difference_text(0, 150.0 / scale.units[0]) == "150 mL"
+    assert scale.error(0, 0.1) == f"{number(volume, digits=2)} mL"
+    assert scale.difference_text(1, 0.1) == f"{number(excess, digits=2)} mmol/L"
+    assert scale.difference_text(2, 0.1) == number(shunt, digits=2)
+    assert scale.difference_text(3, np.log(1.5)) == "50 %"
+    assert scale.error(3, np.log(1.5)) == "a factor of 1.5"
+    assert scale.of_parameter(1).difference_text(0, 0.1) == scale.difference_text(1, 0.1)
 
 
 @pytest.mark.slow
