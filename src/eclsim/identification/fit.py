@@ -46,13 +46,12 @@ from eclsim.identification.verdict import (
     Goodness,
     Level,
     Reason,
-    agreement,
     goodness_of,
     intervals_differ,
+    misfits,
     plausibility,
     search,
     single_start,
-    stronger_membrane,
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CaseSource, as_case, model_of
@@ -368,8 +367,9 @@ def _result(
     changed = with_values(case, {**fixed, **fitted, **set_points})
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
-        *agreement(target.measured, simulated, goodness, settings.weights),
-        *stronger_membrane(target.measured, simulated, goodness, box.names, target.model.values),
+        *misfits(
+            target.measured, simulated, goodness, settings.weights, box.names, target.model.values
+        ),
         *search(optimum.status),
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
         *_doubts_of_bounds(parameters, gains), *_doubts_of_fixed_parameters(goodness, box.names),
