@@ -25,7 +25,7 @@ from eclsim.goals.goal import (
     read_goals,
     read_settings,
 )
-from eclsim.goals.result import GoalResult, broken_alarms_text, broken_goals, message_of
+from eclsim.goals.result import GoalResult, broken_alarms_text, broken_goals, gravest, message_of
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.registry import all_outputs
@@ -387,8 +387,11 @@ def test_warning_limits_of_carbon_dioxide_hold_only_where_it_may_be_changed_and_
 
 def test_of_a_warning_and_an_alarm_that_are_both_broken_only_the_alarm_is_named():
     goals = [Goal("PaCO2", high=80.0), Goal("PaCO2", high=60.0), Goal("PaCO2", low=30.0)]
-    assert [str(one.goal) for one in broken_goals({"PaCO2": 90.0}, goals)] == ["PaCO2 < 80"]
-    assert [str(one.goal) for one in broken_goals({"PaCO2": 70.0}, goals)] == ["PaCO2 < 60"]
+    for value, named in ((90.0, "PaCO2 < 80"), (70.0, "PaCO2 < 60"), (20.0, "PaCO2 > 30")):
+        assert [str(one.goal) for one in gravest(broken_goals({"PaCO2": value}, goals))] == [named]
+    both = [GoalResult(goal, 90.0, goal.low > 0.0, binding=True, slopes={}) for goal in goals]
+    said = message_of([Setting("s", 0.0, 1.0)], {"s": 0.5}, both, {}, "")
+    assert said.startswith("PaCO2 < 80 is not reached: the best is 90 mmHg")
 
 
 def test_a_goal_that_nothing_moves_is_refused():

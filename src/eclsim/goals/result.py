@@ -141,14 +141,19 @@ class Reached:
 
 
 def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:
-    """The goals that outputs miss or whose output has no value; of an alarm and a warning, only the alarm."""
-    broken: set[tuple[str, bool]] = set()
+    """The goals that outputs miss or whose output has no value."""
     for goal in goals:
         value = outputs.get(goal.output, math.nan)
-        side = goal.output, value > goal.high
-        if not goal.is_met(value) and side not in broken:
-            broken.add(side)
+        if not goal.is_met(value):
             yield GoalResult(goal, value, met=False, binding=False, slopes={})
+
+
+def gravest(missed: Iterable[GoalResult]) -> list[GoalResult]:
+    """Missed goals without the later ones on the same side of an output: of alarm and warning, the alarm."""
+    first: dict[tuple[str, bool], GoalResult] = {}
+    for result in missed:
+        first.setdefault((result.goal.output, result.value > result.goal.high), result)
+    return list(first.values())
 
 
 def kept_by_default(results: Iterable[GoalResult], names: Iterable[str]) -> tuple[GoalResult, ...]:
@@ -192,7 +197,7 @@ def message_of(
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
         return f"all goals are reached with {where}{_binding_goals_text(settings, values, results)}"
-    text = _unmet_text([result for result in results if not result.met])
+    text = _unmet_text(gravest(result for result in results if not result.met))
     asked = sum(not result.goal.because for result in results)
     text += f" within the other goals, with {where}" if asked > 1 else f", with {where}"
     ends = [_at_end(s, values[s.name]) for s in settings]

@@ -48,6 +48,7 @@ from eclsim.goals.result import (
     ReachStatus,
     broken_alarms_text,
     broken_goals,
+    gravest,
     kept_by_default,
     message_of,
     scan_gaps_text,
@@ -289,7 +290,7 @@ def _search_from_starts(
     )
     beat = patient.beat(end.place[:, None], None)
     findings, outputs = tuple(beat.findings()), beat.outputs()
-    alarms = tuple(broken_goals(outputs, [goal for goal in giving_way if goal not in goals]))
+    alarms = tuple(gravest(broken_goals(outputs, [goal for goal in giving_way if goal not in goals])))
     gaps = "" if status is ReachStatus.REACHED else scan_gaps_text(tried, without_beat)
     named_outputs = {alarm.goal.output for alarm in alarms}
     return Reached(
