@@ -103,6 +103,24 @@ def test_the_answer_of_the_page_on_settings():
         assert " ".join(part.split()) in printed, part
 
 
+def test_the_carbon_dioxide_that_the_page_on_settings_says_is_kept():
+    text = page("docs/settings.md")
+    (shown,) = re.findall(r"^    ```text\n    goal +value.*\n((?:    .*\n)+?)    ```$", text, re.MULTILINE)
+    found = eclsim.reach(EXAMPLES / "veno_venous_gas.toml", "SaO2 > 88")
+    printed = [line.removesuffix("yes").split() for line in shown.strip().splitlines()]
+    results = (*found.goals, *found.kept)
+    assert [" ".join(row[:2]) for row in printed[:1]] == ["SaO2 >"]
+    for row, result in zip(printed, results, strict=True):
+        value = row[row.index("default)") + 1] if "default)" in row else row[3]
+        assert agrees(value, result.value), row
+    rpm, sweep, before = re.search(
+        r"PaCO2 \((\d+)\s+rpm, ([\d.]+) L/min of sweep\), below the ([\d.]+) mmHg", text
+    ).groups()
+    assert agrees(rpm, found.values[0])
+    assert agrees(sweep, found.values[1])
+    assert agrees(before, float(beat_of("veno_venous_gas")["PaCO2"]))
+
+
 def test_the_patient_on_veno_venous_ecmo():
     names = (
         "SaO2", "PaO2", "PaCO2", "SpreO2", "PpostO2", "VO2_oxygenator", "VCO2_oxygenator",

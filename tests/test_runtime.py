@@ -37,3 +37,33 @@ def test_what_the_user_chose_stays(before, environment):
 def test_the_commands_start_no_graphics_processor():
     run = "from eclsim.cli import main\ntry:\n    main(['--version'])\nexcept SystemExit:\n    pass"
     assert printed(f"{run}\nimport os; print(os.environ['JAX_PLATFORMS'])") == "cpu"
+
+
+UNWRITABLE = {"XLA_FLAGS": "--xla_dump_to=/dev/null/dump"}
+"""Makes XLA log an error, as it does where a program takes two minutes to compile."""
+
+
+def logged(**environment):
+    """What a command writes to the terminal that has XLA compile a program, and whether it succeeded."""
+    script = (
+        "import eclsim.cli.application\n"
+        "def run(_):\n    import jax; jax.jit(lambda x: x + 1.0)(1.0).block_until_ready()\n"
+        "eclsim.cli.application.run = run\nfrom eclsim.cli import main; main([])"
+    )
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_", "XLA_", "TF_"))}
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, env=kept | environment, capture_output=True, text=True)
+    return done.stderr, done.returncode == 0
+
+
+def test_the_log_of_xla_is_no_part_of_what_a_command_writes():
+    """Lines such as "Very slow compile? If you want to file a bug ..." stood among the results."""
+    assert logged(**UNWRITABLE) == ("", True)
+    asked, _ = logged(**UNWRITABLE, TF_CPP_MIN_LOG_LEVEL="2")
+    assert "Could not create directory" in asked
+
+
+def test_what_ends_a_command_within_xla_is_written():
+    said, succeeded = logged(XLA_FLAGS="--xla_no_such_flag=1")
+    assert not succeeded
+    assert "Unknown flag in XLA_FLAGS: --xla_no_such_flag=1" in said

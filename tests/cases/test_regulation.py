@@ -1,7 +1,10 @@
 """The sections [regulation], [fluid] and [solutes]: what they take, refuse and pass on, and what rest is."""
 
+import re
+
 import pytest
 
+import eclsim
 from eclsim.beat.heartbeat import BeatProgram
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
@@ -198,3 +201,57 @@ def test_a_dose_in_another_unit_is_not_offered_as_a_number_of_this_one(text, mes
     with pytest.raises(CaseError, match=message) as caught:
         read(drugs={"noradrenaline": text})
     assert ("did you mean" in str(caught.value)) == ("mean" in message)
+
+
+MEASURED = {"SP": 110, "DP": 60, "CO": 5}
+
+
+def remarks_about_rate(reading):
+    return [
+        [one for one in remarks if one.key == "patient.heart_rate_bpm" and "before the drugs" in one.message]
+        for remarks in (reading.warnings, reading.notes)
+    ]
+
+
+def test_a_heart_rate_measured_on_drugs_is_said_to_be_raised_again_and_what_to_write_instead():
+    drugs = {"adrenaline": 0.1, "dobutamine": 5, "dobutamine_sensitivity": 2}
+    (warning,), notes = remarks_about_rate(read(drugs=drugs, measurements=MEASURED))
+    raised, instead = re.search(r"has ([\d.]+) bpm.*write ([\d.]+) instead", warning.message).groups()
+    reading = read(drugs=drugs)
+    assert not notes
+    assert warning.value == "75"
+    assert float(raised) == pytest.approx(float(eclsim.simulate(reading.case)["heart_rate"]), abs=0.05)
+    lowered = reading.case.model_copy(
+        update={"patient": reading.case.patient.model_copy(update={"heart_rate_bpm": float(instead)})}
+    )
+    assert float(eclsim.simulate(lowered)["heart_rate"]) == pytest.approx(75.0, abs=0.1)
+
+
+def test_a_heart_rate_that_drugs_will_raise_is_a_note_without_measurements():
+    warnings, notes = remarks_about_rate(read(drugs={"adrenaline": 0.1}))
+    assert (len(warnings), len(notes)) == (0, 1)
+
+
+def test_half_a_heart_rate_response_halves_the_rise_that_is_said():
+    whole, half = (
+        read(drugs={"adrenaline": 0.1}, regulation={"heart_rate_response": share}) for share in (1, 0.5)
+    )
+    rises = [
+        float(re.search(r"has ([\d.]+) bpm", remarks_about_rate(r)[1][0].message)[1]) - 75.0
+        for r in (whole, half)
+    ]
+    assert rises[1] == pytest.approx(0.5 * rises[0], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        {"drugs": {"adrenaline": 0.1}, "regulation": {"heart_rate_response": 0}},
+        {"drugs": {"milrinone": 0.5, "vasopressin": 0.03}},
+        {"drugs": {"adrenaline": 0}},
+        {"drugs": {"adrenaline_sensitivity": 2}},
+        {},
+    ],
+)
+def test_nothing_is_said_of_a_heart_rate_that_no_drug_changes(sections):
+    assert remarks_about_rate(read(**sections, measurements=MEASURED)) == [[], []]

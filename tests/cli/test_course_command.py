@@ -10,7 +10,15 @@ import pytest
 import xarray as xr
 
 from eclsim.cases.fit_mark import with_mark
-from eclsim.cli.course import SHOWN_OUTPUTS, CourseOptions, _cases, _rows, _text
+from eclsim.cli.course import (
+    SHOWN_OUTPUTS,
+    CourseOptions,
+    _cases,
+    _is_unchanged,
+    _rows,
+    _text,
+    _unchanged_text,
+)
 from eclsim.cli.plan import _kept_text
 from eclsim.course.files import course_object
 
@@ -34,6 +42,35 @@ def test_a_course_is_written_as_table_netcdf_and_json(shell):
     assert (again.exit_code, "P01_course.csv already; --force overwrites" in again.stderr) == (2, True)
     drawn = shell.run("course", case, "--figures", figures)
     assert (drawn.exit_code, "P01_course" in drawn.stderr) == (2, True)
+
+
+def test_a_course_without_events_is_two_rows_and_says_that_nothing_changes(shell):
+    """It was a table of 25 equal rows."""
+    done = shell.run("course", shell.case(), "--until", "600", "--out", shell.folder / "out")
+    assert done.exit_code == 0, done.stderr
+    table, words, *_ = done.stdout.split("\n\n")
+    assert [line.split()[0] for line in table.splitlines()[-2:]] == ["00:00", "10:00"]
+    assert len(table.splitlines()) == 3
+    assert words == (
+        "nothing changes between the first and the last moment: the case has no [[events]], and no fluid "
+        "enters or leaves the patient"
+    )
+    bled = Path(shell.case(more=EVENTS))
+    changed = shell.run("course", bled, "--until", "10", "--every", "1", "--out", shell.folder / "bled")
+    assert "nothing changes" not in changed.stdout
+    assert len(changed.stdout.partition("\n\n")[0].splitlines()) == 12
+
+
+def test_a_course_in_which_only_a_hidden_number_changes_is_shown_whole():
+    minute, still = np.arange(50.0), np.full(50, 70.0)
+    moving = np.where(minute > 40.0, 9.0, 8.0)
+    same = xr.Dataset({"MAP": ("time_min", still), "status": ("time_min", ["x"] * 50)}, {"time_min": minute})
+    assert _is_unchanged(same)
+    assert not _is_unchanged(same.assign(urea=("time_min", moving)))
+    assert not _is_unchanged(same.isel(time_min=[0]))
+    band = xr.Dataset({"MAP": (("quantile", "time_min"), np.tile(still, (5, 1)))}, {"time_min": minute})
+    assert _is_unchanged(band)
+    assert _unchanged_text(same.assign_attrs(events='[{"at_min": 1}]')).endswith("last moment")
 
 
 def test_a_doubtful_fit_is_said_in_the_course_too(shell):

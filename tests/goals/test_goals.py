@@ -25,7 +25,7 @@ from eclsim.goals.goal import (
     read_goals,
     read_settings,
 )
-from eclsim.goals.result import GoalResult, broken_alarms_text, message_of
+from eclsim.goals.result import GoalResult, broken_alarms_text, broken_goals, gravest, message_of
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.registry import all_outputs
@@ -341,6 +341,57 @@ def test_no_alarm_of_gases_is_raised_that_the_case_does_not_raise():
     assert [stop.goal.output for stop in found.stops] == ["SaO2"]
     asked = reach(VENO_VENOUS, "PaCO2 < 45, SaO2 > 30")
     assert asked.outputs["SaO2"] < 80.0
+
+
+@pytest.mark.slow
+def test_a_patient_is_not_hyperventilated_to_spare_pump_speed(tmp_path, capsys):
+    """For SaO2 alone the sweep rose until PaCO2 was 29.7 mmHg, which the answer did not even list."""
+    found = reach(VENO_VENOUS, "SaO2 > 88")
+    assert found.reached
+    assert found.outputs["PaCO2"] == pytest.approx(30.0, abs=1e-3)
+    (stop,) = found.stops
+    assert str(stop.goal) == "PaCO2 > 30"
+    assert "PaCO2 > 30 (the brain's vessels constrict" in found.message
+    assert [str(kept.goal) for kept in found.kept] == ["PaCO2 30..60", "pHa 7.2..7.55"]
+    there = [found.outputs["PaCO2"], found.outputs["pHa"]]
+    assert [kept.value for kept in found.kept] == pytest.approx(there, rel=1e-9)
+    asked = reach(VENO_VENOUS, "SaO2 > 88, PaCO2 20..45")
+    assert asked.outputs["PaCO2"] < 30.0
+    assert asked.values[0] < found.values[0]
+    assert [kept.goal.output for kept in asked.kept] == ["pHa"]
+    out = tmp_path / "settings.json"
+    assert run_command("settings", VENO_VENOUS, "--goal", "SaO2 > 88") == 0
+    assert re.search(r"PaCO2 30\.\.60 \(by default\) +30 +mmHg +yes +yes", capsys.readouterr().out)
+    assert run_command("settings", VENO_VENOUS, "--goal", "SaO2 > 88", "--json", out) == 0
+    first = json.loads(out.read_text())["kept"][0]
+    assert (first["output"], first["low"], first["high"]) == ("PaCO2", 30.0, 60.0)
+
+
+def test_warning_limits_of_carbon_dioxide_hold_only_where_it_may_be_changed_and_the_patient_keeps_them():
+    outputs, present = ("PaCO2", "pHa", "SaO2"), {"PaCO2": 38.0, "pHa": 7.4, "SaO2": 90.0}
+    sweep, speed = Setting("ecmo.sweep_l_min", 0.0, 12.0), Setting("ecmo.speed_rpm", 1000.0, 5000.0)
+    ventilation = Setting("gas.alveolar_ventilation_l_min", 0.5, 8.0)
+
+    def kept(settings, asked="SaO2 > 88", **changed):
+        goals = read_goals(asked, outputs)
+        return {str(one) for one in implicit_goals(outputs, goals, present | changed, {}, settings)}
+
+    alarms = {"PaCO2 < 80", "pHa > 7", "pHa < 7.65"}
+    warnings = {"PaCO2 > 30", "PaCO2 < 60", "pHa > 7.2", "pHa < 7.55"}
+    assert kept([speed]) == alarms
+    assert kept([speed, sweep]) == kept([ventilation]) == alarms | warnings
+    assert kept([sweep], PaCO2=65.0) == (alarms | warnings) - {"PaCO2 < 60"}
+    assert kept([sweep], asked="PaCO2 25..70") >= warnings - {"PaCO2 > 30", "PaCO2 < 60"}
+    assert not kept([sweep], asked="PaCO2 25..70") & {"PaCO2 > 30", "PaCO2 < 60", "PaCO2 < 80"}
+
+
+def test_of_a_warning_and_an_alarm_that_are_both_broken_only_the_alarm_is_named():
+    goals = [Goal("PaCO2", high=80.0), Goal("PaCO2", high=60.0), Goal("PaCO2", low=30.0)]
+    for value, named in ((90.0, "PaCO2 < 80"), (70.0, "PaCO2 < 60"), (20.0, "PaCO2 > 30")):
+        assert [str(one.goal) for one in gravest(broken_goals({"PaCO2": value}, goals))] == [named]
+    both = [GoalResult(goal, 90.0, goal.low > 0.0, binding=True, slopes={}) for goal in goals]
+    said = message_of([Setting("s", 0.0, 1.0)], {"s": 0.5}, both, {}, "")
+    assert said.startswith("PaCO2 < 80 is not reached: the best is 90 mmHg")
 
 
 def test_a_goal_that_nothing_moves_is_refused():

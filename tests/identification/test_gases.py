@@ -30,11 +30,12 @@ from eclsim.identification.settings import (
     remarks_on_unmeasured_oxygenator,
 )
 from eclsim.identification.tracking import Tracker, TrackSettings
-from eclsim.identification.verdict import Aspect
+from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.thiel2025 import BOUNDS
+from eclsim.reporting.numbers import number, significant
 
 CASE = read_mapping({
     "format": 1,
@@ -75,6 +76,19 @@ def test_coordinates_are_logarithms_but_where_a_value_may_be_zero_or_negative():
     slopes = (scale.values(x + 1e-6) - scale.values(x - 1e-6)) / 2e-6
     assert np.allclose(slopes, scale.slopes(x), rtol=1e-6)
     assert x[1, 1] - x[0, 1] == pytest.approx(np.log(100.0))
+
+
+def test_differences_and_errors_of_a_parameter_have_its_unit():
+    """Starts differed "by 150", of a blood volume in mL."""
+    scale = Scale.of(("fluid.extra_volume_ml", "gas.base_excess_mmol_l", "gas.shunt_fraction", "Rmc"))
+    volume, excess, shunt, _ = (0.1 * unit for unit in scale.units)
+    assert scale.difference_text(0, 150.0 / scale.units[0]) == "150 mL"
+    assert scale.error(0, 0.1) == f"{number(volume, digits=2)} mL"
+    assert scale.difference_text(1, 0.1) == f"{number(excess, digits=2)} mmol/L"
+    assert scale.difference_text(2, 0.1) == number(shunt, digits=2)
+    assert scale.difference_text(3, np.log(1.5)) == "50 %"
+    assert scale.error(3, np.log(1.5)) == "a factor of 1.5"
+    assert scale.of_parameter(1).difference_text(0, 0.1) == scale.difference_text(1, 0.1)
 
 
 @pytest.mark.slow
@@ -203,6 +217,45 @@ def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_w
     (word,) = remarks_on_unmeasured_oxygenator(without, gases, ("Rmc",))
     sicker = fit(without, settings=replace(settings, parameters=("gas.shunt_fraction", "Rmc")))
     assert word in [reason.sentence for reason in sicker.verdict.remarks]
+
+
+STRONG = {"ecmo.oxygenator.oxygen_transfer": 0.08}
+
+
+def behind_a_strong_membrane():
+    """Measured on a membrane that takes up more oxygen than the model's new one; the case has the model's."""
+    true = with_values(CASE, STRONG)
+    case, values = measured(true, ("SP", "DP", "MAP", "PF", "SaO2", "PaO2", "SpreO2", "PpostO2"))
+    assert values["PpostO2"] > outputs_of(CASE, ("PpostO2",))["PpostO2"] + 80.0
+    return case.model_copy(update={"parameters": {}})
+
+
+@pytest.mark.slow
+def test_a_fit_to_a_po2_above_that_of_a_new_membrane_says_what_to_set():
+    case = behind_a_strong_membrane()
+    search = MultiStart.quick(16)
+    names = ("gas.shunt_fraction", CLOTTED, "Rmc")
+    settings = FitSettings(names, weights="uncertainty", multi_start=search)
+    found = fit(case, settings=settings)
+    (advice,) = [r for r in found.verdict.doubts if r.about == "ecmo.oxygenator.oxygen_transfer"]
+    assert f"PpostO2 {significant(case.measurements.PpostO2)} mmHg is above the " in advice.sentence
+    assert "set ecmo.oxygenator.oxygen_transfer in [parameters] above 0.0518" in advice.sentence
+    free = fit(case, settings=replace(settings, parameters=("ecmo.oxygenator.oxygen_transfer", "Rmc")))
+    assert not any("[parameters] above" in reason.sentence for reason in free.verdict.reasons)
+    assert free.parameters["ecmo.oxygenator.oxygen_transfer"].value == pytest.approx(0.08, rel=0.02)
+    clotted = fit(with_values(case, {CLOTTED: 0.3}), settings=replace(settings, parameters=("Rmc",)))
+    assert clotted.simulated["PpostO2"] < case.measurements.PpostO2 - 80.0
+    assert not any("[parameters] above" in reason.sentence for reason in clotted.verdict.reasons)
+
+
+@pytest.mark.slow
+def test_tracking_says_what_to_set_where_the_po2_is_above_that_of_a_new_membrane():
+    settings = TrackSettings(FitSettings(("gas.shunt_fraction", CLOTTED, "Rmc")))
+    point = Tracker(settings).update("first", behind_a_strong_membrane())
+    assert point.verdict.level is Level.POOR
+    assert "set ecmo.oxygenator.oxygen_transfer in [parameters] above 0.0518" in point.message
+    good = measured(CASE, ("SP", "DP", "MAP", "PF", "SaO2", "PaO2", "SpreO2", "PpostO2"))[0]
+    assert "oxygen_transfer" not in Tracker(settings).update("first", good).message
 
 
 @pytest.mark.slow

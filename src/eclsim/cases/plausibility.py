@@ -16,6 +16,7 @@ from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, looks_identifiable
 from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.physiology import SECTION
+from eclsim.parameters.regulation import DRUG_DOSES, DRUGS, REGULATION
 from eclsim.patient.anthropometry import body_mass_index, delivery_limits, greatest_heart_rate
 from eclsim.patient.sites import ONLY_REGIONAL, SAME_IN_REGIONS, patient_sites
 from eclsim.units import MMHG_PER_KPA
@@ -24,6 +25,9 @@ _VESSELS = ("ao", "sart", "svn", "pas", "part", "pvn")
 _CHAMBERS = ("ra", "rv", "la", "lv")
 _LARGEST_SHARE = 0.5
 _LEAST_VENOUS_ML = 20.0
+_SMALLEST_RATE_CHANGE = 0.5
+"""Change of the heart rate by drugs [bpm] that a monitor shows."""
+RATE_PLACE = "patient.heart_rate_bpm"
 _LARGEST_SATURATION_DIFFERENCE = 15.0
 """Difference [%] of a saturation from that of its PO2 which pH and temperature hardly explain."""
 
@@ -51,6 +55,7 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
             if name in case.measurements and not case.of(device.key):
                 message = f"a pump flow was measured, but the case has no [{device.key}] section"
                 remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
+    _check_rate_before_drugs(case, remarks)
     _check_blood(case, parameters, remarks)
     _check_blood_gases(case, remarks)
     _note_ventilation(case, remarks)
@@ -159,7 +164,33 @@ def _check_heart_rate(patient: Raw, remarks: Remarks) -> None:
         "2001): an arrhythmia or a pacemaker? Systole takes the same share of every beat here, so that the "
         "output at such a rate is too high"
     )
-    remarks.warning("patient.heart_rate_bpm", message, shown(rate))
+    remarks.warning(RATE_PLACE, message, shown(rate))
+
+
+def _check_rate_before_drugs(case: CaseValues, remarks: Remarks) -> None:
+    """Say that the heart rate is that before the drugs; a warning if the patient was measured on them."""
+    rate, drugs = case.patient.get("heart_rate_bpm"), case.physiology.get(DRUGS, {})
+    doses = {
+        name: drugs[name] * drugs.get(f"{name}_sensitivity", 1.0)
+        for name in DRUG_DOSES
+        if drugs.get(name, 0.0) > 0.0
+    }
+    if rate is None or not doses:
+        return
+    from eclsim.drugs.published import heart_rate_on_drugs
+
+    regulation = case.physiology.get(REGULATION, {})
+    response = regulation.get("heart_rate_response", 1.0)
+    raised = heart_rate_on_drugs(rate, doses, response)
+    if abs(raised - rate) < _SMALLEST_RATE_CHANGE:
+        return
+    on = "with them, without reflexes," if {"baroreflex", "chemoreflex"} & regulation.keys() else "with them"
+    message = (
+        f"is taken as the rate before the drugs; {on} the beat has {raised:.1f} bpm. If {rate:g} was "
+        f"measured on these doses, write {rate * rate / raised:.1f} instead, so that the beat has {rate:g}"
+    )
+    remark = remarks.warning if case.measurements else remarks.note
+    remark(RATE_PLACE, message, shown(rate))
 
 
 def _check_body_size(height: float, weight: float, remarks: Remarks) -> None:

@@ -14,6 +14,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Commands compute on the CPU, so no GPU needs to be initialised.
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    # On a busy machine XLA logs compiling for two minutes as an error. Failures of XLA are Python exceptions,
+    # and what ends the process is still written.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     # Imports and programs leave 500,000 objects: a frequent search for garbage takes a seventh of the time.
     gc.set_threshold(50_000, 20, 20)
     from eclsim.cli.application import run

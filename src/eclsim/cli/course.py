@@ -351,6 +351,8 @@ SHOWN_OUTPUTS = (
     "DO2", "potassium", "bicarbonate", "drug_unbound",
 )  # fmt: skip
 MOST_ROWS = 25
+SAME_NUMBER = 1e-6
+"""Change, relative or in the unit, below which a number of a course is the same."""
 BAND_OUTPUTS = ("MAP", "PF", "drainage_pressure", "DO2")
 _DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
 """Decimals by unit in tables, so that the digits of a column line up; other units have one."""
@@ -370,13 +372,13 @@ def _text(result: xr.Dataset) -> str:
     spans = spans_in_words(result, reasons=True)
     seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN_OUTPUTS if name in result]
-    impossible = impossible_moments(result)
+    impossible, unchanged = impossible_moments(result), _is_unchanged(result)
     rows = [
         (
             f"{at} *" if impossible[k] else at,
             *(number(float(result[name][k]), _decimals(result[name])) for name in names),
         )
-        for k, at in _rows(result, seconds, impossible).items()
+        for k, at in _ends_if(unchanged, _rows(result, seconds, impossible)).items()
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
     ml = {key: number(value, 0) for key, value in json.loads(result.attrs["balance"]).items()}
@@ -384,6 +386,8 @@ def _text(result: xr.Dataset) -> str:
         f"blood volume {ml['blood_volume_start_ml']} mL at the start, {ml['blood_volume_end_ml']} mL at the "
         f"end: given {ml['given_ml']}, removed {ml['removed_ml']}, refilled {ml['refilled_ml']} mL"
     )
+    if unchanged:
+        words = f"{_unchanged_text(result)}\n\n{words}"
     took = f"{result.attrs['seconds']:.1f} s"
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
@@ -394,6 +398,34 @@ def _text(result: xr.Dataset) -> str:
     if drug := drug_in_words(result):
         words += f"\n{drug}"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
+
+
+def _is_unchanged(result: xr.Dataset) -> bool:
+    """Whether a course has several moments, and all its numbers stay those of the first."""
+    import numpy as np
+
+    def stays(values: xr.DataArray) -> bool:
+        rows = values.transpose("time_min", ...).to_numpy()
+        if rows.dtype.kind != "f":
+            return bool((rows == rows[:1]).all())
+        return np.allclose(rows, rows[:1], rtol=SAME_NUMBER, atol=SAME_NUMBER, equal_nan=True)
+
+    followed = [values for values in result.data_vars.values() if "time_min" in values.dims]
+    return result.sizes["time_min"] > 1 and bool(followed) and all(map(stays, followed))
+
+
+def _unchanged_text(result: xr.Dataset) -> str:
+    """Say that nothing changes in a course, and why if it has no events."""
+    import json
+
+    without = not json.loads(result.attrs.get("events", "[]"))
+    why = ": the case has no [[events]], and no fluid enters or leaves the patient" if without else ""
+    return f"nothing changes between the first and the last moment{why}"
+
+
+def _ends_if(unchanged: bool, rows: dict[int, str]) -> dict[int, str]:
+    """Return the first and last of the moments shown if nothing changes between them, else all."""
+    return {k: rows[k] for k in (min(rows), max(rows))} if unchanged and rows else rows
 
 
 def _decimals(values: xr.DataArray) -> int:
@@ -430,9 +462,12 @@ def _band_text(band: xr.Dataset) -> str:
         low, _, median, _, high = (number(float(v), decimals) for v in band[name].to_numpy()[:, k])
         return f"{median} ({low} to {high})"
 
-    rows = [(at, *(cell(name, k) for name in names)) for k, at in _rows(band).items()]
+    unchanged = _is_unchanged(band)
+    shown = _ends_if(unchanged, _rows(band))
+    rows = [(at, *(cell(name, k) for name in names)) for k, at in shown.items()]
     head = ("time", *(f"{name} [{band[name].attrs['units']}]" for name in names))
-    words = [f"median (90 % interval) of {band.attrs['draws']} draws"]
+    words = [_unchanged_text(band)] if unchanged else []
+    words.append(f"median (90 % interval) of {band.attrs['draws']} draws")
     for label, shares in zip(band["alarm"].values, band["alarm_probability"].to_numpy(), strict=True):
         at = clock_time(float(band["time_min"][int(shares.argmax())]))
         words.append(f"{label}: in {100.0 * shares.max():.0f} % of the draws at {at}")

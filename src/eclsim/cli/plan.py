@@ -244,10 +244,11 @@ def _text(result: Reached) -> str:
     ]
     goals = [
         (
-            str(g.goal), number(g.value), output(g.goal.output).unit,
+            f"{g.goal} (by default)" if g.goal.because else str(g.goal), number(g.value),
+            output(g.goal.output).unit,
             "yes" if g.met else "no", "yes" if g.binding else "",
         )
-        for g in result.goals
+        for g in (*result.goals, *result.kept)
     ]  # fmt: skip
     settings_table = text_table(("setting", "value", "unit", "range"), turned, (1,))
     goals_table = text_table(("goal", "value", "unit", "reached", "binding"), goals, (1,))

@@ -8,6 +8,7 @@ and prints the effects listed here. The reflexes of the study's patients are the
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,12 +77,25 @@ _ALL = (
 )  # fmt: skip
 PUBLISHED: dict[str, Drug] = {drug.name: drug for drug in _ALL}
 """All published drugs by name."""
+_RATE = Effects._fields.index("heart_rate")
 
 
 def with_drugs(circuit: Circuit) -> Circuit:
     """Add the controller of all published drugs to a circuit with volume offset."""
     control = Control(DRUGS, InfusedDrugs(tuple(PUBLISHED.values())), (), ACTS_ON)
     return circuit + Circuit(controllers=(control,))
+
+
+def heart_rate_on_drugs(rate_bpm: float, doses: Mapping[str, float], response: float = 1.0) -> float:
+    """Heart rate that a patient's own rate becomes on drugs, without reflexes [bpm].
+
+    Args:
+        rate_bpm: rate before the drugs [bpm].
+        doses: dose of each drug times the patient's sensitivity to it, by name; drugs left out are not given.
+        response: share of the change that takes place: 1 for a healthy sinus node, 0 for a paced heart.
+    """
+    factor = math.exp(sum(float(PUBLISHED[name].effects(dose)[_RATE]) for name, dose in doses.items()))
+    return rate_bpm * (1.0 + response * (factor - 1.0))
 
 
 # --- wash-in and wash-out: the dose in effect follows the pump with each drug's half-life ------------

@@ -34,6 +34,10 @@ ALLOWED_FORMS = (
 )
 MET_TOLERANCE = 1e-4
 """Largest miss of a goal that counts as reached, in scales of the goal."""
+VENTILATION = ("sweep_l_min", "alveolar_ventilation_l_min")
+"""Settings, without their section, that remove carbon dioxide."""
+VENTILATED = ("PaCO2", "PaCO2_lower", "pHa")
+"""Outputs that these settings change most, and that are kept within warning limits if one may be varied."""
 LARGEST_FLOW_L_MIN = 30.0
 SMALLEST_OXYGEN_FLOW_ML_MIN = 10.0
 
@@ -163,38 +167,51 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
 
 
 def implicit_goals(
-    outputs: Sequence[str], asked: Sequence[Goal], present: Mapping[str, float], values: Mapping[str, float]
+    outputs: Sequence[str],
+    asked: Sequence[Goal],
+    present: Mapping[str, float],
+    values: Mapping[str, float],
+    settings: Sequence[Setting] = (),
 ) -> tuple[Goal, ...]:
     """Goals that hold without being stated, for veins, ejecting chambers, flows and gases.
 
     No vein may be below the pressure of its surroundings, no chamber may eject more than it holds, no device
     may carry blood backwards, no oxygenator may have less flow than its label requires, and no alarm of gases
-    may be raised that the case does not raise already. Goals of flows and gases give way if no varied setting
-    can keep them.
+    may be raised that the case does not raise already. If sweep or ventilation may be varied, arterial PCO2
+    and pH that the case keeps within their warning limits stay within these: no search should hyperventilate
+    a patient to spare pump speed. Goals of flows and gases give way if no varied setting can keep them.
 
     Args:
         outputs: names of the outputs that the case has.
         asked: goals of the user, which replace implicit goals on the same side of an output.
         present: outputs at the case's own settings, as far as known.
         values: parameters of the case.
+        settings: settings that may be varied.
     """
     taken = {(goal.output, "below") for goal in asked if math.isfinite(goal.low)}
     taken |= {(goal.output, "above") for goal in asked if math.isfinite(goal.high)}
-    goals: dict[tuple[str, str], Goal] = {}  # by output and meaning, which may differ between sides
+    goals: dict[tuple[str, str, str], Goal] = {}  # the meaning may differ between sides
+    ventilated = VENTILATED if varies_ventilation(settings) else ()
     backward = [_least_flow(limit, values) for limit in backward_flow_bounds(outputs)]
     gases = [
         limit for name in outputs if requires_gases(name) for limit in limits_of(name, outputs, values)
-        if limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan))
+        if (limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan)))
+        or (name in ventilated and name in present and not limit.broken_by(present[name]))
     ]  # fmt: skip
     alarms = (*backward, *gases)
     for limit in (*impossible_bounds(outputs), *alarms):
         if (limit.quantity, limit.side) not in taken:
-            key = limit.quantity, limit.meaning
+            key = limit.quantity, limit.kind, limit.meaning
             unbound = Goal(limit.quantity, because=limit.meaning, gives_way=limit in alarms)
             known = goals.get(key, unbound)
             side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}
             goals[key] = replace(known, **side)
     return tuple(goals.values())
+
+
+def varies_ventilation(settings: Iterable[Setting]) -> bool:
+    """Whether a setting may be varied that removes carbon dioxide: a sweep, or the lungs' ventilation."""
+    return any(setting.name.rpartition(".")[2] in VENTILATION for setting in settings)
 
 
 def is_kept_by_settings(goal: Goal, settings: Sequence[Setting]) -> bool:

@@ -82,6 +82,8 @@ class Reached:
         tried: number of points throughout the ranges that were tried first.
         without_beat: number of these points without a determined steady beat.
         doubts: doubts about the fit that gave the parameters, if it is not good.
+        kept: outputs that were kept within limits although no goal was stated for them, one goal for each:
+            arterial PCO2 and pH, where sweep or ventilation may change.
     """
 
     id: str
@@ -99,6 +101,7 @@ class Reached:
     tried: int = 0
     without_beat: int = 0
     doubts: tuple[str, ...] = ()
+    kept: tuple[GoalResult, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Reached {self.id}: {self.message}>"
@@ -127,6 +130,7 @@ class Reached:
             "goals": [g.as_object() for g in self.goals],
             "stops": [{**g.as_object(), "because": g.goal.because} for g in self.stops],
             "not_kept": [{**g.as_object(), "because": g.goal.because} for g in self.not_kept],
+            "kept": [g.as_object() for g in self.kept],
             "without": {goal: None if at is None else dict(at) for goal, at in self.without.items()},
             "outputs": dict(self.outputs),
             "warnings": list(self.warnings),
@@ -142,6 +146,27 @@ def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterato
         value = outputs.get(goal.output, math.nan)
         if not goal.is_met(value):
             yield GoalResult(goal, value, met=False, binding=False, slopes={})
+
+
+def gravest(missed: Iterable[GoalResult]) -> list[GoalResult]:
+    """Missed goals without the later ones on the same side of an output: of alarm and warning, the alarm."""
+    first: dict[tuple[str, bool], GoalResult] = {}
+    for result in missed:
+        first.setdefault((result.goal.output, result.value > result.goal.high), result)
+    return list(first.values())
+
+
+def kept_by_default(results: Iterable[GoalResult], names: Iterable[str]) -> tuple[GoalResult, ...]:
+    """Bounds of outputs for which no goal was stated, joined to one goal for each output."""
+    results, joined = [result for result in results if result.goal.because], []
+    for name in names:
+        own = [result for result in results if result.goal.output == name]
+        if own:
+            low, high = max(one.goal.low for one in own), min(one.goal.high for one in own)
+            goal = Goal(name, low, high, because="kept by default", gives_way=True)
+            met, binding = all(one.met for one in own), any(one.binding for one in own)
+            joined.append(GoalResult(goal, own[0].value, met, binding, own[0].slopes))
+    return tuple(joined)
 
 
 def scan_gaps_text(tried: int, without_beat: int) -> str:
@@ -172,7 +197,7 @@ def message_of(
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
         return f"all goals are reached with {where}{_binding_goals_text(settings, values, results)}"
-    text = _unmet_text([result for result in results if not result.met])
+    text = _unmet_text(gravest(result for result in results if not result.met))
     asked = sum(not result.goal.because for result in results)
     text += f" within the other goals, with {where}" if asked > 1 else f", with {where}"
     ends = [_at_end(s, values[s.name]) for s in settings]

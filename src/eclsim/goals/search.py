@@ -13,8 +13,9 @@ what stands in the way is found by leaving out the goals at their bounds, one by
 nobody states them (implicit goals), since no patient can or should break them: veins do not fill below the
 pressure of their surroundings, no chamber ejects more than it holds, no device carries blood backwards and no
 oxygenator less than its label says, and no alarm of gases is raised that the case does not raise itself.
-Implicit goals of a flow or of gases that no varied setting can keep are left out: the answer names them where
-they are broken.
+Where sweep or ventilation may change, arterial PCO2 and pH also stay within their warning limits. Implicit
+goals of a flow or of gases that no varied setting can keep are left out: the answer names them where they are
+broken.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from scipy.optimize import linprog
 from eclsim.gas.network import GasStatus
 from eclsim.goals.goal import (
     MET_TOLERANCE,
+    VENTILATED,
     Goal,
     GoalError,
     Setting,
@@ -37,6 +39,7 @@ from eclsim.goals.goal import (
     read_goals,
     read_settings,
     requires_gases,
+    varies_ventilation,
 )
 from eclsim.goals.result import (
     ALARM_KINDS,
@@ -45,6 +48,8 @@ from eclsim.goals.result import (
     ReachStatus,
     broken_alarms_text,
     broken_goals,
+    gravest,
+    kept_by_default,
     message_of,
     scan_gaps_text,
 )
@@ -110,9 +115,10 @@ def reach(
     whole = _PatientModel(model, settings, volume_policy)
     own_place = whole.beat(whole.own_place[:, None], None)
     present = own_place.outputs() if own_place.determined[0] else {}
-    implicit = implicit_goals(names, parsed, present, model.values)
+    implicit = implicit_goals(names, parsed, present, model.values, settings)
     if vary is None:
         settings = _settings_with_effect(whole, parsed, implicit)
+        implicit = implicit_goals(names, parsed, present, model.values, settings)
     held = [goal for goal in implicit if is_kept_by_settings(goal, settings)]
     giving_way = [goal for goal in implicit if goal.gives_way]
     return _search_from_starts(_PatientModel(model, settings, volume_policy), (*parsed, *held), giving_way)
@@ -284,7 +290,7 @@ def _search_from_starts(
     )
     beat = patient.beat(end.place[:, None], None)
     findings, outputs = tuple(beat.findings()), beat.outputs()
-    alarms = tuple(broken_goals(outputs, [goal for goal in giving_way if goal not in goals]))
+    alarms = tuple(gravest(broken_goals(outputs, [goal for goal in giving_way if goal not in goals])))
     gaps = "" if status is ReachStatus.REACHED else scan_gaps_text(tried, without_beat)
     named_outputs = {alarm.goal.output for alarm in alarms}
     return Reached(
@@ -314,6 +320,7 @@ def _search_from_starts(
         tried,
         without_beat,
         patient.model.doubts,
+        kept_by_default(results, VENTILATED) if varies_ventilation(patient.settings) else (),
     )
 
 

@@ -46,9 +46,9 @@ from eclsim.identification.verdict import (
     Goodness,
     Level,
     Reason,
-    agreement,
     goodness_of,
     intervals_differ,
+    misfits,
     plausibility,
     search,
     single_start,
@@ -367,7 +367,10 @@ def _result(
     changed = with_values(case, {**fixed, **fitted, **set_points})
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
-        *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
+        *misfits(
+            target.measured, simulated, goodness, settings.weights, box.names, target.model.values
+        ),
+        *search(optimum.status),
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
         *_doubts_of_bounds(parameters, gains), *_doubts_of_fixed_parameters(goodness, box.names),
         *_doubts_of_set_points(set_points),

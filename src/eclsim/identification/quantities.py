@@ -31,9 +31,11 @@ class Scale:
     Args:
         units: for a linear parameter, the value that corresponds to a coordinate of 1; 0 for a logarithmic
             one.
+        written: unit of each parameter as text; empty if it is dimensionless. May be left out.
     """
 
     units: tuple[float, ...]
+    written: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, names: Sequence[str]) -> Scale:
@@ -60,21 +62,26 @@ class Scale:
 
     def of_parameter(self, k: int) -> Scale:
         """Return the scale of one of the parameters."""
-        return Scale((self.units[k],))
+        return Scale((self.units[k],), self.written[k : k + 1])
 
     def value(self, k: int, x: float) -> float:
         """Convert one coordinate to a value in its unit, rounded to remove conversion errors."""
         return float(f"{self.of_parameter(k).values(np.array([x]))[0]:.{_DIGITS}g}")
 
     def difference_text(self, k: int, distance: float) -> str:
-        """Difference between two values as text (in % or in the unit), from that of their coordinates."""
-        unit = self.units[k]
-        return number(distance * unit, digits=2) if unit else f"{100.0 * math.expm1(distance):.0f} %"
+        """Difference between two values as text (in % or with the unit), from that of their coordinates."""
+        return self._with_unit(k, distance) if self.units[k] else f"{100.0 * math.expm1(distance):.0f} %"
 
     def error(self, k: int, error: float) -> str:
-        """A standard error as text."""
-        unit = self.units[k]
-        return number(error * unit, digits=2) if unit else f"a factor of {significant(math.exp(error), 2)}"
+        """A standard error as text, with its unit."""
+        if self.units[k]:
+            return self._with_unit(k, error)
+        return f"a factor of {significant(math.exp(error), 2)}"
+
+    def _with_unit(self, k: int, distance: float) -> str:
+        """A difference of coordinates of a linear parameter as text, with its unit."""
+        unit = self.written[k] if self.written else ""
+        return f"{number(distance * self.units[k], digits=2)} {unit}".strip()
 
     @property
     def _divisors(self) -> np.ndarray:
@@ -83,7 +90,9 @@ class Scale:
 
 @lru_cache(maxsize=1024)
 def _scale(names: tuple[str, ...]) -> Scale:
-    return Scale(tuple(0.0 if (p := quantity(name)) is None else p.linear_unit for name in names))
+    known = [quantity(name) for name in names]
+    units = tuple(0.0 if one is None else one.linear_unit for one in known)
+    return Scale(units, tuple(map(unit_of_parameter, names)))
 
 
 def unit_of_parameter(name: str) -> str:

@@ -54,7 +54,7 @@ from eclsim.identification.series import (
     series_of,
 )
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
+from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, goodness_of, misfits
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.outputs.signals import gas_dependent_outputs, output_names, parameters_read
@@ -544,15 +544,15 @@ def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
     simulated = dict(zip(density.outputs, gaussian.outputs.tolist(), strict=True))
     scaled = gaussian.jacobian / density.scale[:, None]
     goodness = goodness_of(density.measured, simulated, density.errors, scaled, gaussian.covariance)
-    reasons = agreement(density.measured, simulated, goodness, "uncertainty")
-    return FitVerdict(goodness, ()).with_reasons(reasons)
+    known = simulated, goodness, "uncertainty", density.prior.names, density.model.values
+    return FitVerdict(goodness, ()).with_reasons(misfits(density.measured, *known))
 
 
 def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
     """Doubts about the first estimate and how they were handled; empty if there are none."""
     doubts = []
     if verdict.doubts:
-        doubts.append(f"first estimate: {verdict.headline}")
+        doubts += [f"first estimate: {verdict.headline}", *verdict.advice]
     if power < 1.0:
         doubts.append(
             f"the first estimate is itself uncertain: {'; '.join(weighted.reasons)}; its intervals are "

@@ -6,7 +6,7 @@ conventions: by chance, one measurement in 80 differs by 2.5 standard uncertaint
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 from eclsim.cases.quantities import quantity
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import Scale
+from eclsim.identification.settings import CLOTTED
 from eclsim.parameters.adult_ranges import AdultRange
 from eclsim.reporting.numbers import significant
 
@@ -29,6 +30,8 @@ POOR_PROBABILITY = 1e-4
 """A fit is poor if measurement error alone gives as large a chi-square with a smaller probability."""
 LARGEST_WIDTH_RATIO = 3.0
 """Intervals of a parameter disagree if their widths (in coordinates) differ by more than this factor."""
+PO2_BEHIND = "PpostO2"
+TRANSFER = "ecmo.oxygenator.oxygen_transfer"
 SIDES = ("lower", "upper")
 LARGEST_END_DISTANCE = 2.0
 """Intervals of a parameter disagree if one of their ends differs by more than this factor."""
@@ -120,6 +123,11 @@ class FitVerdict:
     def remarks(self) -> tuple[Reason, ...]:
         """Reasons with the level good."""
         return tuple(r for r in self.reasons if r.level is Level.GOOD)
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """What to set if a measurement is out of the model's reach."""
+        return tuple(r.sentence for r in self.doubts if r.about == TRANSFER)
 
     @property
     def headline(self) -> str:
@@ -246,6 +254,51 @@ def agreement(
         )
         reasons.append(Reason(Aspect.AGREEMENT, level, "", sentence))
     return reasons
+
+
+def misfits(
+    measured: Mapping[str, float],
+    simulated: Mapping[str, float],
+    goodness: Goodness,
+    weights: str,
+    free: Collection[str],
+    values: Mapping[str, float],
+) -> list[Reason]:
+    """Reasons from the differences between fit and measurements, with advice where the cause is known.
+
+    Args:
+        measured: measured values by output.
+        simulated: values of the fitted model.
+        goodness: agreement of the fit.
+        weights: weights of the fit, "relative" or "uncertainty".
+        free: names of the fitted parameters.
+        values: parameters of the model.
+    """
+    reasons = agreement(measured, simulated, goodness, weights)
+    return reasons + _stronger_membrane(measured, simulated, goodness, free, values)
+
+
+def _stronger_membrane(
+    measured: Mapping[str, float],
+    simulated: Mapping[str, float],
+    goodness: Goodness,
+    free: Collection[str],
+    values: Mapping[str, float],
+) -> list[Reason]:
+    """A reason where a PO2 behind the oxygenator is higher than even a new membrane of the model gives."""
+    missed = goodness.differences.get(PO2_BEHIND, 0.0)
+    as_new = CLOTTED in free or values.get(CLOTTED, 0.0) == 0.0
+    if missed >= -DOUBTFUL_DIFFERENCE or TRANSFER in free or TRANSFER not in values or not as_new:
+        return []
+    sentence = (
+        f"{PO2_BEHIND} {significant(measured[PO2_BEHIND])} mmHg is above the "
+        f"{significant(simulated[PO2_BEHIND])} mmHg that the model's membrane gives, even without a clot: "
+        f"check FdO2; if it is right, set {TRANSFER} in [parameters] above {values[TRANSFER]:g} until the "
+        f"{PO2_BEHIND} of eclsim simulate is that of a day on which the membrane was good, or free it "
+        "(--parameters)"
+    )
+    level = Level.POOR if missed < -POOR_DIFFERENCE else Level.DOUBTFUL
+    return [Reason(Aspect.AGREEMENT, level, TRANSFER, sentence)]
 
 
 def single_start(agreeing: int, refined: int) -> list[Reason]:
