@@ -14,7 +14,8 @@ import numpy as np
 from eclsim.orbit.model import Model
 from eclsim.outputs.results import simulate
 from eclsim.validation import regulation
-from eclsim.validation.reference_cases import UnreachableError, read_table, with_outputs
+from eclsim.validation.matching import UnreachableError, with_outputs
+from eclsim.validation.reference_cases import read_table
 
 BRONCHIAL = {"bronchial_fraction": 0.015}
 PATIENTS: Mapping[str, tuple[dict[str, object], bool]] = {

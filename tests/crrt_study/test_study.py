@@ -83,7 +83,7 @@ def test_schemes_a_and_h_give_the_lowest_and_the_highest_arterial_pressure(study
 def test_the_switched_circuit_gives_what_a_circuit_of_one_scheme_gives(study):
     from eclsim.outputs.results import simulate
 
-    single = simulate(model_of(paper_case("post_pump", "pre_oxy")))
+    single = simulate(model_of(paper_case().with_section("crrt", access_site="post_pump")))
     for name in ("MAP", "SP", "CO", "PF", "EDVRV", "crrt_access_pressure", "lowest_drainage_pressure"):
         assert mean(study, "a", name) == pytest.approx(float(single[name]), rel=1e-5), name
     assert mean(study, "a", "recirculated_fraction") == pytest.approx(

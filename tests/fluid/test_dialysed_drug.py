@@ -169,7 +169,7 @@ def test_shares_above_a_target_are_those_of_lines_between_moments() -> None:
 @pytest.mark.parametrize(
     ("drug", "words"),
     [
-        ({"over_min": 600, "dose_mg": 500}, "dialysed_drug.over_min"),
+        ({"over_min": 3000}, "dialysed_drug.over_min"),
         ({"unbound_fraction": 90}, "dialysed_drug.unbound_fraction"),
         ({"dose_mg": -5}, "dialysed_drug.dose_mg"),
         ({"half_life_h": 2}, "half_life_h"),
@@ -186,6 +186,8 @@ def test_doubtful_and_assumed_values_are_named() -> None:
     assert "no effect without dose_mg" in said
     assert "more passes the membrane than is unbound" in said
     assert "central_volume_l = 15" in said
+    long = read_mapping(CASE | {"dialysed_drug": DRUG | {"over_min": 600}})
+    assert "doses run side by side" in "".join(map(str, long.warnings))
 
 
 @pytest.mark.parametrize("event", [{"give": {"drug_mg": 100}}, {"set": {"dialysed_drug.dose_mg": 100}}])

@@ -4,7 +4,7 @@ import pytest
 
 from eclsim.outputs.results import simulate
 from eclsim.validation import hypercapnia, regulation
-from eclsim.validation.reference_cases import UnreachableError, with_outputs
+from eclsim.validation.matching import UnreachableError, with_outputs
 
 
 def test_curves_are_as_printed():

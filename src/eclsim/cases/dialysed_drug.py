@@ -43,9 +43,9 @@ class DialysedDrug(Section):
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
         """Check doses against their interval and sieving against binding; name assumed constants."""
         over, every = values.get("over_min", 30.0), values.get("every_h", 8.0)
-        if over >= 60.0 * every:
-            message = f"not below the {every:g} h from one dose to the next"
-            remarks.error(f"{key}.over_min", message, shown(over), "a shorter time, or infusion_mg_h")
+        if values.get("dose_mg") and over >= 60.0 * every:
+            message = f"not below the {every:g} h from one dose to the next: doses run side by side"
+            remarks.warning(f"{key}.over_min", message, shown(over), "infusion_mg_h")
         idle = [name for name in ("every_h", "over_min") if name in values and not values.get("dose_mg")]
         for name in idle:
             remarks.warning(f"{key}.{name}", "has no effect without dose_mg", shown(values[name]))

@@ -334,12 +334,27 @@ def _with_posterior(
     folder: Path,
     progress: Progress,
 ) -> tuple[FitResult, dict[str, Any]]:
-    """Sample the posterior and write its files; return the fit judged by the draws, and content for JSON."""
+    """Return the fit with its verdict updated by the draws, and the posterior as content for JSON."""
+    from eclsim.identification.verdict import interval_agreement
+
+    posterior = _sample(o, fit, predictions, folder, progress)
+    if posterior["method"] != "gaussian" and posterior["trusted"]:
+        fitted = fit.as_object()["parameters"]
+        fit = fit.judged(interval_agreement(fitted, posterior["parameters"], "posterior"))
+    return fit, {"posterior": posterior}
+
+
+def _sample(
+    o: IdentifyOptions,
+    fit: FitResult,
+    predictions: Sequence[tuple[str, Case]],
+    folder: Path,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Sample the posterior and write the files of the draws."""
     from eclsim.identification.files import write_posterior
     from eclsim.identification.nuts import Sampling
-    from eclsim.identification.posterior import PosteriorSettings
-    from eclsim.identification.posterior import posterior as sample
-    from eclsim.identification.verdict import interval_agreement
+    from eclsim.identification.posterior import PosteriorSettings, posterior
 
     chosen = PosteriorSettings(
         method=o.posterior_method if o.posterior else o.predict_with,
@@ -347,14 +362,10 @@ def _with_posterior(
         sampling=Sampling(o.chains, o.warmup, o.draws, o.seed),
         volume_policy=fit.settings.volume_policy,
     )
-    result = sample(fit, settings=chosen, predictions=predictions, progress=progress)
+    result = posterior(fit, settings=chosen, predictions=predictions, progress=progress)
     write_posterior(folder / "posterior", result)
     say(f"posterior: {folder / 'posterior'}")
-    posterior = result.as_object()
-    if posterior["method"] != "gaussian" and posterior["trusted"]:
-        fitted = fit.as_object()["parameters"]
-        fit = fit.judged(interval_agreement(fitted, posterior["parameters"], "posterior"))
-    return fit, {"posterior": posterior}
+    return result.as_object()
 
 
 # --- a table of data points -----------------------------------------------------------------------

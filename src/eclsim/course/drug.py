@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 def dialysed_drug_of(result: xr.Dataset) -> DialysedDrug | None:
     """Section [dialysed_drug] of the case of a course or of a band; None if there is none."""
-    stated = json.loads(result.attrs[CASE]).get(DialysedDrug.section)
-    return None if stated is None else DialysedDrug.model_validate(stated, context=CHECKED)
+    if UNBOUND not in result:
+        return None
+    stated = json.loads(result.attrs[CASE])[DialysedDrug.section]
+    return DialysedDrug.model_validate(stated, context=CHECKED)
 
 
 def drug_record(result: xr.Dataset) -> dict[str, Any] | None:

@@ -25,7 +25,8 @@ from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME, dose
-from eclsim.validation.reference_cases import compared, read_table, sign, with_quantities
+from eclsim.validation.matching import with_quantities
+from eclsim.validation.reference_cases import compared, read_table, sign
 
 SURFACE_M2 = (170.0 * 70.0 / 3600.0) ** 0.5
 """Body surface area by Mosteller's formula for 170 cm and 70 kg [m2]."""

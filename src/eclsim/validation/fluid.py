@@ -30,7 +30,8 @@ from eclsim.regulation.heldt import HELDT_2010
 from eclsim.slow import INFLOWS
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.gas import not_significant_in_five
-from eclsim.validation.reference_cases import PROTOCOLS, compared, sign, with_outputs
+from eclsim.validation.matching import with_outputs
+from eclsim.validation.reference_cases import PROTOCOLS, compared, sign
 
 PIETRIBIASI = "Pietribiasi et al. 2016 (PMID 27483369), dialysis patients, abstract"
 KEANE = "Keane et al. 2018 (10.1097/MAT.0000000000000795), 47 dialysis patients, abstract"

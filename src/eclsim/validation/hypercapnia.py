@@ -17,7 +17,8 @@ from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME
-from eclsim.validation.reference_cases import PROTOCOLS, compared, sign, with_outputs
+from eclsim.validation.matching import with_outputs
+from eclsim.validation.reference_cases import PROTOCOLS, compared, sign
 from eclsim.validation.regulation import RIGHT_ATRIUM, adult
 
 INHALED = "Kiely 1996 (Chest 109:1215, abstract): 8 healthy men, end-tidal 7 kPa for 30 min"

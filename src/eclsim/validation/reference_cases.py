@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.orbit.model import Model
-from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.paper.printed import AT_CASE, MEDIAN, TEXT, OfScheme, OverSchemes, Printed
 from eclsim.reporting.beat_values import beat_mean, scalar
@@ -23,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.cases.case import Case
+    from eclsim.orbit.model import Model
 
 
 DATA = Path(str(files("eclsim.validation") / "data"))
@@ -227,56 +226,3 @@ def root(function: Callable[[float], float], low: float, high: float, xtol: floa
     from scipy.optimize import brentq
 
     return float(np.asarray(brentq(function, low, high, xtol=xtol)))
-
-
-# --- models matched to measured values ------------------------------------------------------------
-
-Measure = Callable[[Mapping[str, np.ndarray]], np.ndarray]
-"""Maps values of parameters, each of shape (variants,), to quantities, shape (variants, quantities)."""
-_ACCURACY, _STEPS = 1e-6, 40
-
-
-class UnreachableError(ArithmeticError):
-    """Raised if no values of the parameters give the measured values."""
-
-
-def with_quantities(patient: Model, unknown: Sequence[str], measure: Measure, goal: Sequence[float]) -> Model:
-    """Return the patient whose quantities equal given values, by Newton's method with finite differences.
-
-    The search uses logarithms of parameters above 0, and others unchanged (volumes in mL).
-
-    Raises:
-        UnreachableError: The values are not reached within the allowed steps.
-    """
-    start = np.array([patient.values[name] for name in unknown])
-    logarithmic = (start > 0.0) & [not name.endswith("_ml") for name in unknown]
-    difference, longest = np.where(logarithmic, 1e-3, 1.0), np.where(logarithmic, 0.4, 400.0)
-    target, moved = np.array(goal), np.zeros(len(start))
-
-    def values(points: np.ndarray) -> dict[str, np.ndarray]:
-        columns = np.where(logarithmic, start * np.exp(np.where(logarithmic, points, 0.0)), start + points)
-        return dict(zip(unknown, columns.T, strict=True))
-
-    for _ in range(_STEPS):
-        table = measure(values(np.vstack([moved, moved + np.diag(difference)])))
-        missing = target - table[0]
-        if np.all(np.abs(missing) < _ACCURACY * np.maximum(np.abs(target), 1.0)):
-            return patient.with_values({name: float(v) for name, v in values(moved).items()})
-        if not np.isfinite(table).all():
-            break
-        step = np.linalg.solve((table[1:] - table[0]).T / difference, missing)
-        moved = moved + step / max(1.0, float(np.max(np.abs(step) / longest)))
-    names = ", ".join(unknown)
-    raise UnreachableError(
-        f"{patient.name}: no values of {names} result in {goal}; the last attempt gave {table[0].tolist()}"
-    )
-
-
-def with_outputs(patient: Model, unknown: Sequence[str], goal: Mapping[str, float]) -> Model:
-    """Return the patient whose outputs equal given values."""
-
-    def measure(values: Mapping[str, np.ndarray]) -> np.ndarray:
-        results = simulate_many(patient, values, list(goal))
-        return np.stack([results[name].values for name in goal], axis=-1)
-
-    return with_quantities(patient, unknown, measure, list(goal.values()))

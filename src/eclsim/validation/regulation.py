@@ -30,7 +30,8 @@ from eclsim.validation import measurements
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.fluid import BLED as EIGHT_MEN
 from eclsim.validation.fluid import SOFT, bled, healthy
-from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table, sign, with_outputs
+from eclsim.validation.matching import with_outputs
+from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table, sign
 
 RIGHT_ATRIUM = "right_atrial_pressure"
 RR_GAIN, RR_GAIN_SD = 22.7, 9.5

@@ -22,7 +22,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 from eclsim._version import __version__
-from eclsim.sensitivity.inputs import CARDIOVASCULAR
 from eclsim.validation.reference_cases import DATA, PAPER_PATIENT, reference_model
 
 MEMBERS = 1024
@@ -125,6 +124,7 @@ def warm_derivatives() -> Measurement:
     """Measure derivatives of all outputs with respect to 24 parameters, with everything compiled."""
     from eclsim.orbit.steady import Batch
     from eclsim.outputs.steady_beat import steady_beat
+    from eclsim.sensitivity.inputs import CARDIOVASCULAR
 
     beat = steady_beat(Batch.of(reference_model(PAPER_PATIENT)))
     outputs = beat.names
@@ -160,6 +160,7 @@ def print_batch() -> None:
     import numpy as np
 
     from eclsim.orbit.steady import Batch, solve
+    from eclsim.sensitivity.inputs import CARDIOVASCULAR
 
     model, random = reference_model(PAPER_PATIENT), np.random.default_rng(1)
     factors = {name: random.uniform(1.0 - SPREAD, 1.0 + SPREAD, MEMBERS) for name in CARDIOVASCULAR}
