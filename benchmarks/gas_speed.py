@@ -22,7 +22,8 @@ from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.sensitivity.analysis import SobolSettings, plan_analysis, sensitivity
-from eclsim.validation.timing import MEMBERS, PARAMETERS, SPREAD
+from eclsim.sensitivity.inputs import CARDIOVASCULAR
+from eclsim.validation.timing import MEMBERS, SPREAD
 
 INPUTS = (
     "gas.haemoglobin_g_dl", "gas.base_excess_mmol_l", "gas.temperature_c", "gas.respiratory_quotient",
@@ -76,9 +77,9 @@ def main() -> None:
     models = (replace(gas, circuit=replace(gas.circuit, exchanges=kept)), gas)
     shown("one beat", in_turn([lambda m=m: steady_beat(Batch.of(m)) for m in models], 25))
     beats = [steady_beat(Batch.of(m)) for m in models]
-    shown("derivatives", in_turn([lambda b=b: b.linearise(b.names, PARAMETERS) for b in beats], 25))
+    shown("derivatives", in_turn([lambda b=b: b.linearise(b.names, CARDIOVASCULAR) for b in beats], 25))
     random = np.random.default_rng(1)
-    factors = {n: random.uniform(1 - SPREAD, 1 + SPREAD, MEMBERS) for n in PARAMETERS if n in gas.values}
+    factors = {n: random.uniform(1 - SPREAD, 1 + SPREAD, MEMBERS) for n in CARDIOVASCULAR if n in gas.values}
 
     def many(model):
         values = {**model.values, **{n: model.values[n] * f for n, f in factors.items()}}
