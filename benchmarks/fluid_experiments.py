@@ -161,7 +161,7 @@ def coming_back() -> None:
             boluses.gained.cache_clear()
             shares = (
                 0.2 * refill.refilled(500.0, 0.0, sections), 0.2 * refill.refilled(500.0, 60.0, sections),
-                refill.saline_stays(sections), 0.05 * (500.0 + boluses.gained(litres, sections)[1]),
+                refill.saline_row(sections).got, 0.05 * (500.0 + boluses.gained(litres, sections)[1]),
                 boluses.share(men, sections),
                 *(boluses.share(boluses.VOLUNTEER._replace(after_min=m), sections) for m in (0.0, 30.0)),
             )  # fmt: skip
