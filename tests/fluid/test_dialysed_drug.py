@@ -159,6 +159,13 @@ def test_a_later_dose_follows_an_event() -> None:
     assert record["given_mg"] == pytest.approx(1500.0, rel=1e-9)
 
 
+def test_a_dose_on_a_ramp_is_that_of_its_moment() -> None:
+    events = [{"at_min": 240, "set": {"dialysed_drug.dose_mg": 500}, "ramp_min": 480}]
+    record = drug_record(course(_case(events=events), minutes=600.0))
+    assert record is not None
+    assert record["given_mg"] == pytest.approx(1000.0 + 750.0, rel=1e-9)
+
+
 def test_shares_above_a_target_are_those_of_lines_between_moments() -> None:
     minute = np.array([0.0, 10.0, 20.0, 40.0])
     assert share_above(minute, np.array([0.0, 10.0, 10.0, 0.0]), 5.0) == pytest.approx((5 + 10 + 10) / 40)

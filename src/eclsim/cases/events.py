@@ -69,12 +69,11 @@ class Event(BaseModel):
     @property
     def summary(self) -> str:
         """Short description of the event."""
-        changes = [f"{key} = {shown(value)[:40]}" for key, value in self.set.items()]
-        gifts = [
-            f"{kind} {amount:g} {unit}"
-            for (kind, unit), amount in zip(map(kind_and_unit, self.give), self.give.values(), strict=True)
-        ]
-        return ", ".join(changes + gifts)
+        words = [f"{key} = {shown(value)[:40]}" for key, value in self.set.items()]
+        for name, amount in self.give.items():
+            kind, unit = kind_and_unit(name)
+            words.append(f"{kind} {amount:g} {unit}")
+        return ", ".join(words)
 
     def as_object(self) -> dict[str, Any]:
         """Return the event as in a case file."""

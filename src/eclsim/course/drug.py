@@ -16,6 +16,9 @@ from eclsim.orbit.model import CASE
 if TYPE_CHECKING:
     import xarray as xr
 
+TINY_MG_L = 1e-12
+"""Change of a concentration between two moments below which it is constant."""
+
 
 def dialysed_drug_of(result: xr.Dataset) -> DialysedDrug | None:
     """Section [dialysed_drug] of the case of a course or of a band; None if there is none."""
@@ -59,9 +62,7 @@ def share_above(minute: np.ndarray, values: np.ndarray, target: float) -> float:
     total = steps.sum()
     if not total:
         return float(values[-1] > target)
-    high, low = np.maximum(before, after), np.minimum(before, after)
-    span = np.where(high > low, high - low, 1.0)
-    above = np.where(low > 0.0, 1.0, np.where(high > 0.0, high / span, 0.0))
+    above = np.clip(np.maximum(before, after) / np.maximum(np.abs(after - before), TINY_MG_L), 0.0, 1.0)
     return float((above * steps).sum() / total)
 
 

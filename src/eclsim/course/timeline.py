@@ -177,7 +177,7 @@ class Timeline:
         for begin in np.arange(0.0, self.end, interval).tolist():
             now = dict(self.start[1])
             for change in self.changes:
-                now |= change.after if change.begin <= begin else {}
+                now |= _interpolated(change, begin) if change.begin <= begin else {}
             lasts = now[keys.OVER] * MINUTE
             if now[keys.DOSE] > 0.0:
                 yield ConstantInflow(begin, begin + lasts, {DOSE: now[keys.DOSE] / lasts})

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.components.dialysis import Hemofilter
-from eclsim.fluid.solutes import Filter, plasma_share
+from eclsim.fluid.solutes import Filter, filters_of, plasma_share
 from eclsim.parameters import dialysed_drug as keys
 from eclsim.slow import DOSE, DerivedQuantity, Named, SlowLaw, SlowState
 
@@ -129,9 +129,4 @@ def dialysed_drug_law(circuit: Circuit, settings: Mapping[str, float], fluid: bo
     """
     hourly, held = settings[keys.INFUSION], settings[keys.START] * settings[keys.CENTRAL]
     scale = _TYPICAL_SHARE * float(np.max([settings[keys.DOSE], 8.0 * hourly, held, 20.0]))
-    filters = tuple(
-        Filter(e.group, e.component.clearance)
-        for e in circuit.exchanges
-        if isinstance(e.component, Hemofilter)
-    )
-    return DialysedDrugLaw(scale, filters, fluid)
+    return DialysedDrugLaw(scale, filters_of(circuit), fluid)

@@ -337,12 +337,16 @@ def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SolutesLaw:
         fluid: whether fluid is followed.
         gas: whether gases are computed.
     """
-    filters = tuple(
+    return SolutesLaw(filters_of(circuit), fluid, gas)
+
+
+def filters_of(circuit: Circuit) -> tuple[Filter, ...]:
+    """Outputs of all dialyzers of a circuit."""
+    return tuple(
         Filter(e.group, e.component.clearance, e.component.base_gain, e.component.citrate)
         for e in circuit.exchanges
         if isinstance(e.component, Hemofilter)
     )
-    return SolutesLaw(filters, fluid, gas)
 
 
 def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tuple[SlowLaw, ...]:
