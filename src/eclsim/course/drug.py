@@ -76,6 +76,6 @@ def drug_in_words(result: xr.Dataset) -> str:
         nearly = 0.995 <= share < 1.0
         percent = "more than 99 %" if nearly else f"{100.0 * share:.0f} %"
         words += f", unbound above {record['target_mg_l']:g} mg/L for {percent} of the time"
-    went = f"dialysis removed {record['dialysed_mg']:.0f}, the body {record['eliminated_mg']:.0f}"
-    went += f", bleeding {record['bled_mg']:.0f}" * (abs(record["bled_mg"]) >= 0.5)
-    return f"{words}; of {record['given_mg']:.0f} mg given {went} mg"
+    went = f"{record['dialysed_mg']:.0f} mg by dialysis, {record['eliminated_mg']:.0f} mg by the body"
+    went += f", {record['bled_mg']:.0f} mg by bleeding" * (abs(record["bled_mg"]) >= 0.5)
+    return f"{words}; given {record['given_mg']:.0f} mg, removed {went}"
