@@ -165,6 +165,20 @@ def test_an_open_set_point_is_the_pressure_of_the_case_as_it_was_written(tmp_pat
     assert values_of(bled)[SET_POINT] == own[SET_POINT]
 
 
+def test_a_set_point_that_rest_does_not_determine_is_asked_for(tmp_path):
+    """Valves that stay shut at rest leave the pressure open; a recovered heart was regulated to it unsaid."""
+    ecmo = {"pump": "Rotaflow", "speed_rpm": 4200, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+    file = tmp_path / "case.toml"
+    stunned = {"Emaxlv": 0.06, "Emaxrv": 0.05}
+    write_case(read(ecmo=ecmo, parameters=stunned, regulation={"baroreflex": 1}).case, file)
+    recovered = ["Emaxlv=1.5", "Emaxrv=0.5"]
+    asked = eclsim.simulate(read_case(file, recovered))
+    assert asked.attrs["status"] == "invalid_input"
+    assert "regulation.set_point_mmHg: the case at rest does not determine it" in asked.attrs["message"]
+    given = eclsim.simulate(read_case(file, [*recovered, "regulation.set_point_mmHg=80"]))
+    assert given.attrs["status"] == "converged"
+
+
 def test_what_reflexes_read_at_rest_asks_for_no_program_but_that_of_the_search(monkeypatch):
     def compiled_for_it(program, signals):
         raise AssertionError(f"a program that records {signals} alone")

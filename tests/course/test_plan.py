@@ -79,12 +79,17 @@ def test_a_filter_that_clots_removes_nothing_so_its_limit_holds_unasked(own):
 
 @pytest.mark.slow
 def test_a_goal_whose_output_has_no_value_is_not_kept():
+    goals, status = read_goals("DO2 > 400", ["DO2"]), ("time_min", ["converged"] * 3)
     result = xr.Dataset(
-        {"DO2": ("time_min", [450.0, np.nan, 440.0])}, {"time_min": [0.0, 1.0, 2.0]},
+        {"DO2": ("time_min", [450.0, np.nan, 440.0]), "status": status}, {"time_min": [0.0, 1.0, 2.0]},
         {"converged": True, "message": ""},
     )  # fmt: skip
-    (only,) = _broken_goals(read_goals("DO2 > 400", ["DO2"]), result)
+    (only,) = _broken_goals(goals, result)
     assert (only.goal, only.at_min) == ("no value of DO2", 1.0)
+    sealed = result.assign(status=("time_min", ["one_of_many", "converged", "converged"]))
+    (only,) = _broken_goals(goals, sealed)
+    assert only.goal.startswith("the beat is one of many")
+    assert only.at_min == 0.0
 
 
 def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
@@ -225,6 +230,15 @@ def test_a_speed_that_does_not_keep_a_goal_is_named_where_nothing_is_given_for_i
 
 
 @pytest.mark.slow
+def test_a_beat_that_is_one_of_many_keeps_no_goal(own):
+    """Its pressures are where the search began: they met a goal that `vary` refused to judge."""
+    stunned = own.model_copy(update={"parameters": {"Emaxlv": 0.06, "Emaxrv": 0.05}})
+    (asked,), (read,) = plan_weaning(stunned, [4200.0], keep="MAP > 20"), plan_weaning(stunned, [4200.0])
+    assert not asked.reached
+    assert "one of many" in asked.message
+    assert read.outputs == asked.outputs
+
+
 def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
     steps = plan_weaning(own, [3000.0, 2000.0], keep="MAP > 75", vary="drugs.noradrenaline=0..1")
     assert all(step.reached for step in steps)

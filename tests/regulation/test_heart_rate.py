@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eclsim.cases.reading import read_mapping
+from eclsim.circuit.network import HEART_RATE
 from eclsim.course.course import course
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import derivatives, simulate
@@ -38,12 +39,14 @@ def test_a_response_of_one_is_the_heart_without_the_key_and_a_half_is_between():
     assert 75.0 < float(half["heart_rate"]) < float(usual["heart_rate"])
 
 
-def test_the_derivative_with_respect_to_the_response_is_exact():
+@pytest.mark.parametrize("parameter", [HEART_RATE_RESPONSE, HEART_RATE])
+def test_derivatives_with_respect_to_the_response_and_the_own_rate_are_exact(parameter):
+    """The own rate was packed twice, and its derivatives were those of the entry that no beat reads: 0."""
     sections = {"regulation": CASE["regulation"] | {"heart_rate_response": 0.5}}
     model = model_of(read_mapping(CASE | sections).case)
     step, names = 1e-3, ("heart_rate", "MAP", "CO")
-    ends = [simulate(model.with_values({HEART_RATE_RESPONSE: 0.5 + d})) for d in (-step, step)]
-    exact = derivatives(model, names, (HEART_RATE_RESPONSE,)).values.ravel()
+    ends = [simulate(model.with_values({parameter: model.values[parameter] + d})) for d in (-step, step)]
+    exact = derivatives(model, names, (parameter,)).values.ravel()
     numeric = [(float(ends[1][name]) - float(ends[0][name])) / (2.0 * step) for name in names]
     assert exact == pytest.approx(numeric, rel=1e-3)
 

@@ -339,13 +339,14 @@ class Circuit:
         return "\n".join(lines)
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of all parameters that the heartbeat reads, each once, in order of appearance."""
+        """Names of the parameters that the heartbeat reads beside the heart rate, each once, in order."""
         return self._names_read
 
     @cached_property
     def _names_read(self) -> tuple[str, ...]:
         entries = (*self.compartments, *self.connections, *self.controllers, *self.surroundings)
-        return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
+        names = dict.fromkeys(name for entry in entries for name in entry.parameter_names())
+        return tuple(name for name in names if name != HEART_RATE)
 
     def content_names(self) -> tuple[str, ...]:
         """Names of the parameters of rest volumes, mixing and exchanges, which the heartbeat does not use."""
@@ -414,6 +415,16 @@ class Circuit:
         """The circuit of one patient: sites that parameters select are replaced by the selected ones."""
         given = {name: float(values[name]) for name in self._choosing if name in values}
         return _with_sites(self, tuple(given.items())) if given else self
+
+    def parts_without(self, shut: Collection[str]) -> list[tuple[str, ...]]:
+        """Groups of compartments that the other connections join, in the order of the table."""
+        part_of = {c.name: c.name for c in self.compartments}
+        for connection in self.connections:
+            if connection.name in shut:
+                continue
+            joined, gone = part_of[str(connection.source)], part_of[str(connection.target)]
+            part_of = {name: joined if part == gone else part for name, part in part_of.items()}
+        return [tuple(n for n in part_of if part_of[n] == part) for part in dict.fromkeys(part_of.values())]
 
     @cached_property
     def _choosing(self) -> tuple[str, ...]:

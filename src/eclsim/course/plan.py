@@ -26,6 +26,7 @@ from eclsim.goals.result import ALARM_KINDS, broken_alarms_text, broken_goals
 from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
+from eclsim.orbit.status import Status
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import scalars_of, simulate
@@ -332,6 +333,8 @@ def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]
     minutes = result["time_min"].to_numpy()
     lost = BrokenGoal(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
     for k, minute in enumerate(minutes.tolist()):
+        if str(result["status"].values[k]) == Status.ONE_OF_MANY.word:
+            return [BrokenGoal("the beat is one of many, which determines no goal,", math.nan, minute)]
         breaks = []
         for goal in goals:
             value = float(result[goal.output][k])
@@ -468,12 +471,11 @@ def _weaning_step(
         goals = () if keep is None else read_goals(keep, output_names(model_of(case).circuit))
         result = simulate(case, policy)
         numbers = {name: float(result[name]) for name in scalars_of(result)}
-        converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
+        warnings, lost = tuple(result.attrs["warnings"]), not result.attrs["converged"]
+        lost = lost or bool(goals and result.attrs["one_of_many"])
         message = "; ".join(one.sentence for one in broken_goals(numbers, goals))
-        message = message if converged else str(result.attrs["message"])
-        return WeaningStep(
-            speed, None, converged and not message, _weaning_outputs(numbers), message, warnings
-        )
+        message = str(result.attrs["message"]) if lost else message
+        return WeaningStep(speed, None, not message, _weaning_outputs(numbers), message, warnings)
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
     message = alarms if result.reached else result.message

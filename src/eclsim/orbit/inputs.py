@@ -14,7 +14,7 @@ from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Choice, Circuit, StartPressure, StartVolume
 from eclsim.components.base import value_of
-from eclsim.parameters.regulation import SOLVED_FOR
+from eclsim.parameters.regulation import REGULATION, SOLVED_FOR
 
 
 class InvalidInputError(ValueError):
@@ -68,7 +68,9 @@ class Allowed:
         if math.isnan(value) and name in SOLVED_FOR:
             return f"{name} responds to the gases of a steady beat, which this computation does not solve for"
         if not math.isfinite(value):
-            return f"{text}: not a number that can be computed with; allowed: a finite number"
+            at_rest = math.isnan(value) and name.startswith(f"{REGULATION}.")
+            why = "not a number that can be computed with; allowed: a finite number"
+            return f"{name}: the case at rest does not determine it; give it" if at_rest else f"{text}: {why}"
         if self.above_zero[k] and value <= 0.0:
             return f"{text}: allowed: above zero"
         if self.not_negative[k] and value < 0.0:

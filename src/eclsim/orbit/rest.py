@@ -27,6 +27,8 @@ from eclsim.regulation.oxygen import venous_content
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
+CLOSED_VALVE_L_MIN = 1e-6
+"""Mean flow of a valve that the search cannot distinguish from zero: about 1e-5 mL per beat [L/min]."""
 MEASURED_SET_POINTS = {SET_POINT: "Pao", VENOUS_SET_POINT: "Pra"}
 """Set points and the waveforms whose means define them; that of the atrium is a transmural pressure."""
 
@@ -35,7 +37,7 @@ def resting_pressures(case: Case) -> Mapping[str, float]:
     """Mean pressures [mmHg] of a case's steady beat without regulation, by set point.
 
     Computed for the case as written, with its devices, without changed settings and without extra volume. NaN
-    if it has no steady beat; regulation then cannot be computed.
+    if it has no steady beat, or one of many; regulation then cannot be computed.
     """
     model = model_of(case.at_rest())
     return _means(model.circuit, tuple(model.values.items()), model.policy)
@@ -45,7 +47,8 @@ def resting_gases(case: Case) -> Mapping[str, float]:
     """Set points of the responses to blood gases, from a case's steady beat at rest, by key.
 
     They are PO2 and PCO2 of the blood at the chemoreceptors, oxygen content and PCO2 of each bed, and the
-    lung's resistance relative to that without hypoxia. NaN if there is no steady beat or gas state. The gases
+    lung's resistance relative to that without hypoxia. NaN if there is no steady gas state, or no steady beat
+    that the case determines. The gases
     of a case written without [gas] are those of the section that it was given.
     """
     rest = case.at_rest()
@@ -58,7 +61,7 @@ def _gases(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str)
     model = Model(circuit, dict(values), policy=policy)
     orbits, function = solve(Batch.of(model)), gas_of(circuit)
     gases = dict.fromkeys(function.quantities, float("nan"))
-    if orbits.status[0] == Status.CONVERGED:
+    if _is_determined(orbits):
         flows = _flows(orbits, function.connections)
         numbers = np.concatenate([*flows, [model.values[name] for name in function.parameters]])
         program = compiled(function.compute, ("alone", *function.key))
@@ -77,6 +80,18 @@ def _gases(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str)
         lung_resistance(gases[Quantity("PO2", "in", "pas")], gained, gained_co2, settings)
     )
     return MappingProxyType(set_points)
+
+
+def _is_determined(orbits: SolvedOrbits) -> bool:
+    """Whether there is a steady beat in which no valves that stay shut isolate blood (as in `sealed`)."""
+    if orbits.status[0] != Status.CONVERGED:
+        return False
+    circuit, values = orbits.batch.circuit, orbits.batch.member(0)
+    laws = {c.name: c.component for c in circuit.connections if c.group == "patient"}
+    valves = tuple(n for n, law in laws.items() if law.one_way and not law.is_leaking(values))
+    forward, backward = _flows(orbits, valves)
+    shut = [n for n, net in zip(valves, forward - backward, strict=True) if net < CLOSED_VALVE_L_MIN]
+    return len(circuit.parts_without(shut)) == 1
 
 
 def _flows(orbits: SolvedOrbits, connections: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -105,7 +120,7 @@ def _recorded(orbits: SolvedOrbits, signals: tuple[str, ...]) -> tuple[np.ndarra
 @lru_cache(maxsize=64)
 def _means(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str) -> Mapping[str, float]:
     result = solve(Batch.of(Model(circuit, dict(values), policy=policy)))
-    if result.status[0] != Status.CONVERGED:
+    if not _is_determined(result):
         return MappingProxyType(dict.fromkeys(MEASURED_SET_POINTS, float("nan")))
     around = tuple(f"P{s.name}" for s in circuit.surroundings if RIGHT_ATRIUM in s.members)
     series, weights = _recorded(result, (*MEASURED_SET_POINTS.values(), *around))

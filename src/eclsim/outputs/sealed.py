@@ -10,11 +10,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
+from eclsim.orbit.rest import CLOSED_VALVE_L_MIN
 from eclsim.outputs.registry import CHAMBERS, VALVES, find_output
 from eclsim.patient.sites import DRAINED, ONLY_REGIONAL
 
-CLOSED_VALVE_L_MIN = 1e-6
-"""Mean flow of a valve that the search cannot distinguish from zero: about 1e-5 mL per beat [L/min]."""
 _VESSELS: dict[str, str] = {
     **dict.fromkeys(("pas", "part", "pvn"), "pulmonary vessels"),
     **dict.fromkeys(("ao", "sart", "svn", *ONLY_REGIONAL, *DRAINED.values()), "systemic vessels"),
@@ -51,7 +50,7 @@ def sealed(
     laws = {c.name: c.component for c in circuit.connections}
     shut = (name for name in closed_valves(outputs) if name in laws)
     valves = tuple(name for name in shut if laws[name].one_way and not laws[name].is_leaking(values or {}))
-    parts = _parts(circuit, valves) if valves else []
+    parts = circuit.parts_without(valves) if valves else []
     if len(parts) < 2:
         return None
     largest = max(parts, key=len)
@@ -75,17 +74,6 @@ def valve_flows(circuit: Circuit) -> tuple[str, ...]:
     """Outputs that show which heart valves of a circuit carry blood."""
     known = {c.name for c in circuit.connections}
     return tuple(f"{valve}_valve_flow" for n, valve in VALVES.items() if n in known)
-
-
-def _parts(circuit: Circuit, shut: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Groups of compartments joined by open connections, in the order of the table."""
-    part_of = {c.name: c.name for c in circuit.compartments}
-    for connection in circuit.connections:
-        if connection.name in shut:
-            continue
-        joined, gone = part_of[str(connection.source)], part_of[str(connection.target)]
-        part_of = {name: joined if part == gone else part for name, part in part_of.items()}
-    return [tuple(n for n in part_of if part_of[n] == part) for part in dict.fromkeys(part_of.values())]
 
 
 def _undetermined(
