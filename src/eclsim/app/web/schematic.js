@@ -154,7 +154,9 @@ export default {
       return this.drawing.boxes.filter((b) => b.position).map((b) => b.name);
     },
     dragHint() {
-      return fill(this.texts.schematic_drag, { letters: this.movable.map((l) => l.letter).join(" and ") });
+      return fill(this.texts.schematic_drag, {
+        letters: [...new Set(this.movable.map((l) => l.letter))].join(" and "),
+      });
     },
   },
   methods: {
