@@ -53,6 +53,26 @@ def test_an_impossible_beat_is_marked_in_every_view(open_page, shots):
     expect(page.locator(".ecl-fill .ecl-caution")).to_have_count(0)
 
 
+NO_BEAT = """() => {
+  const beat = eclsim.bus.last('beat');
+  const none = (numbers) => Object.fromEntries(Object.keys(numbers).map((name) => [name, null]));
+  const waves = Object.fromEntries(Object.entries(beat.waves).map(([n, wave]) => [n, wave.map(() => null)]));
+  const numbers = { means: none(beat.means), outputs: none(beat.outputs), waves };
+  eclsim.bus.publish('beat', { ...beat, ...numbers, converged: false, message: 'none' }); }"""
+
+
+def test_without_a_beat_no_number_is_shown_as_if_it_were_one(open_page, shots):
+    """Flows of the circuit and of the monitor were 0.00, changes from a pinned beat minus its values."""
+    page = open_page("paper")
+    page.keyboard.press("Alt+p")
+    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("Δ 0")
+    page.evaluate(NO_BEAT)
+    for numbers in (".ecl-keys dd", ".ecl-schematic .flow", ".ecl-monitor .big"):
+        expect(page.locator(numbers).first).to_contain_text("–")
+        assert not any(map(DIGIT.search, page.locator(numbers).all_text_contents())), numbers
+    picture(page, shots, "no_beat")
+
+
 def test_all_that_states_differ_in_has_a_row_with_device_and_unit(open_page, shots):
     page = open_page("paper")
     page.keyboard.press("Alt+s")

@@ -9,6 +9,7 @@ import {
   nearest,
   placed,
   polyline,
+  scaled,
   sized,
   textWidth,
 } from "eclsim-page";
@@ -222,7 +223,7 @@ export default {
     },
     flow(wire) {
       const mean = this.means[`Q${wire.name}`];
-      return mean === undefined || wire.silent ? "" : fixed(mean * wire.factor, wire.digits);
+      return mean === undefined || wire.silent ? "" : fixed(scaled(mean, wire.factor), wire.digits);
     },
     about(line) {
       return fill(line.about, {
