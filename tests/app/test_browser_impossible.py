@@ -8,7 +8,7 @@ import pytest
 
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from page_in_browser import beat_with, choose, expect, picture, show, turn
+from page_in_browser import PHONE, beat_with, choose, expect, picture, show, turn
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 DIGIT = re.compile(r"\d")
@@ -71,6 +71,10 @@ def test_without_a_beat_no_number_is_shown_as_if_it_were_one(open_page, shots):
         expect(page.locator(numbers).first).to_contain_text("–")
         assert not any(map(DIGIT.search, page.locator(numbers).all_text_contents())), numbers
     picture(page, shots, "no_beat")
+    page.set_viewport_size(PHONE)
+    page.evaluate("eclsim.bus.publish('beat', { ...eclsim.bus.last('beat'), message: 'why '.repeat(40) })")
+    expect(page.locator(".ecl-status .message")).to_contain_text("why why")
+    assert page.locator(".ecl-header").bounding_box()["height"] < 0.3 * PHONE["height"]
 
 
 def test_all_that_states_differ_in_has_a_row_with_device_and_unit(open_page, shots):
