@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from eclsim.app.beat import POINTS, compute_beat, page_circuit, plain
+from eclsim.app.beat import POINTS, beat_of, compute_beat, page_circuit, plain
 from eclsim.app.display import display, named_specs, output_specs
 from eclsim.app.engine import Engine
 from eclsim.app.knobs import connect, turn
@@ -49,6 +49,19 @@ def test_oxygen_delivery_is_held_against_the_size_of_the_patient():
     said = next(finding.sentence for finding in beat.findings if finding.quantity == "DO2")
     assert f"alarm: {said}" in simulate(state.case).attrs["warnings"]
     assert display(state.case)["specs"]["DO2"]["limits"][0]["value"] == 720.0
+
+
+@pytest.mark.slow
+def test_without_a_steady_beat_the_reason_is_an_alarm_of_every_output(paper):
+    """The page said "The simulated values break no limit" beside dashes."""
+    circuit, values = page_circuit(paper.case)
+    shown = plain(beat_of(paper, circuit, dict(values) | {"LV_Pd_kappa": 50.0}), ("Pao",))
+    assert not shown["converged"]
+    assert [kind for kind, _ in shown["notes"]] == ["alarm"]
+    (said,) = (sentence for _, sentence in shown["notes"])
+    assert said.startswith("no steady beat found: check the parameters against their ranges (residual")
+    assert shown["outputs"]["MAP"] is None
+    assert shown["levels"]["MAP"] == shown["levels"]["PF"] == "alarm"
 
 
 @pytest.mark.slow

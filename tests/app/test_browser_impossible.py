@@ -8,7 +8,7 @@ import pytest
 
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from page_in_browser import beat_with, choose, expect, picture, show, turn
+from page_in_browser import PHONE, beat_with, choose, expect, picture, show, turn
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 DIGIT = re.compile(r"\d")
@@ -51,6 +51,30 @@ def test_an_impossible_beat_is_marked_in_every_view(open_page, shots):
         picture(page, shots, f"impossible_{view}")
     show(page, "ramp")
     expect(page.locator(".ecl-fill .ecl-caution")).to_have_count(0)
+
+
+NO_BEAT = """() => {
+  const beat = eclsim.bus.last('beat');
+  const none = (numbers) => Object.fromEntries(Object.keys(numbers).map((name) => [name, null]));
+  const waves = Object.fromEntries(Object.entries(beat.waves).map(([n, wave]) => [n, wave.map(() => null)]));
+  const numbers = { means: none(beat.means), outputs: none(beat.outputs), waves };
+  eclsim.bus.publish('beat', { ...beat, ...numbers, converged: false, message: 'none' }); }"""
+
+
+def test_without_a_beat_no_number_is_shown_as_if_it_were_one(open_page, shots):
+    """Flows of the circuit and of the monitor were 0.00, changes from a pinned beat minus its values."""
+    page = open_page("paper")
+    page.keyboard.press("Alt+p")
+    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("Δ 0")
+    page.evaluate(NO_BEAT)
+    for numbers in (".ecl-keys dd", ".ecl-schematic .flow", ".ecl-monitor .big"):
+        expect(page.locator(numbers).first).to_contain_text("–")
+        assert not any(map(DIGIT.search, page.locator(numbers).all_text_contents())), numbers
+    picture(page, shots, "no_beat")
+    page.set_viewport_size(PHONE)
+    page.evaluate("eclsim.bus.publish('beat', { ...eclsim.bus.last('beat'), message: 'why '.repeat(40) })")
+    expect(page.locator(".ecl-status .message")).to_contain_text("why why")
+    assert page.locator(".ecl-header").bounding_box()["height"] < 0.3 * PHONE["height"]
 
 
 def test_all_that_states_differ_in_has_a_row_with_device_and_unit(open_page, shots):

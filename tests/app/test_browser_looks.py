@@ -272,6 +272,22 @@ def test_on_a_phone_no_table_scrolls_sideways(open_page, served, shots):
     assert whose == [f'"{name}"' for name in ("Now", "pinned", *"123456")]
 
 
+MEASURED = """() => {
+  const state = eclsim.bus.last('state');
+  const measured = { SP: 118, DP: 62, CO: 6.5, PF: 4.4, MPAP: 32, right_atrial_pressure: 11 };
+  eclsim.bus.publish('state', { ...state, provenance: { ...state.provenance, measured } }); }"""
+CUT = "all => all.filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.textContent)"
+
+
+def test_a_measured_value_is_whole_in_its_tile(open_page, shots):
+    """Of 118/62 mmHg the tile showed 118/6."""
+    page = open_page("vv-ecmo")
+    page.evaluate(MEASURED)
+    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("118/62")
+    picture(page, shots, "measured_tiles")
+    assert page.locator(".ecl-keys .more em").evaluate_all(CUT) == []
+
+
 def test_saved_states_have_names_and_the_table_scrolls(open_page, shots):
     page = open_page("paper")
     for number in range(1, 5):

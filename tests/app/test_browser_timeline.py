@@ -140,6 +140,26 @@ def test_play_stops_where_an_alarm_is_seen_and_goes_on(open_page, served):
     wait_for(page, "beat.minute > 60")
 
 
+def test_play_waits_for_the_course_of_the_knobs(open_page, served):
+    """It went on in the course before a change, stopped at its alarm, and failed without a course."""
+    case = with_event(PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": 1200}, "over_min": 20})
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open_event")).click()
+    page.wait_for_function(COURSE)
+    page.get_by_label(text("timeline_speed")).select_option("3600")
+    play, cursor = page.locator(".ecl-timeline .play"), page.locator(".ecl-timeline .chart")
+    page.evaluate("eclsim.bus.publish('course_busy', '')")
+    play.click()
+    page.wait_for_timeout(1200)
+    expect(play).to_have_text(text("timeline_pause"))
+    expect(cursor).to_have_attribute("aria-valuenow", "0")
+    page.evaluate("eclsim.bus.publish('course', eclsim.bus.last('course'))")
+    expect(page.locator(".ecl-timeline .refused")).to_contain_text("below 55 mmHg. Press Play")
+    play.click()
+    page.evaluate("eclsim.bus.publish('course', { refused: 'none' })")
+    expect(play).to_have_text(text("timeline_play"))
+
+
 def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
     page = open_page("paper")
     page.get_by_role("button", name=text("timeline_open")).click()

@@ -15,9 +15,10 @@ STATE = preset_state("healthy")
 
 class StubSession:
     def __init__(self):
-        self.state, self.closed, self.minutes, self.sent = STATE, False, 0, []
+        self.state, self.closed, self.minutes, self.sent, self.minute = STATE, False, 0, [], 0.0
 
     def at_minute(self, minute):
+        self.minute = minute
         self.sent.append(("knobs of", minute))
 
     def show_start(self):
@@ -31,7 +32,11 @@ class StubSession:
 
 
 class StubEngine:
+    def __init__(self, takes_s=0.0):
+        self.takes_s = takes_s
+
     async def moment(self, work):
+        await asyncio.sleep(self.takes_s)
         return work()
 
 
@@ -41,15 +46,16 @@ def followed(*times):
     return SimpleNamespace(result=result, at=None)
 
 
-def shown(course, *minutes):
+def shown(course, *minutes, takes_s=0.0):
     session = StubSession()
 
     async def run():
-        study = CourseStudy(StubEngine(), session)  # type: ignore[arg-type]
+        study = CourseStudy(StubEngine(takes_s), session)  # type: ignore[arg-type]
         study.course = course
         for minute in minutes:
             study.show(minute)
             await asyncio.sleep(0.01)
+        await asyncio.sleep(2.0 * takes_s)
 
     asyncio.run(run())
     return session.sent
@@ -67,6 +73,13 @@ def test_behind_the_end_of_a_course_that_stopped_nothing_is_shown(monkeypatch):
 def test_a_course_that_did_not_begin_shows_the_start():
     course = PageCourse(STATE, followed())  # type: ignore[arg-type]
     assert shown(course, 12.0) == [("knobs of", 0.0), ("start", 0.0)]
+
+
+def test_a_moment_that_is_ready_after_the_return_to_the_start_is_not_shown(monkeypatch):
+    """The page showed it, with its alarms, beside a cursor at 00:00 and knobs of 00:00."""
+    monkeypatch.setattr(PageCourse, "beat", lambda self, minute: f"beat of {minute:g}")
+    course = PageCourse(STATE, followed(0.0, 30.0))  # type: ignore[arg-type]
+    assert shown(course, 12.0, 0.0, takes_s=0.05) == [("knobs of", 12.0), ("knobs of", 0.0), ("start", 0.0)]
 
 
 def test_a_moment_that_fails_is_said(monkeypatch):

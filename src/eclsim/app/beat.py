@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -55,6 +56,8 @@ def _same(circuit: Circuit) -> Circuit:
 
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
 """Blood gas quantities shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
+_WITH_OPTION = re.compile(r",? or follow the course [\w ]+ with --transient")
+"""Advice that only the command line can follow."""
 POINTS = 200
 """Number of points of a waveform on the page: every 5 ms at 60 beats per minute."""
 
@@ -164,14 +167,20 @@ def beat_of(
     means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}
     series = {n: solved.waveform(n) for n in solved.signals}
     waves = _evenly(series, solved.waveforms[0].phases, circuit, values)
-    findings = tuple(solved.findings())
+    message = _WITH_OPTION.sub("", solved.message())
+    findings = tuple(solved.findings()) if solved.converged[0] else _without_beat(message, outputs)
     rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
-        Status(int(solved.status[0])), solved.message(),
+        Status(int(solved.status[0])), message,
         GasStatus(int(solved.gas_status[0])) if state.case.gas is not None else None, solved.gases.get(0),
         effort=int(solved.orbits.beats[0]),
     )  # fmt: skip
+
+
+def _without_beat(message: str, outputs: Iterable[str]) -> tuple[Finding, ...]:
+    """Return the alarm that there is no steady beat, of all outputs: without it no limit would be broken."""
+    return (Finding.without_limit("alarm", "", math.nan, message, *outputs),)
 
 
 def transient_beat(state: PageState, moment: TransientBeat) -> Beat:

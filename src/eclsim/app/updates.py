@@ -169,11 +169,10 @@ class CourseStudy(_OneAtATime):
                 log.exception("a moment failed")
                 self.session.send("failed", text("moment_failed", time=self._clock(minute)))
                 continue
-            if course is self.course:
+            if course is self.course and self.session.minute > 0.0:  # not back at the start meanwhile
                 self.session.show_moment(course.state, beat, minute)
 
     def _clock(self, minute: float) -> str:
-
         return clock_time(minute, self.minutes in BEATS)
 
 

@@ -63,7 +63,7 @@ def _difference(density: PosteriorDensity, own: Gaussian, other: Gaussian, fit: 
     k = int(np.argmax((other.centre - own.centre) ** 2 / spread))
     name, there = density.prior.names[k], density.prior.values_of(other.centre)[k]
     here = fit.parameters[name].value
-    return f"{name} {there:.3g} instead of {here:.3g} (chi-square {chi_square(density, other):.1f})"
+    return f"{name} {there:.4g} instead of {here:.4g} (chi-square {chi_square(density, other):.1f})"
 
 
 def _reaching(

@@ -307,8 +307,8 @@ def single_start(agreeing: int, refined: int) -> list[Reason]:
         return []
     sentence = (
         f"1 of {refined} starts of the search ended at this optimum: it may not be the best, or the "
-        "measurements may fit about as well with other parameters; repeat it with another --seed, and free "
-        "fewer parameters if the values change"
+        "measurements may fit about as well with other parameters; repeat it with another seed (--seed), and "
+        "free fewer parameters if the values change"
     )
     return [Reason(Aspect.SEARCH, Level.GOOD, "", sentence)]
 

@@ -13,6 +13,7 @@ import {
   leftOut,
   limitLines,
   limitsOf,
+  scaled,
   settingsText,
   signed,
   speedsText,
@@ -28,7 +29,9 @@ test("what is no number is a dash", () => {
   for (const value of [null, undefined, NaN, Infinity]) {
     assert.equal(fixed(value, 1), "–");
     assert.equal(compact(value), "–");
+    assert.equal(fixed(scaled(value, 0.06), 2), "–");
   }
+  assert.equal(scaled(100, 0.06), 6);
 });
 
 test("compact numbers have about three digits", () => {

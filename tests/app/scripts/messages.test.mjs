@@ -82,4 +82,6 @@ test("no two curves have the same colour or dash", () => {
   assert.equal(new Set(all.map(([, dark]) => dark.colour)).size, 10);
   assert.equal(new Set(all.map(([light]) => light.dash)).size, 10);
   assert.equal(svgDash("12px,3px"), "12 3");
+  const more = Array.from({ length: 40 }, (_, k) => Object.values(strokeOf(k, false)).join());
+  assert.equal(new Set(more).size, 40); // RVAD flow was drawn as arterial pressure, a second ECMO's flow as PA
 });

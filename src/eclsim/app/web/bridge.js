@@ -44,7 +44,8 @@ export default {
       return this.cut ? "bad" : this.isLate ? "busy" : this.kind;
     },
     spoken() {
-      return [this.shown, this.cut || this.isLate ? "" : this.warnings].filter(Boolean).join("; ");
+      const known = !this.cut && this.shownKind !== "busy"; // else they are of an earlier beat
+      return [this.shown, known ? this.warnings : ""].filter(Boolean).join("; ");
     },
   },
   watch: {

@@ -86,7 +86,7 @@ export default {
           <td v-if="pinned" class="n pinned">{{ compact(pinned.outputs[name]) }}</td>
         </tr></tbody>
       </table></div>
-      <div class="ecl-table"><table>
+      <div class="ecl-table parameters"><table>
         <thead><tr>
           <th scope="col">{{ texts.fit_parameter }}</th>
           <th scope="col" class="n">{{ texts.fit_fitted }}</th>
@@ -98,7 +98,7 @@ export default {
           <th scope="row"><b>{{ name }}</b> <small>{{ p.unit }}<br />{{ p.text }}</small></th>
           <td class="n"><b>{{ compact(p.value) }}</b></td>
           <td class="n">{{ interval(p) }}<template v-if="posterior"><br />
-            <small>{{ texts.posterior_interval }}</small> {{ interval(after(name)) }}</template></td>
+            <small>{{ texts.posterior_interval }}</small><br />{{ interval(after(name)) }}</template></td>
           <td class="range"><svg v-if="p.bounds" viewBox="0 0 100 10" preserveAspectRatio="none"
             aria-hidden="true"><rect v-for="(bar, k) in bars(p, after(name))" :key="k" v-bind="bar" />
           </svg></td>

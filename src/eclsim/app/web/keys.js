@@ -99,7 +99,7 @@ export default {
       const before = this.pinned?.outputs[output];
       if (!isPossible(this.beat)) return "";
       if (this.pinned && !isPossible(this.pinned)) return `Δ ${SIGNS.collapse.trim()}`;
-      return Number.isFinite(before) ? `Δ ${signed(value - before, digits)}` : "";
+      return Number.isFinite(before) && Number.isFinite(value) ? `Δ ${signed(value - before, digits)}` : "";
     },
     asMeasured(outputs, digits) {
       const measured = outputs.map((name) => this.measured[name]);

@@ -14,6 +14,7 @@ import {
   drawing,
   niceRange,
   samples,
+  scaled,
 } from "eclsim-page";
 
 const GAP = 16; // px without a trace before the head
@@ -131,7 +132,7 @@ export default {
       const factor = trace.form === "flow" ? L_MIN : 1;
       const beats = [this.beat, this.shadow].flatMap((beat) => beat?.waves[trace.signal] ?? []);
       const values = [...beats, ...(this.bands?.waves[trace.signal]?.flat() ?? [])].map((v) =>
-        v === null ? NaN : v * factor,
+        scaled(v, factor),
       );
       if (this.auto) {
         const [low, high] = extent(values, SMALLEST_RANGE[trace.form]) ?? trace.scales[0];
@@ -142,7 +143,7 @@ export default {
     },
     read({ form, signal, outputs }, beat) {
       const mean = beat.means[signal];
-      if (form === "flow") return { big: fixed(mean * L_MIN, 2), small: "", unit: "L/min" };
+      if (form === "flow") return { big: fixed(scaled(mean, L_MIN), 2), small: "", unit: "L/min" };
       if (form === "mean") return { big: fixed(mean, 0), small: "", unit: "mmHg" };
       const extremes = outputs.map((name) => fixed(beat.outputs[name], 0)).join("/");
       return { big: extremes, small: `(${fixed(mean, 0)})`, unit: "mmHg" };
@@ -233,7 +234,7 @@ export default {
     },
     points(trace, wave, period, y, from, to) {
       const factor = trace.form === "flow" ? L_MIN : 1;
-      return samples(wave, period, this.width, from, to).map(([x, v]) => [x, y(v * factor)]);
+      return samples(wave, period, this.width, from, to).map(([x, v]) => [x, y(scaled(v, factor))]);
     },
     curve(trace, beat, y, from, to, colour, width) {
       this.pen.strokeStyle = colour;

@@ -159,7 +159,8 @@ export default {
       return axis(fits ? title : title.replace(/^.*\[(.*)\]$/, "$1"), settings);
     },
     layout({ shapes, labels, range }) {
-      const { own, speeds, curves } = this.study;
+      const { own, speeds, curves, key } = this.study;
+      const { device = "" } = (bus.last("panel") ?? []).find((knob) => knob.key === key) ?? {};
       const rows = ROWS[curves.some((curve) => curve.panel === "circuit") ? 3 : 2];
       const now = {
         ...overhead,
@@ -183,7 +184,7 @@ export default {
         hovermode: "x unified",
         legend: { orientation: "h", x: 0, y: -0.1, font: { size: 11 } },
         margin: MARGIN,
-        xaxis: axis(this.texts.ramp_speed, {
+        xaxis: axis(fill(this.texts.ramp_speed, { device }), {
           anchor: rows.length === 3 ? "y3" : "y2",
           range: [speeds[0], speeds.at(-1)],
         }),

@@ -9,6 +9,7 @@ import {
   nearest,
   placed,
   polyline,
+  scaled,
   sized,
   textWidth,
 } from "eclsim-page";
@@ -154,7 +155,9 @@ export default {
       return this.drawing.boxes.filter((b) => b.position).map((b) => b.name);
     },
     dragHint() {
-      return fill(this.texts.schematic_drag, { letters: this.movable.map((l) => l.letter).join(" and ") });
+      return fill(this.texts.schematic_drag, {
+        letters: [...new Set(this.movable.map((l) => l.letter))].join(" and "),
+      });
     },
   },
   methods: {
@@ -220,7 +223,7 @@ export default {
     },
     flow(wire) {
       const mean = this.means[`Q${wire.name}`];
-      return mean === undefined || wire.silent ? "" : fixed(mean * wire.factor, wire.digits);
+      return mean === undefined || wire.silent ? "" : fixed(scaled(mean, wire.factor), wire.digits);
     },
     about(line) {
       return fill(line.about, {

@@ -145,6 +145,7 @@ export default {
         this.paused = "";
         this.impossible = course.refused ?? "";
         this.course = course.refused ? null : course;
+        if (!this.course) this.stop();
         this.asked = undefined;
         this.minute = this.course ? Math.min(this.minute, this.end) : 0;
         if (this.isOpen) this.ask();
@@ -364,7 +365,9 @@ export default {
       let before = performance.now();
       const frame = (now) => {
         if (!this.playing) return;
-        const minute = playedTo(this.minute, now - before, this.speed, this.end);
+        // The course of an earlier state is not played: its alarms are not those of the next one.
+        const ms = this.isOld ? 0 : now - before;
+        const minute = playedTo(this.minute, ms, this.speed, this.end);
         const met = alarmsBetween(this.course.alarms, this.course.time, this.minute, minute);
         this.minute = met?.minute ?? minute;
         before = now;

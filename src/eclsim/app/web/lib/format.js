@@ -7,6 +7,9 @@ export const SIGNS = { ok: "", warning: "! ", alarm: "▲ ", collapse: "✕ " };
 
 const isMissing = (value) => value === null || value === undefined || !Number.isFinite(value);
 
+// A number in another unit; a missing one stays missing, where null * 60 would be a flow of 0.
+export const scaled = (value, factor) => (isMissing(value) ? NaN : value * factor);
+
 // A number with a given number of decimals, a typographic minus, and no minus before zero.
 export function fixed(value, digits) {
   if (isMissing(value)) return MISSING;

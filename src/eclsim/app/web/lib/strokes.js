@@ -1,4 +1,4 @@
-// Colours and dashes of curves: all distinct, on light and dark backgrounds.
+// Colours and dashes of curves on light and dark backgrounds; curves of the same colour differ in their dash.
 const CURVES = [
   ["#17202a", "#e6ebf0", "solid"],
   ["#c24f00", "#ff9a5c", "dash"],
@@ -13,7 +13,8 @@ const CURVES = [
 ];
 
 export function strokeOf(number, dark) {
-  const [onLight, onDark, dash] = CURVES[number % CURVES.length];
+  const [onLight, onDark] = CURVES[number % CURVES.length];
+  const [, , dash] = CURVES[(number + 3 * Math.floor(number / CURVES.length)) % CURVES.length];
   return { colour: dark ? onDark : onLight, dash };
 }
 
