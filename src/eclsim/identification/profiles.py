@@ -310,7 +310,7 @@ class HeldFits:
             least: chi-square at the optimum.
         """
         reach = {}
-        for k in np.unique(self.held).tolist():
+        for k in map(int, np.unique(self.held)):
             own, scale = self.held == k, Scale.of([names[k]])
             along, costs = np.append(self.x[own, k], x[k]), np.append(squares[own], least)
             order = np.argsort(along)
