@@ -158,6 +158,9 @@ def test_what_a_base_case_has_and_a_cohort_cannot_hold_is_named(tmp_path):
         "[regulation], ecmo.pump, crrt.dialysate_ml_h, [lvad], [parameters], blood_volume_policy: " in warning
     )
     assert "without them" in warning
+    (assumed,) = [str(n) for n in result.notes if "assumed" in str(n)]
+    assert "gas: left out of the base case, so assumed in the table: haemoglobin_g_dl = 10" in assumed
+    assert "fio2" not in assumed
 
 
 def test_times_that_have_no_order_are_named_and_no_conversion_is_called_an_error(tmp_path):

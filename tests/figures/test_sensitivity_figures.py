@@ -54,3 +54,14 @@ def test_bars_without_a_ranking_say_which_inputs_they_show(indices):
     ]
     assert "make up 90 %" in notes[0]
     assert ["not ranked" in note for note in notes] == [False, True]
+
+
+def test_long_names_of_pairs_stay_within_the_figure(indices):
+    """The left end of gas.shunt_fraction was cut off."""
+    names = tuple(f"gas.haemoglobin_g_{k:02d}" for k in range(len(indices.factors)))
+    fig = plot_pairs(replace(indices, factors=names))
+    fig.canvas.draw()
+    texts = [t for axes in fig.axes for t in axes.texts if "haemoglobin" in t.get_text()]
+    assert len(texts) >= 10
+    assert all(t.get_text().startswith("gas.\nhaemoglobin_\ng_") for t in texts)
+    assert all(t.get_window_extent().x0 >= 0.0 for t in texts)

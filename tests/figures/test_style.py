@@ -15,6 +15,7 @@ from eclsim.reporting.style import (
     plain_log_ticks,
     plain_text,
     save_figure,
+    turned_names,
 )
 from eclsim.simulation.figures import plot_overview
 
@@ -28,6 +29,13 @@ def luminance(colour: str) -> float:
 
 def test_curves_are_told_apart_without_colour():
     assert len({str(line) for _, line in CURVES}) == len(CURVES)
+
+
+def test_few_long_names_along_an_axis_are_turned():
+    """Seven names of gas inputs were written over each other."""
+    gas = ("gas.vo2_ml_min", "gas.haemoglobin_g_dl", "ecmo.sweep_l_min", "ecmo.speed_rpm", "Rmc", "Emaxlv")
+    assert turned_names(gas) == 90.0
+    assert turned_names(("Rmc", "Emaxlv", "Rpmc", "Emaxrv", "Csart", "Edla", "Rsvn")) == 0.0
 
 
 def test_curves_stand_out_on_paper():

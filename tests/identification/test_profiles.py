@@ -84,6 +84,17 @@ def test_a_follower_of_an_undetermined_parameter_is_seen():
     assert result.compensation(np.array([0.2, 0.3]))[0][1] == 0.0
 
 
+def test_the_values_that_were_held_bound_an_interval():
+    """At the lower bound chi-square, exp(4 a), is flat; it has risen by 2.7 at a = 0.25."""
+    at_bound, without_effect_there = np.array([-2.0, 0.0]), lambda x: np.exp(2.0 * x) * [1.0, 0.0]
+    (result,) = held_fits(FunctionObjective(without_effect_there), BOX, [at_bound], [[0]])
+    squares = np.sum(result.outputs**2, axis=1)
+    ((name, (lower, upper)),) = result.intervals(BOX.names, at_bound, squares, 0.0).items()
+    assert name == "a"
+    assert np.log(lower) == pytest.approx(-2.0)
+    assert np.log(upper) == pytest.approx(0.02, abs=0.01)  # on the chord from -0.4 to 0.6
+
+
 def test_nothing_undetermined_needs_no_fit():
     (result,) = held_fits(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
     assert len(result.held) == 0

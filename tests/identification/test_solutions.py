@@ -7,7 +7,9 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.cases.case import Case, Measurements
-from eclsim.identification.fit import fit
+from eclsim.cases.cohort import CohortPoint
+from eclsim.identification import cohort
+from eclsim.identification.fit import fit, fit_cases
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.settings import FitSettings
@@ -33,7 +35,7 @@ def veno_venous():
         MAP=84.37, PF=4.882, SaO2=97.51, PaO2=81.01, PaCO2=36.8, SpreO2=79.16, PpostO2=328.9, PexhaustCO2=35.4
     )
     case = case.model_copy(update={"measurements": measured})
-    return fit(case, settings=FitSettings(NAMES, multi_start=SEARCH))
+    return fit_cases([("P", case)], FitSettings(NAMES, multi_start=SEARCH))[0]
 
 
 @pytest.mark.slow
@@ -66,5 +68,18 @@ def test_draws_cover_a_solution_that_no_start_ended_in(veno_venous):
 @pytest.mark.slow
 def test_a_fit_with_one_solution_stays_as_it_is(twin):
     settings = FitSettings(("Rmc", "Emaxlv"), multi_start=SEARCH)
-    alone = fit(twin, settings=settings)
+    (alone,) = fit_cases([("P", twin)], settings)
     assert with_solutions_sought(alone) is alone
+
+
+@pytest.mark.slow
+def test_a_fit_from_python_and_one_of_a_cohort_name_the_second_solution_as_well(veno_venous, monkeypatch):
+    """Only `eclsim identify` of a case did: `eclsim.fit` and cohorts gave the narrow intervals alone."""
+    monkeypatch.setattr("eclsim.identification.fit.fit_cases", lambda *_: [veno_venous])
+    monkeypatch.setattr(cohort, "fit_cases", lambda *_: [veno_venous])
+    from_python = fit(veno_venous.case, settings=veno_venous.settings)
+    point = CohortPoint("P", "1", 2, veno_venous.case)
+    ((stored),) = cohort.FitGroup(veno_venous.settings)((point,))
+    for verdict in (from_python.as_object()["verdict"], stored.numbers["verdict"]):
+        assert any("the measurements fit another patient, too" in str(each) for each in verdict["reasons"])
+    assert from_python.parameters["gas.vo2_ml_min"].lower == pytest.approx(156.0, abs=3.0)

@@ -248,14 +248,11 @@ def _run_job(
     job: str, raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str], report: Callable[[str], None]
 ) -> tuple[str, Any]:
     from eclsim.app.posterior import plain_posterior
-    from eclsim.identification.solutions import with_solutions_sought
 
     try:
         if job == "posterior":
             return "done", plain_posterior(raw, policy, report, free)
-        found = _fit(raw, policy, PAGE_SEARCH, report)
-        report(text("fit_other_solutions"))
-        return "done", plain_fit(with_solutions_sought(found))
+        return "done", plain_fit(_fit(raw, policy, PAGE_SEARCH, report))
     except CancelledError:
         return "cancelled", None
     except CaseError as error:

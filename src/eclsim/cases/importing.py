@@ -79,9 +79,11 @@ def _fill(result: Imported, base: Case) -> None:
     gas = {} if base.gas is None else base.gas.model_dump(exclude_none=True)
     if base.gas is not None and "shunt_fraction" not in base.gas.model_fields_set:
         del gas["shunt_fraction"]  # an assumed value would be read as known from a table
+    left_out = {f"{Gas.section}.{k}" for k in gas if base.gas and k not in base.gas.model_fields_set}
     stated |= {f"{Gas.section}.{k}": v for k, v in gas.items()}
     for device in base.instances():
         stated |= {f"{device.key}.{k}": v for k, v in device.section.model_dump(exclude_none=True).items()}
+    assumed = []
     for column, key in (COLUMNS | OPTIONAL).items():
         if column == "patient_id" or not isinstance(value := stated.get(key), str | float | int):
             continue
@@ -91,6 +93,10 @@ def _fill(result: Imported, base: Case) -> None:
             row[column] = text
         if empty and key.startswith("patient."):
             result.note(column, f"{text} of the base case, in {len(empty)} of {len(result.rows)} data points")
+        if empty and key in left_out:
+            assumed.append(f"{column} = {text}")
+    if assumed:
+        result.note(Gas.section, f"left out of the base case, so assumed in the table: {', '.join(assumed)}")
     for device in base.instances():
         if device.device.columns.needed and not device.name:
             result.note(device.key, "circuit of the base case, where the file says nothing")

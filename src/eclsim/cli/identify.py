@@ -217,15 +217,13 @@ def _fit_case(o: IdentifyOptions, distribution: Distribution, mistakes: Collecti
 
     from eclsim.devices.description import placed_sentence
     from eclsim.identification.fit import fit
-    from eclsim.identification.solutions import with_solutions_sought
 
     folder = Path(o.out)
     with distribution.running(), Progress() as progress:
         result = fit(reading.case, settings=settings, progress=progress)
         warn(placed_sentence(f"{o.file}, fitted", line) for line in result.warnings)
         if result.simulated:
-            progress("looking for other patients that fit as well")
-            result = _with_profiles(with_solutions_sought(result), folder, progress)
+            result = _with_profiles(result, folder, progress)
         content, page = _write_fit(folder, result, settings, {})
         if o.samples and result.simulated:
             say(f"report: {page}, the posterior will be added when it is sampled")

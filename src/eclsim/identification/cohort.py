@@ -16,8 +16,9 @@ from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
 from eclsim.identification.fit import FitResult, failed_fit, fit_cases
 from eclsim.identification.multi_start import FitStatus
-from eclsim.identification.quantities import FLOWS, PRESSURES, measured_and_simulated
+from eclsim.identification.quantities import FLOWS, GASES, PRESSURES, measured_and_simulated
 from eclsim.identification.settings import FitSettings
+from eclsim.identification.solutions import with_solutions_sought
 from eclsim.identification.verdict import Level, headline
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case
@@ -67,9 +68,13 @@ class FitGroup:
         ]  # fmt: skip
 
     def _fits(self, cases: Sequence[tuple[str, Case]]) -> list[FitResult]:
-        """Fit cases; an error in one fit does not end the others, unless the cases share parameters."""
+        """Fit cases; an error in one fit does not end the others, unless the cases share parameters.
+
+        Other patients who fit as well are sought where gases were measured: there it costs little.
+        """
         try:
-            return fit_cases(cases, self.settings, lambda step: announce(str(step)))
+            fits = fit_cases(cases, self.settings, lambda step: announce(str(step)))
+            return [with_solutions_sought(fit) if {*GASES} & {*fit.measured} else fit for fit in fits]
         except (CaseError, MemoryError, OSError):  # concerns the whole run, not one point
             raise
         except Exception as error:  # no error of one fit may end the whole cohort

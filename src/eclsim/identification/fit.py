@@ -23,7 +23,7 @@ from eclsim.identification.multi_start import (
     silent,
 )
 from eclsim.identification.objective import NORMAL_90, Box, Objective, Target, correlation
-from eclsim.identification.profiles import held_fits
+from eclsim.identification.profiles import HeldFits, held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
     INFORMATIVE_MEASUREMENTS,
@@ -252,6 +252,8 @@ class FitResult:
 def fit(case: CaseSource, *, settings: FitSettings | None = None, progress: Progress = silent) -> FitResult:
     """Fit one case to its measurements: multi-start least squares with exact derivatives.
 
+    Other patients who fit the measurements as well are sought; the verdict names them.
+
     Args:
         case: case with measurements.
         settings: free parameters, weights and extent of the search.
@@ -265,13 +267,17 @@ def fit(case: CaseSource, *, settings: FitSettings | None = None, progress: Prog
     wrong = unmeasured_uncertainties([case], settings)
     if wrong:
         raise CaseError(wrong)
-    return fit_cases([(case.patient.id, case)], settings, progress)[0]
+    from eclsim.identification.solutions import with_solutions_sought
+
+    (found,) = fit_cases([(case.patient.id, case)], settings, progress)
+    progress("looking for other patients that fit as well")
+    return with_solutions_sought(found)
 
 
 def fit_cases(
     cases: Sequence[tuple[str, Case]], settings: FitSettings | None = None, progress: Progress = silent
 ) -> list[FitResult]:
-    """Fit cases that have the same circuit, side by side.
+    """Fit cases that have the same circuit, side by side; see `with_solutions_sought` for other patients.
 
     Args:
         cases: name and case of each data point.
@@ -574,7 +580,10 @@ def _at_bound(side: str, held_back: bool) -> str:
 def _without_compensating_parameters(
     results: Sequence[FitResult], objective: Objective, box: Box
 ) -> list[FitResult]:
-    """Return the fits; parameters that compensate for undetermined ones are marked as undetermined, too."""
+    """Return the fits; parameters that compensate for undetermined ones are marked as undetermined, too.
+
+    Intervals of undetermined parameters reach to the values at which the others make up for them.
+    """
     undetermined = [
         [k for k, p in enumerate(f.parameters.values()) if not p.identifiable]
         if f.simulated and f.optimum.shared is None
@@ -593,5 +602,21 @@ def _without_compensating_parameters(
             for k, name in enumerate(box.names)
             if moved[k] > np.log1p(SAME_PARAMETER_SHARE)
         }
-        judged.append(replace(result, parameters=result._undetermined(reasons)))
+        judged.append(replace(result, parameters=result._undetermined(reasons) | _reaching(result, held_fit)))
     return judged
+
+
+def _reaching(result: FitResult, held: HeldFits) -> dict[str, FittedParameter]:
+    """Return the parameters that were held, with intervals that hold the values that fit as well."""
+    if not len(held.held) or result.verdict.goodness is None:
+        return {}
+    rows = [result.objective.outputs.index(n) for n in result.measured]
+    measured, errors = (np.array(list(each.values())) for each in (result.measured, result.uncertainties))
+    squares = np.sum(((held.outputs[:, rows] - measured) / errors) ** 2, axis=1)
+    least = result.verdict.goodness.chi_square
+    reach = held.intervals(result.box.names, result.optimum.x, squares, least)
+    fitted = {name: result.parameters[name] for name in reach}
+    return {
+        name: replace(p, lower=min(p.lower, reach[name][0]), upper=max(p.upper, reach[name][1]))
+        for name, p in fitted.items()
+    }

@@ -278,11 +278,13 @@ class HeldFits:
         x: coordinates of the parameters.
         change: largest relative change of a measured output from its value at the optimum; NaN without a
             steady beat.
+        outputs: outputs of the problem.
     """
 
     held: np.ndarray
     x: np.ndarray
     change: np.ndarray
+    outputs: np.ndarray
 
     def compensation(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Largest change of each parameter at the same outputs, and the held parameter it compensates.
@@ -296,6 +298,26 @@ class HeldFits:
         moved = np.abs(self.x[same] - x)
         return moved.max(axis=0), self.held[same][moved.argmax(axis=0)]
 
+    def intervals(
+        self, names: Sequence[str], x: np.ndarray, squares: np.ndarray, least: float
+    ) -> dict[str, tuple[float, float]]:
+        """90 % interval of each held parameter in its unit, by the few values at which it was held.
+
+        Args:
+            names: names of the parameters.
+            x: coordinates of the parameters at the optimum, shape (parameters,).
+            squares: chi-square of each fit; NaN without a steady beat.
+            least: chi-square at the optimum.
+        """
+        reach = {}
+        for k in map(int, np.unique(self.held)):
+            own, scale = self.held == k, Scale.of([names[k]])
+            along, costs = np.append(self.x[own, k], x[k]), np.append(squares[own], least)
+            order = np.argsort(along)
+            values = np.array([scale.value(0, each) for each in along[order]])
+            reach[names[k]] = interval_90(values, costs[order], scale)
+        return reach
+
 
 def held_fits(
     problem: LeastSquaresProblem,
@@ -307,7 +329,8 @@ def held_fits(
     plans = [values_to_hold(x, box, chosen) for x, chosen in zip(optima, undetermined, strict=True)]
     points = np.repeat(np.arange(len(plans)), [len(held) for held, _ in plans])
     if not len(points):
-        return [HeldFits(held, np.zeros((0, len(box.names))), np.zeros(0)) for held, _ in plans]
+        nothing = np.zeros((0, len(box.names))), np.zeros(0), np.zeros((0, len(problem.outputs)))
+        return [HeldFits(held, *nothing) for held, _ in plans]
     held, values = (np.concatenate(each) for each in zip(*plans, strict=True))
     stacked = np.stack(optima)
     refined = refit(problem, points, box, stacked[points], held, values)
@@ -317,7 +340,10 @@ def held_fits(
     scale = np.where(problem.weights > 0.0, np.maximum(np.abs(optimal), 1e-3), np.inf)
     change = np.max(np.abs(refined.outputs - optimal[points]) / scale[points], axis=1)
     each = [points == k for k in range(len(plans))]
-    return [HeldFits(held[members], refined.x[members], change[members]) for members in each]
+    return [
+        HeldFits(held[members], refined.x[members], change[members], refined.outputs[members])
+        for members in each
+    ]
 
 
 def values_to_hold(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -24,6 +24,8 @@ from eclsim.files import whole_file
 MM_PER_INCH = 25.4
 PAGE_WIDTH_MM = 170.0
 DOTS_PER_INCH = 200
+MOST_LETTERS = 80
+"""Names along an axis are turned if all of the longest one's length have more letters than this."""
 MOST_HORIZONTAL_NAMES = 12
 LONGEST_FULL_NAME = 16
 """Number of characters; a longer parameter name is shown without its section."""
@@ -157,8 +159,9 @@ def draw_matrix(
 
 
 def turned_names(names: Sequence[str]) -> float:
-    """Return the rotation of names along an axis [degrees]: 90 if there are many, else 0."""
-    return 90.0 if len(names) > MOST_HORIZONTAL_NAMES else 0.0
+    """Return the rotation of names along an axis [degrees]: 90 if there are many or they are long, else 0."""
+    letters = len(names) * max((len(short_name(name)) for name in names), default=0)
+    return 90.0 if len(names) > MOST_HORIZONTAL_NAMES or letters > MOST_LETTERS else 0.0
 
 
 def short_name(name: str) -> str:

@@ -49,6 +49,8 @@ COLUMNS = 4
 """Number of columns of panels; the last place of the last row holds the legend."""
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
 LETTER_MM = 1.7
+LONGEST_LINE = 10
+"""Number of letters above which the last part of a factor's name is broken at its first underscore."""
 MOST_PAIRED = 10
 TOO_FEW_ROWS_TEXT = "Only {} of {} rows have results: too few to rank from"
 SMALLEST_PAIR = 0.005
@@ -321,11 +323,11 @@ def plot_pairs(result: Indices) -> Figure:
     angle = np.linspace(0.5 * np.pi, 2.5 * np.pi, len(leading), endpoint=False)
     place = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     fig, places = panel_grid(len(result.outputs) + 1, COLUMNS, 46)
-    right = 2.6 if any("." in result.factors[i] for i in leading) else 1.95
+    left, right = (-2.4, 2.6) if any("." in result.factors[i] for i in leading) else (-1.95, 1.95)
     for axes in places:
         axes.set_axis_off()
         axes.set_aspect("equal")
-        axes.set(xlim=(-1.95, right), ylim=(-1.55, 1.55))
+        axes.set(xlim=(left, right), ylim=(-1.55, 1.55))
     drawn = 0
     for k, (axes, output) in enumerate(zip(places, result.outputs, strict=False)):
         drawn += _draw_pairs(axes, result, k, leading, place)
@@ -361,7 +363,9 @@ def _label_factor(axes: Axes, name: str, place: np.ndarray, away: float) -> None
     if across:
         align["va"] = "center"
     # Text is not considered in the layout: the panels of all outputs have the same size.
-    shown, at = name.replace(".", ".\n", 1), (away * place[0], away * place[1])
+    section, dot, last = name.rpartition(".")
+    last = last.replace("_", "_\n", 1) if len(last) > LONGEST_LINE else last
+    shown, at = f"{section}{dot}\n{last}".lstrip(), (away * place[0], away * place[1])
     text = axes.annotate(
         shown, (place[0], place[1]), xytext=at, textcoords="offset points", fontsize=6, **align
     )
