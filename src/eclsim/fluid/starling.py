@@ -39,7 +39,7 @@ LYMPH_PER_MMHG = 0.36
 """Relative rise of lymph flow per mmHg of Pi: 43 of 120 mL/h; the same model, not verified."""
 LARGE_PORES_MMHG = 20.0
 """Hydrostatic pressure P0 [mmHg] across the capillary wall at rest, without which nothing passes large pores:
-17.3 inside, -3 outside; textbook, not verified. No row of the validation changes its verdict from 10 to 20."""
+17.3 inside, -3 outside; textbook, not verified. No row of the validation changes its verdict at 10 to 20."""
 EXCLUDED_SHARE = 0.25
 """Share of the normal interstitial volume that excludes protein; the same model, not verified."""
 CAPILLARY_SHARE = 0.15
