@@ -149,8 +149,8 @@ def remarks_on_protein(minutes: np.ndarray, states: Mapping[str, np.ndarray]) ->
     return [
         f"from {clock_time(float(minutes[over[0]]))} more than {100.0 * NOTABLE_ESCAPE:.0f} % of the protein "
         f"of the plasma has left it ({worst:.0f} % at worst), as lymph brings less of it back from dry "
-        "tissue. Cats had lost 13.5 % after two days without water (Schultze 1972); for more, and for people, "
-        "no measurement was found: blood volume and pressures of these hours may be too low"
+        "tissue. Cats had lost 13.5 % after two days without water (Schultze 1972); for more, and for "
+        "people, no measurement was found: blood volume and pressures of these hours may be too low"
     ]
 
 
