@@ -30,7 +30,7 @@ HEMO = (
     "min: after to before 1.121 +- 0.070, an hour later 1.091 +- 0.086, abstract; two standard errors"
 )
 CATS = (
-    "Schultze 1972 (Pflugers Arch 337:351), cats without water for 48 h, whose fluid outside cells fell by "
+    "Schultze 1972 (10.1007/BF00586651), cats without water for 48 h, whose fluid outside cells fell by "
     "13.8 %, abstract; half of it taken as spread"
 )
 SHEEP = (
