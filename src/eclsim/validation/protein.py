@@ -1,7 +1,8 @@
 """Plasma protein that leaves for the tissues and returns with lymph, against people and animals.
 
 Lymph flow at rest was chosen for the protein that leaves at rest, and the shape of its fall in dry tissue for
-what it brings back in dry cats: these two rows say (fit). The rest are tests.
+what it brings back in dry cats: these two rows say (fit). That the leak follows pressure was chosen with the
+other rows in sight; its constant was not fitted to them.
 """
 
 from __future__ import annotations
