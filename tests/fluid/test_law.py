@@ -23,6 +23,7 @@ from eclsim.fluid.starling import (
     forces,
     interstitial_pressure,
     oncotic_pressure,
+    relative_flow,
 )
 from eclsim.parameters.fluid import HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, PARAMETERS
 from eclsim.parameters.regulation import EXTRA_VOLUME
@@ -138,7 +139,7 @@ def test_forces_are_none_at_the_start_and_drive_what_crosses(spaces):
     assert drawn_out > 0.0
     assert swollen < 0.0
     driven = WALL.filtration * (rise - swollen - WALL.reflection * (drawn - drawn_out))
-    lymph_less = WALL.lymph * LYMPH_PER_MMHG * swollen
+    lymph_less = WALL.lymph * np.expm1(LYMPH_PER_MMHG * swollen)
     np.testing.assert_allclose(exchange(now, spaces, rise, WALL).fluid, driven - lymph_less)
 
 
@@ -175,7 +176,7 @@ def test_a_share_of_all_of_the_interstitium_is_the_interstitium_that_is_one():
 
 
 def test_protein_thickened_by_what_comes_back_holds_back_the_rest():
-    values = {share: settings(pericapillary_share=share) for share in (0.12, 1.0)}
+    values = {share: settings(pericapillary_share=share, lymph_ml_min=2.0) for share in (0.12, 1.0)}
     fallen = {"MAP": 70.0, "venous_pressure": 3.0}
     start = LAYERED.start(values[0.12], arrays(BEAT))
     at_once = [rates(start, one, fallen, LAYERED)[fluid.REFILLED] for one in values.values()]
@@ -227,12 +228,28 @@ def test_flow_carries_downstream_and_mixing_evens_out():
     np.testing.assert_allclose(np.diff(around), [5e-5, 4.95e-3, 5e-5], rtol=1e-3)
 
 
-def test_lymph_of_a_dry_interstitium_stands_still_and_does_not_run_backwards(spaces):
+def test_lymph_of_a_dry_interstitium_fades_and_goes_on(spaces):
+    """A closed form at 0.7 of the volume, where the straight line of the model of Xie is below 0."""
     now = spaces._replace(interstitium=0.7 * spaces.interstitium)
-    assert 1.0 + LYMPH_PER_MMHG * interstitial_pressure(now.interstitium, now.normal) < 0.0
     _, swollen, drawn, drawn_out = forces(now, spaces, np.zeros(1))
+    assert 1.0 + LYMPH_PER_MMHG * swollen < 0.0
     filtered = 2.0 + 10.0 * (-swollen - 0.9 * (drawn - drawn_out))
-    np.testing.assert_allclose(exchange(now, spaces, np.zeros(1), WALL).fluid, filtered)
+    lymph = 2.0 * np.exp(LYMPH_PER_MMHG * swollen)
+    np.testing.assert_allclose(exchange(now, spaces, np.zeros(1), WALL).fluid, filtered - lymph)
+
+
+def test_flow_has_one_slope_at_rest_rises_in_proportion_and_never_stops():
+    np.testing.assert_allclose(relative_flow(np.array([-1e-6, 0.0, 1e-6, 2.0])), [1 - 1e-6, 1, 1 + 1e-6, 3])
+    assert 0.0 < relative_flow(np.array(-30.0)) < 1e-12
+
+
+@pytest.mark.parametrize(("rise", "pressed"), [(5.0, 1.25), (-5.0, np.exp(-0.25))])
+def test_protein_leaks_by_the_pressure_across_the_wall(spaces, rise, pressed):
+    """What diffuses at rest, by a quarter of the pressure of large pores more or less; drag is as it was."""
+    wall = WALL._replace(reflection=np.array(1.0))
+    leak_at_rest = 0.02 * spaces.concentrations[1]
+    crossed = exchange(spaces, spaces, np.array([rise]), wall).protein
+    np.testing.assert_allclose(crossed, leak_at_rest * (pressed - 1.0))
 
 
 def test_constants_are_those_of_the_model_of_xie():

@@ -47,7 +47,7 @@ class Fluid(Section):
     interstitial_volume_ml: float | None = None
     filtration_ml_min_mmHg: float = 10.0  # noqa: N815
     reflection: float = 0.9
-    lymph_ml_min: float = 2.0
+    lymph_ml_min: float = 5.6
     pericapillary_share: float = 1.0
 
     @classmethod

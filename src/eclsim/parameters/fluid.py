@@ -44,7 +44,9 @@ _TABLE = (
      "fitted to haemodialysis, 10.0 +- 8.4: Pietribiasi 2016 (PMID 27483369), abstract", 0.2, 60.0),
     (SECTION, "reflection", 0.9, "1", "Reflection coefficient of the capillary wall for protein",
      _NOT_VERIFIED, 0.45, 1.0),
-    (SECTION, "lymph_ml_min", 2.0, "mL/min", "Flow of lymph at the start", _NOT_VERIFIED, 0.1, 20.0),
+    (SECTION, "lymph_ml_min", 5.6, "mL/min", "Flow of lymph at the start, before lymph nodes",
+     "8 L in a day: Levick and Michel 2010 (10.1093/cvr/cvq062), not verified; protein then leaves at rest "
+     "as measured (Rossing 1978, Lymphology 11:138, abstract)", 0.1, 20.0),
     (SECTION, "pericapillary_share", 1.0, "1",
      "Share of the interstitium, next to capillaries, that what crosses their wall passes first",
      "1, the interstitium is one; 0.12 was fitted to the fall of blood volume in two dialyses (Keane 2018, "
