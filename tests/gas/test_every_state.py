@@ -18,7 +18,7 @@ from eclsim.blood.standard import carbon_dioxide_content, oxygen_content, satura
 from eclsim.components.exchangers import Points
 from eclsim.gas.network import LARGEST_PCO2, SMALLEST_SUPPLY
 from eclsim.gas.steady import blood_of
-from gas_networks import EXCHANGERS, PATIENT, veno_venous
+from gas_networks import EXCHANGERS, PATIENT, compiled_quickly, veno_venous
 
 TISSUE, LUNG, OXYGENATOR = range(3)
 CELLS, BLOOD_ML = 24, (600.0, 300.0, 300.0)
@@ -128,7 +128,7 @@ def equations():
         gas = 20.0 * (before + given / CELLS - gained)
         return jnp.concatenate([(pressures / (a * d - b * c)).reshape(-1), gas.reshape(-1)])
 
-    return jax.jit(moved), jax.jit(jax.jacfwd(moved))
+    return compiled_quickly(moved), compiled_quickly(jax.jacfwd(moved))
 
 
 def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):

@@ -1,6 +1,6 @@
 """The steady gas state against closed forms, published tables, differences and conservation."""
 
-from functools import partial
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from eclsim.components.exchangers import FLOWMETER_TO_STPD, MembraneLung, Tissue
 from eclsim.devices.ecmo import MEMBRANE
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import balanced, mixtures
-from gas_networks import EXCHANGERS, PATIENT, GivenGases, flows_of, veno_venous
+from gas_networks import EXCHANGERS, PATIENT, GivenGases, compiled_quickly, flows_of, veno_venous
 
 TISSUE, LUNG, OXYGENATOR = range(3)
 TEXTBOOK = (Tissue(), GivenGases(100.0, 40.0, "gas.shunt_fraction"), GivenGases(400.0, 40.0))
@@ -153,13 +153,12 @@ def test_without_oxygen_consumption_falls_and_nothing_is_made():
     np.testing.assert_allclose(state.gained.sum(axis=1), 0.0, atol=1e-6)
 
 
-INLETS = {
-    pco2: float(blood.gases_with_saturation(saturation=0.60, pco2=pco2, haemoglobin=12.0).po2)
-    for pco2 in (45.0, 61.5)
-}
+@cache
+def inlet_po2(pco2):
+    return float(blood.gases_with_saturation(saturation=0.60, pco2=pco2, haemoglobin=12.0).po2)
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(compiled_quickly, static_argnums=0)
 def _passed(cells, flow, sweep, po2, pco2):
     exchangers = (GivenGases("po2", "pco2"), MembraneLung(*MEMBRANE, cells=cells))
     flows = balanced(flows_of((("source", "a", "b"), ("oxy", "b", "a")), jnp.stack([flow, flow])))
@@ -170,7 +169,7 @@ def _passed(cells, flow, sweep, po2, pco2):
 
 def single_pass(flow, sweep, cells=4, pco2=45.0):
     """PO2 behind an oxygenator and gas gained in it, for an inlet above with 12 g/dL haemoglobin."""
-    state = _passed(cells, float(flow), float(sweep), INLETS[pco2], pco2)
+    state = _passed(cells, float(flow), float(sweep), inlet_po2(pco2), pco2)
     return float(jnp.exp(state.pressure[0, -1])), state.gained[:, 1]
 
 

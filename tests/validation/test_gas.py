@@ -1,6 +1,7 @@
 """The rows of gas exchange: fits are met, tests are what they are, and reasons are shown by experiments."""
 
 import csv
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,6 +14,15 @@ from eclsim.validation.reference_cases import DATA
 def rows():
     with (DATA / "gas.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _bench_and_loss_of_blood_are_computed_once():
+    """Numbers of their own that the whole check has, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name in ((gas, "_oxygenators"), (recirculation, "_loss_of_blood")):
+            patch.setattr(module, name, cache(getattr(module, name)))
+        yield
 
 
 def test_every_row_says_what_it_was_used_for_and_where_it_comes_from():

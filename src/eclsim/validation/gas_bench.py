@@ -80,9 +80,13 @@ class VenoVenous(NamedTuple):
 
 
 def values_with(values: Mapping[str, float]) -> dict[str, float]:
-    """Default values of all parameters of gas exchange, with the given values replaced."""
+    """Default values of all parameters of gas exchange, with the given values replaced; all are floats.
+
+    A program traced with a whole number is another one, and compiled anew.
+    """
     known = {name: parameter.value for name, parameter in parameters().items()}
-    return known | OXYGENATORS[ADULT].gas_values() | dict(values)
+    known |= OXYGENATORS[ADULT].gas_values() | dict(values)
+    return {name: float(value) for name, value in known.items()}
 
 
 def single_pass(
@@ -100,8 +104,8 @@ def single_pass(
             f"{_CIRCUIT}fdo2": oxygenator.pop("fdo2", 1.0),
         }
         | {_MEMBRANE + name: value for name, value in oxygenator.items()}
-    ) | {"bench.po2": float(inlet.po2), "bench.pco2": pco2}
-    state = _bench()(jnp.asarray(flow), values)
+    ) | {"bench.po2": float(inlet.po2), "bench.pco2": float(pco2)}
+    state = _bench()(float(flow), values)
     oxygen, carbon_dioxide = map(float, state.gained[:, 1])
     return Pass(
         oxygen, -carbon_dioxide, float(jnp.exp(state.pressure[0, -1])), 100.0 * float(state.saturation[-1])
@@ -115,7 +119,7 @@ def veno_venous(output: float, ecmo: float, mixing: float = 0.0, **settings: flo
     """
     by_parameter = {_SECTIONS.get(key, "gas.") + key: value for key, value in settings.items()}
     values = values_with(by_parameter)
-    state, inlets = _patient()(jnp.asarray(output), jnp.asarray(ecmo), jnp.asarray(mixing), values)
+    state, inlets = _patient()(float(output), float(ecmo), float(mixing), values)
     hb = values["gas.haemoglobin_g_dl"]
     blood = jnp.stack([state.outlets[:, 1], state.outlets[:, 0], inlets])
     blood_gases = gases_with_contents(
