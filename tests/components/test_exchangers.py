@@ -115,10 +115,11 @@ def test_haemoglobin_speeds_the_transfer_of_oxygen_as_in_the_boundary_layer_of_a
     saturation, gas, tolerance
 ):
     law = MembraneLung("o2", "exponent", "co2", "clot", "sweep", "fdo2")
-    values = {"o2": 1.0, "exponent": 1.0, "co2": 1.0, "clot": 0.0,
+    values = {"o2": 1.0, "exponent": 1.0, "co2": 1.0, "clot": 0.0, "fdo2": gas / DRY,
+              "gas.temperature_c": 37.0,
               "gas.oxygen_capacity_ml_g": 1.34, "gas.haemoglobin_g_dl": 12.0}  # fmt: skip
     po2 = float(severinghaus_pressure(saturation))
     assert float(severinghaus(po2)) == pytest.approx(saturation)
     inside = Points(jnp.zeros((2, 1)), jnp.array([[po2], [40.0]]), jnp.array([po2]), jnp.array([7.4]))
-    permeance = law.transfer(jnp.array(1.0), inside, jnp.array([gas]), values)[0, 0]
+    permeance = law.transfer(jnp.array(1.0), inside, values)[0, 0]
     assert float(permeance) == pytest.approx(boundary_layer(po2, gas, 12.0), rel=tolerance)

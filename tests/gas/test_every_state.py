@@ -131,7 +131,7 @@ def equations():
     return jax.jit(moved), jax.jit(jax.jacfwd(moved))
 
 
-def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):
+def followed(sweep, oxygen, shunt, ventilation, minutes=4000.0):
     """The same patient in time.
 
     Returns:

@@ -48,7 +48,7 @@ def test_poor_blood_and_thin_gas_leave_less_saturated_but_take_up_more(saturatio
     rich = single_pass(3.9, 4.0, saturation + 0.1, hb=9.0, fdo2=0.8)
     assert poor.saturation < rich.saturation
     assert poor.oxygen > rich.oxygen
-    assert poor.saturation > 84.0
+    assert poor.saturation > 80.0
 
 
 @pytest.mark.slow

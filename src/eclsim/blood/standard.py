@@ -41,7 +41,7 @@ def severinghaus_pressure(saturation: Array) -> Array:
 
 
 def mean_slope(first: Array, second: Array) -> Array:
-    """Mean slope [1/mmHg] of the curve between two PO2 [mmHg] under standard conditions; equal ones allowed."""
+    """Mean slope [1/mmHg] of the curve between two PO2 [mmHg] under standard conditions, or at one."""
     quadratic = first**2 + first * second + second**2 + 150.0
     below, above = (at**3 + 150.0 * at + 23400.0 for at in (first, second))
     return 23400.0 * quadratic / (below * above)

@@ -242,14 +242,14 @@ class MembraneLung(GasExchanger):
         in --|point 1 .. point n|--> out;   sweep gas in the same direction
 
     Q dC_O2/dx = k_O2 Q^b (1 + 2.14 lambda)^(1/3) (P_gas - P)
-    lambda = 1.34 Hb (S_gas - S) / (0.0031 (P_gas - P))
+    lambda = 1.34 Hb (S_fresh - S) / (0.0031 (P_fresh - P))
     Q dC_CO2/dx = k_CO2 Q^0.6 (P_gas - P)
 
     with x from 0 to 1 along the bundle (form of Vaslef et al. 1994, ASAIO J 40:990). The blood next to a
     fibre is nearly saturated whatever the blood further away holds, so the slope of the dissociation curve
-    is the mean one from the blood to the gas, S_gas being the saturation at P_gas; `FRONT` tells how closely
-    that solves the boundary layer. Each cell uses Radau collocation (third order, stable at any ratio of
-    membrane to flow).
+    is the mean one from the blood to the fresh gas, S_fresh being the saturation at its PO2; `FRONT` tells how
+    closely that solves the boundary layer. Each cell uses Radau collocation (third order, stable at any ratio
+    of membrane to flow).
 
     The sweep gas changes by what the blood has taken up and given off upstream, so that CO2 transfer is
     limited by the sweep flow when it is low and by the blood flow when it is high. Blood takes up no more
@@ -289,16 +289,14 @@ class MembraneLung(GasExchanger):
         mixture = jnp.where(rest < 1.0, least / (2.0 - rest), left)
         partial = dry_gas_pressure(values[TEMPERATURE]) * (supplied - inside.gained) / mixture
         driving = partial - contact * inside.pressure
-        return self.transfer(flow, inside, partial[0], values) * driving
+        return self.transfer(flow, inside, values) * driving
 
-    def transfer(self, flow: Array, inside: Points, gas: Array, values: Values) -> Array:
-        """Permeance of the whole membrane [mL/min/mmHg] for both gases at the points, shape (2, points).
-
-        `gas` is the PO2 of the sweep gas at the points [mmHg].
-        """
+    def transfer(self, flow: Array, inside: Points, values: Values) -> Array:
+        """Permeance of the whole membrane [mL/min/mmHg] for both gases at the points, shape (2, points)."""
         open_share = 1.0 - value_of(values, self.clotted_fraction)
+        fresh = value_of(values, self.oxygen) * dry_gas_pressure(values[TEMPERATURE])
         shift = inside.standard / inside.pressure[0]
-        slope = shift * mean_slope(inside.standard, shift * jnp.maximum(gas, 0.0))
+        slope = shift * mean_slope(inside.standard, shift * fresh)
         binding = values[OXYGEN_CAPACITY] * values[HAEMOGLOBIN] * slope / OXYGEN_SOLUBILITY
         oxygen = value_of(values, self.oxygen_transfer) * flow ** value_of(values, self.oxygen_exponent)
         boosted = oxygen * jnp.cbrt(1.0 + FRONT * binding)

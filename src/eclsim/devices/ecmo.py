@@ -121,9 +121,9 @@ ROLLER = number("Flow of a roller pump", "L/min", 0, 10, 4)
 """Key of a roller pump's table, `pump = { roller_l_min = 4.0 }`."""
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
-_LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.09, 4.66), Membrane(5.0, 0.085, 3.37)
+_LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.09, 4.66), Membrane(5.0, 0.0853, 3.37)
 """Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024. Oxygen: 450 mL/min at 7 L/min, and 5/7 of it at 5
-L/min (0.09 (5/7)^0.17). Carbon dioxide, scaled by area: the amounts removed at 1 and 7 L/min from blood
+L/min (0.09 (5/7)^0.16). Carbon dioxide, scaled by area: the amounts removed at 1 and 7 L/min from blood
 that must have had 61.5 mmHg, as a gas flow of 1:1 carries 59 mL/min from 45 mmHg and 64 were measured. With a
 rating of 95 % saturation behind them they would transfer 346 mL/min of oxygen."""
 OXYGENATORS = by_key(
@@ -191,7 +191,7 @@ GAS_PARAMETERS = (
         0.001, 1.0, GROUP, Bounds(0.09, 0.009, 0.9), clipped=True,
     ),
     Parameter(
-        "ecmo.oxygenator.oxygen_exponent", 0.83, "1", "Exponent of blood flow in the oxygen transfer",
+        "ecmo.oxygenator.oxygen_exponent", 0.84, "1", "Exponent of blood flow in the oxygen transfer",
         f"{_VASLEF}; {_FITTED}", 0.3, 1.0, GROUP, half_width=0.1, clipped=True,
     ),
     Parameter(

@@ -41,9 +41,9 @@ from eclsim.gas.elimination import (
 )
 from eclsim.gas.transport import Mixtures
 
-ITERATIONS, PLAIN_ITERATIONS = 440, 40
+ITERATIONS, PLAIN_ITERATIONS = 1800, 40
 """Iterations of a search, and of its first part, after which the search continues in pseudo-time."""
-PSEUDO_TIME_STAGES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1))
+PSEUDO_TIME_STAGES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1), (440, 0.02))
 """Iterations at which a pseudo-time stage begins, and its target change of the logarithms per step."""
 SMALL_PRESSURE_MMHG = 2.0
 """Pressure [mmHg] below which a change of its logarithm counts less, as blood holds very little gas there."""
