@@ -1,9 +1,13 @@
 """The law of the lung over a step in time, against closed forms."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_bvp
 
+from eclsim.blood.standard import severinghaus, severinghaus_pressure
 from eclsim.components.exchangers import (
     AIR_CARBON_DIOXIDE,
     AIR_OXYGEN,
@@ -70,7 +74,7 @@ def test_a_stopped_sweep_gives_nothing_and_the_first_of_it_is_taken_up():
     law = MembraneLung("o2", "exponent", "co2", "clot", "sweep", "fdo2")
     values = {"o2": 10.0, "exponent": 0.3, "co2": 5.0, "clot": 0.0, "fdo2": 1.0, "gas.temperature_c": 37.0,
               "gas.oxygen_capacity_ml_g": 1.34, "gas.haemoglobin_g_dl": 10.0}  # fmt: skip
-    still = Points(jnp.zeros((2, 8)), jnp.full((2, 8), 40.0), jnp.full(8, 0.01), jnp.full(8, 7.4))
+    still = Points(jnp.zeros((2, 8)), jnp.full((2, 8), 40.0), jnp.full(8, 40.0), jnp.full(8, 7.4))
 
     def rates(sweep, gained=0.0):
         points = still._replace(gained=still.gained + jnp.array([[gained], [0.0]]))
@@ -80,3 +84,42 @@ def test_a_stopped_sweep_gives_nothing_and_the_first_of_it_is_taken_up():
     by_sweep = (rates(1e-6)[0] / 1e-3)[0]
     by_gained = (rates(0.0, 1e-3)[0] / 1e-3)[0]
     assert 0.5 < float(-by_sweep / by_gained) < 1.0
+
+
+def boundary_layer(blood: float, gas: float, haemoglobin: float) -> float:
+    """Oxygen that crosses a fibre's boundary layer, over that without haemoglobin.
+
+    Leveque's layer with a linear velocity and chemical equilibrium: with y the distance over its thickness,
+    P'' + 3 y^2 (1 + 1.34 Hb S'(P) / 0.0031) P' = 0 from the PO2 of the gas to that of the blood.
+    """
+
+    def slopes(y: np.ndarray, state: np.ndarray) -> np.ndarray:
+        po2, change = state
+        cubic = po2**3 + 150.0 * po2
+        binding = 1.34 * haemoglobin / 0.0031 * 23400.0 * (3.0 * po2**2 + 150.0) / (cubic + 23400.0) ** 2
+        return np.stack([change, -3.0 * y**2 * (1.0 + binding) * change])
+
+    y = np.linspace(0.0, 3.0**0.5, 600) ** 2
+    guess = np.stack([blood + (gas - blood) * np.exp(-2.0 * y), -2.0 * (gas - blood) * np.exp(-2.0 * y)])
+    solution = solve_bvp(
+        slopes, lambda wall, far: np.array([wall[0] - gas, far[0] - blood]), y, guess, tol=1e-5,
+        max_nodes=100_000,
+    )  # fmt: skip
+    assert solution.success
+    return -solution.y[1, 0] / (gas - blood) * math.gamma(4.0 / 3.0)
+
+
+@pytest.mark.parametrize(("gas", "tolerance"), [(690.0, 0.003), (330.0, 0.03), (130.0, 0.13)])
+@pytest.mark.parametrize("saturation", [0.4, 0.7, 0.9, 0.95])
+def test_haemoglobin_speeds_the_transfer_of_oxygen_as_in_the_boundary_layer_of_a_fibre(
+    saturation, gas, tolerance
+):
+    law = MembraneLung("o2", "exponent", "co2", "clot", "sweep", "fdo2")
+    values = {"o2": 1.0, "exponent": 1.0, "co2": 1.0, "clot": 0.0, "fdo2": gas / DRY,
+              "gas.temperature_c": 37.0,
+              "gas.oxygen_capacity_ml_g": 1.34, "gas.haemoglobin_g_dl": 12.0}  # fmt: skip
+    po2 = float(severinghaus_pressure(saturation))
+    assert float(severinghaus(po2)) == pytest.approx(saturation)
+    inside = Points(jnp.zeros((2, 1)), jnp.array([[po2], [40.0]]), jnp.array([po2]), jnp.array([7.4]))
+    permeance = law.transfer(jnp.array(1.0), inside, values)[0, 0]
+    assert float(permeance) == pytest.approx(boundary_layer(po2, gas, 12.0), rel=tolerance)

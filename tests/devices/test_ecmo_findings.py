@@ -37,17 +37,6 @@ def test_nothing_is_said_of_a_sweep_that_is_off_or_leaves_the_oxygenator(sweep, 
     assert said == []
 
 
-def test_thin_sweep_gas_is_said_to_give_too_little_oxygen():
-    """With 70 % of oxygen a new membrane left blood at 77 mmHg, and nothing said that this is the model."""
-    case = eclsim.read_case(LOW_SWEEP).case.with_section("ecmo", sweep_l_min=2.0, fdo2=0.6)
-    beat = eclsim.simulate(case)
-    (said,) = [text for text in beat.attrs["warnings"] if "FdO2" in text]
-    assert said.startswith("caution: FdO2 of the ECMO is 0.6: oxygen transfer was fitted with pure oxygen")
-    assert "too low" in said
-    pure = eclsim.simulate(case.with_section("ecmo", fdo2=1.0))
-    assert not any("FdO2" in text for text in pure.attrs["warnings"])
-
-
 def veno_venous(**ecmo):
     """What is said about a case on V-V ECMO with gas exchange and the given keys of its circuit."""
     raw = {

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from eclsim.blood.acid_base import excess_of
-from eclsim.blood.standard import carbon_dioxide_content, oxygen_content, saturation
+from eclsim.blood.standard import carbon_dioxide_content, oxygen_content, saturation, standard_pressure
 from eclsim.components.exchangers import Points
 from eclsim.gas.network import LARGEST_PCO2, SMALLEST_SUPPLY
 from eclsim.gas.steady import blood_of
@@ -95,7 +95,7 @@ def equations():
     def rates(logs, gained, values):
         blood = blood_of(values)
         (content, ph), po2 = contents(logs, blood), jnp.exp(logs[0])
-        slope = jax.vmap(jax.grad(lambda p, c, h: saturation(p, c, h, blood)))(po2, jnp.exp(logs[1]), ph)
+        standard = standard_pressure(po2, jnp.exp(logs[1]), ph, blood)
         share = 1.0 - values["gas.shunt_fraction"]
         last = content[:, [0, 1, -1]]
         # What leaves the lung is in part what enters it, which is a mixture of what leaves all three.
@@ -106,7 +106,7 @@ def equations():
         gain = 10.0 * flows * jnp.array([1.0, share, 0.0]) * (last - inlets)
         entered, at = [gain[:, :1], gain[:, 1:2], gained], [slice(0, 1), slice(1, 2), slice(2, None)]
         given = [
-            e.rates(flow, Points(g, jnp.exp(logs[:, s]), slope[s], ph[s]), values)
+            e.rates(flow, Points(g, jnp.exp(logs[:, s]), standard[s], ph[s]), values)
             for e, flow, g, s in zip(EXCHANGERS, flows, entered, at, strict=True)
         ]
         arriving = jnp.concatenate([inlets, content[:, 2:-1]], axis=1)
@@ -131,7 +131,7 @@ def equations():
     return compiled_quickly(moved), compiled_quickly(jax.jacfwd(moved))
 
 
-def followed(sweep, oxygen, shunt, ventilation, minutes=1000.0):
+def followed(sweep, oxygen, shunt, ventilation, minutes=4000.0):
     """The same patient in time.
 
     Returns:

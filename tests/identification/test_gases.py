@@ -219,7 +219,7 @@ def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_w
     assert word in [reason.sentence for reason in sicker.verdict.remarks]
 
 
-STRONG = {"ecmo.oxygenator.oxygen_transfer": 0.08}
+STRONG = {"ecmo.oxygenator.oxygen_transfer": 0.14}
 
 
 def behind_a_strong_membrane():
@@ -239,10 +239,10 @@ def test_a_fit_to_a_po2_above_that_of_a_new_membrane_says_what_to_set():
     found = fit(case, settings=settings)
     (advice,) = [r for r in found.verdict.doubts if r.about == "ecmo.oxygenator.oxygen_transfer"]
     assert f"PpostO2 {significant(case.measurements.PpostO2)} mmHg is above the " in advice.sentence
-    assert "set ecmo.oxygenator.oxygen_transfer in [parameters] above 0.0518" in advice.sentence
+    assert "set ecmo.oxygenator.oxygen_transfer in [parameters] above 0.09" in advice.sentence
     free = fit(case, settings=replace(settings, parameters=("ecmo.oxygenator.oxygen_transfer", "Rmc")))
     assert not any("[parameters] above" in reason.sentence for reason in free.verdict.reasons)
-    assert free.parameters["ecmo.oxygenator.oxygen_transfer"].value == pytest.approx(0.08, rel=0.02)
+    assert free.parameters["ecmo.oxygenator.oxygen_transfer"].value == pytest.approx(0.14, rel=0.02)
     clotted = fit(with_values(case, {CLOTTED: 0.3}), settings=replace(settings, parameters=("Rmc",)))
     assert clotted.simulated["PpostO2"] < case.measurements.PpostO2 - 80.0
     assert not any("[parameters] above" in reason.sentence for reason in clotted.verdict.reasons)
@@ -253,7 +253,7 @@ def test_tracking_says_what_to_set_where_the_po2_is_above_that_of_a_new_membrane
     settings = TrackSettings(FitSettings(("gas.shunt_fraction", CLOTTED, "Rmc")))
     point = Tracker(settings).update("first", behind_a_strong_membrane())
     assert point.verdict.level is Level.POOR
-    assert "set ecmo.oxygenator.oxygen_transfer in [parameters] above 0.0518" in point.message
+    assert "set ecmo.oxygenator.oxygen_transfer in [parameters] above 0.09" in point.message
     good = measured(CASE, ("SP", "DP", "MAP", "PF", "SaO2", "PaO2", "SpreO2", "PpostO2"))[0]
     assert "oxygen_transfer" not in Tracker(settings).update("first", good).message
 

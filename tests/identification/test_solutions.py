@@ -34,7 +34,8 @@ def veno_venous():
     measured = Measurements(
         MAP=84.37, PF=4.882, SaO2=97.51, PaO2=81.01, PaCO2=36.8, SpreO2=79.16, PpostO2=328.9, PexhaustCO2=35.4
     )
-    case = case.model_copy(update={"measurements": measured})
+    membrane = {"ecmo.oxygenator.oxygen_transfer": 0.0653}
+    case = case.model_copy(update={"measurements": measured, "parameters": membrane})
     return fit_cases([("P", case)], FitSettings(NAMES, multi_start=SEARCH))[0]
 
 

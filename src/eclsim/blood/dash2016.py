@@ -45,10 +45,15 @@ def half_saturation(pco2: Array, cell_ph: Array, blood: Blood) -> Array:
     return value
 
 
+def standard_pressure(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+    """PO2 [mmHg] that is as many times the standard `P50` as `po2` is of the blood's own."""
+    return po2 * P50 / half_saturation(pco2, ph + jnp.log10(DONNAN), blood)
+
+
 def _bound_ratio(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
     """Ratio of oxygenated to deoxygenated haemoglobin [-]."""
     exponent = 2.8 - 1.2 * 10.0 ** (-po2 / 29.2)
-    return (po2 / half_saturation(pco2, ph + jnp.log10(DONNAN), blood)) ** exponent
+    return (standard_pressure(po2, pco2, ph, blood) / P50) ** exponent
 
 
 def saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:

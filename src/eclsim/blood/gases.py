@@ -17,7 +17,7 @@ from eclsim.blood.acid_base import bicarbonate, ph_of
 from eclsim.blood.types import Array, Blood, Given, refuse_arguments
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
-"""Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
+"""Sets of equations by name: modules with `standard_pressure`, `saturation` and contents of both gases."""
 STEPS = 60
 """Largest number of damped Newton steps from contents to pressures; most need fewer than ten."""
 STEP_TOLERANCE = 1e-9

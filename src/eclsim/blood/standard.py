@@ -21,9 +21,9 @@ DOUGLAS_REST = 1.165
 """Largest further rise of the extrapolated term 1 / (8.142 - pH); keeps red cells' content positive."""
 
 
-def standard_pressure(po2: Array, pco2: Array, ph: Array, temperature: Array) -> Array:
+def standard_pressure(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
     """PO2 [mmHg] with the same saturation at pH 7.4, PCO2 40 mmHg and 37 C (Kelman 1966)."""
-    shift = 0.024 * (37.0 - temperature) + 0.40 * (ph - 7.4) + 0.06 * jnp.log10(40.0 / pco2)
+    shift = 0.024 * (37.0 - blood.temperature) + 0.40 * (ph - 7.4) + 0.06 * jnp.log10(40.0 / pco2)
     return po2 * 10.0**shift
 
 
@@ -40,9 +40,16 @@ def severinghaus_pressure(saturation: Array) -> Array:
     return 2.0 * jnp.sqrt(50.0) * jnp.sinh(jnp.arcsinh(free / (2.0 * 50.0**1.5)) / 3.0)
 
 
+def mean_slope(first: Array, second: Array) -> Array:
+    """Mean slope [1/mmHg] of the curve between two PO2 [mmHg] under standard conditions, or at one."""
+    quadratic = first**2 + first * second + second**2 + 150.0
+    below, above = (at**3 + 150.0 * at + 23400.0 for at in (first, second))
+    return 23400.0 * quadratic / (below * above)
+
+
 def saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
     """Oxygen saturation of haemoglobin [-]."""
-    return severinghaus(standard_pressure(po2, pco2, ph, blood.temperature))
+    return severinghaus(standard_pressure(po2, pco2, ph, blood))
 
 
 def oxygen_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:

@@ -121,9 +121,9 @@ ROLLER = number("Flow of a roller pump", "L/min", 0, 10, 4)
 """Key of a roller pump's table, `pump = { roller_l_min = 4.0 }`."""
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
-_LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.0518, 4.66), Membrane(5.0, 0.0475, 3.37)
+_LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.09, 4.66), Membrane(5.0, 0.0853, 3.37)
 """Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024. Oxygen: 450 mL/min at 7 L/min, and 5/7 of it at 5
-L/min (0.0518 (5/7)^0.26). Carbon dioxide, scaled by area: the amounts removed at 1 and 7 L/min from blood
+L/min (0.09 (5/7)^0.16). Carbon dioxide, scaled by area: the amounts removed at 1 and 7 L/min from blood
 that must have had 61.5 mmHg, as a gas flow of 1:1 carries 59 mL/min from 45 mmHg and 64 were measured. With a
 rating of 95 % saturation behind them they would transfer 346 mL/min of oxygen."""
 OXYGENATORS = by_key(
@@ -186,12 +186,12 @@ GAS_PARAMETERS = (
         0.0, 1.0, GROUP, Bounds(0.5, 0.0, 1.0), 0.25, clipped=True,
     ),
     Parameter(
-        "ecmo.oxygenator.oxygen_transfer", 0.0518, "mL/min/mmHg",
+        "ecmo.oxygenator.oxygen_transfer", 0.09, "mL/min/mmHg",
         "Oxygen transfer of the oxygenator's membrane at 1 L/min", f"{_VASLEF}; {_FITTED}",
-        0.001, 1.0, GROUP, Bounds(0.0518, 0.00518, 0.518), clipped=True,
+        0.001, 1.0, GROUP, Bounds(0.09, 0.009, 0.9), clipped=True,
     ),
     Parameter(
-        "ecmo.oxygenator.oxygen_exponent", 0.74, "1", "Exponent of blood flow in the oxygen transfer",
+        "ecmo.oxygenator.oxygen_exponent", 0.84, "1", "Exponent of blood flow in the oxygen transfer",
         f"{_VASLEF}; {_FITTED}", 0.3, 1.0, GROUP, half_width=0.1, clipped=True,
     ),
     Parameter(
@@ -252,8 +252,6 @@ ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
 """Choices on the page for a roller pump and for sites that form no usual mode; never in a case file."""
 _OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
-NEARLY_PURE_OXYGEN = 0.95
-"""Fraction of oxygen in the sweep gas down to which the fitted oxygen transfer holds within a tenth."""
 MIXED_SITE = "ra"
 """Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
 _IF_OMITTED = MappingProxyType({"drainage_mixing": 1.0, "return_clamp": 0.0})
@@ -845,7 +843,6 @@ class EcmoDevice(Device[Ecmo]):
         return [
             *_outside_label(names, outputs, values),
             *_without_exhaust_gas(names, outputs, values),
-            *_caution_on_thin_gas(names, outputs, values),
             *_caution_on_left_ventricle(names, outputs, circuit),
             *caution_on_chart(names, outputs, circuit),
             *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
@@ -911,23 +908,6 @@ def _without_exhaust_gas(
     concerned = ("VCO2_oxygenator", "VO2_oxygenator", "PpostCO2", "PexhaustCO2")
     concerns = tuple(map(names.output, concerned))
     return [Finding.without_limit(CAUTION, concerns[0], removed, text, *concerns)]
-
-
-def _caution_on_thin_gas(
-    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
-) -> list[Finding]:
-    """Caution about oxygen transfer with less oxygen in the sweep gas than in the study it is fitted to."""
-    fraction = values.get(names.parameter("ecmo.fdo2"), 1.0)
-    concerned = tuple(map(names.output, ("PpostO2", "SpostO2")))
-    value = outputs.get(concerned[0], math.nan)
-    if fraction >= NEARLY_PURE_OXYGEN or math.isnan(value):
-        return []
-    text = (
-        f"FdO2 of the {names.label} is {fraction:.2g}: oxygen transfer was fitted with pure oxygen, and with "
-        "less it falls too fast: at 0.8 it is a fifth, at 0.6 two fifths less than was measured in "
-        "cardiopulmonary bypass; PO2 and saturation behind the oxygenator are probably too low"
-    )
-    return [Finding.without_limit(CAUTION, concerned[0], value, text, *concerned)]
 
 
 def _caution_on_left_ventricle(

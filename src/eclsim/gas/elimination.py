@@ -26,13 +26,13 @@ class LinearisedBlood(NamedTuple):
     Attributes:
         at: blood at the points.
         content_by: derivatives of the contents, (2 contents, 2 pressures, points).
-        slope_by: derivatives of the slope of the saturation curve, (2 pressures, points).
+        standard_by: derivatives of the PO2 under standard conditions, (2 pressures, points).
         ph_by: derivatives of the pH, (2 pressures, points).
     """
 
     at: Points
     content_by: Array
-    slope_by: Array
+    standard_by: Array
     ph_by: Array
 
 
@@ -168,9 +168,9 @@ def _rates_by(law: GasExchanger, flow: Array, inside: LinearisedBlood, values: V
     at = inside.at
 
     def rates(gained: Array, move: Array) -> Array:
-        slope = at.slope + (inside.slope_by * move).sum(axis=0)
+        standard = at.standard + (inside.standard_by * move).sum(axis=0)
         ph = at.ph + (inside.ph_by * move).sum(axis=0)
-        return law.rates(flow, Points(gained, at.pressure * (1.0 + move), slope, ph), values)
+        return law.rates(flow, Points(gained, at.pressure * (1.0 + move), standard, ph), values)
 
     _, along = jax.linearize(rates, at.gained, jnp.zeros_like(at.gained))
     directions = np.broadcast_to(np.eye(4)[:, :, None], (4, 4, law.points))

@@ -41,9 +41,9 @@ from eclsim.gas.elimination import (
 )
 from eclsim.gas.transport import Mixtures
 
-ITERATIONS, PLAIN_ITERATIONS = 440, 40
+ITERATIONS, PLAIN_ITERATIONS = 1800, 40
 """Iterations of a search, and of its first part, after which the search continues in pseudo-time."""
-PSEUDO_TIME_STAGES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1))
+PSEUDO_TIME_STAGES = ((PLAIN_ITERATIONS, 0.3), (160, 0.1), (440, 0.02))
 """Iterations at which a pseudo-time stage begins, and its target change of the logarithms per step."""
 SMALL_PRESSURE_MMHG = 2.0
 """Pressure [mmHg] below which a change of its logarithm counts less, as blood holds very little gas there."""
@@ -109,9 +109,9 @@ class _LocalBlood(NamedTuple):
     """Blood at all points and its derivatives with respect to the pressures there, with pH eliminated."""
 
     content: Array  # (2, points)
-    slope: Array  # (points,)
+    standard: Array  # (points,)
     content_by: Array  # (2 contents, 2 pressures, points)
-    slope_by: Array  # (2 pressures, points)
+    standard_by: Array  # (2 pressures, points)
     acid: Array  # residual of the acid-base equation over its slope (points,)
     acid_by: Array  # change of pH with the pressures (2, points)
 
@@ -276,18 +276,15 @@ def _derivative(
 
 
 def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:
-    """Contents (2, points), slope of the saturation curve, saturation, acid-base residual."""
+    """Contents (2, points), PO2 under standard conditions, saturation, acid-base residual."""
     chosen = law_named(law)
     po2, pco2 = jnp.exp(pressure[0]), jnp.exp(pressure[1])
-
-    def saturation(at: Array) -> Array:
-        return chosen.saturation(at, pco2, ph, blood)
-
-    saturated, slope = jax.jvp(saturation, (po2,), (jnp.ones_like(po2),))
+    saturated = chosen.saturation(po2, pco2, ph, blood)
     content = jnp.stack(
         [chosen.oxygen_content(po2, pco2, ph, blood), chosen.carbon_dioxide_content(po2, pco2, ph, blood)]
     )
-    return content, slope, saturated, jnp.asarray(excess_of(pco2, ph, saturated, blood))
+    standard = chosen.standard_pressure(po2, pco2, ph, blood)
+    return content, standard, saturated, jnp.asarray(excess_of(pco2, ph, saturated, blood))
 
 
 def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _LocalBlood:
@@ -295,16 +292,16 @@ def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _LocalBlood:
 
     Derivatives are not differentiated again: at the solution they are multiplied by a residual of zero.
     """
-    content, slope, _, residual = _properties(law, blood, pressure, ph)
+    content, standard, _, residual = _properties(law, blood, pressure, ph)
     _, along = jax.linearize(partial(_properties, law, jax.lax.stop_gradient(blood)), pressure, ph)
     directions = jnp.broadcast_to(jnp.eye(3)[:, :, None], (3, 3, ph.shape[0]))
-    content_by, slope_by, _, residual_by = jax.vmap(lambda d: along(d[:2], d[2]))(directions)
+    content_by, standard_by, _, residual_by = jax.vmap(lambda d: along(d[:2], d[2]))(directions)
     acid_by, acid = -residual_by[:2] / residual_by[2], -residual / residual_by[2]
     return _LocalBlood(
         content + content_by[2] * acid,
-        slope + slope_by[2] * acid,
+        standard + standard_by[2] * acid,
         jnp.swapaxes(content_by[:2] + content_by[2] * acid_by[:, None], 0, 1),
-        slope_by[:2] + slope_by[2] * acid_by,
+        standard_by[:2] + standard_by[2] * acid_by,
         acid,
         acid_by,
     )
@@ -334,7 +331,7 @@ def _small_solved(matrix: Array, right: Array) -> Array:
 
 
 def _residuals(
-    network: _Network, pressure: Array, content: Array, slope: Array, ph: Array, expected: Array | None
+    network: _Network, pressure: Array, content: Array, standard: Array, ph: Array, expected: Array | None
 ) -> tuple[list[Points], Array, Array]:
     """Blood inside every exchanger, gas gained according to its contents, and residuals of all equations.
 
@@ -346,7 +343,7 @@ def _residuals(
         stream, (cells, weights) = network.mixed.streams[k], e.collocation
         exchanging = 10.0 * stream * jnp.asarray(e.exchanging(network.values))
         gained = exchanging * (content[:, place] - inlets[:, k, None])
-        at = Points(gained, jnp.exp(pressure[:, place]), slope[place], ph[place])
+        at = Points(gained, jnp.exp(pressure[:, place]), standard[place], ph[place])
         if expected is None:
             rates = e.rates(stream, at, network.values)
         else:
@@ -384,7 +381,7 @@ def _newton_step(
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)
     points, gained, value = _residuals(
-        network, pressure, local.content, local.slope, ph + local.acid, expected
+        network, pressure, local.content, local.standard, ph + local.acid, expected
     )
     steady = network.frozen()
     fixed, at = jax.lax.stop_gradient((local, points))
@@ -392,7 +389,7 @@ def _newton_step(
         linear_exchanger(
             e, steady.mixed.streams[k],
             LinearisedBlood(
-                at[k], fixed.content_by[..., place], fixed.slope_by[:, place], fixed.acid_by[:, place]
+                at[k], fixed.content_by[..., place], fixed.standard_by[:, place], fixed.acid_by[:, place]
             ),
             steady.values, inertia,
         )

@@ -104,19 +104,14 @@ def _removed(flow: float, sweep: float, scale: float, hb: float = 10.0) -> float
     return single_pass(flow, sweep, 0.65, 45.0, hb, carbon_dioxide_transfer=transfer).carbon_dioxide
 
 
-def _bypass(fraction: float, more: float = 1.0, flow: float = BYPASS_FLOW, hb: float = BYPASS_CELLS) -> float:
-    """Oxygen transfer [mL/min] where blood leaves with the PO2 of the bypass study, at a fraction of oxygen.
-
-    Args:
-        fraction: fraction of oxygen in the sweep gas.
-        more: factor of the membrane's constant.
-        flow: blood and gas flow [L/min].
-        hb: haemoglobin [g/dL].
-    """
-    constant = OXYGENATORS[ADULT].membrane.oxygen_transfer * (BYPASS_AREA / 1.8) ** 0.26 * more
+def _bypass(fraction: float) -> float:
+    """Oxygen transfer [mL/min] where blood leaves with the PO2 of the bypass study, at an FdO2."""
+    constant = OXYGENATORS[ADULT].membrane.oxygen_transfer * (BYPASS_AREA / 1.8) ** 0.16
 
     def leaves(saturation: float) -> Pass:
-        return single_pass(flow, flow, saturation, hb=hb, fdo2=fraction, oxygen_transfer=constant)
+        return single_pass(
+            BYPASS_FLOW, BYPASS_FLOW, saturation, hb=BYPASS_CELLS, fdo2=fraction, oxygen_transfer=constant
+        )
 
     return leaves(root(lambda saturation: leaves(saturation).po2 - BYPASS_PO2, 0.1, 0.98)).oxygen
 
@@ -222,7 +217,7 @@ _NAMES = (
     "VCO2_lung", "VCO2_oxygenator", "VO2",
 )  # fmt: skip
 _SHEEP = {
-    "gas.vo2_ml_min": 132.0, "gas.shunt_fraction": 0.46, "Emaxlv": 0.43, SPEED: 2390.0,
+    "gas.vo2_ml_min": 118.0, "gas.shunt_fraction": 0.39, "Emaxlv": 0.35, SPEED: 2040.0,
     "physiology.upper_share": 0.2,
 }  # fmt: skip
 """A sheep whose lungs supply some oxygen, fitted to all four numbers of Hou: an explanation, no test."""
@@ -270,7 +265,7 @@ def _regions() -> dict[str, float]:
     )  # fmt: skip
     svc = _variants(
         "svc", sheep, {"gas.shunt_fraction": shunt},
-        {"gas.shunt_fraction": shunt, SPEED: 4600.0}, _SHEEP,
+        {"gas.shunt_fraction": shunt, SPEED: 4000.0}, _SHEEP,
     )  # fmt: skip
     numbers = {
         "hou ivc": float(ivc["SpreO2"][0]), "hou svc": _superior_cava(ivc, 0),
@@ -323,8 +318,7 @@ def _by_carbon_dioxide(beats: Mapping[str, np.ndarray], ratio: float, c: float =
 def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     cells = root(lambda x: _with_cells(x)[0] + 3.48, 0.0, 0.2)
     warm = [_pig(temperature_c=37.0 + t, vo2_ml_min=200.0 * 1.1**t).paco2 for t in (-0.5, 0.5)]
-    shunted = 0.5 * (_pig(shunt_fraction=1.0).pao2 - _pig(shunt_fraction=0.98).pao2)
-    half = [single_pass(3.0, 5.0, s, 45.0, 10.0, oxygen_transfer=0.0259).oxygen for s in (0.64, 0.66)]
+    shunted = _pig(shunt_fraction=1.0).pao2 - _pig(shunt_fraction=0.99).pao2
     haemoglobin = Explanation(
         "haemoglobin was not set but differed between a few animals (2013: P 0.04; 2016: its initial value, "
         "without the possibility of causal inference). Where it was set, on the bench (May 2020), blood with "
@@ -346,17 +340,11 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     )
     reasons = {
         **{f"prisma {area}": by_area for area in (0.35, 0.8, 1.35)},
-        **{f"bypass {fraction:g}": _thin_gas(fraction) for fraction in (0.8, 0.6)},
-        "park13 oxygen saturation": Explanation(
-            "a membrane with half the transfer (worn or smaller) limits the uptake, so the blood matters "
-            "less",
-            (Row("with half the transfer", 0.5 * (half[1] - half[0]), -3.4, -0.85, "mL/min per %"),),
-        ),
         "park13 co2 pressure": _ventilated(), **_outputs(numbers),
         "park13 co2 haemoglobin": haemoglobin, "park pco2 haemoglobin": haemoglobin,
         "park po2 shunt": Explanation(
             "the slope depends on where it is taken: near complete shunt it is as measured",
-            (Row("between shunts of 98 and 100 %", shunted, -0.46, -0.115, "mmHg per %"),),
+            (Row("between shunts of 99 and 100 %", shunted, -0.46, -0.115, "mmHg per %"),),
         ),
         "park pco2 temperature": Explanation(
             "consumption does not follow temperature here; in animals it rises by about 10 % per degree",
@@ -373,22 +361,6 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         ),
     }  # fmt: skip
     return reasons
-
-
-def _thin_gas(fraction: float) -> Explanation:
-    """Reason for the low oxygen transfer with less than pure oxygen, to which no constant was fitted."""
-    measured = {0.8: (227.5, 1.2), 0.6: (170.6, 1.36)}
-    expected, more = measured[fraction]
-    return Explanation(
-        "a limit of the model: its constant was fitted with pure oxygen, and transfer falls faster with the "
-        f"fraction of oxygen than was measured; here it takes {more:g} times the constant that suits pure "
-        "oxygen, at any flow and haemoglobin of bypass",
-        (
-            Row("with it", _bypass(fraction, more), 0.9 * expected, 1.1 * expected, "mL/min"),
-            Row("with 12 g/dL of haemoglobin", _bypass(fraction, hb=12.0), 0.0, 0.85 * expected, "mL/min"),
-            Row("at 5.5 L/min", _bypass(fraction, flow=5.5), 0.0, 0.95 * expected, "mL/min"),
-        ),
-    )
 
 
 def _with_cells(share: float) -> tuple[float, float]:
