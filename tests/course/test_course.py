@@ -269,7 +269,7 @@ def test_a_sweep_that_stops_takes_its_time_or_a_warning_says_that_it_does_not(tm
     result = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES)
     (span,) = json.loads(result.attrs["spans"])
     assert span["from_min"] == 5.0
-    assert span["reason"].startswith("SaO2 goes from 94 to 2")
+    assert span["reason"].startswith("SaO2 goes from 97 to 2")
     shown = result["time_min"].to_numpy()
     shown = shown[(shown < 15.7) & ((shown < 5.0) | (shown > 5.5))]
     for name, bar in (("SaO2", 0.5), ("PaCO2", 0.2)):
@@ -282,7 +282,7 @@ def test_a_sweep_that_stops_takes_its_time_or_a_warning_says_that_it_does_not(tm
     single = CourseOptions(hand_over=False)
     steady = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES, options=single)
     (message,) = [line for line in steady.attrs["warnings"] if "at once" in line]
-    assert message.startswith("at 00:05 steady beats run ahead: SaO2 goes from 94 to 2")
+    assert message.startswith("at 00:05 steady beats run ahead: SaO2 goes from 97 to 2")
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ CASE = {
     "ecmo": {"pump": "Rotaflow", "speed_rpm": 3200, "oxygenator": "Quadrox-i Adult", "mode": "VV",
              "sweep_l_min": 2.0, "fdo2": 1.0},
     "gas": {"haemoglobin_g_dl": 10.0, "vo2_ml_min": 220.0, "fio2": 0.5, "alveolar_ventilation_l_min": 2.0,
-            "shunt_fraction": 0.7},
+            "shunt_fraction": 0.77},
     "fluid": {"capillary_refill": False}, "solutes": {},
     "regulation": {"baroreflex": 0.5, "chemoreflex": 0.7, "hypoxic_vasodilation": 1.0,
                    "hypoxic_vasoconstriction": 1.0},

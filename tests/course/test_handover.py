@@ -281,11 +281,11 @@ def test_a_ramp_waits_for_the_blood_where_the_circulation_settles_at_once_and_so
 @pytest.mark.parametrize(
     ("event", "words"),
     [
-        (LOW, "at 00:0[45] steady beats run ahead: SaO2 goes from 94 to .* within 60 s"),
-        (LOW | {"at_min": 0}, "at 00:0[23] steady beats run ahead: SaO2 goes from 94 to .* within 60 s"),
+        (LOW, "at 00:0[45] steady beats run ahead: SaO2 goes from 97 to .* within 60 s"),
+        (LOW | {"at_min": 0}, "at 00:0[23] steady beats run ahead: SaO2 goes from 97 to .* within 60 s"),
         (
             {"at_min": 0, "set": LOW["set"]},
-            "at 00:00 steady beats run ahead: SaO2 goes from 94 to .* at once",
+            "at 00:00 steady beats run ahead: SaO2 goes from 97 to .* at once",
         ),
     ],
 )

@@ -26,7 +26,6 @@ from eclsim.identification.objective import NORMAL_90, Box, Objective, Target, c
 from eclsim.identification.profiles import HeldFits, held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
-    INFORMATIVE_MEASUREMENTS,
     FitSettings,
     avoidable_assumptions,
     case_to_fit,
@@ -40,17 +39,17 @@ from eclsim.identification.settings import (
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
-    DOUBTFUL_DIFFERENCE,
     Aspect,
     FitVerdict,
-    Goodness,
     Level,
     Reason,
     goodness_of,
+    informative_but_fixed,
     intervals_differ,
     misfits,
     plausibility,
     search,
+    set_points_not_given,
     single_start,
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
@@ -378,8 +377,8 @@ def _result(
         ),
         *search(optimum.status),
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
-        *_doubts_of_bounds(parameters, gains), *_doubts_of_fixed_parameters(goodness, box.names),
-        *_doubts_of_set_points(set_points),
+        *_doubts_of_bounds(parameters, gains), *informative_but_fixed(goodness, box.names),
+        *set_points_not_given(set_points),
         *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s) for s in remarks_on_unfitted(case, target.measured)),
     ]  # fmt: skip
     return FitResult(
@@ -422,34 +421,6 @@ def _doubts_of_bounds(parameters: Mapping[str, FittedParameter], gains: np.ndarr
         )
         for (name, p), gain in zip(parameters.items(), gains, strict=True)
         if gain > GAIN_THAT_SPOILS_FIT
-    ]  # fmt: skip
-
-
-def _doubts_of_fixed_parameters(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
-    """Return doubts where a measurement does not fit and the parameter that it determines is held."""
-    missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
-    reasons = []
-    for key, (meaning, informative) in INFORMATIVE_MEASUREMENTS.items():
-        names = [name for name in missed if name in informative]
-        if names and key not in free:
-            tells = "tell" if len(names) > 1 else "tells"
-            sentence = (
-                f"{', '.join(names)} {tells} {meaning}, which this fit does not vary: free {key} as well "
-                "(--free)"
-            )
-            reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
-    return reasons
-
-
-def _doubts_of_set_points(set_points: Mapping[str, float]) -> list[Reason]:
-    """Return doubts about reflex set points that neither the case nor a measurement gives."""
-    return [
-        Reason(
-            Aspect.PLAUSIBILITY, Level.DOUBTFUL, "",
-            f"{key} is the start value ({value:.4g}), so that reflexes are active in the patient as "
-            "measured: give it, measure it, or fit without [regulation]",
-        )
-        for key, value in set_points.items()
     ]  # fmt: skip
 
 

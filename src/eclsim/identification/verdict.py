@@ -16,7 +16,7 @@ import numpy as np
 from eclsim.cases.quantities import quantity
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import Scale
-from eclsim.identification.settings import CLOTTED
+from eclsim.identification.settings import CLOTTED, INFORMATIVE_MEASUREMENTS
 from eclsim.parameters.adult_ranges import AdultRange
 from eclsim.reporting.numbers import significant
 
@@ -436,3 +436,31 @@ def intervals_differ(one: np.ndarray, other: np.ndarray) -> bool:
 def _ends(name: str, interval: Mapping[str, Any]) -> np.ndarray:
     ends = np.array([[interval["lower"]], [interval["upper"]]])
     return Scale.of([name]).coordinates(ends)[:, 0]
+
+
+def informative_but_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
+    """Return doubts where a measurement does not fit and the parameter that it determines is held."""
+    missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
+    reasons = []
+    for key, (meaning, informative) in INFORMATIVE_MEASUREMENTS.items():
+        names = [name for name in missed if name in informative]
+        if names and key not in free:
+            tells = "tell" if len(names) > 1 else "tells"
+            sentence = (
+                f"{', '.join(names)} {tells} {meaning}, which this fit does not vary: free {key} as well "
+                "(--free)"
+            )
+            reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
+    return reasons
+
+
+def set_points_not_given(set_points: Mapping[str, float]) -> list[Reason]:
+    """Return doubts about reflex set points that neither the case nor a measurement gives."""
+    return [
+        Reason(
+            Aspect.PLAUSIBILITY, Level.DOUBTFUL, "",
+            f"{key} is the start value ({value:.4g}), so that reflexes are active in the patient as "
+            "measured: give it, measure it, or fit without [regulation]",
+        )
+        for key, value in set_points.items()
+    ]  # fmt: skip
