@@ -15,7 +15,7 @@ import numpy as np
 
 from eclsim.cases import read_case
 from eclsim.gas.network import flows_of, gas_exchanges, switches
-from eclsim.gas.steady import solve
+from eclsim.gas.steady import Samples, solve
 from eclsim.gas.transport import Mixtures, mixtures
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
@@ -112,7 +112,7 @@ def main() -> None:
     samples = [stores.index(n) for n in ("upper", "sart", "lower", "pas") if n in stores]
     laws = [e.component for e in exchanges]
     for word, one in mixed.items():
-        state = solve(laws, one, values, "severinghaus1979", one.compartments[np.array(samples)])
+        state = solve(laws, one, values, "severinghaus1979", Samples(one.compartments[np.array(samples)]))
         last = slice(-len(samples), None)
         found = zip(samples, 100.0 * state.saturation[last], *jnp.exp(state.pressure[:, last]), strict=True)
         text = "; ".join(f"{stores[i]} SO2 {s:.1f} %, PO2 {o:.1f}, PCO2 {c:.1f} mmHg" for i, s, o, c in found)
