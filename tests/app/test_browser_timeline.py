@@ -109,13 +109,21 @@ def test_minutes_are_recorded_beat_by_beat(open_page, shots):
     expect(knob(page, "ecmo.speed_rpm")).not_to_have_value("0")
 
 
-def test_a_link_with_events_is_played(open_page, served):
-    case = with_event(PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": 500}, "over_min": 10})
+def opened_with_a_bleeding(open_page, served, bleed_ml, over_min, button="timeline_open_event"):
+    """A healthy adult who bleeds at 00:30, from a link, with the timeline open at 3600 times real time."""
+    case = with_event(
+        PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": bleed_ml}, "over_min": over_min}
+    )
     page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
-    page.get_by_role("button", name=text("timeline_open")).click()
+    page.get_by_role("button", name=text(button)).click()
     page.wait_for_function(COURSE)
-    expect(page.locator(".ecl-timeline ol")).to_contain_text(f"{text('give_bleed_ml')} 500 mL")
     page.get_by_label(text("timeline_speed")).select_option("3600")
+    return page
+
+
+def test_a_link_with_events_is_played(open_page, served):
+    page = opened_with_a_bleeding(open_page, served, 500, 10, "timeline_open")
+    expect(page.locator(".ecl-timeline ol")).to_contain_text(f"{text('give_bleed_ml')} 500 mL")
     page.locator(".ecl-timeline .play").click()
     wait_for(page, "beat.minute > 30")
     page.locator(".ecl-timeline .play").click()
@@ -125,11 +133,7 @@ def test_a_link_with_events_is_played(open_page, served):
 
 
 def test_play_stops_where_an_alarm_is_seen_and_goes_on(open_page, served):
-    case = with_event(PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": 1200}, "over_min": 20})
-    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
-    page.get_by_role("button", name=text("timeline_open_event")).click()
-    page.wait_for_function(COURSE)
-    page.get_by_label(text("timeline_speed")).select_option("3600")
+    page = opened_with_a_bleeding(open_page, served, 1200, 20)
     play = page.locator(".ecl-timeline .play")
     play.click()
     expect(page.locator(".ecl-timeline .refused")).to_contain_text("below 55 mmHg. Press Play")
@@ -142,11 +146,7 @@ def test_play_stops_where_an_alarm_is_seen_and_goes_on(open_page, served):
 
 def test_play_waits_for_the_course_of_the_knobs(open_page, served):
     """It went on in the course before a change, stopped at its alarm, and failed without a course."""
-    case = with_event(PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": 1200}, "over_min": 20})
-    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
-    page.get_by_role("button", name=text("timeline_open_event")).click()
-    page.wait_for_function(COURSE)
-    page.get_by_label(text("timeline_speed")).select_option("3600")
+    page = opened_with_a_bleeding(open_page, served, 1200, 20)
     play, cursor = page.locator(".ecl-timeline .play"), page.locator(".ecl-timeline .chart")
     page.evaluate("eclsim.bus.publish('course_busy', '')")
     play.click()

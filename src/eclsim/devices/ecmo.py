@@ -122,10 +122,11 @@ ROLLER = number("Flow of a roller pump", "L/min", 0, 10, 4)
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
 _LARGE_MEMBRANE, _SMALL_MEMBRANE = Membrane(7.0, 0.09, 4.66), Membrane(5.0, 0.0853, 3.37)
-"""Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024. Oxygen: 450 mL/min at 7 L/min, and 5/7 of it at 5
-L/min (0.09 (5/7)^0.16). Carbon dioxide, scaled by area: the amounts removed at 1 and 7 L/min from blood
-that must have had 61.5 mmHg, as a gas flow of 1:1 carries 59 mL/min from 45 mmHg and 64 were measured. With a
-rating of 95 % saturation behind them they would transfer 346 mL/min of oxygen."""
+"""Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024. Oxygen: 76 and 450 mL/min and a PO2 behind it of 376
+and 120 mmHg at 1 and 7 L/min, and 5/7 of it at 5 L/min (0.09 (5/7)^0.16). Carbon dioxide, scaled by area: the
+amounts removed at 1 and 7 L/min from blood that must have had 61.5 mmHg, as a gas flow of 1:1 carries 59
+mL/min from 45 mmHg and 64 were measured. With a rating of 95 % saturation behind them they would transfer 346
+mL/min of oxygen."""
 OXYGENATORS = by_key(
     (
         Oxygenator(

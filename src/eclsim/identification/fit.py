@@ -485,13 +485,19 @@ def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reaso
 
 def _widened(result: FitResult, reaches: Mapping[str, tuple[float, float]], why: str) -> FitResult:
     """Return the fit with wider intervals of some parameters, which are marked as not determined."""
-    fitted = result.parameters
+    result = replace(result, parameters=_wider(result.parameters, reaches))
+    return replace(result, parameters=result._undetermined(dict.fromkeys(reaches, why)))
+
+
+def _wider(
+    fitted: Mapping[str, FittedParameter], reaches: Mapping[str, tuple[float, float]]
+) -> dict[str, FittedParameter]:
+    """Return the parameters, some with intervals that reach at least to given ends."""
     wider = {
         name: replace(fitted[name], lower=min(low, fitted[name].lower), upper=max(high, fitted[name].upper))
         for name, (low, high) in reaches.items()
     }
-    result = replace(result, parameters={**fitted, **wider})
-    return replace(result, parameters=result._undetermined(dict.fromkeys(wider, why)))
+    return {**fitted, **wider}
 
 
 def _as_fitted(
@@ -573,21 +579,17 @@ def _without_compensating_parameters(
             for k, name in enumerate(box.names)
             if moved[k] > np.log1p(SAME_PARAMETER_SHARE)
         }
-        judged.append(replace(result, parameters=result._undetermined(reasons) | _reaching(result, held_fit)))
+        parameters = _wider(result._undetermined(reasons), _reaches(result, held_fit))
+        judged.append(replace(result, parameters=parameters))
     return judged
 
 
-def _reaching(result: FitResult, held: HeldFits) -> dict[str, FittedParameter]:
-    """Return the parameters that were held, with intervals that hold the values that fit as well."""
+def _reaches(result: FitResult, held: HeldFits) -> dict[str, tuple[float, float]]:
+    """Return between which values the parameters that were held fit as well."""
     if not len(held.held) or result.verdict.goodness is None:
         return {}
     rows = [result.objective.outputs.index(n) for n in result.measured]
     measured, errors = (np.array(list(each.values())) for each in (result.measured, result.uncertainties))
     squares = np.sum(((held.outputs[:, rows] - measured) / errors) ** 2, axis=1)
     least = result.verdict.goodness.chi_square
-    reach = held.intervals(result.box.names, result.optimum.x, squares, least)
-    fitted = {name: result.parameters[name] for name in reach}
-    return {
-        name: replace(p, lower=min(p.lower, reach[name][0]), upper=max(p.upper, reach[name][1]))
-        for name, p in fitted.items()
-    }
+    return held.intervals(result.box.names, result.optimum.x, squares, least)

@@ -48,8 +48,8 @@ def resting_gases(case: Case) -> Mapping[str, float]:
 
     They are PO2 and PCO2 of the blood at the chemoreceptors, oxygen content and PCO2 of each bed, and the
     lung's resistance relative to that without hypoxia. NaN if there is no steady gas state, or no steady beat
-    that the case determines. The gases
-    of a case written without [gas] are those of the section that it was given.
+    that the case determines. The gases of a case written without [gas] are those of the section that it was
+    given.
     """
     rest = case.at_rest()
     model = model_of(rest if rest.gas is not None else rest.model_copy(update={"gas": case.gas}))

@@ -19,6 +19,7 @@ from eclsim.blood.gases import LAWS, gases, gases_with_contents, gases_with_satu
 from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import FLOWMETER_TO_STPD, Tissue, stpd_of_btps
 from eclsim.devices.ecmo import ECMO, OXYGENATORS
+from eclsim.devices.registry import find_parameter
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
@@ -106,7 +107,8 @@ def _removed(flow: float, sweep: float, scale: float, hb: float = 10.0) -> float
 
 def _bypass(fraction: float) -> float:
     """Oxygen transfer [mL/min] where blood leaves with the PO2 of the bypass study, at an FdO2."""
-    constant = OXYGENATORS[ADULT].membrane.oxygen_transfer * (BYPASS_AREA / 1.8) ** 0.16
+    smaller = (BYPASS_AREA / 1.8) ** (1.0 - find_parameter("ecmo.oxygenator.oxygen_exponent").value)
+    constant = OXYGENATORS[ADULT].membrane.oxygen_transfer * smaller
 
     def leaves(saturation: float) -> Pass:
         return single_pass(
