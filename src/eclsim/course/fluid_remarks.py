@@ -72,9 +72,9 @@ LARGEST_DIALYSIS_WALL_ML_MIN_MMHG, LARGEST_DIALYSIS_SHARE = 3.0, 0.2
 """Filtration coefficient and pericapillary share up to which dialysis agrees with measurements."""
 _ULTRAFILTRATION = (
     "net ultrafiltration: with the default capillary wall{own} refill is too quick, blood volume falls by "
-    "0.9 % in an hour where dialysis patients lost 3.2 % (1.7 L, Keane 2018; in 315 other dialyses, of 2.8 L, "
-    "the concentration of plasma protein rose as it does here, HEMO study), so that pressures may fall too "
-    "little and rates look tolerated that are not; with a pericapillary share of 0.12 "
+    "0.9 % in an hour where dialysis patients lost 3.2 % (1.7 L, Keane 2018; in 315 other dialyses, of 2.8 "
+    "L, the concentration of plasma protein rose as it does here, HEMO study), so that pressures may fall "
+    "too little and rates look tolerated that are not; with a pericapillary share of 0.12 "
     "(fluid.pericapillary_share = 0.12), or with a wall of 1.6 mL/min/mmHg "
     "(fluid.filtration_ml_min_mmHg = 1.6), it falls as measured"
 )
