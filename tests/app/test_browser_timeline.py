@@ -155,6 +155,9 @@ def test_play_waits_for_the_course_of_the_knobs(open_page, served):
     expect(cursor).to_have_attribute("aria-valuenow", "0")
     page.evaluate("eclsim.bus.publish('course', eclsim.bus.last('course'))")
     expect(page.locator(".ecl-timeline .refused")).to_contain_text("below 55 mmHg. Press Play")
+    again = "eclsim.bus.publish('course', eclsim.bus.last('course'))"  # as after a new connection
+    page.evaluate(again)
+    expect(page.locator(".ecl-timeline .refused")).to_contain_text("below 55 mmHg. Press Play")
     play.click()
     page.evaluate("eclsim.bus.publish('course', { refused: 'none' })")
     expect(play).to_have_text(text("timeline_play"))

@@ -142,7 +142,7 @@ export default {
       },
       course(course) {
         this.busy = false;
-        this.paused = "";
+        if (this.course?.of !== course.of) this.paused = ""; // the same course again has the same alarms
         this.impossible = course.refused ?? "";
         this.course = course.refused ? null : course;
         if (!this.course) this.stop();
@@ -362,9 +362,10 @@ export default {
       this.paused = "";
       if (this.minute >= this.end - 1e-6) this.minute = 0;
       this.playing = true;
+      const own = (this.run = Symbol("play")); // pausing and playing within one frame starts a second run
       let before = performance.now();
       const frame = (now) => {
-        if (!this.playing) return;
+        if (!this.playing || this.run !== own) return;
         // The course of an earlier state is not played: its alarms are not those of the next one.
         const ms = this.isOld ? 0 : now - before;
         const minute = playedTo(this.minute, ms, this.speed, this.end);
