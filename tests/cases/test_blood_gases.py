@@ -122,6 +122,10 @@ DIALYSIS = {"flow_ml_min": 200, "access_site": "svn", "return_site": "ra", "dial
 DOUBTS = {
     "cold and no consumption": ({"gas": {"temperature_c": 28}}, "gas.temperature_c", "give vo2_ml_min"),
     "cold and its consumption": ({"gas": {"temperature_c": 28, "vo2_ml_min": 120}}, "", ""),
+    "cold and it follows": ({"gas": {"temperature_c": 28, "vo2_percent_per_c": 8.5}}, "", ""),
+    "cooled and it follows": (
+        {"gas": {"vo2_ml_min": 220, "vo2_percent_per_c": 8.5}, "events": [COOLED]}, "", "",
+    ),
     "cooled": ({"gas": {}, "events": [COOLED]}, "events[1].set.gas.temperature_c", "give vo2_ml_min"),
     "cooled, consumption stays": (
         {"gas": {"vo2_ml_min": 220}, "events": [COOLED]}, "events[1].set.gas.temperature_c",

@@ -210,6 +210,22 @@ def test_derivatives_start_from_what_the_search_has_found(monkeypatch):
         jax.eval_shape(lambda x: function.compute(x), numbers)  # another function than the one traced above
 
 
+def test_consumption_follows_the_temperature_only_if_the_case_says_so():
+    cold = {"gas_temperature_c": 34.0}
+    assert float(eclsim.simulate(model(**cold)).VO2) == pytest.approx(250.0, rel=1e-8)
+    follows = model(**cold, gas_vo2_percent_per_c=8.5)
+    assert float(eclsim.simulate(follows).VO2) == pytest.approx(250.0 / 1.085**3, rel=1e-8)
+    names = ("gas.temperature_c", "gas.vo2_percent_per_c")
+    found = eclsim.derivatives(follows, ("VO2", "SvO2", "PaCO2"), names)
+    for name, step in zip(names, (1e-3, 1e-3), strict=True):
+        ends = eclsim.simulate_many(
+            follows, {name: follows.values[name] + np.array([-step, step])}, ("VO2", "SvO2", "PaCO2")
+        )
+        for output in ("VO2", "SvO2", "PaCO2"):
+            slope = float(ends[output][1] - ends[output][0]) / (2.0 * step)
+            assert float(found.sel(output=output, parameter=name)) == pytest.approx(slope, rel=1e-5)
+
+
 INPUTS = (
     "gas.haemoglobin_g_dl", "gas.base_excess_mmol_l", "gas.temperature_c", "gas.vo2_ml_min",
     "gas.respiratory_quotient", "gas.fio2", "gas.alveolar_ventilation_l_min", "gas.shunt_fraction",

@@ -95,7 +95,7 @@ _COLOURS = (
 """Colours of traces on the dark monitor background: the patient's, then those of devices."""
 _INKS = 4
 """Number of device colours in the style sheet."""
-_UNITS = {"C": "°C", "cm2": "cm²"}
+_UNITS = {"C": "°C", "%/C": "%/°C", "cm2": "cm²"}
 """Units of knobs that are written differently from case files."""
 _MICRO = re.compile(r"\bu(?=g|mol)")
 LOOPS = ("Plv", "Vlv", "Prv", "Vrv")

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict
 from pydantic import Field as Default
 
 from eclsim.cases.quantities import section_and_key
+from eclsim.cases.sections import RISE
 from eclsim.cases.settings import keys_replaced_by, put_in, unknown_key
 from eclsim.devices.registry import example_setting
 from eclsim.inputs.fields import number, setting
@@ -205,11 +206,12 @@ class _EventChecker:
 
     def _check_temperature(self, place: str, values: Mapping[str, Any]) -> None:
         """Warn of a changed temperature where the oxygen consumption is given and so does not follow it."""
-        given = self.case.get("gas", {}).get("vo2_ml_min") is not None
-        if _TEMPERATURE in values and given and "gas.vo2_ml_min" not in values:
+        gas = self.case.get("gas", {})
+        follows = gas.get("vo2_ml_min") is None or gas.get(RISE)
+        if _TEMPERATURE in values and not follows and "gas.vo2_ml_min" not in values:
             message = (
-                "consumption does not follow the temperature: set gas.vo2_ml_min too; heart rate, "
-                "contractility, vessels and drugs do not follow it either"
+                f"consumption does not follow the temperature: set gas.vo2_ml_min too, or give gas.{RISE}; "
+                "heart rate, contractility, vessels and drugs do not follow it in any case"
             )
             self.remarks.warning(f"{place}.{_TEMPERATURE}", message, shown(values[_TEMPERATURE]))
 

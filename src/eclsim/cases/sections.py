@@ -15,13 +15,15 @@ from eclsim.inputs.fields import Field, measured, number, one_of, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, switch
 from eclsim.parameters import physiology
-from eclsim.parameters.gas import PARAMETERS, PREFIX
+from eclsim.parameters.gas import NORMAL_C, PARAMETERS, PREFIX, VO2_PER_DEGREE
 from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 
 GRAMS_PER_MMOL = 1.6114
 """Conversion factor for haemoglobin from mmol/L of the monomer to g/dL."""
-NORMAL_C, TEMPERATURE_DOUBT_C = 37.0, 1.5
-"""Body temperature, and the deviation from it above which the oxygen consumption is doubted [C]."""
+TEMPERATURE_DOUBT_C = 1.5
+"""Deviation from the normal temperature above which the oxygen consumption is doubted [C]."""
+RISE = VO2_PER_DEGREE.removeprefix(PREFIX)
+"""Key of the rise of the oxygen consumption with the temperature."""
 LOW_HAEMOGLOBIN = 7.0
 """Haemoglobin [g/dL] below which the number may be in mmol/L instead."""
 
@@ -30,8 +32,8 @@ class Gas(Section):
     """Gas exchange of the patient; omitted values have the defaults of the parameter table.
 
     Haemoglobin is in g/dL, base excess in mmol/L, temperature in C, oxygen consumption in mL/min (STPD;
-    derived from the body surface area if omitted), ventilation in L/min (BTPS) and lung volume in mL; the
-    others are dimensionless.
+    derived from the body surface area if omitted) and its rise in % per degree, ventilation in L/min (BTPS)
+    and lung volume in mL; the others are dimensionless.
     """
 
     section = "gas"
@@ -40,6 +42,7 @@ class Gas(Section):
     base_excess_mmol_l: float = 0.0
     temperature_c: float = 37.0
     vo2_ml_min: float | None = None
+    vo2_percent_per_c: float = 0.0
     respiratory_quotient: float = 0.8
     fio2: float = 0.5
     alveolar_ventilation_l_min: float = 2.0
@@ -61,18 +64,12 @@ class Gas(Section):
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
         """Note defaults in use; warn of consumption that ignores temperature and of gases not computed."""
         stated = sections.get(cls.section, {})
-        temperature = stated.get("temperature_c", NORMAL_C)
-        if abs(temperature - NORMAL_C) > TEMPERATURE_DOUBT_C and stated.get("vo2_ml_min") is None:
-            message = (
-                "consumption is that of 37 C and does not follow the temperature (it falls by 6 to 10 % for "
-                "each degree of cooling): give vo2_ml_min; heart rate, contractility, vessels and drugs do "
-                "not follow it either"
-            )
-            remarks.warning(f"{cls.section}.temperature_c", message, shown(temperature))
+        _consumption_at_temperature(stated, remarks)
         given_by_solutes = (
             "base_excess_mmol_l" if "bicarbonate_mmol_l" in sections.get(Solutes.section, {}) else ""
         )
-        known = {*sections.get(cls.section, cls.fields()), "vo2_ml_min", "lung_volume_ml", given_by_solutes}
+        silent = {"vo2_ml_min", RISE, "lung_volume_ml", given_by_solutes}
+        known = silent | set(sections.get(cls.section, cls.fields()))
         refused = {key.removeprefix(PREFIX) for key in remarks.refused()}
         if left_out := [name for name in cls.fields() if name not in known | refused]:
             used = (f"{name} = {PARAMETERS[PREFIX + name].value:g}" for name in left_out)
@@ -82,6 +79,23 @@ class Gas(Section):
         if gases and cls.section not in sections:
             message = "blood gases were measured, but the case has no [gas] section: they are not fitted"
             remarks.warning(f"measurements.{gases[0]}", message, shown(measurements[gases[0]]))
+
+
+def _consumption_at_temperature(stated: Raw, remarks: Remarks) -> None:
+    """Warn of consumption that ignores a fever or cooling; tell it where it follows and was given."""
+    temperature, rise = (stated.get(key, usual) for key, usual in (("temperature_c", NORMAL_C), (RISE, 0.0)))
+    given = stated.get("vo2_ml_min")
+    if given is not None and rise and temperature != NORMAL_C:
+        consumed = given * (1.0 + 0.01 * rise) ** (temperature - NORMAL_C)
+        message = f"is that at 37 C; at {temperature:g} C the tissues want {consumed:.0f} mL/min"
+        remarks.note(f"{Gas.section}.vo2_ml_min", message)
+    elif given is None and not rise and abs(temperature - NORMAL_C) > TEMPERATURE_DOUBT_C:
+        message = (
+            "consumption is that of 37 C and does not follow the temperature (it falls by 6 to 10 % for "
+            f"each degree of cooling): give vo2_ml_min, or {RISE}; heart rate, contractility, vessels and "
+            "drugs do not follow it in any case"
+        )
+        remarks.warning(f"{Gas.section}.temperature_c", message, shown(temperature))
 
 
 POLICY_KEY = "blood_volume_policy"

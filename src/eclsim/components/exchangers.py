@@ -143,10 +143,12 @@ class Tissue(GasExchanger):
         in --(capillaries, VO2 = demand (1 - exp(-(PO2 / critical)^2)), VCO2 = RQ VO2)--> out
 
     PO2 is that of the blood that leaves. From three times the critical PO2 upwards, consumption is within
-    2e-4 of demand; where supply is insufficient, consumption falls smoothly.
+    2e-4 of demand; where supply is insufficient, consumption falls smoothly. With a temperature T the demand
+    is multiplied by (1 + rise)^(T - 37).
 
     Args:
-        demand: parameter, oxygen demand of the whole body [mL/min STPD].
+        demand: parameter, oxygen demand of the whole body at 37 C [mL/min STPD].
+        rise: parameter, rise of the demand for each degree [%/C]; at 0 it is the same at every temperature.
         quotient: parameter, respiratory quotient: carbon dioxide produced per oxygen consumed [-].
         share: this tissue's share of the demand [-], a parameter or a number.
         critical: PO2 at which consumption is 63 % of demand [mmHg].
@@ -155,6 +157,7 @@ class Tissue(GasExchanger):
     """
 
     demand: Key = "gas.vo2_ml_min"
+    rise: Key = "gas.vo2_percent_per_c"
     quotient: Key = "gas.respiratory_quotient"
     share: Key = 1.0
     critical: float = 4.0
@@ -163,7 +166,8 @@ class Tissue(GasExchanger):
 
     def oxygen_demand(self, values: Values) -> Number:
         """Oxygen that this tissue consumes if the supply is sufficient [mL/min STPD]."""
-        return value_of(values, self.share) * value_of(values, self.demand)
+        warmer = (1.0 + 0.01 * value_of(values, self.rise)) ** (values[TEMPERATURE] - 37.0)
+        return value_of(values, self.share) * value_of(values, self.demand) * warmer
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102  (see the base class)
         met = -jnp.expm1(-((inside.pressure[0] / self.critical) ** 2))

@@ -12,6 +12,9 @@ from eclsim.parameters.parameter import Bounds, Parameter
 
 PREFIX = "gas."
 LUNG_VOLUME = "gas.lung_volume_ml"
+VO2_PER_DEGREE = "gas.vo2_percent_per_c"
+NORMAL_C = 37.0
+"""Temperature [C] to which a consumption that follows the temperature refers."""
 _SETTING = "setting; default assumed (protective ventilation on extracorporeal support)"
 _PATIENT = "of the patient; default assumed"
 
@@ -27,6 +30,12 @@ _TABLE = (
         "gas.vo2_ml_min", 220.0, "mL/min", "Oxygen consumption that the tissues want (STPD)",
         "of the patient; left out, 126 mL/min per m2 of body surface: Dehmer, Firth and Hillis 1982 (doi "
         "10.1002/clc.4960050803; 126 +- 26 in 108 adults), surface by Mosteller 1987", 20.0, 1000.0, "gas",
+    ),
+    (
+        VO2_PER_DEGREE, 0.0, "%/C",
+        "Rise of the oxygen consumption for each degree (0: none); vo2_ml_min is that at 37 C",
+        "0: consumption is as given; 8.5 in 12 ventilated patients cooled from 39.4 to 37.0 C (359 to 295 "
+        "mL/min): Manthous et al. 1995 (doi 10.1164/ajrccm.151.1.7812538)", 0.0, 15.0, "gas",
     ),
     (
         "gas.respiratory_quotient", 0.8, "1", "Carbon dioxide given off for each oxygen consumed",

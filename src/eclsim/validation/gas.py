@@ -17,7 +17,7 @@ from scipy.optimize import fsolve
 
 from eclsim.blood.gases import LAWS, gases, gases_with_contents, gases_with_saturation
 from eclsim.cases.reading import read_mapping
-from eclsim.components.exchangers import FLOWMETER_TO_STPD, Tissue, stpd_of_btps
+from eclsim.components.exchangers import FLOWMETER_TO_STPD, TEMPERATURE, Tissue, stpd_of_btps
 from eclsim.devices.ecmo import ECMO, OXYGENATORS
 from eclsim.devices.registry import find_parameter
 from eclsim.orbit.model import Model, model_of
@@ -47,6 +47,12 @@ LOWERED = 0.6
 """Ratio of cardiac output after and before the beta-blocker in all three pairs of Joyce's patients."""
 
 
+RISE = 8.5
+"""Rise of consumption with temperature [%/C], fitted to the cooled patients, independent of the pigs."""
+FEVER, COOLED = (39.4, 359.0), (37.0, 295.1)
+"""Temperature [C] and oxygen consumption [mL/min] of the patients before and after cooling."""
+FEVER_QUOTIENT = 303.6 / 359.0
+"""Their respiratory quotient before it."""
 BYPASS_FLOW, BYPASS_CELLS, BYPASS_AREA, BYPASS_PO2 = 4.5, 9.0, 1.4, 150.0
 """Blood flow [L/min] and haemoglobin [g/dL] in cardiopulmonary bypass, which the abstract does not state, the
 membrane of an Inspire 6F [m2], and the PO2 behind it at which the transfer was read [mmHg]."""
@@ -135,13 +141,22 @@ def _slopes() -> dict[str, float]:
     }  # fmt: skip
     numbers = {}
     for key, (gas, name, at, step) in steps.items():
-        change = getattr(_pig(**{name: at + step}), gas) - getattr(_pig(**{name: at - step}), gas)
+        ends = [getattr(_pig(**{name: at + s}, vo2_percent_per_c=RISE), gas) for s in (-step, step)]
+        change = ends[1] - ends[0]
         numbers[f"park {key}"] = change / (2.0 * step) / (100.0 if "shunt" in key else 1.0)
     falls = {flow: [_pig(flow, sweep_l_min=s).paco2 for s in (3.0, 5.5, 10.0)] for flow in (1.5, 3.5)}
     numbers["mendes 3.5"] = float(falls[3.5][0] > falls[3.5][1] > falls[3.5][2])
     numbers["mendes 1.5"] = falls[1.5][0] - falls[1.5][2]
     numbers |= {f"sweep {sweep:g}": _swept(sweep) for sweep in (2.0, 10.0)}
-    return numbers | _park_2013()
+    return numbers | _cooled() | _park_2013()
+
+
+def _cooled() -> dict[str, float]:
+    """Oxygen consumed and carbon dioxide given off [mL/min] when the patients with fever are cooled."""
+    values = {"gas.vo2_ml_min": COOLED[1], "gas.vo2_percent_per_c": RISE}
+    wanted = [float(Tissue().oxygen_demand(values | {TEMPERATURE: t})) for t in (FEVER[0], COOLED[0])]
+    consumed = FEVER[1] * wanted[1] / wanted[0]
+    return {"cooled oxygen": consumed, "cooled carbon dioxide": FEVER_QUOTIENT * consumed}
 
 
 def _swept(sweep: float, membrane: float = 1.0) -> float:
@@ -319,7 +334,6 @@ def _by_carbon_dioxide(beats: Mapping[str, np.ndarray], ratio: float, c: float =
 
 def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     cells = root(lambda x: _with_cells(x)[0] + 3.48, 0.0, 0.2)
-    warm = [_pig(temperature_c=37.0 + t, vo2_ml_min=200.0 * 1.1**t).paco2 for t in (-0.5, 0.5)]
     shunted = _pig(shunt_fraction=1.0).pao2 - _pig(shunt_fraction=0.99).pao2
     haemoglobin = Explanation(
         "haemoglobin was not set but differed between a few animals (2013: P 0.04; 2016: its initial value, "
@@ -347,10 +361,6 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         "park po2 shunt": Explanation(
             "the slope depends on where it is taken: near complete shunt it is as measured",
             (Row("between shunts of 99 and 100 %", shunted, -0.46, -0.115, "mmHg per %"),),
-        ),
-        "park pco2 temperature": Explanation(
-            "consumption does not follow temperature here; in animals it rises by about 10 % per degree",
-            (Row("with 10 % more consumption for each degree", warm[1] - warm[0], 2.25, 9.0, "mmHg per C"),),
         ),
         "mendes 1.5": not_significant_in_five(numbers["mendes 1.5"]),
         "haematocrit": _diluted(), "sweep 10": _other_membrane(), "bachmann high": _formula(numbers),
