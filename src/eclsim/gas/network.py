@@ -76,8 +76,8 @@ class Quantity(NamedTuple):
     """Name of a number of the gas state.
 
     Attributes:
-        what: a name of `GASES`; for an exchange, the oxygen "gained", "supplied" and "demanded" or the carbon
-            dioxide "gained_co2" [mL/min STPD]; "recirculated", the share of drawn blood that comes from an
+        what: a name of `GASES`; for an exchange, the oxygen "gained" and "supplied" or the carbon dioxide
+            "gained_co2" [mL/min STPD]; "recirculated", the share of drawn blood that comes from an
             exchange; "status"; or "unknown", an unknown of the search, from which derivatives are computed.
         where: "in" a compartment whose blood is analysed, "mixed" in any compartment (contents only), "drawn"
             by a connection, "behind" an exchange, "into" an exchange whose rate depends on the entering
@@ -222,9 +222,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
     quantities += tuple(Quantity("recirculated", "drawn", at) for at, _ in _drawn(circuit))
     quantities += tuple(Quantity(gas, "mixed", c.name) for gas in CONTENTS for c in circuit.compartments)
     quantities += tuple(
-        Quantity(what, "at", e.at)
-        for e in exchanges
-        for what in ("gained", "gained_co2", "supplied", "demanded")
+        Quantity(what, "at", e.at) for e in exchanges for what in ("gained", "gained_co2", "supplied")
     )
 
     points = sum(law.points for law in laws) + len(samples)
@@ -253,7 +251,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         result = jnp.concatenate(
             [jnp.stack(gases)[:, sampled].T.reshape(-1), jnp.array(recirculated)]
             + [(state.outlets @ mixed.compartments.T + from_held).reshape(-1)]
-            + [_exchanged(e, k, mixed, state, values) for k, e in enumerate(exchanges)]
+            + [_exchanged(k, mixed, state) for k in range(len(exchanges))]
         )
         status = _status(exchanges, state, values)
         # Unlike in a steady state, a tissue may lack oxygen for some time.
@@ -353,12 +351,9 @@ def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixture
     return Samples(shares, mixed.kept and rows(*mixed.kept[:2], jnp.zeros((len(sources), 2))))
 
 
-def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, values: Values) -> Array:
-    """Gas gained, oxygen supplied and demanded at an exchange [mL/min STPD]."""
-    law = exchange.component
-    demanded = law.oxygen_demand(values) if isinstance(law, Tissue) else jnp.zeros(())
-    supplied = 10.0 * mixed.streams[k] * state.inlets[0, k]
-    return jnp.stack([*state.gained[:, k], supplied, demanded])
+def _exchanged(k: int, mixed: Mixtures, state: GasState) -> Array:
+    """Gas gained and oxygen supplied at an exchange [mL/min STPD]."""
+    return jnp.stack([*state.gained[:, k], 10.0 * mixed.streams[k] * state.inlets[0, k]])
 
 
 def _status(exchanges: Sequence[Exchange], state: GasState, values: Values) -> Array:

@@ -19,6 +19,7 @@ from eclsim.beat.recording import RATE, all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
+from eclsim.components.exchangers import TEMPERATURE, Tissue
 from eclsim.devices.description import GASES
 from eclsim.devices.registry import assist_connections, cached_by_devices, namings
 from eclsim.gas.network import STATUS, GasStatus
@@ -45,6 +46,8 @@ from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import closed_valves, sealed, valve_flows
 from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, needed_signals, output_names
 
+_TISSUE = Tissue()
+_READ_BY_TISSUE = (GASES, str(_TISSUE.rise), TEMPERATURE)
 NO_GASES: Mapping[int, PlaceGases] = MappingProxyType({})
 DEMAND_MET = 0.99
 """Share of the oxygen demand below which consumption is reported as limited."""
@@ -225,7 +228,7 @@ class SteadyBeat:
         if "VO2" not in read:
             return []
         vo2 = float(self.output("VO2")[member])
-        demand = self.batch.numbers_for([GASES], member)[GASES]
+        demand = float(_TISSUE.oxygen_demand(self.batch.numbers_for(_READ_BY_TISSUE, member)))
         if vo2 > DEMAND_MET * demand:
             return []
         text = f"oxygen consumption {vo2:.0f} mL/min is below the {demand:.0f} mL/min that the tissues need: "
