@@ -134,6 +134,10 @@ DOUBTS = {
     "cooled with its consumption": (
         {"gas": {}, "events": [COOLED | {"set": COOLED["set"] | {"gas.vo2_ml_min": 150}}]}, "", "",
     ),
+    "cold and measured": (
+        {"gas": {"temperature_c": 33, "vo2_ml_min": 150}, "measurements": {"SaO2": 97, "PaCO2": 38}},
+        "measurements.PaCO2", "an analyser at 37 C shows another",
+    ),
     "red cells too thin": (
         {"gas": {"haemoglobin_g_dl": 9}, "fluid": {"haematocrit": 0.45}}, "fluid.haematocrit", "hold 20 g/dL",
     ),

@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from eclsim.blood.acid_base import bicarbonate, ph_of
+from eclsim.blood.gases import gases, gases_with_contents
 from eclsim.blood.types import Blood
 from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import HAEMOGLOBIN
@@ -37,7 +38,7 @@ SETTINGS = {
 
 
 def settings(**changes):
-    values = {key: one.value for key, one in PARAMETERS.items()} | SETTINGS
+    values = {key: one.value for key, one in PARAMETERS.items()} | SETTINGS | {"gas.temperature_c": 37.0}
     return {k: np.array([v]) for k, v in (values | {f"solutes.{n}": v for n, v in changes.items()}).items()}
 
 
@@ -264,6 +265,21 @@ def test_stores_fill_with_what_the_blood_does_not_carry_away():
     single = law.beat_by_beat().rates(states, values, read, {})
     tissue, slow, _ = (60.0 * float(rate[0]) for rate in single.values())
     assert store * (0.2 * tissue + 0.6 * slow) == pytest.approx(result["stored_CO2"])
+
+
+def test_what_cold_stores_hold_has_the_pressure_of_blood_that_is_closed_off():
+    patient = model()
+    law, values = law_of(patient), {k: np.array([v]) for k, v in patient.values.items()}
+    start = law.start(values, {"tissue_PCO2": np.array([48.0])})
+    closed = gases(po2=30.0, pco2=48.0, haemoglobin=10.0)
+    contents = {"oxygen": closed.oxygen, "carbon_dioxide": closed.carbon_dioxide}
+    for temperature in (31.0, 34.0, 39.0):
+        cold = values | {"gas.temperature_c": np.array([temperature])}
+        held = float(law.in_effect(start, cold)["solutes.tissue_pco2_mmHg"][0])
+        blood = gases_with_contents(**contents, haemoglobin=10.0, temperature=temperature)
+        assert held == pytest.approx(float(blood.pco2), rel=0.01)
+        again = law.start(cold, {"tissue_PCO2": np.array([held])})
+        assert again == pytest.approx(start)
 
 
 def test_stores_change_no_steady_state():

@@ -253,6 +253,10 @@ CAUTIONS = {
     ),
     "blood of no law": ({"pHa": 7.88}, {}, "pH 7.88 of the arterial blood is outside 6.8 to 7.7"),
     "blood of hardly any law": ({"pHa": 6.797}, {}, "pH 6.797 of the arterial blood is outside 6.8"),
+    "cold blood": (
+        {"PaCO2": 38.0}, {"gas.temperature_c": 33.0}, "shows a PCO2 4.5 % higher and a pH lower by 0.015",
+    ),
+    "warm blood": ({"PaCO2": 38.0}, {"gas.temperature_c": 38.0}, ""),
     "hypercapnia without an answer": ({"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0}, ""),
 }  # fmt: skip
 

@@ -24,6 +24,11 @@ ITERATIONS = 10
 """Number of Newton iterations; six suffice for PCO2 between 1 and 300 mmHg."""
 
 
+CLOSED_PCO2_SLOPE = 0.019
+"""Rise of log10 of the PCO2 of blood in a closed system for each degree (Bradley, Stupfel and Severinghaus
+1956, doi 10.1152/jappl.1956.9.2.201). The equations above give 0.0175 to 0.02 from 40 down to 30 C."""
+
+
 def carbon_dioxide_solubility(temperature: Array = 37.0) -> Array:
     """Solubility of carbon dioxide in plasma [mmol/L/mmHg] (Douglas 1988)."""
     cold = 37.0 - temperature

@@ -15,13 +15,11 @@ from eclsim.inputs.fields import Field, measured, number, one_of, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, switch
 from eclsim.parameters import physiology
-from eclsim.parameters.gas import NORMAL_C, PARAMETERS, PREFIX, VO2_PER_DEGREE
+from eclsim.parameters.gas import NORMAL_C, PARAMETERS, PREFIX, TEMPERATURE_DOUBT_C, VO2_PER_DEGREE
 from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 
 GRAMS_PER_MMOL = 1.6114
 """Conversion factor for haemoglobin from mmol/L of the monomer to g/dL."""
-TEMPERATURE_DOUBT_C = 1.5
-"""Deviation from the normal temperature above which the oxygen consumption is doubted [C]."""
 RISE = VO2_PER_DEGREE.removeprefix(PREFIX)
 """Key of the rise of the oxygen consumption with the temperature."""
 LOW_HAEMOGLOBIN = 7.0
@@ -79,6 +77,19 @@ class Gas(Section):
         if gases and cls.section not in sections:
             message = "blood gases were measured, but the case has no [gas] section: they are not fitted"
             remarks.warning(f"measurements.{gases[0]}", message, shown(measurements[gases[0]]))
+        elif (name := next((n for n in _PRESSURES_OF_GASES if n in measurements), None)) is not None:
+            _measured_at_temperature(name, measurements[name], stated, remarks)
+
+
+def _measured_at_temperature(name: str, pressure: float, stated: Raw, remarks: Remarks) -> None:
+    """Warn of a gas pressure of cold or hot blood that may not have been corrected to the temperature."""
+    temperature = stated.get("temperature_c", NORMAL_C)
+    if abs(temperature - NORMAL_C) > TEMPERATURE_DOUBT_C:
+        message = (
+            f"is compared with blood of {temperature:g} C: an analyser at {NORMAL_C:g} C shows another "
+            "pressure unless it corrects to the patient's temperature"
+        )
+        remarks.warning(f"{Measurements.section}.{name}", message, shown(pressure))
 
 
 def _consumption_at_temperature(stated: Raw, remarks: Remarks) -> None:
@@ -211,6 +222,7 @@ PATIENT_SECTIONS: tuple[type[Section], ...] = (
 MEASURED = tuple(Measurements.fields())
 """Names of all measurements."""
 MEASURED_GASES = MEASURED[MEASURED.index("SaO2") :]
+_PRESSURES_OF_GASES = ("PaCO2", "PaO2", "PpostO2")
 """Names of the measurements of gas exchange."""
 FURTHER_MEASUREMENTS = MEASURED[MEASURED.index("CVP") : MEASURED.index("SaO2")]
 """Pressures that the paper does not fit; they may be zero or negative."""

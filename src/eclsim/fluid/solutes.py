@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eclsim.blood.acid_base import carbon_dioxide_solubility, excess_of
+from eclsim.blood.acid_base import CLOSED_PCO2_SLOPE, carbon_dioxide_solubility, excess_of
 from eclsim.blood.types import Blood
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Derived, Number, value_of
@@ -26,9 +26,10 @@ from eclsim.components.dialysis import (
     UREA_RED_CELL_WATER,
     Hemofilter,
 )
-from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
+from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, TEMPERATURE, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, blood_at_start
 from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, FCELLS, HAEMATOCRIT, SOLUTES
+from eclsim.parameters.gas import NORMAL_C
 from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
 EXTRACELLULAR_SHARE = 1.0 / 3.0
@@ -244,12 +245,13 @@ class CarbonDioxideLaw(SlowLaw):
         little flow  dP_s/dt = (P - P_s) / tau_s
         blood        dP_b/dt = (P - P_b) / tau_b
 
-    with the share b of the store S in the blood and s in muscle, skin, fat and bone. In a steady beat the
-    blood of tissues is at P_b, which lags by tau_b. If blood is followed beat by beat, it holds its own
-    store. Bicarbonate from a filter is carbon dioxide of the blood. The part of it that acid does not consume
-    remains as the bicarbonate that `SolutesLaw` counts; beat by beat only in tissues, as the blood's part is
-    in its contents. Citrate supplies the carbon of its bicarbonate itself; as oxygen consumption is
-    unchanged, other fuel is saved.
+    with the share b of the store S in the blood and s in muscle, skin, fat and bone. The pressures are those
+    at 37 C; at a temperature T they are 10^(0.019 (T - 37)) times as high, as in blood that is closed off. In
+    a steady beat the blood of tissues is at P_b, which lags by tau_b. If blood is followed beat by beat, it
+    holds its own store. Bicarbonate from a filter is carbon dioxide of the blood. The part of it that acid
+    does not consume remains as the bicarbonate that `SolutesLaw` counts; beat by beat only in tissues, as the
+    blood's part is in its contents. Citrate supplies the carbon of its bicarbonate itself; as oxygen
+    consumption is unchanged, other fuel is saved.
 
     Args:
         tissues: names of the tissues' exchanges, each with its share of the store.
@@ -265,7 +267,7 @@ class CarbonDioxideLaw(SlowLaw):
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102
         words = {_pressure: "of {}", _of_slow: "of {} with little flow", _of_blood: "in the blood of {}"}
         return tuple(
-            SlowState(key(name), "mmHg", f"PCO2 {place.format(_tissue_words(name))}", 1.0)
+            SlowState(key(name), "mmHg", f"PCO2 at 37 C {place.format(_tissue_words(name))}", 1.0)
             for name, _ in self.tissues
             for key, place in words.items()
         )
@@ -287,14 +289,15 @@ class CarbonDioxideLaw(SlowLaw):
 
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
         return {
-            key(name): beat[_output_of("tissue_PCO2", name)]
+            key(name): beat[_output_of("tissue_PCO2", name)] / _closed_store_ratio(settings)
             for name, _ in self.tissues
             for key in (_pressure, _of_slow, _of_blood)
         }
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
         held = _pressure if self.every_beat else _of_blood
-        own = {_pressure(name): states[held(name)] for name, _ in self.tissues}
+        warmer = _closed_store_ratio(settings)
+        own = {_pressure(name): states[held(name)] * warmer for name, _ in self.tissues}
         return own | {CARBON_DIOXIDE_STORES_HOLD: np.ones_like(next(iter(own.values())))}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
@@ -381,6 +384,11 @@ def _output_of(what: str, tissue: str) -> str:
 
 def _tissue_words(tissue: str) -> str:
     return f"the tissues of the {_region(tissue)} body" if _region(tissue) else "the tissues"
+
+
+def _closed_store_ratio(settings: Named) -> np.ndarray:
+    """PCO2 of a closed store over that which it has at 37 C."""
+    return 10.0 ** (CLOSED_PCO2_SLOPE * (settings[TEMPERATURE] - NORMAL_C))
 
 
 def plasma_share(states: Named, settings: Named, fluid: bool) -> np.ndarray:

@@ -6,10 +6,14 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from eclsim.blood.acid_base import CLOSED_PCO2_SLOPE
+from eclsim.blood.types import NEUTRAL_PH_SLOPE
+from eclsim.components.exchangers import TEMPERATURE
 from eclsim.devices.description import CAUTION, Finding
 from eclsim.outputs.gas import STANDING_L_MIN
 from eclsim.outputs.limits import limits_of
 from eclsim.parameters import regulation as keys
+from eclsim.parameters.gas import NORMAL_C, TEMPERATURE_DOUBT_C
 
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
 CONGESTION_MMHG = 12.0
@@ -67,7 +71,8 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         + (_combined_effects(doses) or _vasopressin_on_noradrenaline(doses))
     )
     result += _unanswered_gases(outputs, values)
-    return result + _hypercapnia(outputs, values) + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
+    result += _hypercapnia(outputs, values) + _at_another_temperature(outputs, values)
+    return result + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
 def organ_flow(outputs: Mapping[str, float]) -> float | None:
@@ -242,6 +247,20 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
     else:
         return []
     return [Finding.without_limit(CAUTION, "PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
+
+
+def _at_another_temperature(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Caution about gases of cold or hot blood, which an analyser shows as they are at 37 C."""
+    pressure, warmer = outputs.get("PaCO2"), values.get(TEMPERATURE, NORMAL_C) - NORMAL_C
+    if pressure is None or not abs(warmer) > TEMPERATURE_DOUBT_C:
+        return []
+    cooler = 100.0 * (10.0**CLOSED_PCO2_SLOPE - 1.0)
+    text = (
+        "blood gases are those at the patient's temperature, and limits are compared with them; for each "
+        f"degree of cooling an analyser at 37 C shows a PCO2 {cooler:.1f} % higher and a pH lower by "
+        f"{NEUTRAL_PH_SLOPE:.3f}"
+    )
+    return [Finding.without_limit(CAUTION, "PaCO2", pressure, text, "PaCO2", "PaO2", "pHa")]
 
 
 def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:

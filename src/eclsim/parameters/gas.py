@@ -15,6 +15,8 @@ LUNG_VOLUME = "gas.lung_volume_ml"
 VO2_PER_DEGREE = "gas.vo2_percent_per_c"
 NORMAL_C = 37.0
 """Temperature [C] to which a consumption that follows the temperature refers."""
+TEMPERATURE_DOUBT_C = 1.5
+"""Deviation from it above which consumption, and blood gases of an analyser at 37 C, are doubted [C]."""
 _SETTING = "setting; default assumed (protective ventilation on extracorporeal support)"
 _PATIENT = "of the patient; default assumed"
 
