@@ -19,6 +19,8 @@ MMHG_PER_CMH2O = 98.0665 / PA_PER_MMHG
 MMHG_PER_PSI = 6894.757293168 / PA_PER_MMHG
 MMHG_S_PER_ML_PER_WOOD = 60.0 / 1000.0
 MMHG_S_PER_ML_PER_DYN = 0.1 / PA_PER_MMHG
+RED_CELL_HAEMOGLOBIN = 33.3
+"""Usual haemoglobin of red cells [g/dL]: haemoglobin of the blood at a haematocrit of 1."""
 SECONDS_PER_MINUTE = 60.0
 
 # unit -> (quantity, value of one such unit in the internal unit of the quantity). Micromoles are not taken

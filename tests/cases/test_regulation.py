@@ -10,7 +10,7 @@ from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.writing import write_case
-from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES
+from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES, HAEMATOCRIT_OF_PATIENT
 from eclsim.orbit import rest
 from eclsim.orbit.model import model_of, values_of
 from eclsim.parameters.regulation import (
@@ -116,7 +116,8 @@ def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
     assert values["fluid.interstitial_protein_g_dl"] == pytest.approx(2.4)
     assert 40000 < values["solutes.body_water_ml"] < 48000
     given = read(fluid={"haematocrit": 0.4}, crrt=CRRT).case
-    assert values_of(given)["crrt.haematocrit_in"] == pytest.approx(0.4)
+    assert values_of(given)["fluid.haematocrit"] == 0.4
+    assert values_of(given)["crrt.haematocrit_in"] == HAEMATOCRIT_OF_PATIENT
     acid = {"bicarbonate_mmol_l": 16}
     without_gas = values_of(read(solutes=acid, crrt=CRRT).case)
     assert without_gas["crrt.plasma_bicarbonate_mmol_l"] == pytest.approx(16 + 0.0307 * 40)
@@ -126,7 +127,7 @@ def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
     excess = values_of(read(solutes={}, gas={"base_excess_mmol_l": start["gas.base_excess_mmol_l"]}).case)
     assert excess["solutes.bicarbonate_mmol_l"] == pytest.approx(16)
     given = read(fluid={}, crrt=CRRT | {"haematocrit_in": 0.2}).case
-    assert values_of(given)["fluid.haematocrit"] == 0.2
+    assert values_of(given)["fluid.haematocrit"] == 0.2 == values_of(given)["crrt.haematocrit_in"]
 
 
 def test_base_that_is_stated_twice_is_said_to_be():

@@ -137,10 +137,16 @@ GASES = (46.0, 7.36, 37.0)
 """PCO2, pH and temperature of the blood that enters."""
 
 
-def filter_at(**changes):
-    return Performance(
-        *np.asarray(performance(jnp.array([200.0, 180.0, 120.0, *GASES, *NUMBERS._replace(**changes)])))
-    )
+def filter_at(patients_haematocrit=0.4, **changes):
+    numbers = [200.0, 180.0, 120.0, *GASES, patients_haematocrit, *NUMBERS._replace(**changes)]
+    return Performance(*np.asarray(performance(jnp.array(numbers))))
+
+
+def test_a_haematocrit_of_0_is_that_of_the_patient():
+    assert filter_at() == filter_at(patients_haematocrit=0.2)
+    own = filter_at(haematocrit=0.0, patients_haematocrit=0.25)
+    assert own == filter_at(haematocrit=0.25)
+    assert own != filter_at()
 
 
 def test_a_filter_is_computed_with_all_its_numbers():

@@ -8,9 +8,10 @@ from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
 from eclsim.devices.crrt import SITES_WITHOUT_ECMO, crrt
 from eclsim.devices.crrt_dialysis import SETTINGS, SOLUTES
-from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES
+from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES, HAEMATOCRIT_OF_PATIENT
 from eclsim.orbit.model import values_of
 from eclsim.outputs.limits import broken_limits
+from eclsim.sensitivity.inputs import InputError, varied_inputs
 from eclsim.validation.reference_cases import DATA
 
 FLUIDS = {"dialysate_ml_h": 1000, "replacement_post_ml_h": 1000, "net_ultrafiltration_ml_h": 100}
@@ -233,13 +234,57 @@ def test_the_bloods_own_bicarbonate_has_exact_derivatives_and_the_same_numbers_i
 
 def test_renox_meets_the_haematocrit_and_the_bicarbonate_of_the_patient():
     values = values_of(read_mapping(VV | {"renox": {"dialysate_ml_h": 2000}}).case)
-    assert values["renox.haematocrit_in"] == pytest.approx(9.0 / 33.3)
+    assert values["renox.haematocrit_in"] == HAEMATOCRIT_OF_PATIENT
     assert values["renox.plasma_bicarbonate_mmol_l"] == CARBON_DIOXIDE_FROM_GASES
     without = {key: value for key, value in VV.items() if key != "gas"}
     without["ecmo"] = VV["ecmo"] | {"drainage_site": "svn"}
     values = values_of(read_mapping(without | {"renox": {"dialysate_ml_h": 2000}}).case)
     assert values["renox.haematocrit_in"] == 0.3
     assert values["renox.plasma_bicarbonate_mmol_l"] == 24.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("device", "outputs"),
+    [
+        (
+            {"crrt": ON_ECMO | FLUIDS},
+            ["filtration_fraction", "effective_clearance_creatinine", "fresh_plasma_ml_h", "PaCO2"],
+        ),
+        (
+            {"renox": {"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 300}},
+            ["renox_filtration_fraction", "renox_clearance_urea", "PaCO2"],
+        ),
+    ],
+)
+def test_the_dialyzer_meets_the_varied_haemoglobin(device, outputs):
+    """Variants and derivatives are those of cases with that haemoglobin."""
+    cases = {x: read_mapping(VV | device | {"gas": {"haemoglobin_g_dl": x}}).case for x in (8.99, 9.0, 9.01)}
+    single = {x: eclsim.simulate(case) for x, case in cases.items()}
+    key = "gas.haemoglobin_g_dl"
+    many = eclsim.simulate_many(cases[9.0], {key: list(cases)}, outputs)
+    exact = eclsim.derivatives(cases[9.0], outputs, [key])
+    for name in outputs:
+        assert many[name].values == pytest.approx([float(one[name]) for one in single.values()], rel=1e-12)
+        slope = (float(single[9.01][name]) - float(single[8.99][name])) / 0.02
+        assert float(exact.sel(output=name, parameter=key)) == pytest.approx(slope, rel=1e-3, abs=1e-7)
+
+
+@pytest.mark.slow
+def test_without_gases_the_dialyzer_meets_the_haematocrit_of_the_fluid():
+    without = {key: value for key, value in VV.items() if key != "gas"} | {"crrt": ON_ECMO | FLUIDS}
+    without["ecmo"] = VV["ecmo"] | {"drainage_site": "svn"}
+    fluid = {"haematocrit": 0.3, "reference_haematocrit": 0.3}
+    thick = eclsim.simulate(read_mapping(without | {"fluid": fluid | {"haematocrit": 0.45}}).case)
+    case, names = read_mapping(without | {"fluid": fluid}).case, ["filtration_fraction", "clearance_urea"]
+    varied = {"fluid.haematocrit": [0.45, 0.3], "crrt.haematocrit_in": [0.0, 0.45]}
+    many = eclsim.simulate_many(case, varied, names)
+    for name in names:
+        assert many[name].values == pytest.approx([float(thick[name])] * 2, rel=1e-9)
+    unset = read_mapping(without | {"fluid": {}}).case
+    assert values_of(unset)["crrt.haematocrit_in"] == HAEMATOCRIT_OF_PATIENT
+    with pytest.raises(InputError, match=r"give crrt\.haematocrit_in in the case, or vary gas"):
+        varied_inputs(case, values_of(case), ["crrt.haematocrit_in"])
 
 
 @pytest.mark.slow

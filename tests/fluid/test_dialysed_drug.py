@@ -43,32 +43,49 @@ def _settings(**given: float) -> list[float]:
 
 
 def test_hemofiltration_clears_sieving_times_filtrate() -> None:
-    cleared, plasma = drug_clearance(jnp.array([150.0, 0.6, 200.0, *_settings(after=2400.0)]))
+    cleared, plasma = drug_clearance(jnp.array([150.0, 0.6, 200.0, 0.2, *_settings(after=2400.0)]))
     assert float(cleared) == pytest.approx(0.6 * 40.0, rel=1e-12)
     assert float(plasma) == pytest.approx(150.0 * 0.7)
 
 
 def test_fluid_before_the_filter_dilutes_the_drug() -> None:
-    cleared, plasma = drug_clearance(jnp.array([150.0, 0.6, 200.0, *_settings(before=2400.0)]))
+    cleared, plasma = drug_clearance(jnp.array([150.0, 0.6, 200.0, 0.2, *_settings(before=2400.0)]))
     assert float(cleared) == pytest.approx(0.6 * 40.0 * float(plasma) / (float(plasma) + 40.0), rel=1e-12)
 
 
 def test_a_large_membrane_saturates_the_effluent() -> None:
-    cleared, _ = drug_clearance(jnp.array([200.0, 0.4, 3000.0, *_settings(dialysate=1200.0, after=600.0)]))
+    settings = _settings(dialysate=1200.0, after=600.0)
+    cleared, _ = drug_clearance(jnp.array([200.0, 0.4, 3000.0, 0.2, *settings]))
     assert float(cleared) == pytest.approx(0.4 * 30.0, rel=1e-3)
 
 
 def test_no_clearance_where_all_water_of_the_plasma_would_be_filtered() -> None:
-    cleared, _ = drug_clearance(jnp.array([50.0, 0.9, 200.0, *_settings(after=2200.0)]))
+    cleared, _ = drug_clearance(jnp.array([50.0, 0.9, 200.0, 0.2, *_settings(after=2200.0)]))
     assert math.isnan(float(cleared))
 
 
 def test_clearance_is_differentiable_in_sieving_and_koa() -> None:
-    numbers = jnp.array([150.0, 0.6, 60.0, *_settings(dialysate=2000.0, after=1000.0)])
+    numbers = jnp.array([150.0, 0.6, 60.0, 0.2, *_settings(dialysate=2000.0, after=1000.0)])
     slopes = jax.jacfwd(drug_clearance)(numbers)[0]
     for place, step in ((1, 1e-5), (2, 1e-3)):
         ends = (float(drug_clearance(numbers.at[place].add(way * step))[0]) for way in (1.0, -1.0))
         assert float(slopes[place]) == pytest.approx((next(ends) - next(ends)) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("infusion_mg_h", 60000, "allowed: 0 to 2000 mg/h; did you mean 60000 ug/h = 60 mg/h?"),
+        ("infusion_mg_h", 8000, "allowed: 0 to 2000 mg/h; did you mean 8000 ug/min = 480 mg/h?"),
+        ("dose_mg", 2e6, "allowed: 0 to 20000 mg; did you mean 2e+06 ug = 2000 mg?"),
+    ],
+)
+def test_an_impossible_dose_is_answered_with_the_unit_it_is_probably_in(key, value, said) -> None:
+    """60000 mg/h were taken for 60000 ng/min = 3.6 mg/h, as little as no antibiotic is given."""
+    with pytest.raises(CaseError) as caught:
+        read_mapping(CASE | {"dialysed_drug": CASE["dialysed_drug"] | {key: value}})
+    (mistake,) = map(str, caught.value.mistakes)
+    assert mistake == f"dialysed_drug.{key} = {value:.0f}: outside the allowed range; {said}"
 
 
 def test_without_the_section_nothing_changes() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any
 
 from eclsim.inputs.fields import Field, setting
@@ -19,17 +20,22 @@ def _share(name: str) -> Field:
     return setting(keys.PARAMETERS[f"{keys.SECTION}.{name}"], read=read_share)
 
 
+def _given(name: str, typical: float) -> Field:
+    """Field of what is given, with the usual amount of an antibiotic, from which a wrong unit is guessed."""
+    return replace(setting(keys.PARAMETERS[f"{keys.SECTION}.{name}"]), typical=typical)
+
+
 class DialysedDrug(Section):
     """A drug that dialysis removes: doses and kinetics; followed in courses."""
 
     section = keys.SECTION
     parameters = keys.PARAMETERS
     name: Annotated[str | None, Field("Name of the drug", "text", required=False)] = None
-    dose_mg: float = 0.0
+    dose_mg: Annotated[float, _given("dose_mg", 1000.0)] = 0.0
     every_h: float = 8.0
     over_min: float = 30.0
-    infusion_mg_h: float = 0.0
-    start_mg_l: float = 0.0
+    infusion_mg_h: Annotated[float, _given("infusion_mg_h", 125.0)] = 0.0
+    start_mg_l: Annotated[float, _given("start_mg_l", 20.0)] = 0.0
     central_volume_l: float = 15.0
     peripheral_volume_l: float = 0.0
     transfer_ml_min: float = 100.0

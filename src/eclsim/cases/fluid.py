@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.crrt_dialysis import HAEMATOCRIT as HAEMATOCRIT_IN
-from eclsim.devices.dialysed_blood import RED_CELL_HAEMOGLOBIN, USUAL_HAEMOGLOBIN, check_red_cells
+from eclsim.devices.dialysed_blood import USUAL_HAEMOGLOBIN, check_red_cells
 from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, read_share, switch
 from eclsim.parameters import fluid, regulation
 from eclsim.parameters.gas import PARAMETERS as GAS
 from eclsim.patient.anthropometry import body_water_ml
+from eclsim.units import RED_CELL_HAEMOGLOBIN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -138,8 +139,8 @@ def fluid_values(
     """
     result: dict[str, float] = {}
     if (section := case.fluid) is not None:
-        grams = haemoglobin(case)
-        usual = values.get(HAEMATOCRIT_IN, fluid.USUAL_HAEMATOCRIT)
+        grams = None if case.gas is None else case.gas.haemoglobin_g_dl
+        usual = values.get(HAEMATOCRIT_IN) or fluid.USUAL_HAEMATOCRIT
         haematocrit = section.haematocrit or (usual if grams is None else grams / RED_CELL_HAEMOGLOBIN)
         inferred = {
             "haematocrit": haematocrit, "reference_haematocrit": haematocrit,
@@ -193,7 +194,9 @@ def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
 
 
 def haemoglobin(case: Case) -> float | None:
-    """Return the haemoglobin [g/dL] stated by the case directly or by the haematocrit; else None."""
+    """Return the haemoglobin [g/dL] of [gas], or that of the haematocrit of [fluid]; None without both."""
     if case.gas is not None:
         return case.gas.haemoglobin_g_dl
-    return case.fluid and case.fluid.haematocrit and RED_CELL_HAEMOGLOBIN * case.fluid.haematocrit
+    if case.fluid is None:
+        return None
+    return RED_CELL_HAEMOGLOBIN * (case.fluid.haematocrit or fluid.USUAL_HAEMATOCRIT)

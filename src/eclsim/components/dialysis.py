@@ -22,6 +22,7 @@ Flows in mL/min here, concentrations in water.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -31,7 +32,15 @@ from jax import Array
 
 from eclsim.blood.acid_base import bicarbonate, carbon_dioxide_solubility
 from eclsim.components.base import Exchanger, Renaming, Values
-from eclsim.components.exchangers import BLOOD, INLET_WEIGHTS, TEMPERATURE, GasExchanger, Points
+from eclsim.components.exchangers import (
+    BLOOD,
+    HAEMOGLOBIN,
+    INLET_WEIGHTS,
+    TEMPERATURE,
+    GasExchanger,
+    Points,
+)
+from eclsim.units import RED_CELL_HAEMOGLOBIN
 
 PLASMA_WATER = 0.93
 """Share of plasma that is water; proteins occupy the rest (textbook value)."""
@@ -146,7 +155,7 @@ class Settings(NamedTuple):
         before: flow of replacement fluid before the filter [mL/h].
         after: flow of replacement fluid after the filter [mL/h].
         net: net ultrafiltration [mL/h].
-        haematocrit: haematocrit of the blood that enters [-].
+        haematocrit: haematocrit of the blood that enters [-]; 0 to use the patient's.
         fluid_bicarbonate: bicarbonate of the fluids [mmol/L].
         plasma_bicarbonate: total CO2 of the plasma that enters [mmol/L]; 0 to use that of the blood gases.
         citrate: dose of regional citrate anticoagulation [mmol per L of blood].
@@ -172,6 +181,14 @@ class Settings(NamedTuple):
     potassium: Array
     carbon_dioxide: Array
     citrate_ion: Array
+
+    @classmethod
+    def of(cls, numbers: Sequence[Array], patients_haematocrit: Array) -> Settings:
+        """Settings from the numbers in this order; a haematocrit of 0 is replaced by the patient's."""
+        settings = cls(*numbers)
+        stated = settings.haematocrit
+        # The sum has the right slope with respect to a stated haematocrit also where none is stated.
+        return settings._replace(haematocrit=jnp.where(stated > 0.0, stated, patients_haematocrit + stated))
 
     @property
     def fluids(self) -> Fluids:
@@ -233,10 +250,11 @@ def performance(numbers: Array) -> Array:
 
     Args:
         numbers: blood flow [mL/min]; blood pressure before and after the fibres [mmHg]; PCO2 [mmHg], pH and
-            temperature [C] of the blood that enters, where known; then the entries of `Settings`.
+            temperature [C] of the blood that enters, where known; haematocrit of the patient's blood; then
+            the entries of `Settings`.
     """
-    blood, inlet, outlet, pco2, ph, temperature, *rest = numbers
-    blood, settings = _moving(blood), Settings(*rest)
+    blood, inlet, outlet, pco2, ph, temperature, patients_haematocrit, *rest = numbers
+    blood, settings = _moving(blood), Settings.of(rest, patients_haematocrit)
     fluids, haematocrit = settings.fluids, settings.haematocrit
 
     def cleared(name: str) -> Array:
@@ -276,10 +294,11 @@ def drug_clearance(numbers: Array) -> Array:
     Only unbound drug passes; binding in the fibres is in equilibrium, and red cells hold none.
 
     Args:
-        numbers: blood flow [mL/min]; sieving coefficient; KoA [mL/min]; then the entries of `Settings`.
+        numbers: blood flow [mL/min]; sieving coefficient; KoA [mL/min]; haematocrit of the patient's blood;
+            then the entries of `Settings`.
     """
-    blood, sieving, area_product, *rest = numbers
-    blood, settings = _moving(blood), Settings(*rest)
+    blood, sieving, area_product, patients_haematocrit, *rest = numbers
+    blood, settings = _moving(blood), Settings.of(rest, patients_haematocrit)
     plasma, fluids = blood * (1.0 - settings.haematocrit), settings.fluids
     cleared = clearance(plasma, fluids, Solute(0.0, sieving, area_product))
     water_is_left = PLASMA_WATER * plasma > fluids.after + fluids.net
@@ -336,7 +355,8 @@ class DialysedBlood(GasExchanger):
         return replace(self, filter=self.filter.renamed(parameter))
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        settings = Settings(*(jnp.asarray(values[name]) for name in self.filter.settings))
+        own_haematocrit = jnp.asarray(values[HAEMOGLOBIN]) / RED_CELL_HAEMOGLOBIN
+        settings = Settings.of([jnp.asarray(values[n]) for n in self.filter.settings], own_haematocrit)
         own = PlasmaCarbonDioxide.of(inside.pressure[1], inside.ph, jnp.asarray(values[TEMPERATURE]))
         lost, _ = _losses(_moving(1000.0 * jnp.asarray(flow)), settings, own)
         gained = jnp.where(jnp.isfinite(lost), -CARBON_DIOXIDE_ML_PER_MMOL * lost, 0.0)

@@ -405,7 +405,7 @@ class CrrtDevice(Device[Crrt]):
 
     def values_of_blood(self, section: Crrt, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
         """Haematocrit and carbon dioxide of the blood in the access line."""
-        return dialysed_blood(section, haemoglobin_g_dl, gases) if section.dialyses else {}
+        return dialysed_blood(section, gases) if section.dialyses else {}
 
     def summary(self, section: Crrt) -> str:
         """Blood flow."""

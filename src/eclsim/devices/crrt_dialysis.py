@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import Naming
-from eclsim.devices.dialysed_blood import DRUG_DEFINITION, FLUIDS, Fibres
+from eclsim.devices.dialysed_blood import BLOOD_PARAMETERS, DRUG_DEFINITION, FLUIDS, Fibres
 from eclsim.parameters.parameter import Parameter
 
 GROUP = "crrt"
@@ -96,8 +96,9 @@ def _for_patient(
 ) -> Output:
     """Output of the filter's effect on the patient, which depends on recirculation."""
     return Output(
-        name, long_name, unit, definition, _FIBRES.signals, compute, parameters=SETTINGS, all_flows=True,
-        by_gases=by_gases, read_at=_FIBRES.read_at,
+        name, long_name, unit, definition, _FIBRES.signals, compute, parameters=SETTINGS,
+        blood_parameters=BLOOD_PARAMETERS, all_flows=True, by_gases=by_gases,
+        read_at=_FIBRES.read_at,
     )  # fmt: skip
 
 
@@ -126,7 +127,7 @@ OUTPUTS = (
     ),
     _FIBRES.output(
         "effluent_pressure", "effluent_pressure", "pressure of the effluent", "mmHg",
-        "mean pressure of the blood in the dialyzer - transmembrane pressure",
+        "mean pressure of the blood in the dialyzer - transmembrane pressure", absolute=True,
     ),
     *(
         _FIBRES.output(

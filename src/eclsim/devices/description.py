@@ -81,10 +81,13 @@ class Output:
         in_contract: whether it is one of the main outputs, which come first in every result file.
         parameters: parameters that it reads; it exists only in circuits that have them. It is NaN where it is
             not reliable.
+        blood_parameters: parameters of the blood that it reads in circuits that have them.
         all_flows: whether it depends on the flows of all connections.
         by_gases: whether it also depends on blood gases if they are computed.
         in_effect: whether it depends on the readings of controllers, and so on all their parameters.
         read_at: waveform of the place that it describes, if that is not the place of `needs`.
+        absolute: whether it changes with the level of all pressures although it needs several waveforms; an
+            output of a single pressure always does, a difference of two never.
         same_as: name of the output of the same number that has the limits and the reference range.
     """
 
@@ -97,10 +100,12 @@ class Output:
     extremes: tuple[str, ...] = ()
     in_contract: bool = False
     parameters: tuple[str, ...] = ()
+    blood_parameters: tuple[str, ...] = ()
     all_flows: bool = False
     by_gases: bool = False
     in_effect: bool = False
     read_at: str = ""
+    absolute: bool = False
     same_as: str = ""
 
 

@@ -14,7 +14,9 @@ from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters import dialysed_drug
+from eclsim.parameters.fluid import HAEMATOCRIT
 from eclsim.parameters.gas import PARAMETERS as GAS
+from eclsim.units import RED_CELL_HAEMOGLOBIN
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -41,14 +43,17 @@ USUAL_FLUID = MappingProxyType(
 """Default values of these keys if dialysis is computed."""
 LARGEST_WITH_CITRATE_MMOL_L = 27.0
 """Bicarbonate of fluids above which they are not made for citrate (a convention of this project)."""
-RED_CELL_HAEMOGLOBIN = 33.3
-"""Usual mean corpuscular haemoglobin concentration [g/dL]."""
 USUAL_RED_CELLS = (28.0, 38.0)
 """Range of mean corpuscular haemoglobin concentrations in patients [g/dL]; 32 to 36 are normal."""
 USUAL_HAEMOGLOBIN = GAS["gas.haemoglobin_g_dl"].value
 """Default haemoglobin of the section `[gas]`, in g/dL."""
 CARBON_DIOXIDE_FROM_GASES = 0.0
 """Value of plasma carbon dioxide that selects the one computed from the gases of the entering blood."""
+HAEMATOCRIT_OF_PATIENT = 0.0
+"""Value of `haematocrit_in` that selects the haematocrit of the patient's blood, whatever it is."""
+HAEMOGLOBIN = "gas.haemoglobin_g_dl"
+BLOOD_PARAMETERS = (HAEMOGLOBIN, HAEMATOCRIT)
+"""Parameters that the patient's haematocrit is computed from: the second if gases are not computed."""
 TEMPERATURE = "gas.temperature_c"
 DRUG = (dialysed_drug.SIEVING, dialysed_drug.AREA_PRODUCT)
 """Parameters of the drug of [dialysed_drug], in the order of `eclsim.components.dialysis.drug_clearance`."""
@@ -64,9 +69,9 @@ def fluid_flow(
     return number(description, "mL/h", 0, maximum, typical, required=required, least=least)
 
 
-def dialysed_blood(section: Section, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
-    """Values of `haematocrit_in` and `plasma_bicarbonate_mmol_l` from the patient's blood if not set."""
-    own = {"haematocrit_in": haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
+def dialysed_blood(section: Section, gases: bool) -> dict[str, float]:
+    """Values of `haematocrit_in` and `plasma_bicarbonate_mmol_l` that select the patient's, if not set."""
+    own = {"haematocrit_in": HAEMATOCRIT_OF_PATIENT}
     if gases:
         own["plasma_bicarbonate_mmol_l"] = CARBON_DIOXIDE_FROM_GASES
     return {f"{section.section}.{key}": own[key] for key in own if getattr(section, key) is None}
@@ -102,32 +107,53 @@ class Fibres:
         if by_gases and GASES in m.circuit.content_names():
             gases = [m.gas(what, "into", self.entering) for what in ("PCO2", "pH")]
             gases = [*gases, m.parameter(TEMPERATURE)]
-        numbers = [60.0 * flow, *pressures, *gases, *map(m.parameter, self.settings)]
+        settings = map(m.parameter, self.settings)
+        numbers = [60.0 * flow, *pressures, *gases, patients_haematocrit(m), *settings]
         return dialysis.Performance(*m.apply(dialysis.performance, numbers))
 
     def drug(self, m: BeatMeasures) -> Sequence[Numbers]:
         """Clearance of the drug of [dialysed_drug] and flow of plasma in a beat [mL/min]."""
         from eclsim.components import dialysis
 
-        numbers = [60.0 * m.mean(self.signals[0]), *map(m.parameter, (*DRUG, *self.settings))]
+        of_drug, settings = map(m.parameter, DRUG), map(m.parameter, self.settings)
+        numbers = [60.0 * m.mean(self.signals[0]), *of_drug, patients_haematocrit(m), *settings]
         return m.apply(dialysis.drug_clearance, numbers)
 
     def drug_output(self, name: str, long_name: str, compute: Callable[[BeatMeasures], Numbers]) -> Output:
         """Output of a clearance of the drug [mL/min], which only a case with a drug has."""
         return Output(
             f"{self.prefix}{name}", long_name, "mL/min", DRUG_DEFINITION, self.signals[:1], compute,
-            parameters=(*self.settings, *DRUG), read_at=self.read_at,
+            parameters=(*self.settings, *DRUG), blood_parameters=BLOOD_PARAMETERS,
+            read_at=self.read_at,
         )  # fmt: skip
 
     def output(
-        self, name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
-    ) -> Output:
+        self, name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False,
+        absolute: bool = False,
+    ) -> Output:  # fmt: skip
         """Output that is a field of the performance."""
         return Output(
             f"{self.prefix}{name}", long_name, unit, definition, self.signals,
             lambda m: getattr(self.performance(m, by_gases), field), parameters=self.settings,
-            all_flows=by_gases, by_gases=by_gases, read_at=self.read_at,
+            blood_parameters=BLOOD_PARAMETERS, all_flows=by_gases, by_gases=by_gases,
+            read_at=self.read_at, absolute=absolute,
         )  # fmt: skip
+
+
+def patients_haematocrit(m: BeatMeasures) -> Numbers:
+    """Haematocrit of the patient's blood [-]; the usual one if the circuit does not know it."""
+    if GASES in m.circuit.content_names():
+        return m.parameter(HAEMOGLOBIN) / RED_CELL_HAEMOGLOBIN
+    if HAEMATOCRIT in m.circuit.parameter_names():
+        return m.parameter(HAEMATOCRIT)
+    return USUAL_FLUID["haematocrit_in"]
+
+
+def follows_blood_hint(key: str) -> str:
+    """What to do to vary a value that selects the patient's own blood; empty for any other."""
+    if not key.endswith(".haematocrit_in"):
+        return ""
+    return f" (that of the patient's blood): give {key} in the case, or vary {' or '.join(BLOOD_PARAMETERS)}"
 
 
 def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:

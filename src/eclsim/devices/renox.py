@@ -103,7 +103,7 @@ class RenoxDevice(Device[Renox]):
         ),
         _FIBRES.output(
             "effluent_pressure", "effluent_pressure", "pressure at which the effluent of the RenOx is held",
-            "mmHg", "mean pressure of the blood in the housing - transmembrane pressure",
+            "mmHg", "mean pressure of the blood in the housing - transmembrane pressure", absolute=True,
         ),
         *(
             _FIBRES.output(
@@ -127,7 +127,7 @@ class RenoxDevice(Device[Renox]):
             f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
             "mL/h",
             "Kuf times the mean pressure of the blood in the housing: what is filtered if the control fails",
-            _FIBRES.signals, _free_filtration, parameters=(_PERMEABILITY,), read_at="Qecmooxy",
+            _FIBRES.signals, _free_filtration, parameters=(_PERMEABILITY,), read_at="Qecmooxy", absolute=True,
         ),
     )  # fmt: skip
 
@@ -147,7 +147,7 @@ class RenoxDevice(Device[Renox]):
 
     def values_of_blood(self, section: Renox, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
         """Haematocrit and carbon dioxide of the blood in the housing."""
-        return dialysed_blood(section, haemoglobin_g_dl, gases)
+        return dialysed_blood(section, gases)
 
     def controls(self, section: Renox, sites: Mapping[str, str]) -> list[Control]:
         """Controls of both fluid flows."""

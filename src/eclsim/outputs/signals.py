@@ -58,6 +58,10 @@ def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ..
     """Parameters that outputs need besides waveforms; with all flows, also those of blood contents."""
     entries = [output(name) for name in outputs]
     names = [name for entry in entries for name in entry.parameters]
+    of_blood = dict.fromkeys(name for entry in entries for name in entry.blood_parameters)
+    if of_blood:
+        present = {*circuit.parameter_names(), *circuit.content_names()}
+        names += [name for name in of_blood if name in present]
     if any(entry.all_flows for entry in entries):
         names += [*circuit.content_names(), *switches(circuit)]
     if any(entry.in_effect for entry in entries):

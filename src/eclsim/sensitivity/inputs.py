@@ -17,6 +17,7 @@ import numpy as np
 
 from eclsim.arguments import number_of, written
 from eclsim.circuit.network import Choice, Circuit
+from eclsim.devices.dialysed_blood import follows_blood_hint
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
 from eclsim.outputs.registry import find_output, unavailable
 from eclsim.spelling import spelling_hint
@@ -322,6 +323,7 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
         if chosen.low >= chosen.high:
             wrong.append(
                 f"{chosen.name}: its value is {chosen.low:g}, so a percentage of it does not vary it"
+                + follows_blood_hint(chosen.name)
             )
         elif allowed and not allowed[0] <= chosen.low <= chosen.high <= allowed[1]:
             reached = f"{chosen.low:g} to {chosen.high:g}; allowed: {allowed[0]:g} to {allowed[1]:g}"
