@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import eclsim
-from eclsim.beat.grid import needed_resolution
+from eclsim.beat.grid import needed_resolution, resolution_for_derivatives
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.circuit.assembly import assemble
@@ -125,7 +125,9 @@ def test_derivatives_by_the_volume_and_the_phase_are_those_of_finite_differences
     outputs = [*smooth, *peaks]
     steps = {"iabp.volume_ml": 0.02, "iabp.inflation_phase": 2e-4}
     at = {"iabp.volume_ml": 40.0, "iabp.inflation_phase": 0.4}
-    exact = eclsim.derivatives(balloon(inflation_phase=0.4), outputs, list(steps))
+    model = model_of(balloon(inflation_phase=0.4))
+    usual = int(needed_resolution(assemble(model.circuit), model.values))
+    exact = eclsim.derivatives(model, outputs, list(steps), resolution=usual)
     for name, step in steps.items():
         beats = [
             eclsim.simulate(
@@ -235,3 +237,31 @@ def test_why_there_is_no_impella_is_said():
     assert len(caught.value.mistakes) == 1
     for named in ("[lvad]", "[vent]", "[septostomy]", "eclsim.register_device"):
         assert named in str(caught.value)
+
+
+@pytest.mark.slow
+def test_the_derivative_by_the_phase_of_inflation_is_that_of_the_adaptive_solver():
+    """On the usual grid the peak's slope was half of it: its error repeated with every grid point passed."""
+    names, phase, step = ["MAP", "CO", "DP", "iabp_augmented_pressure"], 0.35, 1e-3
+    exact = eclsim.derivatives(balloon(inflation_phase=phase), names, ["iabp.inflation_phase"])
+    before, after = (
+        simulate_adaptive(model_of(balloon(inflation_phase=phase + change))) for change in (-step, step)
+    )
+    slopes = [(float(after[name]) - float(before[name])) / (2.0 * step) for name in names]
+    np.testing.assert_allclose(exact.values[:, 0], slopes, rtol=0.05)
+
+
+def test_only_phases_need_a_finer_grid_for_derivatives():
+    model = model_of(balloon())
+    assembly = assemble(model.circuit)
+    usual = int(needed_resolution(assembly, model.values))
+    assert resolution_for_derivatives(assembly, model.values, ["Rmc", "iabp.volume_ml"]) is None
+    assert resolution_for_derivatives(assembly, model.values, ["Rmc", "iabp.inflation_phase"]) == 4 * usual
+
+
+@pytest.mark.slow
+def test_settings_that_reach_a_goal_take_the_same_slopes():
+    found = eclsim.reach(balloon(), "iabp_augmented_pressure < 89", vary="iabp.inflation_phase=0.32..0.5")
+    assert found.reached, found.message
+    assert found.outputs["iabp_augmented_pressure"] == pytest.approx(89.0, abs=0.05)
+    assert 0.38 < found.values[0] < 0.46

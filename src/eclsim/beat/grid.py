@@ -9,6 +9,7 @@ curves are grid points.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, reduce
 
@@ -26,6 +27,10 @@ LARGEST_ANGLE = 0.7
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
 FINEST = 32
 """Finest resolution that a user may set: a beat of 12,800 steps."""
+REFINED_FOR_SWITCHING_TIMES = 4
+"""Factor by which the grid is refined for derivatives by a switching time. An output's error repeats with
+every grid point that the switching passes: too small to matter, but as steep as half of the output's own
+slope. On a refined grid the slopes are within 4 % of the adaptive solver's."""
 STEPS_PER_DRIVE = 40.0
 """Minimum number of steps of an externally driven movement, such as that of a balloon in diastasis."""
 
@@ -77,6 +82,14 @@ def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
         wanted = np.ceil(np.nan_to_num(finer, nan=1.0, posinf=math.inf))
     allowed = np.array(RESOLUTIONS)
     return allowed[np.minimum(np.searchsorted(allowed, wanted), len(allowed) - 1)]
+
+
+def resolution_for_derivatives(assembly: Assembly, values: Values, parameters: Collection[str]) -> int | None:
+    """Resolution for derivatives of one patient's beat; None if the usual one will do."""
+    switching = {n for c in assembly.circuit.compartments for n in c.component.switching_times()}
+    if switching.isdisjoint(parameters):
+        return None
+    return min(REFINED_FOR_SWITCHING_TIMES * int(needed_resolution(assembly, values)), FINEST)
 
 
 def _driven(assembly: Assembly, values: Values) -> list[np.ndarray]:

@@ -208,6 +208,10 @@ class Storage(Component, ABC, Generic[Constants]):
         """
         return None
 
+    def switching_times(self) -> tuple[str, ...]:
+        """Names of its parameters that are phases of the beat: derivatives by them need a finer grid."""
+        return ()
+
     def outlet(self, volume: Number, constants: Constants) -> Number:
         """Resistance [mmHg s/mL] in series with each connection that begins here; used if `narrows`."""
         raise NotImplementedError

@@ -15,7 +15,17 @@ from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
-from eclsim.components.base import Activation, Constants, Enclosure, Key, Number, Storage, Values, value_of
+from eclsim.components.base import (
+    Activation,
+    Constants,
+    Enclosure,
+    Key,
+    Number,
+    Storage,
+    Values,
+    names_in,
+    value_of,
+)
 
 LARGEST_EXPONENT = 30.0
 """Upper limit of exponents, far above any patient's (alpha e^30 = 5e11 mmHg); keeps trial steps finite."""
@@ -260,6 +270,10 @@ class Balloon(Chamber[BalloonConstants]):
     def driven(self, values: Values) -> tuple[Number, float]:
         """Phase and duration of inflation, which may fall in diastole."""
         return value_of(values, self.inflation), self.ramp
+
+    def switching_times(self) -> tuple[str, ...]:
+        """The phase of inflation."""
+        return names_in(self.inflation)
 
     def pressure(
         self, volume: Number, activation: Number, constants: BalloonConstants

@@ -27,6 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
+from eclsim.beat.grid import resolution_for_derivatives
+from eclsim.circuit.assembly import assemble
 from eclsim.gas.network import GasStatus
 from eclsim.goals.goal import (
     MET_TOLERANCE,
@@ -213,12 +215,27 @@ class _PatientModel:
         """Values of the settings at one point."""
         return {name: float(row[0]) for name, row in self.values_at(place[:, None]).items()}
 
-    def beat(self, places: np.ndarray, outputs: Sequence[str] | None) -> SteadyBeat:
+    def beat(
+        self, places: np.ndarray, outputs: Sequence[str] | None, resolution: int | None = None
+    ) -> SteadyBeat:
         """Steady beats at coordinates u of shape (settings, members)."""
         self.beats += places.shape[1]
         values = {**self.model.values, **self.values_at(places)}
-        policy = self.policy or self.model.policy
-        return steady_beat(Batch(self.model.circuit, values, places.shape[1], policy), outputs)
+        batch = Batch(self.model.circuit, values, places.shape[1], self.policy or self.model.policy)
+        return steady_beat(batch, outputs, resolution=resolution)
+
+    def _linearised(
+        self, beat: SteadyBeat, place: np.ndarray, outputs: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs at a point and their slopes; these on a finer grid if a setting is a phase of the beat."""
+        names, assembly = [setting.name for setting in self.settings], assemble(self.model.circuit)
+        values = {**self.model.values, **self.numbers_at(place)}
+        finer = resolution_for_derivatives(assembly, values, names)
+        if finer is None:
+            linear = beat.linearise(outputs, names)
+            return linear.values, linear.slopes
+        own = np.array([float(beat.output(name)[0]) for name in outputs])
+        return own, self.beat(place[:, None], outputs, finer).linearise(outputs, names).slopes
 
     def point(self, place: np.ndarray, outputs: Sequence[str]) -> _Point | None:
         """Outputs and slopes at a point; None without a determined steady beat or without derivatives."""
@@ -227,10 +244,10 @@ class _PatientModel:
             self.no_point_reason = _reason_without_point(beat)
             return None
         try:
-            linear = beat.linearise(outputs, [setting.name for setting in self.settings])
+            values, slopes = self._linearised(beat, place, outputs)
         except NoDerivativesError:
             return None
-        result = _Point(place, linear.values, linear.slopes * self.span)
+        result = _Point(place, values, slopes * self.span)
         return result if np.isfinite(result.values).all() and np.isfinite(result.slopes).all() else None
 
     @property

@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from eclsim.arguments import written
-from eclsim.beat.grid import RESOLUTIONS, PhaseGrid
+from eclsim.beat.grid import RESOLUTIONS, PhaseGrid, resolution_for_derivatives
 from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.beat.recording import all_signals, with_rates
 from eclsim.cases.quantities import quantity
@@ -246,6 +246,8 @@ def derivatives(
     model = as_model(case)
     model.refuse_unknown(parameters)
     watched = watched_waveforms(model.circuit)
+    if resolution is None:
+        resolution = resolution_for_derivatives(assemble(model.circuit), model.values, parameters)
     beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()
     try:

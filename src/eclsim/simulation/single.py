@@ -136,8 +136,9 @@ def derivatives(
         parameters: names of parameters of the circuit, or `heart_rate_bpm`; at constant flow also its key,
             but not the speed.
         volume_policy: blood volume policy; None takes that of the case.
-        resolution: resolution of the phase grid; None takes what the circuit's time constants need. Twice the
-            resolution reduces the difference from the continuous derivatives from 0.6 % to 0.4 %.
+        resolution: resolution of the phase grid; None takes what the circuit's time constants need, and four
+            times that if a parameter is a phase of the beat (`iabp.inflation_phase`). Twice the resolution
+            reduces the difference from the continuous derivatives from 0.6 % to 0.4 %.
         throw: if False, missing derivatives are NaN and the attributes give the reason.
 
     Returns:
