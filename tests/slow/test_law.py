@@ -1,11 +1,14 @@
 """The form of a slow law, by the smallest one: a drug that decays."""
 
+from collections import defaultdict
+
 import numpy as np
 import pytest
 
 from eclsim.drugs.published import InfusedDoses
-from eclsim.fluid.law import STATES
+from eclsim.fluid.law import STATES, FluidLaw
 from eclsim.fluid.solutes import CarbonDioxideLaw, SolutesLaw
+from eclsim.outputs.registry import all_outputs
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction
 from eclsim.slow import SlowLaw, SlowState
 
@@ -50,3 +53,11 @@ def test_every_state_has_its_own_name_in_words():
     assert words["solutes.tissue_pco2_mmHg"] == "PCO2 of the tissues"
     in_blood = words["solutes.upper_tissue_blood_pco2_mmHg"]
     assert in_blood == "PCO2 in the blood of the tissues of the upper body"
+
+
+@pytest.mark.parametrize("law", [CarbonDioxideLaw((("tissue", 1.0),)), SolutesLaw(), FluidLaw()])
+def test_no_law_shows_a_quantity_under_the_name_of_an_output(law):
+    """The PCO2 of the stores was shown as `tissue_PCO2`, which is that of the blood behind them."""
+    anything = defaultdict(lambda: np.ones(1))
+    shown = {quantity.name for quantity in law.derived_quantities(anything, anything)}
+    assert not shown & all_outputs().keys()

@@ -33,6 +33,7 @@ from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.files import finite
 from eclsim.fluid.dialysed_drug import UNBOUND
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
+from eclsim.fluid.solutes import TISSUE_PCO2
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
 from eclsim.parameters.fluid import sets_initial_value
@@ -303,7 +304,7 @@ class Lane(NamedTuple):
 _OUTPUTS = (
     ("heart_rate", "1/min", 0), ("DO2", "mL/min", 0), ("drainage_pressure", "mmHg", 0),
     ("unstressed_volume", "mL", 0), ("systemic_resistance_factor", "", 2), ("contractility_lv_factor", "", 2),
-    ("tissue_PCO2", "mmHg", 0), ("haematocrit", "%", 1), ("plasma_protein", "g/dL", 1),
+    (TISSUE_PCO2, "mmHg", 0), ("haematocrit", "%", 1), ("plasma_protein", "g/dL", 1),
     ("oncotic_pressure", "mmHg", 1), ("urea", "mmol/L", 1), ("creatinine", "umol/L", 0),
     ("potassium", "mmol/L", 2), (UNBOUND, "mg/L", 1), ("bicarbonate", "mmol/L", 1),
     ("hypoxic_resistance_factor", "", 2),

@@ -320,17 +320,6 @@ class CarbonDioxideLaw(SlowLaw):
             quantities |= {_pressure(name): stored / own, _of_slow(name): slow, _of_blood(name): blood}
         return quantities
 
-    def derived_quantities(self, states: Named, in_effect: Named) -> tuple[DerivedQuantity, ...]:  # noqa: D102
-        return tuple(
-            DerivedQuantity(
-                _output_of("tissue_PCO2", name),
-                "mmHg",
-                f"PCO2 of {_tissue_words(name)}",
-                states[_pressure(name)],
-            )
-            for name, _ in self.tissues
-        )
-
 
 def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SolutesLaw:
     """Solutes law of a circuit.
@@ -364,6 +353,10 @@ def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tu
 
 def _pressure(tissue: str) -> str:
     return _key_of(f"{tissue}_pco2_mmHg")
+
+
+TISSUE_PCO2 = _pressure("tissue")
+"""Slow state of the PCO2 of the tissues' stores; `tissue_PCO2` is that of the blood that leaves them."""
 
 
 def _of_slow(tissue: str) -> str:

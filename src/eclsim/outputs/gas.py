@@ -64,8 +64,8 @@ def _tissue(suffix: str, at: str, label: str) -> tuple[Output, Output]:
 
     return (
         Output(
-            f"tissue_PCO2{end}", f"PCO2 of {label}", "mmHg", f"of the blood leaving {at}", (f"Q{at}",),
-            lambda m: m.gas("PCO2", "behind", at), parameters=known, all_flows=True,
+            f"tissue_PCO2{end}", f"PCO2 of the blood that leaves {label}", "mmHg", f"behind {at}",
+            (f"Q{at}",), lambda m: m.gas("PCO2", "behind", at), parameters=known, all_flows=True,
         ),
         Output(
             f"stored_CO2{end}", f"carbon dioxide that {label} store (STPD)", "mL/min",
