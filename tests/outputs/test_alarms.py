@@ -168,6 +168,31 @@ def test_a_collapse_names_the_device_that_drains_that_side():
     assert single.sentence.endswith("the chamber collapses")
 
 
+@pytest.mark.parametrize(
+    ("flow", "values", "reason"),
+    [
+        (0.0, {"ecmo.return_clamp": 1.0}, "the ECMO carries 0.00 L/min, and against the clamp"),
+        (0.6, {"ecmo.return_clamp": 0.9}, "the ECMO carries 0.60 L/min, and against the clamp"),
+        (0.0, {}, "too little blood is left in the patient, as the ECMO drains nothing: give blood"),
+        (3.0, {"ecmo.return_clamp": 0.1}, "the ECMO drains more than flows in: lower its flow or give blood"),
+    ],
+)
+def test_a_device_that_is_clamped_is_not_said_to_drain_too_much(flow, values, reason):
+    found = findings({"PF": flow}, {"Vra": (-2.0, 10.0)}, VA, values)
+    (empty,) = (one for one in found if one.kind == "collapse")
+    assert f"the chamber collapses; {reason}" in empty.sentence
+
+
+@pytest.mark.parametrize(
+    ("sites", "warned"), [(("svn", "ra"), True), (("ra", "ao"), False), (("tvc", "ra"), True)]
+)
+def test_venovenous_flow_above_the_venous_return_is_named(sites, warned):
+    circuit = circulation() + ecmo(*sites)
+    high, low = (findings({"PF": flow, "CO": 6.3}, {}, circuit) for flow in (9.0, 6.0))
+    assert [one.quantity for one in high if "recirculation" in one.sentence] == ["PF"] * warned
+    assert not [one for one in low if "recirculation" in one.sentence]
+
+
 def test_an_ejection_fraction_is_read_with_care_where_an_lvad_empties_the_ventricle():
     outputs = {"ejection_fraction_lv": 62.0}
     (only,) = findings(outputs, {}, circulation() + lvad("lv", "ao"))

@@ -203,6 +203,13 @@ class Device(ABC, Generic[S]):
         """
         return []
 
+    def held_back(self, names: Naming, values: Mapping[str, float]) -> str:
+        """What holds blood back in the device, and what to do; empty if nothing does.
+
+        It is said in place of "drains more than flows in" if a chamber of the patient is empty.
+        """
+        return ""
+
     def __repr__(self) -> str:
         return f"<device {self.key}>"
 

@@ -83,7 +83,7 @@ from eclsim.parameters.parameter import Bounds, Parameter
 from eclsim.parameters.regulation import REGULATION
 from eclsim.parameters.thiel2025 import circuit_parameters
 from eclsim.patient.anthropometry import body_surface
-from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
+from eclsim.patient.sites import ARTERIAL_SITES, DRAINED, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -255,6 +255,9 @@ OTHER_MODE = "other_mode"
 _OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
 MIXED_SITE = "ra"
 """Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
+_GREAT_VEINS = frozenset((*VENOUS_SITES, *DRAINED.values()))
+SMALLEST_EXCESS_L_MIN = 0.1
+"""Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
 _IF_OMITTED = MappingProxyType({"drainage_mixing": 1.0, "return_clamp": 0.0})
 """Values shown by the knobs of keys that a case leaves out."""
 _MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
@@ -837,13 +840,20 @@ class EcmoDevice(Device[Ecmo]):
         if single:
             _check_native_output(values, case, remarks)
 
+    def held_back(self, names: Naming, values: Mapping[str, float]) -> str:
+        """The clamp on the return line, before which the pump holds blood."""
+        if not is_clamped(names, values):
+            return ""
+        return "against the clamp on its return line the pump holds blood in the circuit: lower its speed"
+
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """Findings on flow outside the label, exhausted sweep gas, and the reading of ventricles."""
+        """Findings on flow outside the label, exhausted sweep gas, recirculation, reading of ventricles."""
         return [
             *_outside_label(names, outputs, values),
             *_without_exhaust_gas(names, outputs, values),
+            *_more_than_venous_return(names, outputs, circuit),
             *_caution_on_left_ventricle(names, outputs, circuit),
             *caution_on_chart(names, outputs, circuit),
             *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
@@ -909,6 +919,26 @@ def _without_exhaust_gas(
     concerned = ("VCO2_oxygenator", "VO2_oxygenator", "PpostCO2", "PexhaustCO2")
     concerns = tuple(map(names.output, concerned))
     return [Finding.without_limit(CAUTION, concerns[0], removed, text, *concerns)]
+
+
+def _more_than_venous_return(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+    """Caution if veno-venous ECMO drains more than the veins bring, so that blood flows back to it."""
+    flow, output = outputs.get(name := names.output("PF")), outputs.get("CO")
+    sites = [(c.source, c.target) for c in circuit.connections if c.group == names.key]
+    own = {c.name for c in circuit.compartments if c.group == names.key}
+    outer = {site for ends in sites for site in ends} - own
+    if flow is None or output is None or not outer or not outer <= _GREAT_VEINS:
+        return []
+    again = flow - output
+    if not again > SMALLEST_EXCESS_L_MIN:
+        return []
+    text = (
+        f"the {names.label} drains {flow:.2f} L/min, but only {output:.2f} L/min come back from the "
+        f"body (CO): at least {again:.2f} L/min flow from the return cannula back to the drainage cannula "
+        "(recirculation) and supply nobody with oxygen; lower the flow"
+    )
+    concerns = (one for one in (name, names.output("recirculation_fraction")) if one in outputs)
+    return [Finding.without_limit(CAUTION, name, flow, text, *concerns)]
 
 
 def _caution_on_left_ventricle(

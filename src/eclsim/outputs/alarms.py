@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -38,6 +39,8 @@ _SMALLEST_FLOW_DIFFERENCE_L_MIN = 0.1
 _NOT_SETTLED = "pulmonary artery in a beat that has not settled"
 _LEFT = "the left ventricle itself ejects {} (LVO)"
 _MOST_DECIMALS = 6
+HARDLY_DRAINED_L_MIN = 1.0
+"""Flow below which a device whose blood is held back, as by a clamp, does not empty a chamber."""
 VALVE_OPEN_ML_S = 30.0
 """Peak flow above which a valve counts as opening even if its net flow is that of a closed valve."""
 
@@ -63,7 +66,7 @@ def findings(
         for limit in broken_limits(outputs, values)
         for entry in (output(limit.quantity),)
     ]
-    result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
+    result += _collapsed(extremes, {} if circuit is None else _drained(circuit, outputs, values))
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
     if circuit is not None:
@@ -202,7 +205,7 @@ def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str
     return result
 
 
-def _drained(circuit: Circuit) -> dict[str, str]:
+def _drained(circuit: Circuit, outputs: Mapping[str, float], values: Mapping[str, float]) -> dict[str, str]:
     """Advice by compartment if it collapses, naming the device that drains its side of the heart.
 
     Of several devices, this is a pump of the circulation that drains this very compartment, else one that
@@ -224,8 +227,18 @@ def _drained(circuit: Circuit) -> dict[str, str]:
             )
             _, (_, group) = min(zip(ranks, on_this_side, strict=True), key=lambda ranked: ranked[0])
             (names,) = namings([group])
-            result[place] = f"the {names.label} drains more than flows in: lower its flow or give blood"
+            result[place] = _why_empty(names, outputs, values)
     return result
+
+
+def _why_empty(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> str:
+    """Why a chamber is empty beside a device that drains it, and what to do."""
+    flow = next((outputs[name] for name in names.flows() if name in outputs), math.inf)
+    if flow < HARDLY_DRAINED_L_MIN and (held := names.device.held_back(names, values)):
+        return f"the {names.label} carries {flow:.2f} L/min, and {held}, or give blood"
+    if flow < CLOSED_L_MIN:
+        return f"too little blood is left in the patient, as the {names.label} drains nothing: give blood"
+    return f"the {names.label} drains more than flows in: lower its flow or give blood"
 
 
 def stays_closed(aortic: float, peak: float = 0.0) -> bool:
