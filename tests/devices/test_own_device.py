@@ -6,6 +6,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import pytest
 
 from eclsim.app.display import display
@@ -13,10 +14,13 @@ from eclsim.app.drawing import drawing_of
 from eclsim.app.knobs import connect, connectable, controls, turn, value_of
 from eclsim.cases import CaseError, apply_settings, read_case, read_mapping
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.sections import MEASURED
 from eclsim.cases.writing import case_text
 from eclsim.cli import main
 from eclsim.devices import Device, Section, highest, registry
 from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device
+from eclsim.identification.posterior import predict
+from eclsim.identification.quantities import predicted_outputs, unit_of
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.parameter import Parameter
@@ -157,6 +161,21 @@ def test_the_page_has_its_knobs_views_and_drawing(rvad):
     connected = connect(PRESETS["healthy"].case(), "rvad")
     assert connected.instance("rvad") is not None
     assert connect(connected, "rvad").instances() == ()
+
+
+@pytest.mark.slow
+def test_predictions_have_its_outputs(rvad):
+    """They were only those that can be measured."""
+    model = model_of(read_case(CASE).case)
+    names = predicted_outputs(model.circuit)
+    assert {"MAP", "CO", "rvad_flow", "rvad_head", "rvad_inlet_pressure"} <= set(names)
+    draws = {"rvad.speed_rpm": np.array([1400.0, 1500.0, 1600.0])}
+    prediction = predict(model, draws, names)
+    low, median, high = prediction.intervals[names.index("rvad_flow")]
+    assert median == pytest.approx(2.65, abs=0.05)
+    assert low < median < high
+    assert [unit_of(name) for name in ("MAP", "rvad_flow", "rvad_head")] == ["mmHg", "L/min", "mmHg"]
+    assert predicted_outputs(model_of(PRESETS["healthy"].case()).circuit)[-1] in MEASURED
 
 
 def test_its_settings_are_inputs_of_a_sensitivity_analysis(rvad):

@@ -145,6 +145,11 @@ def register_device(device: AnyDevice | type[AnyDevice]) -> AnyDevice:
     return made
 
 
+def is_of_user(device: AnyDevice) -> bool:
+    """Whether a device is registered from outside the package."""
+    return device.key in _OTHERS
+
+
 def forget_device(key: str) -> None:
     """Remove the registration of a user's device."""
     _OTHERS.pop(key, None)

@@ -28,7 +28,7 @@ from eclsim.identification.importance import WeightedDraws, importance_sample, w
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, numpyro_hmc, sample
 from eclsim.identification.objective import Explored
-from eclsim.identification.quantities import OUTPUTS, measurement_errors
+from eclsim.identification.quantities import measurement_errors, predicted_outputs
 from eclsim.identification.settings import (
     avoidable_assumptions,
     measured_open_set_points,
@@ -517,8 +517,7 @@ def _predict_all(
     parameters = {n: chosen[:, k] for k, n in enumerate(density.prior.names)}
     each = []
     for label, model in models:
-        known = output_names(model.circuit)
-        outputs = tuple(o for o in OUTPUTS if o in known)
+        outputs = predicted_outputs(model.circuit)
         each.append(predict(model, parameters, outputs, label, density.policy))
     return tuple(each)
 

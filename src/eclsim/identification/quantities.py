@@ -18,6 +18,10 @@ import numpy as np
 
 from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
+from eclsim.circuit.network import Circuit
+from eclsim.devices.registry import instances_in, is_of_user
+from eclsim.outputs.registry import find_output
+from eclsim.outputs.signals import output_names
 from eclsim.reporting.numbers import number, significant
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
@@ -121,8 +125,22 @@ OUTPUTS = BEAT_OUTPUTS + FURTHER_MEASUREMENTS + GASES
 
 
 def unit_of(output: str) -> str:
-    """Unit of an output that can be fitted."""
-    return Measurements.fields()[output].unit
+    """Unit of an output; empty for one of a device that is not registered now."""
+    field = Measurements.fields().get(output)
+    if field is not None:
+        return field.unit
+    known = find_output(output)
+    return "" if known is None else known.unit
+
+
+def predicted_outputs(circuit: Circuit) -> tuple[str, ...]:
+    """Outputs that predictions have: those that can be measured, assist flows, all of users' devices."""
+    of_devices: list[str] = []
+    for names in instances_in(circuit):
+        own = [entry.name for entry in names.device.outputs] if is_of_user(names.device) else []
+        of_devices += map(names.output, (*filter(None, (names.device.assist_flow,)), *own))
+    known = output_names(circuit)
+    return tuple(name for name in dict.fromkeys((*OUTPUTS, *of_devices)) if name in known)
 
 
 BOUNDS = (0.0, 100.0)
