@@ -21,6 +21,7 @@ from eclsim.outputs.results import simulate, simulate_many
 from eclsim.outputs.sealed import CLOSED_VALVE_L_MIN, sealed
 from eclsim.outputs.steady_beat import measured, steady_beat
 from eclsim.patient.circulation import circulation
+from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
 from eclsim.reporting.beat_values import case_name
 from eclsim.sensitivity.runs import SteadyBeatEvaluator
 from eclsim.simulation.files import case_object
@@ -93,6 +94,8 @@ def test_where_a_ventricle_still_ejects_flows_are_marked_too():
     beat = simulate(patient)
     assert beat.attrs["status"] == "one_of_many"
     assert any("the flows through the heart that still beats" in text for text in beat.attrs["warnings"])
+    asked = steady_beat(Batch.of(patient), ("MAP", "heart_rate"))
+    assert asked.undetermined_outputs() == ("MAP",)
     found = steady_beat(Batch.of(patient)).orbits
     waited = found.wait(only, start_state(patient)[:, None], 1000)
     other = measured(replace(found, states=waited), None, (), ()).outputs()
@@ -165,6 +168,14 @@ def test_only_what_the_closed_valves_part_is_named():
     assert none is not None
     assert none.concerns == ("EDVRV", "MAP")
     assert "how much blood the right ventricle holds is not determined" in only.sentence
+    levels = ("effluent_pressure", "iabp_augmented_pressure", "iabp_end_diastolic_pressure")
+    differences = ("pump_head", "transmembrane_pressure", "iabp_augmentation")
+    shut = sealed(SHUT | dict.fromkeys((*levels, *differences), 1.0), VPA)
+    assert shut is not None
+    assert shut.concerns == levels
+    assert sealed(SHUT | {"heart_rate": 80.0}, with_volume_offset(VPA)).concerns == ()
+    regulated = with_reflex(with_volume_offset(VPA), REFLEXES["ursino1998"])
+    assert sealed(SHUT | {"heart_rate": 80.0}, regulated).concerns == ("heart_rate",)
     still = sealed(SHUT, BARE)
     assert still is not None
     assert still.parts == (("rv",), ("pas", "part", "pvn", "la"), ("lv",))

@@ -363,9 +363,9 @@ def _text(result: xr.Dataset) -> str:
     import json
 
     from eclsim.course.drug import drug_in_words
-    from eclsim.course.result import impossible_moments, spans_in_words
+    from eclsim.course.result import impossible_moments, spans_in_words, undetermined_moments
     from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
-    from eclsim.reporting.numbers import number, text_table
+    from eclsim.reporting.numbers import MISSING, number, text_table
 
     if not result.sizes["time_min"]:
         return "no moment of this course has a steady beat"
@@ -393,6 +393,8 @@ def _text(result: xr.Dataset) -> str:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
     if any(impossible):
         words = f"* a beat {IMPOSSIBLE_BEAT}: ignore its numbers\n\n{words}"
+    if undetermined_moments(result).any():
+        words = f"{MISSING}: not determined by the case, as valves stay shut\n\n{words}"
     if spans:
         words += f"\n{spans}"
     if drug := drug_in_words(result):

@@ -34,7 +34,8 @@ class Alarm(NamedTuple):
 
     Attributes:
         at_min: start [min]: the crossing of the limit between two moments, or the start of a beat.
-        until_min: end [min]; None if the limit is still violated at the end of the course.
+        until_min: end [min], or the first moment at which the quantity is not determined; None if the limit
+            is still violated at the end of the course.
         kind: "collapse", "alarm", "warning" or "caution".
         quantity: the output or waveform.
         limit: limit that is violated; None if there is none.
@@ -207,7 +208,8 @@ def _alarm(
     end = "" if until is None else clock_time(until, by_beat[over] or by_beat[over - 1])
     if until is not None and begin == end:
         begin, end = clock_time(at, True), clock_time(until, True)
-    sentence = _sentence(first, begin, end, worst, named)
+    lost = until is not None and values is not None and bool(np.isnan(values[over]))
+    sentence = _sentence(first, begin, end, worst, named, lost)
     return Alarm(at, until, first.kind, first.quantity, first.limit, worst, sentence)
 
 
@@ -223,10 +225,19 @@ def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: n
 
 
 def _sentence(
-    finding: Finding, begin: str, end: str, worst: float, named: Mapping[str, tuple[str, str]]
+    finding: Finding,
+    begin: str,
+    end: str,
+    worst: float,
+    named: Mapping[str, tuple[str, str]],
+    lost: bool = False,
 ) -> str:
-    """Sentence: "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
-    when = f"at {begin}" + (f", until {end}" if end else "")
+    """Sentence: "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ...".
+
+    If the quantity is `lost` at the end, it is not determined from then on.
+    """
+    until = f", not determined from {end} on" if lost else f", until {end}"
+    when = f"at {begin}" + (until if end else "")
     entry = find_output(finding.quantity)
     words = named.get(finding.quantity) or (entry and (entry.long_name, entry.unit))
     limit = finding.limit if finding.kind in GRAVEST_FIRST else None

@@ -40,6 +40,7 @@ from eclsim.course.result import (
     balance_of,
     impossible_among,
     labelled_course,
+    undetermined_in_words,
 )
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
 from eclsim.devices.description import Finding
@@ -297,6 +298,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     message = _early_end_text(moments.stopped[member], minute)
     ahead = _skipped_transients_text(history) + _fast_slow_states(history, laws, settling)
     ahead += _unsettled_spans(history)
+    ahead += filter(None, [undetermined_in_words(minute, moments.status[places] == Status.ONE_OF_MANY)])
     ahead += _sudden_gas_change(time, outputs, engine, member, moments.by_beat[places])
     sentences = [message] * bool(message) + [alarm.labelled for alarm in broken]
     balance = balance_of(laws, states, in_effect)

@@ -16,7 +16,7 @@ from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
 from eclsim.course.alarms import clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
-from eclsim.course.result import impossible_moments, spans_in_words
+from eclsim.course.result import impossible_moments, spans_in_words, undetermined_moments
 from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
@@ -207,6 +207,11 @@ def _notes(result: xr.Dataset) -> list[str]:
         )
     if impossible_spans(result):
         lines.append(f"grey areas: beats {IMPOSSIBLE_BEAT}: ignore their numbers")
+    if undetermined_moments(result).any():
+        lines.append(
+            "gaps in the curves: valves stay shut, so that the case does not determine the number; fluid and "
+            "blood go on with one possible beat"
+        )
     if spans := spans_in_words(result):
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
     if "quantile" not in result.dims and (drug := drug_in_words(result)):

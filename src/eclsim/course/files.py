@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.fit_mark import DOUBTS, untrusted, with_doubts
 from eclsim.course.drug import drug_record
-from eclsim.course.result import TIME, impossible_moments
+from eclsim.course.result import TIME, impossible_moments, undetermined_moments
 from eclsim.files import (
     csv_text,
     file_stem,
@@ -44,6 +44,7 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
         "message": str(about["message"]),
         "time_min": finite(result["time_min"].to_numpy()),
         "impossible": impossible_moments(result).tolist(),
+        "one_of_many": undetermined_moments(result).tolist(),
         "outputs": {n: finite(result[n].to_numpy()) for n in numeric if n not in states},
         "slow_states": {n: finite(result[n].to_numpy()) for n in states},
         "units": {n: str(result[n].attrs.get("units", "")) for n in numeric},

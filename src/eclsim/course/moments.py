@@ -249,8 +249,10 @@ class _MomentSolver:
             if not beat.converged[k]:
                 engine.messages[moments.member[place]] = beat.message(k)
                 continue
+            for name in beat.undetermined_outputs(k):
+                moments.values[name][place] = np.nan
             if self.with_findings:
-                moments.findings[place] = beat.findings(k)
+                moments.findings[place] = beat.determined_findings(k)
         return bool(beat.converged[0])
 
     def finish(self, member: int) -> None:

@@ -17,6 +17,8 @@ from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION, Finding, labelled_sentence
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
+from eclsim.orbit.status import Status
+from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.slow import DerivedQuantity
@@ -45,7 +47,7 @@ def labelled_course(
     """
     data = {name: variable(TIME, values, **output_labels(name)) for name, values in outputs.items()}
     for row, state in zip(states, laws.states, strict=True):
-        data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state {state.name}")
+        data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state: {state.words}")
     for quantity in derived:
         data[quantity.name] = variable(
             TIME, quantity.values, units=quantity.unit, long_name=quantity.description
@@ -117,6 +119,30 @@ def impossible_among(moment_findings: Sequence[Sequence[Finding]]) -> xr.Variabl
 def impossible_moments(result: xr.Dataset) -> np.ndarray:
     """Whether each moment of a course is impossible; all False if limits were not checked."""
     return result[IMPOSSIBLE].to_numpy() == 1 if IMPOSSIBLE in result else np.zeros(result.sizes[TIME], bool)
+
+
+def undetermined_moments(result: xr.Dataset) -> np.ndarray:
+    """Whether the beat of each moment of a course is one of many; what the case does not determine is NaN."""
+    known = result["status"].to_numpy() if "status" in result else np.zeros(result.sizes[TIME], str)
+    return known == Status.ONE_OF_MANY.word
+
+
+def undetermined_in_words(minute: np.ndarray, undetermined: np.ndarray) -> str:
+    """Sentence on the moments whose beats are one of many; empty if there are none."""
+    runs = consecutive_runs(np.flatnonzero(undetermined).tolist())
+    if not runs:
+        return ""
+    named = [
+        clock_time(minute[run[0]])
+        + (f" to {clock_time(minute[run[-1] + 1])}" if run[-1] + 1 < len(minute) else " on")
+        for run in runs[:MOST_SPANS]
+    ]
+    further = f" and {len(runs) - MOST_SPANS} more times" if len(runs) > MOST_SPANS else ""
+    return (
+        f"valves stay shut from {', from '.join(named)}{further}: pressures and volumes that the case does "
+        "not determine are left blank there and raise no alarms; slow states that depend on them, as plasma "
+        "and interstitium do, continue with those of one possible beat"
+    )
 
 
 def spans_in_words(result: xr.Dataset, reasons: bool = False) -> str:

@@ -56,7 +56,7 @@ def _peak(name: str, long_name: str, definition: str, when: str) -> Output:
     return Output(
         name, long_name, "mmHg", definition, ("Pao", f"V{_BALLOON}"),
         lambda m: getattr(m, f"maximum_{when}")("Pao", _INFLATION), ("Pao",), parameters=(_INFLATION,),
-        read_at="Pao",
+        read_at="Pao", absolute=True,
     )  # fmt: skip
 
 
@@ -95,8 +95,8 @@ class IabpDevice(Device[Iabp]):
         _DIFFERENCE,
         Output(
             "iabp_end_diastolic_pressure", "assisted end-diastolic aortic pressure", "mmHg",
-            "minimum of Pao", _AUGMENTED.needs, lambda m: m.minimum("Pao"), ("Pao",),
-            read_at="Pao",
+            "minimum of Pao", _AUGMENTED.needs, lambda m: m.minimum("Pao"), ("Pao",), read_at="Pao",
+            absolute=True,
         ),
     )  # fmt: skip
 

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
+from eclsim.devices.description import Output
 from eclsim.orbit.rest import CLOSED_VALVE_L_MIN
 from eclsim.outputs.registry import CHAMBERS, VALVES, find_output
 from eclsim.patient.sites import DRAINED, ONLY_REGIONAL
@@ -86,19 +87,22 @@ def _undetermined(
 
     If a heart still beats in the rest, its output depends on that blood, too, and so do all flows except the
     `given` ones: those of roller pumps and zero flows through closed valves. Without such a heart, `given` is
-    None.
+    None. What controllers have set depends on it if they read any signal.
     """
+    regulated = any(control.reads for control in circuit.controllers)
     within = {kind + name for part in parts for name in part for kind in "PV"}
     anywhere = {kind + c.name for c in circuit.compartments for kind in "PV"}
     # A number that is derived from other outputs is none itself.
-    needs = {name: () if (entry := find_output(name)) is None else entry.needs for name in outputs}
-    return tuple(
-        name
-        for name, read in needs.items()
-        if within.intersection(read)
-        or (len(read) == 1 and read[0] in anywhere)
-        or (given is not None and not set(read) <= set(given))
-    )
+    entries = {name: entry for name in outputs if (entry := find_output(name)) is not None}
+
+    def depends(entry: Output) -> bool:
+        # Of what controllers set, pressures are needed for their readings alone.
+        read = [name for name in entry.needs if not (entry.in_effect and name[0] == "P")]
+        level = entry.absolute or (len(read) == 1 and read[0] in anywhere)
+        beats = given is not None and not set(read) <= set(given)
+        return level or beats or bool(within.intersection(read)) or (entry.in_effect and regulated)
+
+    return tuple(name for name, entry in entries.items() if depends(entry))
 
 
 def _sentence(parts: tuple[tuple[str, ...], ...], reason: str, beats: bool) -> str:

@@ -20,7 +20,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
 from eclsim.components.exchangers import TEMPERATURE, Tissue
-from eclsim.devices.description import GASES
+from eclsim.devices.description import CAUTION, GASES
 from eclsim.devices.registry import assist_connections, cached_by_devices, namings
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.inputs.mistakes import as_settings
@@ -43,7 +43,7 @@ from eclsim.outputs.gas import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import SOLVED_BY
-from eclsim.outputs.sealed import closed_valves, sealed, valve_flows
+from eclsim.outputs.sealed import Sealed, closed_valves, sealed, valve_flows
 from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, needed_signals, output_names
 
 _TISSUE = Tissue()
@@ -70,7 +70,7 @@ class SteadyBeat:
         orbits: states, and how each was solved.
         status: how the search of each member ended, a `Status`, shape (members,).
         native_l_min: native output of the last beat, shape (members,).
-        undetermined: by member, the reason why its beat is one of many.
+        undetermined: by member whose beat is one of many, the parts that closed valves isolate.
         names: names of the outputs.
         values: values of the outputs, shape (outputs, members).
         signals: names of the waveforms (P, Q, V and where; mmHg, mL/s, stressed mL).
@@ -88,7 +88,7 @@ class SteadyBeat:
     orbits: SolvedOrbits
     status: np.ndarray
     native_l_min: np.ndarray
-    undetermined: Mapping[int, str]
+    undetermined: Mapping[int, Sealed]
     names: tuple[str, ...]
     values: np.ndarray
     signals: tuple[str, ...]
@@ -182,7 +182,7 @@ class SteadyBeat:
             mistakes = allowed_values(self.batch.circuit).reasons(self.batch.member(member))
             return f"{text}: {'; '.join(mistakes)}"
         if status is Status.ONE_OF_MANY:
-            text = f"{text}: {self.undetermined[member]}"
+            text = f"{text}: {self.undetermined[member].reason}"
         elif status is Status.CONVERGED and self.gas_status[member]:
             text = f"{text}, but {GasStatus(int(self.gas_status[member])).message}"
         elif status is not Status.CONVERGED:
@@ -219,6 +219,19 @@ class SteadyBeat:
         if doubt := self.orbits.grid_warning(member):
             result.append(Finding.without_limit("warning", "grid", np.nan, doubt))
         return gravest_first(result)
+
+    def undetermined_outputs(self, member: int = 0) -> tuple[str, ...]:
+        """Outputs that the case does not determine, as the member's beat is one of many; usually none."""
+        concerned = self.undetermined[member].concerns if member in self.undetermined else ()
+        return tuple(name for name in concerned if name in self.names)
+
+    def determined_findings(self, member: int = 0) -> list[Finding]:
+        """Findings of a member without limits that only undetermined outputs and waveforms violate."""
+        every = self.findings(member)
+        if member not in self.undetermined:
+            return every
+        lost = {*self.undetermined_outputs(member), *self.signals}
+        return [one for one in every if one.kind == CAUTION or one.quantity not in lost]
 
     def _gas_findings(self, member: int) -> list[Finding]:
         """Findings about gases, other than limits."""
@@ -415,9 +428,9 @@ def with_status(
         flows = {name: float(outputs[name][member]) for name in valve_flows(circuit)}
         if closed_valves(flows):
             own = orbits.batch.member(member)
-            result = sealed(flows, circuit.with_chosen_sites(own), own)
+            result = sealed({**dict.fromkeys(names, np.nan), **flows}, circuit.with_chosen_sites(own), own)
             if result is not None:
-                undetermined[member], status[member] = result.reason, Status.ONE_OF_MANY
+                undetermined[member], status[member] = result, Status.ONE_OF_MANY
     values = np.array([outputs[name] for name in names]).reshape(len(names), orbits.batch.count)
     beat = SteadyBeat(
         orbits, status, native, undetermined, names, values, signals, statistics, waveforms, gas_status, gases
