@@ -7,6 +7,7 @@ import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
+from eclsim.course.figures import plot_course
 from eclsim.course.files import course_object, write_tables
 from eclsim.course.result import undetermined_in_words, undetermined_moments
 
@@ -62,6 +63,11 @@ def test_no_alarm_is_made_from_them(arrest):
     (said,) = (text for text in arrest.attrs["approximations"] if text.startswith("valves stay shut"))
     assert said in arrest.attrs["warnings"]
     assert "from 00:05 on: pressures and volumes that the case does not determine are left blank" in said
+
+
+def test_the_figure_says_why_its_curves_have_gaps(arrest):
+    (legend,) = (text.get_text() for text in plot_course(arrest).texts if "gaps in" in text.get_text())
+    assert "valves stay shut, so that the case does not determine the number" in legend
 
 
 def test_trapped_blood_has_no_settling_time():
