@@ -14,7 +14,8 @@ from eclsim.gas.steady import solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures
 
 PATIENT = {
-    "gas.vo2_ml_min": 250.0, "gas.respiratory_quotient": 0.8, "gas.alveolar_ventilation_l_min": 4.0,
+    "gas.vo2_ml_min": 250.0, "gas.vo2_percent_per_c": 0.0, "gas.respiratory_quotient": 0.8,
+    "gas.alveolar_ventilation_l_min": 4.0,
     "gas.fio2": 0.5, "gas.shunt_fraction": 1.0, "gas.haemoglobin_g_dl": 10.0, "gas.base_excess_mmol_l": 0.0,
     "gas.temperature_c": 37.0, "gas.oxygen_capacity_ml_g": 1.34, "ecmo.sweep_l_min": 5.0, "ecmo.fdo2": 1.0,
     "ecmo.oxygenator.oxygen_transfer": 0.09, "ecmo.oxygenator.oxygen_exponent": 0.84,
