@@ -17,7 +17,8 @@ from eclsim.fluid import starling
 from eclsim.regulation.attach import REFLEXES
 from eclsim.reporting.style import curve_style, figure_style
 from eclsim.validation import boluses, fluid, refill
-from eclsim.validation.fluid import MEASURED, Patient, bled, dialysed, driven, fall_of_blood, healthy, stood
+from eclsim.validation.bleeding import MEASURED, bled
+from eclsim.validation.fluid import Patient, dialysed, driven, fall_of_blood, healthy, stood
 
 CASE = Path(__file__).parents[1] / "examples" / "fluid_removal.toml"
 WALLS = {

@@ -135,6 +135,18 @@ def test_less_comes_back_past_what_is_next_to_capillaries_and_protein_balances()
 
 
 @pytest.mark.slow
+def test_an_event_makes_lymphatics_pump_harder_and_protein_balances():
+    bled = {"at_min": 5, "give": {"bleed_ml": 500}, "over_min": 10}
+    pumped = {"at_min": 15, "set": {"fluid.lymph_pump": 2.0}}
+    usual, harder = (follow(600.0, events=events) for events in ([bled], [bled, pumped]))
+    protein = ("fluid.plasma_protein_g", "fluid.interstitial_protein_g", "fluid.protein_given_g")
+    *held, given = (change(harder, name) for name in protein)
+    assert sum(held) == pytest.approx(given, abs=1e-9)
+    assert change(harder, protein[0]) > change(usual, protein[0]) + 2.0
+    assert change(harder, "fluid.refilled_ml") > change(usual, "fluid.refilled_ml") + 20.0
+
+
+@pytest.mark.slow
 def test_a_filter_that_takes_all_plasma_ends_the_course_with_a_reason():
     """It has no clearance; the course went on for ever."""
     crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 7700}

@@ -157,6 +157,18 @@ def test_protein_crosses_by_the_equation_of_kedem_and_katchalsky_and_lymph_bring
     np.testing.assert_allclose(crossed.fluid, filtered - 2.0)
 
 
+def test_lymphatics_that_pump_twice_as_hard_bring_back_twice_the_water_and_protein():
+    values, harder = settings(), settings(lymph_pump=2.0)
+    states = LAW.start(values, arrays(BEAT))
+    usual, more = (rates(states, one) for one in (values, harder))
+    lymph = values["fluid.lymph_ml_min"].item()
+    back = 60.0 * (usual[fluid.INTERSTITIUM] - more[fluid.INTERSTITIUM])
+    np.testing.assert_allclose(back, lymph)
+    protein = 60.0 * (usual[fluid.INTERSTITIAL_PROTEIN] - more[fluid.INTERSTITIAL_PROTEIN])
+    np.testing.assert_allclose(protein, 0.01 * lymph * values["fluid.interstitial_protein_g_dl"])
+    assert more[fluid.PROTEIN] == -more[fluid.INTERSTITIAL_PROTEIN]
+
+
 LAYERED = replace(LAW, has_pericapillary_layer=True)
 
 

@@ -49,6 +49,7 @@ class Fluid(Section):
     filtration_ml_min_mmHg: float = 10.0  # noqa: N815
     reflection: float = 0.9
     lymph_ml_min: float = 5.6
+    lymph_pump: float = 1.0
     pericapillary_share: float = 1.0
 
     @classmethod

@@ -245,5 +245,5 @@ def _rest(settings: Named) -> Spaces:
 
 
 def _wall(settings: Named) -> Wall:
-    names = ("filtration_ml_min_mmHg", "reflection", "lymph_ml_min")
+    names = ("filtration_ml_min_mmHg", "reflection", "lymph_ml_min", "lymph_pump")
     return Wall(*(settings[_key_of(name)] for name in names))

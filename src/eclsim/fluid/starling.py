@@ -2,13 +2,14 @@ r"""Exchange of fluid and protein across the capillary wall, and return by lymph
 
     filtration = LpS [(Pc - Pi) - sigma (pi_p - pi_i)]          (Starling; Kedem and Katchalsky)
     protein    = (1 - sigma) filtration (c_p + c_i)/2 + PS f((dPc - dPi) / P0) (c_p - c_i)
-    lymph      = L0 f(k dPi), k = (dL/dPi) / L0; it carries interstitial fluid with its protein
+    lymph      = m L0 f(k dPi), k = (dL/dPi) / L0; it carries interstitial fluid with its protein
     f(x)       = 1 + x above 0, e^x below
 
-d is the change since the start. f has one slope at 0: lymph and the leak rise in proportion to pressure and
-fade without ever standing still. The leak follows the hydrostatic pressure across the wall, as 75 to 90 % of
-the albumin that leaves crosses large pores, with the water (Rippe and Haraldsson 1987, Acta Physiol Scand
-131:411, abstract), and they hold back no protein whose oncotic pressure could oppose it.
+d is the change since the start; m is 1 unless the lymphatics themselves pump more or less than at the start.
+f has one slope at 0: lymph and the leak rise in proportion to pressure and fade without ever standing still.
+The leak follows the hydrostatic pressure across the wall, as 75 to 90 % of the albumin that leaves crosses
+large pores, with the water (Rippe and Haraldsson 1987, Acta Physiol Scand 131:411, abstract), and they hold
+back no protein whose oncotic pressure could oppose it.
 
 Oncotic pressure: Landis and Pappenheimer 1963. Pi depends on the interstitial volume along a curve that is
 steep below the normal volume and flat in oedema. At the start filtration equals lymph, and PS is such that
@@ -112,11 +113,13 @@ class Wall(NamedTuple):
         filtration: filtration coefficient LpS [mL/min/mmHg].
         reflection: reflection coefficient sigma [-].
         lymph: lymph flow at the start [mL/min].
+        pump: pumping of the lymphatics relative to the start, at the same interstitial pressure [-].
     """
 
     filtration: np.ndarray
     reflection: np.ndarray
     lymph: np.ndarray
+    pump: np.ndarray | float = 1.0
 
 
 class Forces(NamedTuple):
@@ -202,7 +205,7 @@ def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -
     _, interstitial_rise, plasma_oncotic_rise, interstitial_oncotic_rise = forces(now, rest, pressure_rise)
     held = plasma_oncotic_rise - interstitial_oncotic_rise
     filtered = wall.lymph + wall.filtration * (pressure_rise - interstitial_rise - wall.reflection * held)
-    lymph = wall.lymph * relative_flow(LYMPH_PER_MMHG * interstitial_rise)
+    lymph = wall.pump * wall.lymph * relative_flow(LYMPH_PER_MMHG * interstitial_rise)
     dragged, dragged_0 = (
         0.005 * (1.0 - wall.reflection) * flow * (a + b)
         for flow, a, b in ((filtered, inside, pericapillary), (wall.lymph, inside_0, outside_0))

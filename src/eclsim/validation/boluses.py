@@ -15,6 +15,7 @@ from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
 from eclsim.fluid.law import PLASMA, PROTEIN, RED_CELLS
 from eclsim.paper.comparison import Check, Explanation, Row, within
+from eclsim.parameters.fluid import LYMPH_PUMP
 from eclsim.validation.reference_cases import compared
 
 SAFE = (
@@ -25,6 +26,18 @@ TEXTBOOK = "textbook: plasma is a fifth to a quarter of the water outside the ce
 HAHN = (
     "Hahn 2020 (10.1111/aas.13533), volunteers who pass urine: 50 to 60 % while it runs, 15 to 20 % within "
     "30 min"
+)
+LOBO = (
+    "Lobo 2010 (10.1097/CCM.0b013e3181bc80f1), 10 men, 1 L of saline in an hour, 68 % of which had left the "
+    "blood as it ended, abstract"
+)
+GREENFIELD = (
+    "Effect of crystalloid infusion on hematocrit and intravascular volume (10.1016/s0196-0644(89)80312-9), "
+    "28 volunteers, 10 to 30 mL/kg at 115 mL/min, 60 % leaves within 20 min, abstract; 20 mL/kg taken"
+)
+PLATEAU = (
+    "Volume kinetics of Ringer's solution in female volunteers (Br J Anaesth 1997), 6 women, 25 mL/kg: "
+    "plasma approaches +550 mL, abstract; the slowest infusion, 80 min, and a fifth of it as spread taken"
 )
 ERNEST = (
     "Ernest, Belzberg and Dodek 2001 (Crit Care Med 29:2299), 40 patients after heart surgery, 9 +- 23 and "
@@ -62,6 +75,7 @@ class Given(NamedTuple):
         over_min: duration of the infusion [min].
         after_min: time from the end of the infusion to the measurement [min].
         later: further fluids: kind, volume [mL], minutes after the first, duration [min].
+        pump: pumping of the lymphatics from the end of the first fluids on, relative to that before [-].
     """
 
     body: tuple[tuple[str, object], ...]
@@ -70,6 +84,7 @@ class Given(NamedTuple):
     over_min: float = OVER_MIN
     after_min: float = 30.0
     later: tuple[tuple[str, float, float, float], ...] = ()
+    pump: float = 1.0
 
 
 def body(sex: str, age: float, height: float, weight: float, rate: float) -> tuple[tuple[str, object], ...]:
@@ -84,6 +99,7 @@ WIDE = (("fluid", (("filtration_ml_min_mmHg", 4.0),)), ("parameters", (("Csvn", 
 of the forearm, 0.0036 mL/min/mmHg per 100 mL of tissue (Clin Physiol 3:433, 1983; 2.5 in 70 kg). The value
 in between was chosen with knowledge of these rows: it shows the reason and is not a test."""
 COMPLIANT = WIDE[1:]
+FOREARM = (("fluid", (("filtration_ml_min_mmHg", 2.5),)), *COMPLIANT)
 WIDE_TEXT = "4 mL/min/mmHg, Csvn 95 and heldt2010"
 STIFF_VEINS = "the published patient has stiff veins"
 COMPLIANT_TEXT = "with Csvn 95 and heldt2010 at the same wall the row holds"
@@ -145,6 +161,7 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
         given, label = VOLUNTEER._replace(after_min=after), f"a litre of Ringer's in 30 min, {words} (test)"
         row = within(label, expected, share(given), spread, "%", source=HAHN)
         yield row.explained_by(text, share(given, WIDE), f"{label}, experiment")
+    yield from _volunteers()
     yield saline_row(saline)
     albumin = Given(HEART, USUAL, (("albumin_ml", 500.0),))
     yield within("5 % albumin, the same (test)", ALBUMIN[0], share(albumin), two_errors(ALBUMIN), "%",
@@ -156,6 +173,25 @@ def _nothing_lost(saline: Given) -> Iterator[Row]:
     row = within(f"{label} (test)", to_percent * expected, share(men), to_percent * spread, "%",
                  source=HASKELL)  # fmt: skip
     yield row.explained_by(text, share(men, COMPLIANT), f"{label}, experiment")
+
+
+def _volunteers() -> Iterator[Row]:
+    """Rows for crystalloid given to volunteers at other rates."""
+    man, woman = body("male", 22, 180, 75, 62), body("female", 25, 168, 60, 68)
+    hour = Given(man, HEALTHY, (("crystalloid_ml", 1000.0),), 60.0, 0.0)
+    fast = Given(man, HEALTHY, (("crystalloid_ml", 1500.0),), 13.0, 20.0)
+    slow = Given(woman, HEALTHY, (("crystalloid_ml", 1500.0),), 80.0, 0.0)
+    text = f"the wall is that of dialysis patients, and {STIFF_VEINS}; with {{}} the row holds"
+    for label, given, expected, source in (
+        ("a litre of saline in an hour, as it ends", hour, 32.0, LOBO),
+        ("1.5 L of saline in 13 min, 20 min later", fast, 40.0, GREENFIELD),
+    ):
+        row = within(f"{label} (test)", expected, share(given), SPREAD, "%", source=source)
+        yield row.explained_by(text.format(WIDE_TEXT), share(given, WIDE), f"{label}, experiment")
+    label = "1.5 L of Ringer's in 80 min, women: plasma gained"
+    row = within(f"{label} (test)", 550.0, gained(slow)[0], 110.0, "mL", source=PLATEAU)
+    words = text.format("the wall of the forearm (2.5 mL/min/mmHg), Csvn 95 and heldt2010")
+    yield row.explained_by(words, gained(slow, FOREARM)[0], f"{label}, experiment")
 
 
 def saline_row(saline: Given, sections: Sections = ()) -> Row:
@@ -225,10 +261,12 @@ def protein_changed(given: Given) -> float:
 def followed(given: Given, sections: Sections = ()) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Blood before and some time after an infusion; the arguments are those of `gained`."""
     first = {"at_min": 10.0, "give": dict(given.give), "over_min": given.over_min}
-    later = [
+    later: list[dict[str, object]] = [
         {"at_min": 10.0 + after, "give": {kind: ml}, "over_min": minutes}
         for kind, ml, after, minutes in given.later
     ]
+    if given.pump != 1.0:
+        later.append({"at_min": 10.0 + given.over_min, "set": {LYMPH_PUMP: given.pump}})
     blood = dict(zip(("haematocrit", "plasma_protein_g_dl"), given.blood, strict=True))
     more = {name: dict(keys) for name, keys in sections}
     raw = {"format": 1, "patient": {"id": "bolus", **dict(given.body)}} | more

@@ -27,9 +27,10 @@ from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.regulation import ursino1998
 from eclsim.regulation.attach import REFLEXES
 from eclsim.validation import measurements
+from eclsim.validation.bleeding import BLED as EIGHT_MEN
+from eclsim.validation.bleeding import bled
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
-from eclsim.validation.fluid import BLED as EIGHT_MEN
-from eclsim.validation.fluid import SOFT, bled, healthy
+from eclsim.validation.fluid import SOFT, healthy
 from eclsim.validation.matching import with_outputs
 from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table, sign
 

@@ -11,6 +11,7 @@ from eclsim.paper.comparison import Check, Row, worst
 from eclsim.reporting.numbers import text_table
 from eclsim.validation import (
     apnoea,
+    bleeding,
     boluses,
     dialysis,
     drugs,
@@ -46,6 +47,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "regulation": lambda _: [*regulation.regulation_checks(), *hypercapnia.hypercapnia_checks()],
     "fluid": lambda _: [
         fluid.fluid_check(),
+        bleeding.bleeding_check(),
         boluses.boluses_check(),
         refill.refill_check(),
         refill.pericapillary_check(),
