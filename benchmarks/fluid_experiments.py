@@ -11,10 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.cases.reading import read_case
+from eclsim.cases.reading import read_case, read_mapping
+from eclsim.circuit.network import HEART_RATE
 from eclsim.course.course import course
-from eclsim.fluid import starling
-from eclsim.regulation.attach import REFLEXES
+from eclsim.fluid import law, starling
+from eclsim.fluid.starling import exchange
+from eclsim.parameters.regulation import GAIN, UNSTRESSED
+from eclsim.regulation.attach import REFLEXES, with_reflex
+from eclsim.regulation.heldt import HELDT_2010
 from eclsim.reporting.style import curve_style, figure_style
 from eclsim.validation import boluses, fluid, refill
 from eclsim.validation.bleeding import MEASURED, bled
@@ -59,8 +63,6 @@ def sweep():
     case = read_case(CASE, ["crrt.net_ultrafiltration_ml_h=0"]).case
     event = {"at_min": 60.0, "set": {"ecmo.sweep_l_min": 4.0}}
     mapping = case.as_mapping() | {"events": [event]}
-    from eclsim.cases.reading import read_mapping
-
     results = course(
         read_mapping(mapping).case, minutes=180.0, every_min=2.0, outputs=("PaCO2", "tissue_PCO2")
     )
@@ -92,6 +94,112 @@ def bleeding() -> None:
             results = bled(healthy(reflex, **changes))
             print(f"{reflex} {words}".ljust(36), *(f"{results[name]:7.3g}" for name, *_ in MEASURED),
                   f" resistance {results['0.9 L: resistance']:+.0f} %")  # fmt: skip
+
+
+def without(model, *parameters, pathways=()):
+    """A published reflex without its effect on some parameters, or without some of its pathways."""
+
+    def gains(bed, parameter):
+        return tuple(
+            0.0 if parameter in parameters or one.name in pathways else gain
+            for gain, one in zip(bed, model.pathways, strict=True)
+        )
+
+    return replace(
+        model,
+        effectors=tuple(
+            replace(e, gains=tuple(gains(bed, e.parameter) for bed in e.gains)) for e in model.effectors
+        ),
+        venous_gains_ml=gains(model.venous_gains_ml, UNSTRESSED),
+    )
+
+
+def mechanisms() -> None:
+    """Men who lose blood with heldt2010, when one mechanism is switched off or changed."""
+    man, names = healthy("heldt2010"), [one.name for one in HELDT_2010.pathways]
+    atrial = [name for name in names if name.endswith("cardiopulmonary")]
+
+    def with_model(model):
+        return replace(man, circuit=with_reflex(replace(man.circuit, controllers=()), model))
+
+    men = {
+        "heldt2010": (man, False),
+        "fluid returns": (man, True),
+        "no venoconstriction": (with_model(without(HELDT_2010, UNSTRESSED)), False),
+        "no constriction of arterioles": (with_model(without(HELDT_2010, "Rmc")), False),
+        "no change of heart rate": (with_model(without(HELDT_2010, HEART_RATE)), False),
+        "no change of contractility": (with_model(without(HELDT_2010, "Emaxlv", "Emaxrv")), False),
+        "no cardiopulmonary reflex": (with_model(without(HELDT_2010, pathways=atrial)), False),
+        "no arterial reflex": (with_model(without(HELDT_2010, pathways=set(names) - set(atrial))), False),
+        **{f"gain {g:g}": (man.with_values({GAIN: g}), False) for g in (0.0, 0.5, 1.2)},
+        **{f"Csvn {c:g}": (healthy("heldt2010", Csvn=c), False) for c in (60.0, 140.0)},
+        "RV_Pd_beta 0": (healthy("heldt2010", RV_Pd_beta=0.0), False),
+        "RV_Pd_beta 0, fluid returns": (healthy("heldt2010", RV_Pd_beta=0.0), True),
+    }
+    print("\nmen who lose blood, heldt2010; rows within")
+    print("measured".ljust(32), *(f"{expected:7.4g}" for _, expected, *_ in MEASURED))
+    for words, (one, refilled) in men.items():
+        got = bled(one, refilled)
+        within = sum(abs(got[name] - expected) <= spread for name, expected, spread, *_ in MEASURED)
+        print(words.ljust(32), *(f"{got[name]:7.3g}" for name, *_ in MEASURED), f"{within:4d}")
+
+
+DRY = {
+    "patient": {"id": "D", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 78,
+                "heart_rate_bpm": 90},
+    "ecmo": {"mode": "VA", "pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult"},
+    "crrt": {"flow_ml_min": 300, "access_site": "post_oxy", "return_site": "pre_oxy", "dialysate_ml_h": 1000,
+             "net_ultrafiltration_ml_h": 0},
+    "events": [{"at_min": 10, "set": {"crrt.net_ultrafiltration_ml_h": 5000}},
+               {"at_min": 46, "set": {"crrt.net_ultrafiltration_ml_h": 0}}],
+}  # fmt: skip
+"""A man on veno-arterial ECMO from whom 3 L are removed within 36 min, and nothing after that."""
+
+
+def held(now, rest, pressure_rise, wall):
+    """Exchange across the wall of water alone."""
+    crossed = exchange(now, rest, pressure_rise, wall)
+    return crossed._replace(protein=0.0 * crossed.protein)
+
+
+def drying() -> None:
+    """Pressure, plasma and protein for a day after a fast removal, and which of them drives the others."""
+    reflex = {"regulation": {"baroreflex": 1.0, "model": "heldt2010"}}
+    oedema = {"fluid": {"interstitial_volume_ml": 15600}}
+    usual = starling.relative_flow
+    men = {
+        "": ({}, exchange, usual),
+        "heldt2010": (reflex, exchange, usual),
+        "no protein crosses": ({}, held, usual),
+        "heldt2010, no protein crosses": (reflex, held, usual),
+        "lymph and leak as at rest": ({}, exchange, lambda rise: 1.0 + 0.0 * rise),
+        "3 L of oedema": (oedema, exchange, usual),
+        "LpS 1.6": ({"fluid": {"filtration_ml_min_mmHg": 1.6}}, exchange, usual),
+    }
+    print("\n3 L off in 36 min: MAP [mmHg], plasma [mL], its protein [g] at 0, 80 min, 6, 14 and 27 h")
+    for words, (sections, law.exchange, starling.relative_flow) in men.items():
+        one = course(read_mapping({"format": 1} | DRY | sections).case, minutes=1620.0, every_min=10.0)
+        at = one.sel(time_min=[0.0, 80.0, 370.0, 840.0, 1620.0], method="nearest")
+        print(words.ljust(32), *(f"{v:6.1f}" for name in ("MAP", "fluid.plasma_ml", "fluid.plasma_protein_g")
+                                 for v in at[name].values))  # fmt: skip
+    law.exchange, starling.relative_flow = exchange, usual
+
+
+def pumping() -> None:
+    """A donor's blood volume and protein for two days, by the pumping of the lymphatics after the loss."""
+    print("\n900 mL: protein [%], blood volume [mL] after 1, 4, 12, 24, 48 h; 470 mL: blood volume")
+    for words, sections in (("", ()), ("soft veins, heldt2010", boluses.COMPLIANT)):
+        for pump in (1.0, 1.5, 2.0):
+            numbers = list[float]()
+            for lost, over in ((900.0, 20.0), (470.0, 10.0)):
+                for hours in (1, 4, 12, 24, 48):
+                    given = boluses.Given(refill.DONOR, boluses.HEALTHY, (("bleed_ml", lost),), over,
+                                          60.0 * hours, pump=pump)  # fmt: skip
+                    before, after = boluses.followed(given, sections)
+                    if lost > 500.0:
+                        numbers.append(100.0 * (after["plasma_protein"] / before["plasma_protein"] - 1.0))
+                    numbers.append(boluses.gained(given, sections)[1])
+            print(f"{words}, pump {pump:g}".ljust(32), *(f"{v:7.1f}" for v in numbers))
 
 
 def standing() -> None:
@@ -209,6 +317,9 @@ def draw(results, swept, folder: Path) -> None:
 
 if __name__ == "__main__":
     bleeding()
+    mechanisms()
+    pumping()
+    drying()
     standing()
     dialysis()
     coming_back()

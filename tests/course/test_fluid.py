@@ -8,7 +8,7 @@ from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
 from eclsim.course.fluid_remarks import remarks_on_fluids, remarks_on_protein
 from eclsim.course.timeline import Timeline
-from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PROTEIN
+from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PLASMA, PROTEIN, REMOVED
 
 RAW = {
     "format": 1,
@@ -327,3 +327,23 @@ def test_protein_that_leaves_a_drying_patient_is_remarked_on():
     assert remarks_on_protein(minutes, states | {INTERSTITIUM: np.array([12000.0, 12500.0, 13000.0])}) == []
     assert remarks_on_protein(minutes[:2], {key: values[:2] for key, values in states.items()}) == []
     assert remarks_on_protein(minutes, {}) == []
+
+
+def test_plasma_that_is_lost_after_the_last_removal_is_remarked_on():
+    """Three litres off within 36 min: the mean arterial pressure went on falling for a day."""
+    minutes = np.array([0.0, 40.0, 80.0, 840.0, 1620.0])
+    states = {
+        PROTEIN: np.array([213.0, 225.0, 224.0, 198.0, 191.0]),
+        INTERSTITIAL_PROTEIN: np.array([227.0, 215.0, 216.0, 242.0, 249.0]),
+        INTERSTITIUM: np.array([12590.0, 9955.0, 9760.0, 9883.0, 9919.0]),
+        PLASMA: np.array([3553.0, 3187.0, 3382.0, 3259.0, 3223.0]),
+        REMOVED: np.array([0.0, 3000.0, 3000.0, 3000.0, 3000.0]),
+    }
+    (said,) = remarks_on_protein(minutes, states)
+    assert said.startswith("after the last removal of fluid, at 00:40, the plasma loses another 159 mL")
+    assert "33 g of protein" in said
+    early = {key: values[:3] for key, values in states.items()}
+    filled = states | {INTERSTITIUM: states[INTERSTITIUM][0] + np.arange(5.0)}
+    untouched = states | {REMOVED: np.zeros(5)}
+    for quiet in (early, filled, untouched):
+        assert remarks_on_protein(minutes[: len(quiet[PROTEIN])], quiet) == []

@@ -9,7 +9,7 @@ import numpy as np
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import clock_time
 from eclsim.course.timeline import Timeline
-from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PROTEIN
+from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PLASMA, PROTEIN, REMOVED
 from eclsim.parameters.fluid import PERICAPILLARY
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN
 
@@ -60,7 +60,8 @@ _HAEMORRHAGE = (
     "after 500 mL (carbon monoxide, Falz 2014), four fifths within 2 h (haemoglobin of donors), and less "
     "of larger losses (Adamson 1968). If less comes back, pressure and output of these hours are lower "
     "and the haematocrit is higher than shown; a wall of 1 mL/min/mmHg (fluid.filtration_ml_min_mmHg = 1)"
-    " with a reflex is the slow end of the range"
+    " with a reflex is the slow end of the range. Over the next day volume and protein come back as in "
+    "donors only if lymphatics pump harder, as in sheep (an event that sets fluid.lymph_pump to 2)"
 )
 _HAEMORRHAGE_WITHOUT_REFLEX = (
     "blood is lost without a reflex: the mean arterial pressure of the published patient falls by 45 mmHg "
@@ -81,6 +82,8 @@ _ULTRAFILTRATION = (
 NOTABLE_ESCAPE = 0.15
 """Share of the plasma's protein at the start; less that moves into a drier interstitium, about what dry cats
 lost (13.5 %, Schultze 1972), gives no remark."""
+NOTABLE_LOSS_ML = 100.0
+"""Plasma that is lost to the tissues after the last removal; less gives no remark."""
 _OWN_BLOOD = (
     "blood_ml is blood of the patient's own composition at that moment, so that it never raises the "
     "haematocrit; donors' blood is red_cells_ml (haematocrit 0.60) with albumin_ml or crystalloid_ml"
@@ -133,7 +136,7 @@ def remarks_on_fluids(timeline: Timeline) -> list[str]:
 
 
 def remarks_on_protein(minutes: np.ndarray, states: Mapping[str, np.ndarray]) -> list[str]:
-    """Sentence on protein that leaves the plasma while the interstitium dries, against expectation.
+    """Sentences on protein that leaves the plasma while the interstitium dries, and on plasma lost with it.
 
     Args:
         minutes: times of the moments [min].
@@ -141,6 +144,11 @@ def remarks_on_protein(minutes: np.ndarray, states: Mapping[str, np.ndarray]) ->
     """
     if not len(minutes) or not {PROTEIN, INTERSTITIAL_PROTEIN, INTERSTITIUM} <= states.keys():
         return []
+    return [*_escaped(minutes, states), *_falling_after_removal(minutes, states)]
+
+
+def _escaped(minutes: np.ndarray, states: Mapping[str, np.ndarray]) -> list[str]:
+    """Sentence on a large share of the plasma's protein that has left; empty if less has."""
     escaped = (states[INTERSTITIAL_PROTEIN] - states[INTERSTITIAL_PROTEIN][0]) / states[PROTEIN][0]
     over = np.flatnonzero((escaped > NOTABLE_ESCAPE) & (states[INTERSTITIUM] < states[INTERSTITIUM][0]))
     if not len(over):
@@ -151,6 +159,25 @@ def remarks_on_protein(minutes: np.ndarray, states: Mapping[str, np.ndarray]) ->
         f"of the plasma has left it ({worst:.0f} % at worst), as lymph brings less of it back from dry "
         "tissue. Cats had lost 13.5 % after two days without water (Schultze 1972); for more, and for "
         "people, no measurement was found: blood volume and pressures of these hours may be too low"
+    ]
+
+
+def _falling_after_removal(minutes: np.ndarray, states: Mapping[str, np.ndarray]) -> list[str]:
+    """Sentence on plasma that is lost to dry tissue after the last removal of fluid; empty if little is."""
+    plasma, removed = states.get(PLASMA), states.get(REMOVED)
+    if plasma is None or removed is None or removed[-1] <= removed[0]:
+        return []
+    ended = int(np.flatnonzero(removed >= removed[-1] - 1e-6)[0])
+    highest = ended + int(np.argmax(plasma[ended:]))
+    lost, gone = plasma[highest] - plasma[-1], states[PROTEIN][highest] - states[PROTEIN][-1]
+    if lost < NOTABLE_LOSS_ML or gone <= 0.0 or states[INTERSTITIUM][-1] >= states[INTERSTITIUM][0]:
+        return []
+    return [
+        f"after the last removal of fluid, at {clock_time(float(minutes[ended]))}, the plasma loses another "
+        f"{lost:.0f} mL to the tissues, with {gone:.0f} g of protein, and pressures fall with it: dry tissue "
+        "gives little lymph, while the capillary wall goes on leaking. In 24 haemodialysis patients blood "
+        "pressure fell for 2 to 3 h after the end and then stayed (ambulatory recording, abstract), but "
+        "they drink; of patients who take nothing in, no measurement was found"
     ]
 
 
