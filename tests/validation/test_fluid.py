@@ -43,7 +43,9 @@ def test_fluid_that_returns_while_men_bleed_makes_the_loss_smaller_by_what_has_r
     man = fluid.healthy("heldt2010")
     lost, left = (bleeding.changed_ml(man, refilled) for refilled in (False, True))
     assert lost[0] == left[0] == 0.0
-    assert all(0.15 < 1.0 - b / a < 0.40 for a, b in zip(lost[1:], left[1:], strict=True))
+    returned = dict(zip(bleeding.MEN[1:], 1.0 - left[1:] / lost[1:], strict=True))
+    assert all(0.1 < share < 0.4 for share in returned.values())
+    assert returned[375] < returned[333] < returned[1000]  # in 6, 15 and 45 min
 
 
 @pytest.mark.slow
