@@ -266,7 +266,7 @@ def followed(given: Given, sections: Sections = ()) -> tuple[Mapping[str, float]
         for kind, ml, after, minutes in given.later
     ]
     if given.pump != 1.0:
-        later.append({"at_min": 10.0 + given.over_min, "set": {LYMPH_PUMP: given.pump}})
+        later.insert(0, {"at_min": 10.0 + given.over_min, "set": {LYMPH_PUMP: given.pump}})
     blood = dict(zip(("haematocrit", "plasma_protein_g_dl"), given.blood, strict=True))
     more = {name: dict(keys) for name, keys in sections}
     raw = {"format": 1, "patient": {"id": "bolus", **dict(given.body)}} | more
