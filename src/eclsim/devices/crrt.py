@@ -61,8 +61,7 @@ from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, read_name, read_share
-from eclsim.parameters.parameter import Parameter
-from eclsim.parameters.thiel2025 import circuit_parameters
+from eclsim.parameters.parameter import Parameter, read_parameters
 from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import convert
 
@@ -81,22 +80,8 @@ DIALYZERS = by_key(
 )  # fmt: skip
 """CRRT filters; the parameter Rcrrtfil sets the filter of a case."""
 
-TUBING = circuit_parameters(
-    GROUP, "S-3",
-    (
-        ("Lcrrttuin", 250.0, "cm", "Length of access line", 1.0, 1000.0, "installed"),
-        ("Dcrrttuin", 0.3175, "cm", "Diameter of access line (1/8 inch)", 0.1, 1.5, "installed"),
-        ("Lcrrttupf", 100.0, "cm", "Length of tubing pump - dialyzer", 1.0, 1000.0, "installed"),
-        ("Dcrrttupf", 0.3175, "cm", "Diameter of tubing pump - dialyzer (1/8 inch)", 0.1, 1.5, "installed"),
-        ("Lcrrttuout", 250.0, "cm", "Length of return line", 1.0, 1000.0, "installed"),
-        ("Dcrrttuout", 0.3175, "cm", "Diameter of return line (1/8 inch)", 0.1, 1.5, "installed"),
-        ("Rcrrtfil", 15.75, "mmHg s/mL", "Resistance of dialyzer", 0.1, 200.0, "data sheet, taken as linear"),
-        ("Ccrrttuin", 0.1, "mL/mmHg", "Compliance of access line", 1e-4, 5.0, "assumed"),
-        ("Ccrrttupf", 0.1, "mL/mmHg", "Compliance of tubing pump - dialyzer", 1e-4, 5.0, "assumed"),
-        ("Ccrrtfil", 0.008, "mL/mmHg", "Compliance of dialyzer", 1e-4, 5.0, "assumed"),
-        ("Ccrrttuout", 0.1, "mL/mmHg", "Compliance of return line", 1e-4, 5.0, "assumed"),
-    ),
-)  # fmt: skip
+TUBING = tuple(read_parameters(__file__).values())
+"""Table S-3 of Thiel et al. (2025)."""
 
 ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350.0)})
 """Usual low and high pressure alarms [mmHg] of CRRT machines, by line (Thiel et al. 2025, Figures 5, 6)."""

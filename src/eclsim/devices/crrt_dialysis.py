@@ -8,31 +8,10 @@ from dataclasses import replace
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import Naming
 from eclsim.devices.dialysed_blood import DRUG_DEFINITION, FLUIDS, Fibres
-from eclsim.parameters.parameter import Parameter
+from eclsim.parameters.parameter import read_parameters
 
 GROUP = "crrt"
-_FILTER = "AN69 ST filter of 1.5 m2"
-_NO_DATA_SHEET = "no data sheet of the maker was read"
-_HARDLY_SENSITIVE = "at CRRT flows clearance hardly depends on it"
-_ESTIMATE = f"{_FILTER}; assumed: that of urea scaled by size of the molecule; {_HARDLY_SENSITIVE}"
-FILTER_PARAMETERS = tuple(
-    Parameter(key, value, unit, words, source, low, high, GROUP)
-    for key, value, unit, words, source, low, high in (
-        (
-            "Kufcrrtfil", 37.0, "mL/h/mmHg", "Ultrafiltration coefficient of dialyzer in blood",
-            f"{_FILTER}; assumed: 25 a m2, as high-flux membranes have 20 to 40 a m2; {_NO_DATA_SHEET}",
-            2.0, 300.0,
-        ),
-        (
-            "KoAurea", 300.0, "mL/min", "Mass transfer area product of dialyzer for urea",
-            f"{_FILTER}; assumed: 200 a m2; {_NO_DATA_SHEET}; {_HARDLY_SENSITIVE}", 5.0, 3000.0,
-        ),
-        ("KoAcreatinine", 230.0, "mL/min", "The same for creatinine", _ESTIMATE, 5.0, 3000.0),
-        ("KoApotassium", 300.0, "mL/min", "The same for potassium", _ESTIMATE, 5.0, 3000.0),
-        ("KoAco2", 240.0, "mL/min", "The same for bicarbonate and dissolved CO2", _ESTIMATE, 5.0, 3000.0),
-        ("KoAcitrate", 170.0, "mL/min", "The same for citrate", _ESTIMATE, 5.0, 3000.0),
-    )
-)  # fmt: skip
+FILTER_PARAMETERS = tuple(read_parameters(__file__).values())
 HAEMATOCRIT = f"{GROUP}.haematocrit_in"
 SETTINGS = (
     *(f"{GROUP}.{key}" for key in FLUIDS), HAEMATOCRIT, f"{GROUP}.fluid_bicarbonate_mmol_l",

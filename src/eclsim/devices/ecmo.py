@@ -79,9 +79,8 @@ from eclsim.inputs.fields import Field, number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, read_name
-from eclsim.parameters.parameter import Bounds, Parameter
+from eclsim.parameters.parameter import read_parameters
 from eclsim.parameters.regulation import REGULATION
-from eclsim.parameters.thiel2025 import circuit_parameters
 from eclsim.patient.anthropometry import body_surface
 from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
@@ -147,66 +146,11 @@ OXYGENATORS = by_key(
 ASSUMED_ML = OXYGENATORS["Quadrox-i Adult"].priming_volume_ml or math.nan
 """Blood volume assumed for an oxygenator without a published one [mL]."""
 
-_R, _C = "mmHg s/mL", "mL/mmHg"
-TUBING = circuit_parameters(
-    GROUP, "S-2",
-    (
-        ("Decmotudp", 0.9625, "cm", "Diameter of tubing drainage - pump (3/8 inch)", 0.2, 2.5, "installed"),
-        ("Lecmotudp", 200.0, "cm", "Length of tubing drainage - pump", 1.0, 1000.0, "installed"),
-        ("Decmotupo", 0.9625, "cm", "Diameter of tubing pump - oxygenator (3/8 inch)", 0.2, 2.5, "installed"),
-        ("Lecmotupo", 20.0, "cm", "Length of tubing pump - oxygenator", 1.0, 1000.0, "installed"),
-        (
-            "Decmotuor", 0.9625, "cm", "Diameter of tubing oxygenator - return (3/8 inch)", 0.2, 2.5,
-            "installed",
-        ),
-        ("Lecmotuor", 200.0, "cm", "Length of tubing oxygenator - return", 1.0, 1000.0, "installed"),
-        ("Recmooxy", 0.6744, _R, "Resistance of oxygenator", 0.01, 5.0, "data sheet, taken as linear"),
-        ("Cecmodrain", 0.1, _C, "Compliance of drainage cannula", 1e-4, 5.0, "assumed"),
-        ("Cecmotudp", 0.1, _C, "Compliance of tubing drainage - pump", 1e-4, 5.0, "assumed"),
-        ("Cecmotupo", 0.1, _C, "Compliance of tubing pump - oxygenator", 1e-4, 5.0, "assumed"),
-        ("Cecmooxy", 0.008, _C, "Compliance of oxygenator", 1e-4, 5.0, "assumed"),
-        ("Cecmotuor", 0.1, _C, "Compliance of tubing oxygenator - return", 1e-4, 5.0, "assumed"),
-        ("Cecmoreturn", 0.1, _C, "Compliance of return cannula", 1e-4, 5.0, "assumed"),
-    ),
-)  # fmt: skip
-_VASLEF = "form of Vaslef et al. 1994 (ASAIO J 40:990); default for 1.8 m2"
-_FITTED = "fitted to Khadka et al. 2024 (doi 10.5772/intechopen.1006540)"
-GAS_PARAMETERS = (
-    Parameter(
-        "ecmo.sweep_l_min", 4.0, "L/min", "Sweep gas of the oxygenator; 0: it exchanges nothing",
-        "setting", 0.0, 20.0, GROUP, clipped=True,
-    ),
-    Parameter(
-        "ecmo.fdo2", 1.0, "1", "Fraction of oxygen in the sweep gas", "setting", 0.21, 1.0, GROUP,
-        half_width=0.25, clipped=True,
-    ),
-    Parameter(
-        "ecmo.drainage_mixing", 1.0, "1",
-        "Where drainage and return share a compartment: 1, its blood is drained; 0, that of its veins",
-        "assumed; recirculation is m Qe / (CO + m Qe): medians of 9, 18 and 28 % mean 0.14, 0.32, 0.58",
-        0.0, 1.0, GROUP, Bounds(0.5, 0.0, 1.0), 0.25, clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.oxygen_transfer", 0.09, "mL/min/mmHg",
-        "Oxygen transfer of the oxygenator's membrane at 1 L/min", f"{_VASLEF}; {_FITTED}",
-        0.001, 1.0, GROUP, Bounds(0.09, 0.009, 0.9), clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.oxygen_exponent", 0.84, "1", "Exponent of blood flow in the oxygen transfer",
-        f"{_VASLEF}; {_FITTED}", 0.3, 1.0, GROUP, half_width=0.1, clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.carbon_dioxide_transfer", 4.66, "mL/min/mmHg",
-        "Carbon dioxide transfer of the oxygenator's membrane at 1 L/min",
-        "64 and 648 mL/min at 1 and 7 L/min, 1 and 35 L/min of gas (Khadka et al. 2024), by membrane area",
-        0.1, 50.0, GROUP, clipped=True,
-    ),
-    Parameter(
-        "ecmo.oxygenator.clotted_fraction", 0.0, "1", "Share of the oxygenator's membrane that is clotted",
-        "0 when new", 0.0, 0.99, GROUP, Bounds(0.2, 0.0, 0.99), 0.25, clipped=True,
-    ),
-)  # fmt: skip
+_PARAMETERS = tuple(read_parameters(__file__).values())
+GAS_PARAMETERS = tuple(parameter for parameter in _PARAMETERS if parameter.key.startswith(f"{GROUP}."))
 """Sweep gas, recirculation, membrane; the first three are keys of the section. Bounds are wide on purpose."""
+TUBING = tuple(parameter for parameter in _PARAMETERS if parameter not in GAS_PARAMETERS)
+"""Table S-2 of Thiel et al. (2025)."""
 MEMBRANE = (
     "ecmo.oxygenator.oxygen_transfer", "ecmo.oxygenator.oxygen_exponent",
     "ecmo.oxygenator.carbon_dioxide_transfer", "ecmo.oxygenator.clotted_fraction",
@@ -594,7 +538,7 @@ class EcmoDevice(Device[Ecmo]):
     )  # fmt: skip
     positions, position_words = POSITIONS, POSITION_WORDS
     products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
-    parameters = (*TUBING, *GAS_PARAMETERS)
+    parameters = _PARAMETERS
     nominal = MappingProxyType(
         {
             "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
