@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
+from eclsim.files import read_table
 from eclsim.units import quantity_of
 
 DEFAULT_LOG_RANGE = math.log(100.0)
@@ -95,10 +95,10 @@ def read_parameters(module: str) -> MappingProxyType[str, Parameter]:
     leave out columns, and rows cells, of what their parameters have not.
 
     Args:
-        module: file of the module (`__file__`); the table has the same name with the ending .csv.
+        module: file of the module (`__file__`).
     """
-    with Path(module).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
-        return MappingProxyType({row["key"]: _parameter(row) for row in csv.DictReader(file)})
+    table = Path(module).with_suffix(".csv")
+    return MappingProxyType({row["key"]: _parameter(row) for row in read_table(table)})
 
 
 def _parameter(row: dict[str, str]) -> Parameter:

@@ -20,13 +20,14 @@ import numpy.typing as npt
 from eclsim.cases.reading import read_mapping
 from eclsim.drugs.law import Effects, InfusedDrugs
 from eclsim.drugs.published import PUBLISHED
+from eclsim.files import read_table
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME, dose
 from eclsim.validation.matching import with_quantities
-from eclsim.validation.reference_cases import compared, read_table, sign
+from eclsim.validation.reference_cases import DATA, compared, sign
 
 SURFACE_M2 = (170.0 * 70.0 / 3600.0) ** 0.5
 """Body surface area by Mosteller's formula for 170 cm and 70 kg [m2]."""
@@ -137,7 +138,7 @@ def arms() -> tuple[Arm, ...]:
         return row["study"], row["arm"], row["doses"]
 
     result = []
-    for (study, arm, doses), rows in groupby(read_table("drugs.csv"), key):
+    for (study, arm, doses), rows in groupby(read_table(DATA / "drugs.csv"), key):
         pairs = (pair.partition("=") for pair in doses.split())
         result.append(Arm(study, arm, tuple((n, float(v)) for n, _, v in pairs), tuple(rows)))
     return tuple(result)
