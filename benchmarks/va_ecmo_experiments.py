@@ -11,11 +11,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from eclsim.files import read_table
 from eclsim.orbit.model import Model
 from eclsim.outputs.results import simulate
 from eclsim.validation import regulation
 from eclsim.validation.matching import UnreachableError, with_outputs
-from eclsim.validation.reference_cases import read_table
+from eclsim.validation.reference_cases import DATA
 
 BRONCHIAL = {"bronchial_fraction": 0.015}
 PATIENTS: Mapping[str, tuple[dict[str, object], bool]] = {
@@ -50,7 +51,7 @@ def compared(study: str, patient: Model, stronger: float = 1.0) -> str:
     low, held = simulate(patient), simulate(patient.with_values(changed))
     filled = simulate(regulation.with_output_held(patient, regulation.RIGHT_ATRIUM, stronger))
     signs, sizes, cells = np.zeros(2, dtype=int), 0, []
-    rows = [row for row in read_table("effects.csv") if row["study"] == study]
+    rows = [row for row in read_table(DATA / "effects.csv") if row["study"] == study]
     for row in rows:
         start, end, name = float(row["from"]), float(row["to"]), row["quantity"]
         spread = np.hypot(float(row["from_sd"]), float(row["to_sd"])) / start

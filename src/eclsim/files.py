@@ -1,4 +1,4 @@
-"""Writing of files: complete or not at all; finite JSON, NetCDF, guarded CSV and file names made from ids."""
+"""Files: written completely or not at all; finite JSON, NetCDF, guarded CSV; file names made from ids."""
 
 from __future__ import annotations
 
@@ -162,6 +162,12 @@ def guarded(cell: _Cell) -> _Cell | str:
 def unguarded(text: str) -> str:
     """Remove the apostrophe that `guarded` put before a text."""
     return text[1:] if text[:1] == "'" and text[1:].startswith(_FORMULA_STARTS) else text
+
+
+def read_table(path: Path) -> list[dict[str, str]]:
+    """Rows of a table of constants that is part of the program."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def csv_text(head: Sequence[str], rows: Iterable[Iterable[object]], digits: int | None = 8) -> str:

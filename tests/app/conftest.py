@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
 import time
+import urllib.parse
 import urllib.request
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -70,6 +72,36 @@ def stop(served: Served) -> None:
     served.process.stderr.close()  # type: ignore[union-attr]
 
 
+class Restartable:
+    """A server that tests stop and kill, and start again at the same address."""
+
+    def __init__(self, start: Callable[..., Served], *options: str):
+        self.start, self.options = start, options
+        self.served = start(*options)
+
+    @property
+    def url(self) -> str:
+        return self.served.url
+
+    @property
+    def process(self) -> subprocess.Popen[bytes]:
+        return self.served.process
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(60)
+
+    def start_again(self) -> None:
+        self.served = self.start(*self.options, port=urllib.parse.urlsplit(self.url).port)
+
+    def be_there(self) -> None:
+        """For the next test, whatever the last one did to it."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGCONT)
+        else:
+            self.start_again()
+
+
 def _starting() -> Iterator[Callable[..., Served]]:
     """Starts servers for single tests, and stops them at the end."""
     started: list[Served] = []
@@ -85,6 +117,19 @@ def _starting() -> Iterator[Callable[..., Served]]:
 
 serving = pytest.fixture(_starting, name="serving")
 serving_throughout = pytest.fixture(_starting, scope="module", name="serving_throughout")
+
+
+@pytest.fixture(scope="module")
+def own_server(serving_throughout) -> Restartable:
+    return Restartable(serving_throughout)
+
+
+@pytest.fixture(scope="module")
+def with_password(serving_throughout, tmp_path_factory) -> Restartable:
+    secret = tmp_path_factory.mktemp("secret") / "password.txt"
+    secret.write_text("correct horse battery\n")
+    secret.chmod(0o600)
+    return Restartable(serving_throughout, "--password-file", str(secret))
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import urllib.parse
 
 import pytest
 
@@ -17,14 +16,14 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one serve
 
 
 @pytest.fixture
-def alone(browser, serving):
-    """A page of a server of its own."""
-    served = serving()
+def alone(browser, own_server):
+    """A page of a server that others do not use."""
+    own_server.be_there()
     page = browser.new_page(viewport=LAPTOP, reduced_motion="reduce")
     page.set_default_timeout(60_000)
-    page.goto(served.url)
+    page.goto(own_server.url)
     page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
-    yield page, served
+    yield page, own_server
     page.close()
 
 
@@ -41,12 +40,12 @@ def p01(folder):
     return path
 
 
-def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, serving, tmp_path, shots):
-    page, served = alone
+def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, tmp_path, shots):
+    page, server = alone
     open_file(page, p01(tmp_path))
     wait_for(page, "'Pcrrttuin' in beat.waves")
     expect(knob(page, "ecmo.speed_rpm")).to_have_value("3425")
-    served.process.send_signal(signal.SIGSTOP)  # a connection that hangs
+    server.process.send_signal(signal.SIGSTOP)  # a connection that hangs
     turn(page, "ecmo.speed_rpm", "4444")
     page.wait_for_timeout(1500)
     expect(page.locator(".ecl-page.ecl-stale")).to_have_count(1)  # long before it is said that nobody answers
@@ -58,7 +57,7 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     expect(page.locator(".ecl-page.ecl-stale")).to_have_count(1)
     picture(page, shots, "silent")
     expect(page.locator(".ecl-header .q-btn").first).to_have_js_property("inert", True)
-    served.process.send_signal(signal.SIGCONT)
+    server.process.send_signal(signal.SIGCONT)
     expect(knob(page, "ecmo.speed_rpm")).to_be_enabled()
     expect(page.get_by_text(text("taken_back"))).to_be_visible()
     page.wait_for_timeout(1000)
@@ -79,14 +78,13 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     show(page, "identify")
     page.locator("#form-measurements-MAP").fill("77")
     page.wait_for_function("eclsim.bus.last('keep')?.of === eclsim.bus.last('state').of")
-    served.process.kill()
-    served.process.wait(60)
+    server.kill()
     status(page).to_have_text(text("offline", what="P01, changed"))
     status(page).to_have_class(re.compile(r"\bbad\b"))
     expect(knob(page, "patient.heart_rate_bpm")).to_be_disabled()
     picture(page, shots, "offline")
 
-    serving(port=urllib.parse.urlsplit(served.url).port)
+    server.start_again()
     page.get_by_text("Restored from this tab: P01, changed").wait_for(timeout=150_000)
     page.wait_for_function(
         "eclsim.bus.last('saved')?.length === 1 && eclsim.bus.last('pinned')", timeout=150_000
@@ -103,9 +101,9 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     wait_for(page, "beat.values['ecmo.speed_rpm'] === 3425")
 
 
-def test_a_timeline_goes_on_after_a_restart_and_says_so(alone, serving):
+def test_a_timeline_goes_on_after_a_restart_and_says_so(alone):
     """It was closed without a word, and the page showed 00:00."""
-    page, served = alone
+    page, server = alone
     page.get_by_role("button", name=text("timeline_open")).click()
     page.locator(".ecl-timeline .new select").select_option("bleed_ml")
     page.locator(".ecl-timeline .new button").click()
@@ -117,10 +115,9 @@ def test_a_timeline_goes_on_after_a_restart_and_says_so(alone, serving):
     page.get_by_label(text("timeline_record")).check()
     page.wait_for_function("eclsim.bus.last('keep')?.of === eclsim.bus.last('state').of")
     mean = beat(page)["outputs"]["MAP"]
-    served.process.kill()
-    served.process.wait(60)
+    server.kill()
     status(page).to_contain_text("Not connected")
-    serving(port=urllib.parse.urlsplit(served.url).port)
+    server.start_again()
     expect(page.locator(".ecl-timeline [role=status]").nth(1)).to_have_text(
         text("timeline_again", time="00:30"), timeout=150_000
     )
@@ -175,20 +172,20 @@ def test_what_is_not_yet_of_the_knobs_says_so_in_words(open_page):
 
 def test_a_server_that_hangs_while_it_computes_is_said_to_hang(alone):
     """It had taken the turn, so that nothing waited for an answer: "Computing" stood for good."""
-    page, served = alone
+    page, server = alone
     page.evaluate(BEHIND)
     status(page).to_have_text(text("computing"))
     page.wait_for_timeout(7000)
     status(page).to_have_text(text("computing"))  # it is there, and slow
-    served.process.send_signal(signal.SIGSTOP)
+    server.process.send_signal(signal.SIGSTOP)
     status(page).to_have_text(text("silent", what="Healthy adult"))
     expect(knob(page, "patient.heart_rate_bpm")).to_be_disabled()
-    served.process.send_signal(signal.SIGCONT)
+    server.process.send_signal(signal.SIGCONT)
     expect(knob(page, "patient.heart_rate_bpm")).to_be_enabled()
     page.evaluate("eclsim.bus.publish('fit_progress', { share: 0.1, seconds: 1, text: 'fitting' })")
-    served.process.send_signal(signal.SIGSTOP)
+    server.process.send_signal(signal.SIGSTOP)
     status(page).to_have_class(re.compile(r"\bbad\b"))
-    served.process.send_signal(signal.SIGCONT)
+    server.process.send_signal(signal.SIGCONT)
 
 
 @pytest.mark.parametrize("view", ["ramp", "schemes"])
@@ -218,39 +215,51 @@ def test_a_fit_that_is_lost_with_its_page_is_called_lost(open_page):
     expect(page.locator("#form-measurements-MAP")).to_have_value("77")
 
 
-def test_a_page_whose_sign_in_ended_says_how_to_go_on(browser, serving, tmp_path):
+PASSWORD = "correct horse battery"
+
+
+def sign_in(page):
+    page.get_by_label("Password").fill(PASSWORD)
+    page.keyboard.press("Enter")
+    page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
+
+
+def test_with_a_password(browser, with_password):
+    page = browser.new_page()
+    assert page.request.get(with_password.url + "/_nicegui/anything").status == 401
+    page.goto(with_password.url)
+    page.get_by_label("Password").fill("wrong password")
+    page.get_by_role("button").click()
+    page.get_by_role("alert").wait_for()
+    sign_in(page)
+    (cookie,) = page.context.cookies()
+    assert cookie["httpOnly"]
+    page.close()
+
+
+def test_a_page_whose_sign_in_ended_says_how_to_go_on(browser, with_password):
     """It said "Not connected" for good."""
-    secret = tmp_path / "password.txt"
-    secret.write_text("a long password\n")
-    secret.chmod(0o600)
-    served = serving("--password-file", str(secret))
     page = browser.new_page(viewport=LAPTOP, reduced_motion="reduce")
     page.set_default_timeout(60_000)
-
-    def sign_in():
-        page.locator("input[type=password]").fill("a long password")
-        page.keyboard.press("Enter")
-        page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
-
-    page.goto(served.url)
-    sign_in()
+    page.goto(with_password.url)
+    sign_in(page)
     turn(page, "patient.heart_rate_bpm", "99")
     wait_for(page, "Math.abs(beat.period - 60 / 99) < 1e-3")
     page.wait_for_function("eclsim.bus.last('keep')?.of === eclsim.bus.last('state').of")
-    served.process.kill()
-    served.process.wait(60)
+    with_password.kill()
     status(page).to_have_text(text("offline", what="Healthy adult, changed"))
-    serving("--password-file", str(secret), port=urllib.parse.urlsplit(served.url).port)
+    with_password.start_again()
     status(page).to_have_text(text("signed_out", what="Healthy adult, changed"))
     page.reload()
-    sign_in()
+    sign_in(page)
     expect(knob(page, "patient.heart_rate_bpm")).to_have_value("99")
     page.close()
 
 
-def test_charts_that_could_not_be_loaded_once_come_with_the_next_beat(browser, alone):
-    page, served = alone
-    names = page.evaluate("JSON.parse(document.querySelector('script[type=importmap]').textContent).imports")
+def test_charts_that_could_not_be_loaded_once_come_with_the_next_beat(browser, open_page, served):
+    names = open_page("healthy").evaluate(
+        "JSON.parse(document.querySelector('script[type=importmap]').textContent).imports"
+    )
     refused = []
 
     def once(route) -> None:

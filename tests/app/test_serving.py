@@ -60,26 +60,6 @@ def test_behind_a_proxy_with_a_root_path(browser, serving):
     page.close()
 
 
-def test_with_a_password(browser, serving, tmp_path):
-    file = tmp_path / "password"
-    file.write_text("correct horse battery\n")
-    file.chmod(0o600)
-    served = serving("--password-file", str(file))
-    assert status(served.url + "/_nicegui/anything") == 401
-    context = browser.new_context()
-    page = context.new_page()
-    page.goto(served.url)
-    page.get_by_label("Password").fill("wrong password")
-    page.get_by_role("button").click()
-    page.get_by_role("alert").wait_for()
-    page.get_by_label("Password").fill("correct horse battery")
-    page.get_by_role("button").click()
-    page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
-    (cookie,) = context.cookies()
-    assert cookie["httpOnly"]
-    context.close()
-
-
 def test_another_address_needs_a_password(tmp_path):
     from typer.testing import CliRunner
 

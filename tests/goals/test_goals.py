@@ -324,8 +324,6 @@ def test_a_goal_of_flow_leaves_the_sweep_alone_and_alarms_are_in_the_first_words
     slow = reach(VENO_VENOUS, "PF < 3")
     assert slow.goals[0].value > -1e-4
     assert "SaO2" in slow.message.partition("beyond alarm limits")[0]
-    both = reach(VENO_VENOUS, "SaO2 > 90, PaCO2 35..45")
-    assert [one.name for one in both.settings] == ["ecmo.speed_rpm", "ecmo.sweep_l_min"]
 
 
 def test_bounds_of_settings_lie_in_the_allowed_range():
@@ -360,9 +358,8 @@ def test_a_patient_is_not_hyperventilated_to_spare_pump_speed(tmp_path, capsys):
     assert asked.values[0] < found.values[0]
     assert [kept.goal.output for kept in asked.kept] == ["pHa"]
     out = tmp_path / "settings.json"
-    assert run_command("settings", VENO_VENOUS, "--goal", "SaO2 > 92") == 0
-    assert re.search(r"PaCO2 30\.\.60 \(by default\) +30 +mmHg +yes +yes", capsys.readouterr().out)
     assert run_command("settings", VENO_VENOUS, "--goal", "SaO2 > 92", "--json", out) == 0
+    assert re.search(r"PaCO2 30\.\.60 \(by default\) +30 +mmHg +yes +yes", capsys.readouterr().out)
     first = json.loads(out.read_text())["kept"][0]
     assert (first["output"], first["low"], first["high"]) == ("PaCO2", 30.0, 60.0)
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from eclsim.devices.description import GRAVEST_FIRST, Limit
 from eclsim.devices.registry import cached_by_devices, devices, named_output
+from eclsim.files import read_table
 from eclsim.outputs.registry import listed_as
 from eclsim.patient.anthropometry import AGE, SIZE, body_surface, delivery_limits, greatest_heart_rate
 
@@ -23,185 +26,31 @@ _GREATEST_RATE_SPREAD = 10.0
 """Standard deviation of the greatest heart rate of one age [bpm] (9 and 11, Christou and Seals 2008)."""
 HEART_RATE, SAME_RATE = "heart_rate_bpm", 1e-6
 """The patient's own heart rate, and relative change up to which it counts as unchanged."""
-
-
-_SSC = "target in shock, Surviving Sepsis Campaign 2021"
-_WALSH = "Walsh et al. 2013: kidney and heart injury after minutes"
-_ESC = "ESC/ESH 2018"
-_ELSO_CARDIAC = "ELSO 2021, adult cardiac patients"
-_ELSO = "ELSO 2021, adults with respiratory failure"
-_HYPOXIA = "organs get blood with too little oxygen"
-_HYPERCAPNIA = "hypercapnia: raise the ventilation, with ECMO the sweep"
-_FORRESTER = "Forrester et al. 1976"
-_ACIDOSIS = "acidaemia: heart and vessels answer less to drugs; treat its cause"
-_ALKALOSIS = "alkalaemia: less ventilation, sweep or bicarbonate"
-_CONVENTION = "a convention of this project"
 _RANUCCI = "280 mL/min/m2 (Ranucci et al. 2005)"
 _RONCO = "4.5 mL/min/kg (Ronco et al. 1993)"
-_HIGH_VENOUS = "congestion of liver and kidneys"
-_CONGESTION = "congestion of the lungs"
 _TOO_FAST = "faster than a sinus node of this age: the curves of reflex and drugs have no upper limit"
-_VENOUS = (
-    "right_atrial_pressure", "venous_pressure", "superior_caval_pressure", "inferior_caval_pressure",
-)  # fmt: skip
-_FILLINGS = ("caval_filling", "superior_caval_filling", "inferior_caval_filling")
-_SUCTION = "the vein collapses where it is drained (suction): lower the speed or give blood"
 
 
-def _each(names: Iterable[str], *limits: Limit) -> tuple[Limit, ...]:
-    """The same limits, given without a quantity, for each of several outputs."""
-    return tuple(replace(limit, quantity=name) for name in names for limit in limits)
+def _limit(row: Mapping[str, Any]) -> Limit:
+    return Limit(
+        row["quantity"], row["kind"], row["side"], float(row["value"]), row["meaning"], row["source"],
+        row["unassisted"] == "yes", tuple(row["without"].split()),
+    )  # fmt: skip
 
 
-_PATIENT = (
-    Limit("MAP", "alarm", "below", 55.0, "organs are not perfused", _WALSH),
-    Limit("MAP", "warning", "below", 65.0, "organs may not be perfused enough", _SSC),
-    Limit("MAP", "warning", "above", 107.0, "hypertension (140/90 mmHg)", _ESC),
-    Limit("MAP", "alarm", "above", 133.0, "severe hypertension (180/110 mmHg)", _ESC),
-    Limit(
-        "pulse_pressure", "warning", "below", 10.0, "the left ventricle hardly ejects",
-        "usual minimum on veno-arterial support", unassisted=True,
-    ),
-    *_each(
-        _VENOUS,
-        Limit("", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
-        Limit("", "alarm", "above", 20.0, _HIGH_VENOUS, _CONVENTION),
-    ),
-    *_each(
-        _FILLINGS,
-        Limit("", "warning", "below", 40.0, "the vein buckles: suction is near", _CONVENTION),
-        Limit("", "alarm", "below", 20.0, _SUCTION, _CONVENTION),
-    ),
-    Limit("MPAP", "warning", "above", 20.0, "pulmonary hypertension", "ESC/ERS 2022"),
-    Limit("MPAP", "alarm", "above", 40.0, "severe pulmonary hypertension", _CONVENTION),
-    *_each(
-        ("PCWP", "left_atrial_pressure"),
-        Limit("", "warning", "above", 18.0, _CONGESTION, _FORRESTER),
-        Limit("", "alarm", "above", 25.0, "oedema of the lungs", "McHugh et al. 1972"),
-    ),
-    Limit(
-        "end_diastolic_pressure_lv", "warning", "above", 16.0, "raised filling of the left ventricle",
-        "ESC 2016",
-    ),
-    *_each(
-        ("SaO2", "SaO2_lower"),
-        Limit("", "warning", "below", 88.0, _HYPOXIA, _ELSO),
-        Limit("", "alarm", "below", 80.0, _HYPOXIA, _ELSO),
-    ),
-    *_each(
-        ("PaO2", "PaO2_lower"),
-        Limit("", "warning", "above", 300.0, "hyperoxia: lower FiO2, with ECMO FdO2", _ELSO_CARDIAC),
-    ),
-    *_each(
-        ("PaCO2", "PaCO2_lower"),
-        Limit("", "warning", "above", 60.0, _HYPERCAPNIA, _CONVENTION),
-        Limit("", "alarm", "above", 80.0, f"severe {_HYPERCAPNIA}", _CONVENTION),
-    ),
-    Limit(
-        "PaCO2", "warning", "below", 30.0,
-        "the brain's vessels constrict: lower the ventilation, with ECMO the sweep", _CONVENTION,
-    ),
-    Limit("pHa", "warning", "below", 7.2, _ACIDOSIS, _CONVENTION),
-    Limit("pHa", "alarm", "below", 7.0, _ACIDOSIS, _CONVENTION),
-    Limit("pHa", "warning", "above", 7.55, _ALKALOSIS, _CONVENTION),
-    Limit("pHa", "alarm", "above", 7.65, _ALKALOSIS, _CONVENTION),
-    Limit(
-        "DO2", "warning", "below", 500.0, "oxygen delivery is low: raise flow or haemoglobin",
-        f"{_RANUCCI}, for a patient of 1.8 m2",
-    ),
-    Limit(
-        "DO2", "alarm", "below", 300.0, "oxygen delivery is critical: raise flow or haemoglobin",
-        f"{_RONCO}, for a patient of 67 kg",
-    ),
-    Limit("O2ER", "warning", "above", 0.5, "most of the delivered oxygen is extracted", _CONVENTION),
-    Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery",
-          _CONVENTION),
-)  # fmt: skip
-
-_REGULATED = (
-    Limit(
-        "reflex_use", "warning", "above", 90.0,
-        "the baroreflex saturates: a further fall of pressure is hardly answered", _CONVENTION,
-    ),
-    Limit(
-        "reflex_use", "warning", "below", -90.0,
-        "the baroreflex saturates: a further rise of pressure is hardly answered", _CONVENTION,
-    ),
-    Limit("heart_rate", "warning", "above", 150.0, "tachycardia: the heart has little time to fill",
-          _CONVENTION),
-    Limit(
-        "heart_rate", "alarm", "above", 180.0,
-        "faster than the sinus node of an adult in shock: the curves of reflex and drugs have no upper limit",
-        _CONVENTION,
-    ),
-)  # fmt: skip
-
-_UKKA = "UK Kidney Association 2023"
-_AT_40 = "a convention of this project: pH 7.2, 7.0, 7.55 and 7.65 at a PCO2 of 40 mmHg"
-_HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
-_BURNS = "a study of 14 patients with burns, abstract"
-_NO_PLASMA = (
-    "outside the range in which a case may start: oncotic pressure and plasma refill are extrapolated"
-)
-COURSE_LIMITS = (
-    Limit("potassium", "warning", "above", 6.0, _HYPERKALAEMIA, _UKKA),
-    Limit("potassium", "alarm", "above", 6.5, _HYPERKALAEMIA, _UKKA),
-    Limit("potassium", "warning", "below", 3.0, _HYPOKALAEMIA, _CONVENTION),
-    Limit("potassium", "alarm", "below", 2.5, _HYPOKALAEMIA, _CONVENTION),
-    Limit("bicarbonate", "warning", "below", 15.0, _ACIDOSIS, _AT_40),
-    Limit("bicarbonate", "alarm", "below", 10.0, _ACIDOSIS, _AT_40),
-    Limit("bicarbonate", "warning", "above", 34.0, _ALKALOSIS, _AT_40),
-    Limit("bicarbonate", "alarm", "above", 43.0, _ALKALOSIS, _AT_40),
-    Limit("haematocrit", "warning", "below", 0.21, "haemoglobin 7 g/dL: usual threshold of transfusion",
-          _CONVENTION),
-    Limit(
-        "haematocrit", "alarm", "below", 0.15,
-        "haemoglobin 5 g/dL: without transfusion a third of patients died at 4.1 to 5 g/dL, and each g/dL "
-        "less multiplies the odds of death by 2.5", "Carson et al. 2002",
-    ),
-    Limit("haematocrit", "warning", "above", 0.55, "blood thickens: resistances rise steeply", _CONVENTION),
-    Limit(
-        "haematocrit", "alarm", "above", 0.65,
-        "haemoglobin 22 g/dL, as in the worst capillary leak: give fluid, stop removing it",
-        "Pineton de Chambrun et al. 2017: upper quartile of 59 attacks",
-    ),
-    Limit(
-        "plasma_protein", "warning", "below", 3.7,
-        "oncotic pressure below 10.5 mmHg: none of 21 patients in shock survived it",
-        "a study of 99 patients, Crit Care Med 1975; 3:115",
-    ),
-    Limit(
-        "plasma_protein", "alarm", "below", 2.3,
-        f"oncotic pressure below 6 mmHg, the lowest measured after burns; {_NO_PLASMA}", _BURNS,
-    ),
-    Limit("plasma_protein", "warning", "above", 10.0, _NO_PLASMA, _CONVENTION),
-    Limit(
-        "plasma_protein", "alarm", "above", 12.0,
-        "not known from removal of fluid, only with abnormal proteins; give fluid, stop removing it",
-        _CONVENTION,
-    ),
-)  # fmt: skip
+_TABLE = {
+    part: tuple(map(_limit, rows))
+    for part, rows in groupby(read_table(Path(__file__).with_suffix(".csv")), key=lambda row: row["part"])
+}
+_IMPOSSIBLE, _REGULATED = _TABLE["impossible"], _TABLE["regulated"]
+_OF_PATIENT = (*_IMPOSSIBLE, *_TABLE["patient"], *_REGULATED)
+COURSE_LIMITS = _TABLE["course"]
 """Limits of quantities that exist only in courses and are no outputs of a beat."""
 
-_NO_CHAMBER = "at 0 % nothing is ejected; beyond 0 and 100 % the volume is negative"
-_IMPOSSIBLE = (
-    *_each(
-        ("ejection_fraction_lv", "ejection_fraction_rv"),
-        Limit("", "collapse", "below", 0.0, _NO_CHAMBER, "arithmetic"),
-        Limit("", "collapse", "above", 100.0, _NO_CHAMBER, "arithmetic"),
-    ),
-    *_each(
-        _VENOUS,
-        Limit("", "alarm", "below", 0.0, "the great veins collapse: the pump would not reach this flow",
-              "pressure of the surroundings", without=_FILLINGS),
-    ),
-)  # fmt: skip
-_OF_PATIENT = (*_IMPOSSIBLE, *_PATIENT, *_REGULATED)
-
 _EQUIVALENT_OUTPUTS = (
-    _VENOUS,
+    ("right_atrial_pressure", "venous_pressure", "superior_caval_pressure", "inferior_caval_pressure"),
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
-    _FILLINGS,
+    ("caval_filling", "superior_caval_filling", "inferior_caval_filling"),
     ("SaO2", "SaO2_lower"),
     ("PaO2", "PaO2_lower"),
     ("PaCO2", "PaCO2_lower"),

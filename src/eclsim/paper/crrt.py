@@ -30,7 +30,6 @@ from eclsim.paper.printed import (
     LOW,
     NEAR_ZERO,
     PARAMETER_TABLES,
-    SECTION_3_3,
     TEXT,
     FlowAtLimit,
     OfScheme,
@@ -100,7 +99,7 @@ def search_unprinted_values() -> UnprintedValues:
     from scipy.optimize import minimize
 
     case = paper_case()
-    printed = [p for p in SECTION_3_3 if not p.remark]
+    printed = [p for p in TEXT if isinstance(p.what, OverSchemes) and not p.remark]
     computed = _on_grid(case, printed)
     surfaces = RegularGridInterpolator((RATES_BPM, VOLUMES_ML), computed, method="cubic")
     target = np.array([p.value for p in printed])
@@ -248,10 +247,9 @@ def table_rows() -> list[Row]:
     used = {key: parameter.value for key, parameter in known.items()}
     patient = resolve_parameters(paper_case())
     return [
-        printed_number(f"Table {table}", name, known[name].unit, value,
+        printed_number(f"Table {table}", name, known[name].unit, float(value),
                        (patient if table == "S-4" else used)[name], decimals=6, tolerance=0.0)
-        for table, printed in PARAMETER_TABLES.items()
-        for name, value in printed.items()
+        for table, name, value in (row.values() for row in PARAMETER_TABLES)
     ]  # fmt: skip
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
+from eclsim.files import read_table
 from eclsim.units import quantity_of
 
 DEFAULT_LOG_RANGE = math.log(100.0)
@@ -83,3 +86,26 @@ class Parameter:
     def accepts(self, value: float) -> bool:
         """Whether a value lies in the allowed range (NaN does not)."""
         return self.minimum <= value <= self.maximum
+
+
+def read_parameters(module: str) -> MappingProxyType[str, Parameter]:
+    """Parameters of the table beside a module, by key.
+
+    The columns are the attributes of a parameter; those of its bounds are start, lower and upper. Tables
+    leave out columns, and rows cells, of what their parameters have not.
+
+    Args:
+        module: file of the module (`__file__`).
+    """
+    table = Path(module).with_suffix(".csv")
+    return MappingProxyType({row["key"]: _parameter(row) for row in read_table(table)})
+
+
+def _parameter(row: dict[str, str]) -> Parameter:
+    bounds = Bounds(*(float(row[end]) for end in Bounds._fields)) if row.get("start") else None
+    half_width = float(row["half_width"]) if row.get("half_width") else None
+    return Parameter(
+        row["key"], float(row["value"]), row["unit"], row["description"], row["source"],
+        float(row["minimum"]), float(row["maximum"]), row["group"], bounds, half_width,
+        row.get("clipped") == "yes",
+    )  # fmt: skip

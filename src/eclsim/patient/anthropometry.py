@@ -7,7 +7,10 @@ index and weight that the same code uses.
 
 from __future__ import annotations
 
-from typing import Literal
+from pathlib import Path
+from typing import Literal, get_args
+
+from eclsim.files import read_table
 
 Sex = Literal["female", "male"]
 SIZE: tuple[str, str] = ("patient.height_cm", "patient.weight_kg")
@@ -15,39 +18,8 @@ SIZE: tuple[str, str] = ("patient.height_cm", "patient.weight_kg")
 AGE = "patient.age_years"
 """Name of the patient's age among the values of a case, if reflexes or drugs change the heart rate."""
 
-# age from, age to [years], height [cm], weight [kg]
-_MEAN_HEIGHT_WEIGHT: dict[str, tuple[tuple[float, float, float, float], ...]] = {
-    "female": (
-        (18, 20, 167.6, 62.6),
-        (20, 25, 167.5, 64.1),
-        (25, 30, 167.3, 66.0),
-        (30, 35, 167.2, 68.2),
-        (35, 40, 167.3, 68.3),
-        (40, 45, 167.5, 69.3),
-        (45, 50, 167.1, 70.9),
-        (50, 55, 167.1, 71.0),
-        (55, 60, 166.9, 71.5),
-        (60, 65, 165.4, 71.2),
-        (65, 70, 164.5, 70.9),
-        (70, 75, 163.9, 71.0),
-        (75, 100, 162.6, 67.9),
-    ),
-    "male": (
-        (18, 20, 181.7, 77.9),
-        (20, 25, 181.4, 80.5),
-        (25, 30, 180.4, 83.3),
-        (30, 35, 180.4, 85.6),
-        (35, 40, 180.2, 86.7),
-        (40, 45, 180.2, 88.1),
-        (45, 50, 180.2, 89.8),
-        (50, 55, 179.9, 89.0),
-        (55, 60, 179.4, 88.8),
-        (60, 65, 178.4, 87.9),
-        (65, 70, 177.4, 86.7),
-        (70, 75, 176.0, 85.3),
-        (75, 100, 174.6, 81.0),
-    ),
-}
+_MEAN_HEIGHT_WEIGHT = read_table(Path(__file__).with_suffix(".csv"))
+"""Height [cm] and weight [kg] by sex and range of age [years]."""
 
 MINIMUM_AGE_YEARS = 18.0
 MAXIMUM_AGE_YEARS = 100.0
@@ -59,11 +31,13 @@ def mean_height_weight(sex: Sex, age_years: float) -> tuple[float, float]:
     Raises:
         ValueError: For a sex other than female or male, or an age outside 18 to 100 years.
     """
-    if sex not in _MEAN_HEIGHT_WEIGHT:
+    if sex not in get_args(Sex):
         raise ValueError(f"sex {sex!r}: allowed are female and male")
-    for age_from, age_to, height_cm, weight_kg in _MEAN_HEIGHT_WEIGHT[sex]:
-        if age_from <= age_years < age_to or age_years == age_to == MAXIMUM_AGE_YEARS:
-            return height_cm, weight_kg
+    for row in _MEAN_HEIGHT_WEIGHT:
+        age_to = float(row["age_to"])
+        within = float(row["age_from"]) <= age_years < age_to or age_years == age_to == MAXIMUM_AGE_YEARS
+        if row["sex"] == sex and within:
+            return float(row["height_cm"]), float(row["weight_kg"])
     raise ValueError(
         f"age {age_years:g} years: the table covers {MINIMUM_AGE_YEARS:g} to {MAXIMUM_AGE_YEARS:g}"
     )

@@ -53,39 +53,13 @@ CURVES: tuple[tuple[str, object], ...] = (
     (OKABE_ITO["sky blue"], (0, (2.5, 1))),
 )
 
-_SETTINGS = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
-    "font.size": 8,
-    "axes.titlesize": 8.5,
-    "axes.titleweight": "bold",
-    "axes.labelsize": 8,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "legend.fontsize": 7.5,
-    "legend.frameon": False,
-    "legend.handlelength": 2.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "lines.linewidth": 1.3,
-    "figure.constrained_layout.w_pad": 0.06,
-    "figure.constrained_layout.h_pad": 0.06,
-    "figure.titlesize": 9.5,
-    "figure.titleweight": "bold",
-    # Text remains text in SVG: it can be searched, read aloud and edited.
-    "svg.fonttype": "none",
-    "svg.hashsalt": "eclsim",
-    "savefig.dpi": DOTS_PER_INCH,
-}
+_STYLE = Path(__file__).with_name("eclsim.mplstyle")
 
 
 @contextmanager
 def figure_style() -> Iterator[None]:
     """Apply eclsim's style while a figure is made, whatever the user's own matplotlib settings are."""
-    with matplotlib.style.context(["default", _SETTINGS]):
+    with matplotlib.style.context(["default", _STYLE]):
         yield
 
 

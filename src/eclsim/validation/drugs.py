@@ -20,13 +20,14 @@ import numpy.typing as npt
 from eclsim.cases.reading import read_mapping
 from eclsim.drugs.law import Effects, InfusedDrugs
 from eclsim.drugs.published import PUBLISHED
+from eclsim.files import read_table
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME, dose
 from eclsim.validation.matching import with_quantities
-from eclsim.validation.reference_cases import compared, read_table, sign
+from eclsim.validation.reference_cases import DATA, compared, sign
 
 SURFACE_M2 = (170.0 * 70.0 / 3600.0) ** 0.5
 """Body surface area by Mosteller's formula for 170 cm and 70 kg [m2]."""
@@ -137,7 +138,7 @@ def arms() -> tuple[Arm, ...]:
         return row["study"], row["arm"], row["doses"]
 
     result = []
-    for (study, arm, doses), rows in groupby(read_table("drugs.csv"), key):
+    for (study, arm, doses), rows in groupby(read_table(DATA / "drugs.csv"), key):
         pairs = (pair.partition("=") for pair in doses.split())
         result.append(Arm(study, arm, tuple((n, float(v)) for n, _, v in pairs), tuple(rows)))
     return tuple(result)
@@ -198,7 +199,7 @@ ADDA = "Adda 2021 (10.1186/s13054-021-03711-5), 30 patients: 0.32 to 0.26 ug/kg/
 PERSICHINI = "Persichini 2012 (10.1097/CCM.0b013e318260c6c3), 16 patients: 0.30 to 0.19 ug/kg/min"
 LEGS_ML = 300.0
 """Blood mobilised by raising the legs [mL]; the row does not depend on it."""
-ALL, WITHOUT_VESSELS = Effects(1.0, 1.0, 1.0, 1.0, 1.0), Effects(1.0, 0.0, 0.0, 1.0, 0.0)
+ALL = Effects(1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 class Experiment(NamedTuple):
@@ -229,76 +230,16 @@ class Experiment(NamedTuple):
         return replace(patient, circuit=replace(patient.circuit, controllers=(acting,)))
 
 
-HALF_DOSE = Experiment(
-    "doses of the fit study, or boluses of this one, were taken as an infusion; with half of it the row "
-    "holds",
-    undecided=True, sensitivity=0.5,
-)  # fmt: skip
-FASTER = Experiment(
-    "dobutamine hardly raised the heart rate in its fit studies; with three times this effect the row holds",
-    acting=ALL._replace(heart_rate=3.0),
-)  # fmt: skip
-HALF_RESISTANCE = ALL._replace(systemic_resistance=0.5)
-HALF_VESSELS = Experiment(
-    "these patients, after cardiac surgery, constrict less than Landry's septic ones; with half of it the "
-    "row holds",
-    acting=HALF_RESISTANCE,
-)  # fmt: skip
-GOOD_HEARTS = (
-    "dobutamine was fitted to failing hearts with constricted vessels; in these patients the row holds "
-)
-HEALTHY = "healthy men respond to less: their own outputs have a half dose of 0.026, the fit study's 0.085"
-NO_VESSELS = "without its effect on vessels"
-SEPTIC = "adrenaline was fitted to patients whose vessels it dilates; in sepsis the row holds "
-REASONS: dict[str, tuple[Experiment, ...]] = {
-    "Monrad 1986 milrinone": (HALF_DOSE,),
-    "Lowes 2001 milrinone": (
-        HALF_DOSE,
-        Experiment("on carvedilol milrinone dilates less; with half of it the row holds",
-                   acting=HALF_RESISTANCE),
-    ),
-    "Lowes 2001 dobutamine": (
-        Experiment("carvedilol blocks the receptors by which it dilates; without its effect on vessels the "
-                   "row holds", acting=WITHOUT_VESSELS),
-        FASTER,
-    ),
-    "Additive effects of milrinone and dobutamine dobutamine": (FASTER,),
-    "Additive effects of milrinone and dobutamine milrinone": (HALF_DOSE,),
-    "Additive effects of milrinone and dobutamine both": (FASTER,),
-    "Coronary surgery 1979 dobutamine": (
-        Experiment(f"{GOOD_HEARTS}{NO_VESSELS}", acting=WITHOUT_VESSELS),
-        Experiment(f"{GOOD_HEARTS}{NO_VESSELS} and with three times that on contractility",
-                   acting=WITHOUT_VESSELS._replace(contractility=3.0)),
-        Experiment(f"{GOOD_HEARTS}{NO_VESSELS}, with three times that on contractility and four times that "
-                   "on the heart rate", acting=WITHOUT_VESSELS._replace(contractility=3.0, heart_rate=4.0)),
-    ),
-    "Butterworth 1992 dobutamine": (FASTER,),
-    "Butterworth 1992 adrenaline": (
-        Experiment("patients after surgery respond less; with half of the dose the row holds",
-                   sensitivity=0.5),
-    ),
-    "Stratton 1985 adrenaline": (
-        Experiment(HEALTHY, sensitivity=0.085 / 0.026),
-        Experiment(f"{HEALTHY}; with that and twice the effect on resistance the row holds",
-                   sensitivity=0.085 / 0.026, acting=ALL._replace(systemic_resistance=2.0)),
-    ),
-    "Moran 1993 adrenaline": (
-        Experiment(f"{SEPTIC}{NO_VESSELS}", acting=WITHOUT_VESSELS),
-        Experiment(f"{SEPTIC}without its effect on arterioles and with half of that on contractility",
-                   acting=Effects(0.5, 0.0, 0.0, 1.0, 1.0)),
-    ),
-    "Argenziano 1997 vasopressin": (HALF_VESSELS,),
-    "Morales 2000 vasopressin": (HALF_VESSELS,),
-    "Med Klin 2006 levosimendan": (
-        Experiment("changes of heart rate differ between studies; with none the row holds",
-                   acting=ALL._replace(heart_rate=0.0)),
-    ),
-    "PMID 19353405 levosimendan": (
-        Experiment("these are the half with a high resistance; with half of the dose the row holds",
-                   sensitivity=0.5),
-    ),
-}  # fmt: skip
-"""Experiments on the patients of a study's arm."""
+def _experiment(row: Mapping[str, str]) -> Experiment:
+    acting = Effects(*(float(row[name]) for name in Effects._fields))
+    return Experiment(row["words"], row["undecided"] == "yes", float(row["sensitivity"]), acting)
+
+
+REASONS = {
+    arm: tuple(map(_experiment, rows))
+    for arm, rows in groupby(read_table(DATA / "drug_experiments.csv"), lambda row: row["arm"])
+}
+"""Experiments on the patients of a study's arm, by study and treatment."""
 
 
 def drugs_check() -> Check:

@@ -20,13 +20,14 @@ from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import FLOWMETER_TO_STPD, TEMPERATURE, Tissue, stpd_of_btps
 from eclsim.devices.ecmo import ECMO, OXYGENATORS
 from eclsim.devices.registry import find_parameter
+from eclsim.files import read_table
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
 from eclsim.validation import recirculation
 from eclsim.validation.dialysis import respiratory_dialysis
 from eclsim.validation.gas_bench import ADULT, Pass, VenoVenous, single_pass, veno_venous
-from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table, root
+from eclsim.validation.reference_cases import DATA, PROTOCOLS, compared, root
 
 BENCH_INLET = 0.60
 """Inlet saturation that reproduces both the PO2 and the oxygen transfer of Khadka's abstract."""
@@ -63,7 +64,7 @@ def gas_check() -> Check:
     """Compare all rows of the table `gas.csv`."""
     numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions(), **recirculation.numbers()}
     reasons = _reasons(numbers) | recirculation.reasons(numbers)
-    rows = (_row(entry, numbers, reasons) for entry in read_table("gas.csv"))
+    rows = (_row(entry, numbers, reasons) for entry in read_table(DATA / "gas.csv"))
     dialysis = (replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
     return compared("gas", (*rows, *dialysis))
 

@@ -15,6 +15,7 @@ import xarray as xr
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.devices import lvad
 from eclsim.devices.ecmo import CANNULAE, ECMO, PUMPS, RollerPump
+from eclsim.files import read_table
 from eclsim.orbit.model import AS_PUBLISHED, model_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
@@ -22,9 +23,9 @@ from eclsim.paper.comparison import Check, Row, within
 from eclsim.paper.crrt import compute, paper_case, with_blood_volume
 from eclsim.paper.printed import AT_CASE, HIGH, LOW, QUANTITIES, TEXT, OfScheme, OverSchemes, Printed
 from eclsim.validation.reference_cases import (
+    DATA,
     PROTOCOLS,
     compared,
-    read_table,
     reference_case,
     reference_result,
     sign,
@@ -85,7 +86,7 @@ cannula of another manufacturer within 30 %, the difference between manufacturer
 
 def devices_check() -> Check:
     """Compare pump heads and cannula flows with bench data."""
-    rows = tuple(_bench_row(row) for row in read_table("devices.csv"))
+    rows = tuple(_bench_row(row) for row in read_table(DATA / "devices.csv"))
     heads = [row for row in rows if row.name.startswith("HM3")]
     error = math.sqrt(sum(row.difference**2 for row in heads) / len(heads))
     spread = f"HeartMate 3: root mean square difference over {len(heads)} points {error:.1f} mmHg"
@@ -127,7 +128,7 @@ DERIVED: dict[str, Callable[[xr.Dataset], float]] = {
 
 def healthy_check() -> Check:
     """Compare all reference values; a mean with standard deviation allows +- 2 standard deviations."""
-    rows = (_norm_row(row, reference_result(HEALTHY)) for row in read_table("healthy_adult.csv"))
+    rows = (_norm_row(row, reference_result(HEALTHY)) for row in read_table(DATA / "healthy_adult.csv"))
     return compared("healthy", rows)
 
 
@@ -174,7 +175,7 @@ def ecmo_rows() -> list[Row]:
     """Relative changes from low to high flow, since animals and model start from different values."""
     low, high = (_on_ecmo(flow) for flow in FLOWS_L_MIN)
     rows = []
-    for row in read_table("effects.csv"):
+    for row in read_table(DATA / "effects.csv"):
         start, end, name = float(row["from"]), float(row["to"]), row["quantity"]
         spread = math.hypot(float(row["from_sd"]), float(row["to_sd"])) / start
         expected, got = end / start - 1.0, float(high[name] / low[name] - 1.0)

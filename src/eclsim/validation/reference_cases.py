@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import tomllib
 from collections.abc import Callable, Iterable
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.files import read_table
 from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.paper.printed import AT_CASE, MEDIAN, TEXT, OfScheme, OverSchemes, Printed
 from eclsim.reporting.beat_values import beat_mean, scalar
@@ -87,12 +87,6 @@ def expected_results() -> dict[str, Any]:
     return json.loads((DATA / "expected.json").read_text(encoding="utf-8"))
 
 
-def read_table(name: str) -> list[dict[str, str]]:
-    """Rows of an embedded table."""
-    with (DATA / name).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def compared(name: str, rows: Iterable[Row]) -> Check:
     """Return a comparison that cannot fail the validation, with title, bar and remarks from `PROTOCOLS`."""
     about = PROTOCOLS["checks"][name]
@@ -156,7 +150,7 @@ def waveform_statistics(result: xr.Dataset, signal: str) -> dict[str, float]:
 @lru_cache(maxsize=1)
 def _with_published_laws() -> dict[str, tuple[float, float]]:
     """Statistics with the published code's laws, and those with eclsim's laws at that time."""
-    rows = read_table("published_laws.csv")
+    rows = read_table(DATA / "published_laws.csv")
     return {row["statistic"]: (float(row["value"]), float(row["eclsim"])) for row in rows}
 
 

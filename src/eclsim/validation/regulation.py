@@ -19,6 +19,7 @@ from eclsim.cases.reading import read_mapping
 from eclsim.circuit.network import HEART_RATE
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.lvad import LVAD
+from eclsim.files import read_table
 from eclsim.orbit.model import PATIENT_HELD, Model, model_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
@@ -32,7 +33,7 @@ from eclsim.validation.bleeding import bled
 from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.fluid import SOFT, healthy
 from eclsim.validation.matching import with_outputs
-from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table, sign
+from eclsim.validation.reference_cases import DATA, PROTOCOLS, compared, sign
 
 RIGHT_ATRIUM = "right_atrial_pressure"
 RR_GAIN, RR_GAIN_SD = 22.7, 9.5
@@ -194,7 +195,7 @@ def with_output_held(patient: Model, name: str, stronger: float = 1.0) -> Model:
 
 def ecmo_rows() -> Iterator[Row]:
     """Rows from the lowest flow to 5 L/min: signs at constant volume, signs and sizes at constant filling."""
-    table = read_table("effects.csv")
+    table = read_table(DATA / "effects.csv")
     for study in ANIMALS:
         patient = animal(study)
         low, volume_held = simulate(patient), simulate(patient.with_values({FLOW: HIGH_FLOW}))

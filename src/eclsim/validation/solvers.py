@@ -17,6 +17,7 @@ import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
 from eclsim.execution import Tasks, json_format
+from eclsim.files import read_table
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import Model
@@ -32,7 +33,6 @@ from eclsim.validation.reference_cases import (
     PROTOCOLS,
     QUICK,
     case_names,
-    read_table,
     reference_model,
     reference_result,
     waveform_statistics,
@@ -124,7 +124,7 @@ def shi_hose_check() -> Check:
     healthy adult: its mean pulmonary arterial pressure is 40 mmHg.
     """
     rows = []
-    for row in read_table("shi_hose2009.csv"):
+    for row in read_table(DATA / "shi_hose2009.csv"):
         expected, got = float(row["value"]), _shi_hose_value(row["output"])
         last_digit = 0.5 * 10.0 ** -len(row["value"].partition(".")[2])
         tolerance = max(RELATIVE * expected, last_digit)
