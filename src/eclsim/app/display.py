@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 def _figure(
     key: str, output: str, unit: str, digits: int, limits: tuple[str, ...] = (),
-    extremes: tuple[str, ...] = (), only_with: str = "",
+    extremes: tuple[str, ...] = (), unlike: str = "",
 ) -> KeyFigure:  # fmt: skip
-    return KeyFigure(key, text(f"key_{key}"), output, unit, digits, limits, extremes, only_with)
+    return KeyFigure(key, text(f"key_{key}"), output, unit, digits, limits, extremes, unlike)
 
 
 PATIENT = Views(
@@ -53,7 +53,7 @@ PATIENT = Views(
     figures=(
         _figure("MAP", "MAP", "mmHg", 0, limits=("MAP", "pulse_pressure"), extremes=("SP", "DP")),
         _figure("CO", "CO", "L/min", 2),
-        _figure("LVO", "LVO", "L/min", 2, only_with="CO"),
+        _figure("LVO", "LVO", "L/min", 2, unlike="CO"),
         _figure("MPAP", "MPAP", "mmHg", 0),
         _figure("PCWP", "PCWP", "mmHg", 0),
         _figure("CVP", "right_atrial_pressure", "mmHg", 0),

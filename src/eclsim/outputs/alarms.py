@@ -261,6 +261,11 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
     return [Finding("warning", "aortic_valve_flow", aortic, CLOSED_L_MIN, text, concerns=("LVO",))]
 
 
+def flows_differ(flow: float, lungs: float) -> bool:
+    """Whether a flow differs from that through the lungs [L/min] by more than a beat repeats to."""
+    return abs(lungs - flow) > _SMALLEST_FLOW_DIFFERENCE_L_MIN + 0.05 * abs(lungs)
+
+
 def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
     """Findings on CO where a device makes it differ from ventricular output or lung flow."""
     lungs, left = outputs.get("CO"), outputs.get("LVO")
@@ -271,11 +276,7 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         "the right ventricle itself ejects {}": outputs.get("pulmonary_valve_flow", lungs),
         "the lungs get {}": outputs.get("pulmonary_flow", lungs),
     }
-    apart = {
-        text: flow
-        for text, flow in others.items()
-        if abs(lungs - flow) > _SMALLEST_FLOW_DIFFERENCE_L_MIN + 0.05 * abs(lungs)
-    }
+    apart = {text: flow for text, flow in others.items() if flows_differ(flow, lungs)}
     if not apart:
         return []
     place = "lungs"
