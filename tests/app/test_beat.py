@@ -13,6 +13,7 @@ from eclsim.app.knobs import connect, turn
 from eclsim.app.session import BEATS_WORTH_A_CLOSER_START
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
 from eclsim.orbit.status import Status
 from eclsim.parameters.adult_ranges import adult_ranges
 from eclsim.simulation.single import simulate
@@ -277,3 +278,6 @@ def test_the_left_ventricle_has_a_flow_of_its_own_only_with_a_device_that_makes_
     assert "CO" in shown["cautions"]
     assert shown["apart"] == []
     assert plain(compute_beat(preset_state("lvad")), ())["apart"] == ["LVO"]
+    raw = PRESETS["right-heart-failure"].case().as_mapping()
+    raw["lvad"] = {"pump": "HM3", "speed_rpm": 3000.0, "inlet_site": "rv", "outlet_site": "part"}
+    assert "pulmonary_flow" in plain(compute_beat(PageState(read_mapping(raw).case)), ())["apart"]

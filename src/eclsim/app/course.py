@@ -316,9 +316,9 @@ _OUTPUTS = (
 def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
     """Return the curves that can be drawn for a course; drugs are included if they have any effect."""
     rows = [
-        Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), True)
+        Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), not one.unlike)
         for one in figures_of(case)
-        if one.output in result and not one.unlike
+        if one.output in result
     ]
     blood = (result[PLASMA] + result[RED_CELLS]).to_numpy()
     rows.append(Lane("blood_volume", text("lane_blood_volume"), "mL", 0, blood, True))

@@ -281,7 +281,7 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         return []
     place = "lungs"
     if "the lungs get {}" in apart:
-        device = _device_returning_to_pulmonary_artery(circuit)
+        device = device_returning_to_pulmonary_artery(circuit)
         place = f"pulmonary artery before the {device}return" if device else _NOT_SETTLED
     messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
     if (organs := organ_flow(outputs)) is not None:
@@ -290,8 +290,8 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     return [Finding(CAUTION, "CO", lungs, next(iter(apart.values())), text, concerns=("CO", "LVO"))]
 
 
-def _device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
-    """Name of the device that returns blood to the pulmonary artery; empty if there is none."""
+def device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
+    """Return the name of the device that returns blood to the pulmonary artery; empty if there is none."""
     paths = () if circuit is None else circuit.connections
     result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
     return next((f"{names.label} " for names in result if names), "")
