@@ -106,6 +106,13 @@ def test_the_output_of_the_left_ventricle_has_a_tile_only_where_it_is_another(op
     expect(page.locator('.ecl-keys [data-key="LVO"]')).to_have_count(0)
 
 
+def test_cautions_about_numbers_without_a_tile_have_a_heading(open_page, served):
+    """ "How to read" stood there and nothing behind it."""
+    case = connect(PRESETS["vv-ecmo"].case(), "renox")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case, origin='vv-ecmo'))}")
+    expect(page.locator(".ecl-limits summary")).to_contain_text(text("cautions_further"))
+
+
 def test_a_new_alarm_is_in_sight_although_the_list_was_scrolled_down(open_page):
     page = open_page("cardiogenic-shock")
     limits = page.locator(".ecl-limits")

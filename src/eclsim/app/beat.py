@@ -82,7 +82,7 @@ class Beat:
         effort: number of beats computed in the search; large if it started far away.
         undetermined: outputs that depend on where the search started, since closed valves trap blood.
         second: flows of a second steady beat at the same settings in words, if one was found.
-        solved: the steady beat with its search, from which a second one is sought; None for a transient.
+        solved: the steady beat without waveforms, from which a second one is sought; None for a transient.
     """
 
     circuit: Circuit
@@ -181,7 +181,7 @@ def beat_of(
         Status(int(solved.status[0])), message,
         GasStatus(int(solved.gas_status[0])) if state.case.gas is not None else None, solved.gases.get(0),
         effort=int(solved.orbits.beats[0]), undetermined=_undetermined(findings, solved.undetermined.get(0)),
-        solved=solved,
+        solved=replace(solved, waveforms={}, gases={}),
     )  # fmt: skip
 
 

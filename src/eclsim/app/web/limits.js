@@ -79,7 +79,7 @@ export default {
     heading() {
       const short = (name) => (name === name.toUpperCase() ? name : this.labels[name]);
       const names = new Set(this.concerned.map(short).filter(Boolean));
-      return fill(this.texts.cautions, { names: [...names].join(", ") });
+      return fill(this.texts.cautions, { names: [...names].join(", ") || this.texts.cautions_further });
     },
   },
 };
