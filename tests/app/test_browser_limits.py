@@ -73,8 +73,9 @@ def test_pressures_that_are_not_determined_are_marked_in_every_view(open_page, s
     expect(row.locator(".value")).to_have_text(re.compile("≈"))
     show(page, "compare")
     expect(page.locator(".ecl-compare tr", has_text="MAP").locator("td")).to_have_text([re.compile("≈")] * 2)
-    turn_on_page(page, "parameters.Emaxlv", "1.33")
-    turn_on_page(page, "parameters.Emaxrv", "0.2")
+    for key, value in {"parameters.Emaxlv": 1.33, "parameters.Emaxrv": 0.2}.items():
+        turn_on_page(page, key, str(value))
+        beat_with(page, key, value)
     expect(page.get_by_text(text("undetermined_long"))).to_have_count(0)
     expect(page.locator('.ecl-keys [data-key="MAP"] b')).to_have_text(re.compile(r"^\d+$"))
 
