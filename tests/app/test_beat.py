@@ -13,6 +13,8 @@ from eclsim.app.knobs import connect, turn
 from eclsim.app.session import BEATS_WORTH_A_CLOSER_START
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
+from eclsim.orbit.status import Status
 from eclsim.parameters.adult_ranges import adult_ranges
 from eclsim.simulation.single import simulate
 from patience import until
@@ -257,3 +259,25 @@ def test_what_is_loaded_is_not_looked_through_again(paper, monkeypatch):
     asyncio.run(until(lambda: len(done) == 2))
     engine.stop()
     assert done == ["warm", "frozen"]
+
+
+@pytest.mark.slow
+def test_numbers_of_a_heart_that_opens_no_valve_are_not_determined(paper):
+    case = turn(turn(paper.case, "parameters.Emaxlv", 0.2), "parameters.Emaxrv", 0.03)
+    beat = compute_beat(paper.with_case(case))
+    assert beat.status is Status.ONE_OF_MANY
+    assert {"MAP", "PCWP", "right_atrial_pressure"} <= set(plain(beat, ())["undetermined"])
+    assert not {"PF", "CO"} & set(beat.undetermined)
+    assert compute_beat(paper).undetermined == ()
+
+
+@pytest.mark.slow
+def test_the_left_ventricle_has_a_flow_of_its_own_only_with_a_device_that_makes_it_differ():
+    balloon = PageState(connect(PRESETS["cardiogenic-shock"].case(), "iabp"))
+    shown = plain(compute_beat(balloon), ())
+    assert "CO" in shown["cautions"]
+    assert shown["apart"] == []
+    assert plain(compute_beat(preset_state("lvad")), ())["apart"] == ["LVO"]
+    raw = PRESETS["right-heart-failure"].case().as_mapping()
+    raw["lvad"] = {"pump": "HM3", "speed_rpm": 3000.0, "inlet_site": "rv", "outlet_site": "part"}
+    assert "pulmonary_flow" in plain(compute_beat(PageState(read_mapping(raw).case)), ())["apart"]

@@ -122,6 +122,11 @@ def test_a_timeline_goes_on_after_a_restart_and_says_so(alone):
         text("timeline_again", time="00:30"), timeout=150_000
     )
     wait_for(page, f"beat.minute === 30 && Math.abs(beat.outputs.MAP - {mean}) < 0.1")
+    page.evaluate("eclsim.bus.publish('beat', { ...eclsim.bus.last('beat'), minute: 0 })")
+    ahead = text("timeline_ahead", shown="00:00", time="00:30")
+    expect(page.locator(".ecl-timeline [role=status]").nth(1)).to_have_text(ahead)  # not yet as it was
+    page.evaluate("eclsim.bus.publish('beat', { ...eclsim.bus.last('beat'), minute: 30 })")
+    expect(page.get_by_text(text("timeline_again", time="00:30"))).to_be_visible()
     expect(page.locator(".ecl-timeline ol")).to_contain_text(text("give_bleed_ml"))
     expect(page.get_by_label(text("timeline_record"))).to_be_checked()
     turn(page, "patient.heart_rate_bpm", "88")

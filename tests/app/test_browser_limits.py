@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from collapsing_veins import TWO_BEATS, collapsible
 from eclsim.app.knobs import connect, turn
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
@@ -45,6 +46,72 @@ def test_collapsed_chambers_are_named_in_sight_and_not_under_a_green_light(
         expect(page.locator(f'.ecl-keys [data-key="{key}"]')).not_to_contain_text(re.compile(r"\d"))
     expect(page.locator(".ecl-schematic .pressure").first).to_have_css("text-decoration-line", "line-through")
     picture(page, shots, f"impossible_{viewport['width']}")
+
+
+ARREST = {"parameters.Emaxlv": 0.2, "parameters.Emaxrv": 0.03}
+"""A heart that opens no valve: the blood that they trap, and with it all pressures, is not determined."""
+
+
+@pytest.mark.parametrize("viewport", [LAPTOP, PHONE], ids=["laptop", "phone"])
+def test_pressures_that_are_not_determined_are_marked_in_every_view(open_page, served, shots, viewport):
+    """They looked like all others, below "Steady beat": another start gave 5 mmHg more."""
+    page = open_page(url=link(served, "paper", ARREST), viewport=viewport)
+    assert beat(page)["status"] == "one_of_many"
+    status = expect(page.locator(".ecl-status"))
+    status.to_have_text(re.compile("^" + re.escape(text("undetermined"))))
+    status.to_have_class(re.compile(r"\bbroken\b"))
+    expect(page.get_by_text(text("undetermined_long"))).to_be_in_viewport()
+    expect(page.locator('.ecl-keys [data-key="MAP"] b')).to_have_text(re.compile(r"^≈\d+$"))
+    expect(page.locator('.ecl-keys [data-key="PF"] b')).to_have_text(re.compile(r"^\d"))
+    expect(page.locator('.ecl-monitor [data-wave="Pao"] .big')).to_have_text(re.compile(r"^≈\d+/\d+$"))
+    expect(page.locator('.ecl-monitor [data-wave="Qecmopump"] .big')).to_have_text(re.compile(r"^\d"))
+    expect(page.locator('[data-node="sart"] .pressure')).to_contain_text("≈")
+    picture(page, shots, f"undetermined_{viewport['width']}")
+    page.get_by_role("button", name=text("save")).click()
+    show(page, "outputs")
+    row = page.locator(".ecl-outputs tr", has=page.get_by_text("MAP", exact=True))
+    expect(row.locator(".value")).to_have_text(re.compile("≈"))
+    show(page, "compare")
+    expect(page.locator(".ecl-compare tr", has_text="MAP").locator("td")).to_have_text([re.compile("≈")] * 2)
+    for key, value in {"parameters.Emaxlv": 1.33, "parameters.Emaxrv": 0.2}.items():
+        turn_on_page(page, key, str(value))
+        beat_with(page, key, value)
+    expect(page.get_by_text(text("undetermined_long"))).to_have_count(0)
+    expect(page.locator('.ecl-keys [data-key="MAP"] b')).to_have_text(re.compile(r"^\d+$"))
+
+
+def test_a_second_steady_beat_stands_above_the_numbers_and_ends_with_its_state(open_page, served, shots):
+    """`eclsim simulate` named it; the page showed one of the two as the only one."""
+    page = open_page(url=f"{served.url}/#{link_of(PageState(collapsible(TWO_BEATS), origin='file'))}")
+    limits = page.locator(".ecl-limits")
+    expect(limits.locator("p.verdict")).to_contain_text("One of two steady beats")
+    expect(limits.locator("p.verdict")).to_contain_text("PF 2.7")
+    expect(limits.locator("p.warning").first).to_be_in_viewport()
+    expect(limits.locator("details")).to_contain_text("this patient has two steady beats")
+    expect(page.locator(".ecl-status")).to_have_text(re.compile("^" + re.escape(text("one_of_two"))))
+    expect(page.locator('.ecl-keys [data-key="PF"]')).to_contain_text("†")
+    picture(page, shots, "one_of_two")
+    turn_on_page(page, "ecmo.speed_rpm", "1500")
+    beat_with(page, "ecmo.speed_rpm", 1500)
+    expect(limits).not_to_contain_text(re.compile("two steady beats"))
+    expect(page.locator('.ecl-keys [data-key="PF"]')).not_to_contain_text("†")
+
+
+def test_the_output_of_the_left_ventricle_has_a_tile_only_where_it_is_another(open_page, served):
+    """Any caution on CO, such as that on the balloon, showed the same number twice."""
+    page = open_page("lvad")
+    expect(page.locator('.ecl-keys [data-key="LVO"]')).to_be_visible()
+    case = connect(PRESETS["cardiogenic-shock"].case(), "iabp")
+    page.goto(f"{served.url}/#{link_of(PageState(case, origin='cardiogenic-shock'))}")
+    expect(page.locator('.ecl-keys [data-key="CO"]')).to_contain_text("†")
+    expect(page.locator('.ecl-keys [data-key="LVO"]')).to_have_count(0)
+
+
+def test_cautions_about_numbers_without_a_tile_have_a_heading(open_page, served):
+    """ "How to read" stood there and nothing behind it."""
+    case = connect(PRESETS["vv-ecmo"].case(), "renox")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case, origin='vv-ecmo'))}")
+    expect(page.locator(".ecl-limits summary")).to_contain_text(text("cautions_further"))
 
 
 def test_a_new_alarm_is_in_sight_although_the_list_was_scrolled_down(open_page):

@@ -82,6 +82,9 @@ def test_measured_and_simulated_stand_side_by_side(open_page, tmp_path, shots):
     unit = row.get_by_text("mmHg", exact=True).filter(visible=True)
     expect(unit).to_have_count(1)  # it stood behind the value and beside it
     picture(page, shots, "measured")
+    page.evaluate("eclsim.bus.publish('beat', { ...eclsim.bus.last('beat'), minute: 30 })")
+    expect(heads.nth(2)).not_to_have_text(text("output_measured"))  # later in a course: not measured then
+    expect(page.get_by_text(f"{text('key_measured')} 99")).to_have_count(0)
 
 
 def test_a_turned_preset_is_called_changed_and_opens_again(open_page, shots):

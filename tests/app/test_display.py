@@ -2,6 +2,7 @@
 
 from eclsim.app.display import curves_of, display, sweep_of, waves_of
 from eclsim.app.knobs import connect, controls
+from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 
@@ -40,3 +41,14 @@ def test_two_of_a_kind_are_told_apart():
     sweep = sweep_of(case)
     assert sweep is not None
     assert sweep.key == "lvad.left.speed_rpm"
+
+
+def test_cardiac_output_is_not_called_that_of_the_lungs_where_a_device_returns_behind_it():
+    """ "CO (lungs) 0.84 L/min" stood on the page of a patient whose lungs got 4.07."""
+    both, one = two_pumps(), connect(PRESETS["healthy"].case(), "lvad")
+    labels = {figure["key"]: figure["label"] for figure in display(both)["figures"]}
+    assert (labels["CO"], labels["lungs"]) == (text("key_CO_artery"), text("key_lungs"))
+    assert text("key_CO") not in [curve.label for _, curve in curves_of(both)]
+    labels = {figure["key"]: figure["label"] for figure in display(one)["figures"]}
+    assert labels["CO"] == text("key_CO")
+    assert "lungs" not in labels

@@ -84,6 +84,16 @@ def test_other_names_are_refused(host):
     assert ask(headers={"host": host}).status == 400
 
 
+def test_a_request_for_the_headers_alone_is_answered_as_one_for_the_page():
+    assert ask(method="HEAD").status == 200
+    assert ask(method="HEAD").headers["content-type"] == "text/html; charset=utf-8"
+    assert ask(method="HEAD").text == ""  # and no page is built that nobody opens
+    assert ask(method="HEAD", path="/favicon.ico").text == " /favicon.ico 0"  # dropped by the server
+    locked = Rules(HOSTS, signed_in=SignIns("long enough"))
+    assert ask(locked, method="HEAD").status == 303
+    assert ask(method="HEAD", headers={"host": "evil.example"}).status == 400
+
+
 def test_another_site_can_neither_post_nor_open_a_socket():
     foreign = {"origin": "https://evil.example"}
     assert ask(method="POST", path="/_nicegui/x", headers=foreign).status == 403

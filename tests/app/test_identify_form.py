@@ -9,9 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from eclsim.app import identify
-from eclsim.app.fitting import FitError, in_page_words, judged, prepared_for_fit
+from eclsim.app.fitting import FitError, judged, prepared_for_fit
 from eclsim.app.identify import Identification, checked_form, fields, values_of
 from eclsim.app.knobs import LUNGS_WITHOUT_ECMO, connect, turn
+from eclsim.app.page_words import in_page_words
 from eclsim.app.provenance import circuit_text, fitted_case, fitted_with, provenance
 from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
 from eclsim.app.updates import PosteriorBands
@@ -430,7 +431,7 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
         Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", "ask for --another-option now"),
     ]
     assert sum("--" in reason.sentence for reason in reasons) == 5
-    message = [in_page_words({"sentence": reason.sentence})["sentence"] for reason in reasons]
+    message = [in_page_words(reason.sentence) for reason in reasons]
     assert not any("--" in sentence for sentence in message), message
     assert any("this page weighs each difference by the measured value" in sentence for sentence in message)
     result = judged(
@@ -461,7 +462,7 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
     ],
 )
 def test_options_of_the_command_line_are_whole_words_on_the_page(written, shown):
-    assert in_page_words({"sentence": written})["sentence"] == shown
+    assert in_page_words(written) == shown
 
 
 def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measured():

@@ -1,15 +1,20 @@
 """A session computes the newest state only, tells mistakes beside the knob, and shares nothing."""
 
 import asyncio
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
+from eclsim.app import updates
 from eclsim.app.beat import Beat, page_circuit
 from eclsim.app.session import BEATS_WORTH_A_CLOSER_START, Session
 from eclsim.app.state import MOST_SAVED, START, PageState, key_of, link_of, preset_state, read_snapshot
+from eclsim.app.updates import SecondBeats
 from eclsim.cases.presets import PRESETS
+from eclsim.devices.description import Finding
 from eclsim.orbit.status import Status
 from patience import until
 
@@ -23,6 +28,11 @@ class StubEngine:
     fail: bool = False
     effort: int = 0
     begun_at: list[float | None] = field(default_factory=list)
+    studying: int = 0
+
+    async def study(self, work: Callable[[], object]) -> object:
+        self.studying += 1
+        return await asyncio.to_thread(work)
 
     async def prepare_nearby_searches(self, state: PageState, beat: Beat) -> None:
         await asyncio.sleep(self.delay)
@@ -433,3 +443,78 @@ def test_what_was_taken_back_may_have_become_one_step_with_what_was_shown():
         assert one.state == now
 
     asyncio.run(turns())
+
+
+@pytest.fixture
+def second_beats(monkeypatch):
+    """Every heart rate from 90 on has two beats; the pause is short."""
+    caution = Finding.without_limit("caution", "MAP", 0.0, "two steady beats", "MAP")
+
+    def with_second(beat: Beat, _: Callable[[], bool]) -> Beat | None:
+        return replace(beat, findings=(caution,)) if beat.outputs["MAP"] >= 90 else None
+
+    monkeypatch.setattr(updates, "_second", with_second)
+    monkeypatch.setattr(updates, "STILL_S", 0.05)
+
+
+def test_a_second_beat_is_named_for_the_state_that_has_it_and_for_no_other(second_beats):
+    engine, messages = StubEngine(), []
+
+    async def turns():
+        one = session(engine, messages)
+        one.listen(SecondBeats(engine))  # type: ignore[arg-type]
+        one.start()
+        one.turn("patient.heart_rate_bpm", 95.0, 1)
+        await until(lambda: beats(messages)[-1:] and beats(messages)[-1]["notes"])
+        one.pin()
+        one.save()
+        one.turn("patient.heart_rate_bpm", 60.0, 2)
+        await until(lambda: beats(messages)[-1]["seq"] == 2)
+        await asyncio.sleep(0.3)
+
+    asyncio.run(turns())
+    last = beats(messages)
+    assert [(beat["seq"], bool(beat["notes"])) for beat in last[-3:]] == [(1, False), (1, True), (2, False)]
+    assert last[-2]["of"] == last[-3]["of"]
+    assert last[-2]["cautions"] == {"MAP": "two steady beats"}
+    for topic in ("pinned", "saved"):
+        kept = [data for name, data in messages if name == topic][-1]
+        assert (kept if topic == "pinned" else kept[0])["cautions"]
+
+
+def test_a_second_beat_that_was_found_too_late_is_that_of_the_pinned_one_alone(second_beats, monkeypatch):
+    engine, messages, slow = StubEngine(), [], threading.Event()
+    now = updates._second
+    monkeypatch.setattr(updates, "_second", lambda beat, wanted: slow.wait(5) and now(beat, wanted))
+
+    async def turns():
+        one = session(engine, messages)
+        one.listen(SecondBeats(engine))  # type: ignore[arg-type]
+        one.start()
+        one.turn("patient.heart_rate_bpm", 95.0, 1)
+        await until(lambda: engine.studying)
+        one.pin()
+        one.turn("patient.heart_rate_bpm", 60.0, 2)
+        await until(lambda: beats(messages)[-1]["seq"] == 2)
+        slow.set()
+        await until(lambda: [data for topic, data in messages if topic == "pinned"][-1]["cautions"])
+
+    asyncio.run(turns())
+    assert not any(beat["notes"] for beat in beats(messages))
+
+
+def test_of_knobs_that_do_not_rest_no_second_beat_is_sought(second_beats, monkeypatch):
+    engine, messages = StubEngine(), []
+    monkeypatch.setattr(updates, "STILL_S", 0.6)
+
+    async def turns():
+        one = session(engine, messages)
+        one.listen(SecondBeats(engine))  # type: ignore[arg-type]
+        one.start()
+        for rate in range(90, 110):
+            one.turn("patient.heart_rate_bpm", float(rate), rate)
+            await asyncio.sleep(0.02)
+        await until(lambda: beats(messages)[-1]["notes"])
+
+    asyncio.run(turns())
+    assert engine.studying == 1

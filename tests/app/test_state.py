@@ -10,6 +10,7 @@ from eclsim.app.state import (
     LARGEST_STATE,
     History,
     PageState,
+    key_of,
     link_of,
     packed,
     preset_state,
@@ -187,3 +188,16 @@ def test_reflexes_that_are_switched_on_rest_at_the_pressures_of_the_patient_as_o
         read_mapping(weak.case.as_mapping() | {"regulation": {"baroreflex": 1.0, "set_point_mmHg": 80}}).case
     )
     assert own.computed_case is own.case
+
+
+def test_equal_cases_with_other_set_points_have_other_results():
+    """A beat of the one counted as that of the other: 88 mmHg for a patient with 67."""
+    healthy = preset_state("healthy")
+    reflexes = healthy.with_case(connect(healthy.case, "regulation"))
+    turned = reflexes.with_case(turn(reflexes.case, "parameters.Rmc", 0.5))
+    opened = PageState(turn(healthy.case, "parameters.Rmc", 0.5), origin="file")
+    other = opened.with_case(connect(opened.case, "regulation"))
+    assert turned.case == other.case
+    assert key_of(turned) != key_of(other)
+    assert key_of(turned) == key_of(state_of(link_of(turned)))
+    assert key_of(opened) == key_of(healthy.with_case(opened.case))  # without reflexes nothing differs

@@ -3,12 +3,15 @@
 import re
 from pathlib import Path
 
+import pytest
+
 import eclsim.app
 from eclsim.app.files import KINDS
-from eclsim.app.fitting import in_page_words
 from eclsim.app.page import VIEWS
+from eclsim.app.page_words import in_page_words
 from eclsim.app.texts import ENGLISH, beside_field, with_minus
 from eclsim.inputs.mistakes import Mistake
+from eclsim.orbit.status import Status
 
 HERE = Path(eclsim.app.__file__).parent
 SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
@@ -61,6 +64,13 @@ def test_refusals_and_reasons_of_a_verdict_have_a_minus_as_well():
     mistake = Mistake("ecmo.speed_rpm", "outside the allowed range", "-900", "-300 to 100 mmHg")
     assert beside_field(mistake).count("\u2212") == 2
     assert "-" not in beside_field(mistake)
-    reason = in_page_words({"sentence": "MPAP is off by -3.4 standard uncertainties (--weights uncertainty)"})
-    assert "\u22123.4" in reason["sentence"]
-    assert "--" not in reason["sentence"]
+    reason = in_page_words("MPAP is off by -3.4 standard uncertainties (--weights uncertainty)")
+    assert "\u22123.4" in reason
+    assert "--" not in reason
+
+
+@pytest.mark.parametrize("status", Status)
+def test_no_outcome_of_a_search_advises_what_only_the_command_line_can_do(status):
+    shown = in_page_words(status.message)
+    assert shown.split(":")[0] == status.message.split(":")[0]
+    assert not any(words in shown for words in ("--", "`", "an option of"))

@@ -1,13 +1,11 @@
 """Two steady beats at the same values, where veins collapse: both are named."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from eclsim.cases import read_case
-from eclsim.cases.quantities import with_values
+from collapsing_veins import TWO_BEATS, collapsible
 from eclsim.circuit.assembly import assemble
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
@@ -17,21 +15,10 @@ from eclsim.outputs.second_beat import second_beat
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "femoral_va_ecmo.toml"
-PATIENT = {
-    "Emaxlv": 0.398, "Emaxrv": 0.214, "Rmc": 1.14, "Rpmc": 0.0277, "Csart": 0.744, "Csvn": 8.29, "Cpvn": 13.3,
-    "Rsvn": 0.00866, "Edla": 0.103, "P0svn": 15.3, "ecmo.speed_rpm": 3120.0,
-}  # fmt: skip
-
-
-def collapsible(values: dict[str, float]) -> Model:
-    case = with_values(read_case(EXAMPLE, ["physiology.collapsible_veins=true"]).case, values)
-    return model_of(case.model_copy(update={"blood_volume_policy": "as_published"}))
-
 
 @pytest.fixture(scope="module")
 def two() -> Model:
-    return collapsible(PATIENT)
+    return model_of(collapsible(TWO_BEATS))
 
 
 @pytest.mark.slow
@@ -63,7 +50,16 @@ def test_the_other_beat_lasts_and_from_it_the_first_is_found(two):
 
 @pytest.mark.slow
 def test_a_patient_with_enough_blood_has_one_beat():
-    assert not [line for line in simulate(collapsible({})).attrs["warnings"] if "two steady beats" in line]
+    assert not [
+        line for line in simulate(model_of(collapsible({}))).attrs["warnings"] if "two steady beats" in line
+    ]
+
+
+@pytest.mark.slow
+def test_a_search_that_is_no_longer_needed_ends_after_its_first_step(two, monkeypatch):
+    beat = steady_beat(Batch.of(two))
+    monkeypatch.setattr(module, "solve_orbits", lambda *_: pytest.fail("the search went on"))
+    assert second_beat(beat, wanted=lambda: False) is None
 
 
 def test_veins_that_do_not_collapse_cost_no_further_beat(monkeypatch):

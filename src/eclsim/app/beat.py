@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.app.display import PATIENT
+from eclsim.app.page_words import in_page_words
 from eclsim.app.texts import text, with_minus
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import switched_circuit
@@ -20,12 +21,13 @@ from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import CAUTION, Finding, impossible
+from eclsim.outputs.alarms import CAUTION, Finding, flows_differ, gravest_first, impossible
 from eclsim.outputs.gas import PlaceGases
 from eclsim.outputs.limits import levels, place_levels
 from eclsim.outputs.recirculation import recirculation
+from eclsim.outputs.second_beat import caution_of_two, flows_in_words, second_beat
 from eclsim.outputs.signals import unstressed_volume
-from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.reporting.saturation import colour_of, text_colour_on
 from eclsim.reporting.schematic_layout import dead_ends
 
@@ -56,8 +58,6 @@ def _same(circuit: Circuit) -> Circuit:
 
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
 """Blood gas quantities shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
-_WITH_OPTION = re.compile(r",? or follow the course [\w ]+ with --transient")
-"""Advice that only the command line can follow."""
 POINTS = 200
 """Number of points of a waveform on the page: every 5 ms at 60 beats per minute."""
 
@@ -80,6 +80,9 @@ class Beat:
         gases: blood gases of all compartments, if there is a steady gas state.
         transient: whether this is one of successive beats, which need not be steady.
         effort: number of beats computed in the search; large if it started far away.
+        undetermined: outputs that depend on where the search started, since closed valves trap blood.
+        second: flows of a second steady beat at the same settings in words, if one was found.
+        solved: the steady beat without waveforms, from which a second one is sought; None for a transient.
     """
 
     circuit: Circuit
@@ -95,6 +98,9 @@ class Beat:
     gases: PlaceGases | None = None
     transient: bool = False
     effort: int = 0
+    undetermined: tuple[str, ...] = ()
+    second: str = ""
+    solved: SteadyBeat | None = field(default=None, repr=False, compare=False)
 
     @property
     def converged(self) -> bool:
@@ -167,15 +173,38 @@ def beat_of(
     means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}
     series = {n: solved.waveform(n) for n in solved.signals}
     waves = _evenly(series, solved.waveforms[0].phases, circuit, values)
-    message = _WITH_OPTION.sub("", solved.message())
+    message = in_page_words(solved.message())
     findings = tuple(solved.findings()) if solved.converged[0] else _without_beat(message, outputs)
     rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
         Status(int(solved.status[0])), message,
         GasStatus(int(solved.gas_status[0])) if state.case.gas is not None else None, solved.gases.get(0),
-        effort=int(solved.orbits.beats[0]),
+        effort=int(solved.orbits.beats[0]), undetermined=_undetermined(findings, solved.undetermined.get(0)),
+        solved=replace(solved, waveforms={}, gases={}),
     )  # fmt: skip
+
+
+def with_second_beat(beat: Beat, wanted: Callable[[], bool]) -> Beat | None:
+    """Return a beat with the caution on a second steady beat at the same settings; None if none was found.
+
+    Args:
+        beat: the beat that is shown.
+        wanted: returns whether the result is still needed.
+    """
+    if beat.solved is None or not beat.converged:
+        return None
+    other = second_beat(beat.solved, wanted=wanted)
+    if other is None:
+        return None
+    findings = gravest_first([*beat.findings, caution_of_two(beat.solved, other)])
+    return replace(beat, findings=tuple(findings), second=flows_in_words(other, 0))
+
+
+def _undetermined(findings: Iterable[Finding], reason: str | None) -> tuple[str, ...]:
+    """Return the outputs of the caution that begins with the reason why a beat is one of many."""
+    about = (f.concerns for f in findings if reason and f.kind == CAUTION and f.sentence.startswith(reason))
+    return next(about, ())
 
 
 def _without_beat(message: str, outputs: Iterable[str]) -> tuple[Finding, ...]:
@@ -216,8 +245,17 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "notes": [[f.kind, with_minus(f.sentence)] for f in beat.findings],
         "cautions": _cautions(beat.findings), "levels": beat.levels(), "places": beat.place_levels(),
         "possible": beat.possible, "converged": beat.converged, "transient": beat.transient,
+        "undetermined": list(beat.undetermined), "second": with_minus(beat.second),
+        "apart": _apart(beat.outputs),
         "status": beat.status.word, "message": with_minus(beat.message), "gas": _plain_gases(beat),
     }  # fmt: skip
+
+
+def _apart(outputs: Mapping[str, float]) -> list[str]:
+    """Return the flows with a tile of their own only where they differ from another."""
+    nan = math.nan
+    pairs = [(one.output, one.unlike) for one in PATIENT.figures if one.unlike]
+    return [name for name, other in pairs if flows_differ(outputs.get(name, nan), outputs.get(other, nan))]
 
 
 def _plain_gases(beat: Beat) -> dict[str, Any] | None:

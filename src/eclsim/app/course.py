@@ -20,6 +20,7 @@ from eclsim.app.knobs import (
     turned_value,
     value_of,
 )
+from eclsim.app.page_words import in_page_words
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text, with_minus
 from eclsim.cases.events import KEYS
@@ -126,7 +127,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     ]
     return {
         "of": key_of(course.state), "minutes": minutes, "time": course.times,
-        "rows": rows, "message": with_minus(str(result.attrs["message"])),
+        "rows": rows, "message": in_page_words(str(result.attrs["message"])),
         "alarms": finite(broken[:MOST_ALARMS]),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
         "drug": drug_in_words(result),
@@ -316,9 +317,9 @@ _OUTPUTS = (
 def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
     """Return the curves that can be drawn for a course; drugs are included if they have any effect."""
     rows = [
-        Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), True)
+        Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), not one.unlike)
         for one in figures_of(case)
-        if one.output in result and not one.only_with
+        if one.output in result
     ]
     blood = (result[PLASMA] + result[RED_CELLS]).to_numpy()
     rows.append(Lane("blood_volume", text("lane_blood_volume"), "mL", 0, blood, True))

@@ -14,6 +14,7 @@ from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sample, Sweep, Trace, Views
 from eclsim.devices.registry import device_of, devices, naming_of, parameter_of
 from eclsim.gas.network import gas_exchanges
+from eclsim.outputs.alarms import device_returning_to_pulmonary_artery
 from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
@@ -30,11 +31,13 @@ if TYPE_CHECKING:
 
 def _figure(
     key: str, output: str, unit: str, digits: int, limits: tuple[str, ...] = (),
-    extremes: tuple[str, ...] = (), only_with: str = "",
+    extremes: tuple[str, ...] = (), unlike: str = "",
 ) -> KeyFigure:  # fmt: skip
-    return KeyFigure(key, text(f"key_{key}"), output, unit, digits, limits, extremes, only_with)
+    return KeyFigure(key, text(f"key_{key}"), output, unit, digits, limits, extremes, unlike)
 
 
+LUNGS = "lungs"
+"""Key of the tile of lung flow, which is CO unless a device returns to the pulmonary artery."""
 PATIENT = Views(
     traces=(
         Trace(
@@ -53,7 +56,8 @@ PATIENT = Views(
     figures=(
         _figure("MAP", "MAP", "mmHg", 0, limits=("MAP", "pulse_pressure"), extremes=("SP", "DP")),
         _figure("CO", "CO", "L/min", 2),
-        _figure("LVO", "LVO", "L/min", 2, only_with="CO"),
+        _figure("LVO", "LVO", "L/min", 2, unlike="CO"),
+        _figure(LUNGS, "pulmonary_flow", "L/min", 2, unlike="CO"),
         _figure("MPAP", "MPAP", "mmHg", 0),
         _figure("PCWP", "PCWP", "mmHg", 0),
         _figure("CVP", "right_atrial_pressure", "mmHg", 0),
@@ -116,8 +120,9 @@ def curves_of(case: Case) -> list[tuple[int, Curve]]:
     """Return the curves of the ramp, each with a number for its colour and dash, the same in all circuits."""
     shown = _displays(case)
     firsts = _numbered_by_device(shown, lambda views: views.curves)
+    label = _label_of_output(case)
     return [
-        (first + k, c)
+        (first + k, replace(c, label=label) if c.output == "CO" else c)
         for first, (_, views) in zip(firsts, shown, strict=True)
         for k, c in enumerate(views.curves)
     ]
@@ -158,7 +163,19 @@ def display(case: Case) -> dict[str, Any]:
 
 def figures_of(case: Case) -> list[KeyFigure]:
     """Return the numbers that are always visible, in their order."""
-    return _in_order([figure for _, views in _displays(case) for figure in views.figures])
+    label = _label_of_output(case)
+    figures = [
+        replace(figure, label=label) if figure.key == "CO" else figure
+        for _, views in _displays(case)
+        for figure in views.figures
+        if figure.key != LUNGS or label != text("key_CO")
+    ]
+    return _in_order(figures)
+
+
+def _label_of_output(case: Case) -> str:
+    """Return the label of CO: the flow of the lungs only if no device returns to the pulmonary artery."""
+    return text("key_CO_artery" if device_returning_to_pulmonary_artery(circuit_of(case)) else "key_CO")
 
 
 def _exchangers(circuit: Circuit) -> dict[str, str]:

@@ -7,7 +7,6 @@ import logging
 import math
 import multiprocessing
 import os
-import re
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import ASSUMED_SHUNTS
+from eclsim.app.page_words import in_page_words
 from eclsim.app.texts import text, with_minus
 from eclsim.cases.quantities import quantity
 from eclsim.cases.reading import read_mapping
@@ -33,11 +33,6 @@ if TYPE_CHECKING:
     from eclsim.orbit.model import VolumePolicy
 
 log = logging.getLogger("eclsim.app")
-_OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
-    (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"),
-    (" (--posterior)", "fit_posterior_here"), (": see the figure pairs", "fit_loops_here"))  # fmt: skip
-"""Options of `eclsim identify` in the reasons of a verdict, with the page's texts that replace them."""
-_OPTION = re.compile(r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*")
 PAGE_SEARCH = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
 """A smaller search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
 COMPILING_SEARCH = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 1, "polishing": 0}
@@ -268,7 +263,7 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     result = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
     result["message"] = with_minus(result["message"])
     result["headline"] = headline(result["verdict"])
-    result["verdict"]["reasons"] = [in_page_words(reason) for reason in result["verdict"]["reasons"]]
+    result["verdict"]["reasons"] = [_on_the_page(reason) for reason in result["verdict"]["reasons"]]
     for name, parameter in result["parameters"].items():
         known = quantity(name)
         assert known is not None  # every fitted parameter is a number of a case
@@ -280,17 +275,9 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     return result
 
 
-def in_page_words(reason: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a reason of a verdict without command-line options, which the page does not have."""
-    sentence = reason["sentence"]
-    for option, key in _OPTIONS:
-        sentence = sentence.replace(option, text(key))
-    instead = text("fit_option_elsewhere")
-
-    def words(match: re.Match[str]) -> str:
-        return instead if match[0].startswith("(") else instead.strip("()")
-
-    return {**reason, "sentence": with_minus(_OPTION.sub(words, sentence))}
+def _on_the_page(reason: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a reason of a verdict in the words of the page."""
+    return {**reason, "sentence": in_page_words(reason["sentence"])}
 
 
 def doubts_about_draws(fit: Mapping[str, Any]) -> tuple[str, ...]:
@@ -323,7 +310,7 @@ def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
     from eclsim.identification.verdict import Level, headline, interval_agreement
 
     contradictions = interval_agreement(fit["parameters"], others, "posterior")
-    reasons = [in_page_words(reason.as_object()) for reason in contradictions]
+    reasons = [_on_the_page(reason.as_object()) for reason in contradictions]
     order = [str(level) for level in Level]
     reasons_sorted = sorted([*reasons, *fit["verdict"]["reasons"]], key=lambda r: -order.index(r["level"]))
     level = max([fit["verdict"]["level"], *(r["level"] for r in reasons)], key=order.index)

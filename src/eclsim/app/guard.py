@@ -97,6 +97,8 @@ class Guard:
             await self._sign_in(scope, receive, send, headers)
         elif self._must_sign_in(headers):
             await self._show_sign_in(scope, receive, send, path)
+        elif scope["type"] == "http" and scope["method"] == "HEAD":
+            await self._head(scope, receive, send, path)
         elif scope["type"] == "http":
             await self._http(scope, receive, send)
         else:
@@ -163,6 +165,13 @@ class Guard:
             await _redirect(send, self.rules.root_path + SIGN_IN)
         else:
             await _refuse(scope, receive, send, 401, "sign in first")
+
+    async def _head(self, scope: Scope, receive: Receive, send: Send, path: str) -> None:
+        """Answer as to GET, without a body, which the server drops; no page is built that nobody opens."""
+        if path == "/":
+            await _answer(send, 200, "", "text/html")
+        else:
+            await self._http({**scope, "method": "GET"}, receive, send)
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         started = False

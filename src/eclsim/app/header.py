@@ -22,6 +22,7 @@ from eclsim.app.files import (
     shown_name,
     with_speeds,
 )
+from eclsim.app.page_words import in_page_words
 from eclsim.app.provenance import opened_state
 from eclsim.app.state import LONGEST_NAME, MOST_SAVED, link_of, preset_state
 from eclsim.app.texts import ENGLISH, text
@@ -254,7 +255,7 @@ class Header:
         try:
             name, content = await self.session.engine.study(lambda: export(state, kind, minutes))
         except ExportError as error:
-            notify(text("export_failed", reason=error), "negative")
+            notify(text("export_failed", reason=in_page_words(str(error))), "negative")
         except Exception:  # the page continues; the error is in the log
             log.exception("an export failed")
             notify(text("export_failed", reason=text("unknown")), "negative")

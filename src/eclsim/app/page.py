@@ -21,7 +21,7 @@ from eclsim.app.provenance import title_of
 from eclsim.app.session import Session
 from eclsim.app.state import History, PageState, Snapshot, read_snapshot, state_of
 from eclsim.app.texts import ENGLISH, text
-from eclsim.app.updates import CourseStudy, PosteriorBands, ViewStudy
+from eclsim.app.updates import CourseStudy, PosteriorBands, SecondBeats, ViewStudy
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -158,6 +158,7 @@ class BedsidePage:
         self._identify(views["identify"])
         for view in ("ramp", "schemes"):
             self.session.listen(ViewStudy(self.engine, view))
+        self.session.listen(SecondBeats(self.engine))
         self.session.listen(self.bands)
 
     def _timeline(self) -> None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from eclsim.app.fitting import PAGE_SEARCH, in_page_words, prepared_for_fit
+from eclsim.app.fitting import PAGE_SEARCH, prepared_for_fit
+from eclsim.app.page_words import in_page_words
 from eclsim.app.texts import text
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
@@ -204,14 +205,14 @@ def plain_posterior(
     weighted = importance_sample(posterior, gaussian, seed=SEED)
     names, drawn = posterior.prior.names, weighted.z[weighted.resample(SHOWN_DRAWS, SEED)]
     shown = posterior.prior.values_of(drawn)
-    notes = [in_page_words({"sentence": n}) for n in several_solutions(posterior.prior, drawn, gaussian)]
+    notes = [in_page_words(n) for n in several_solutions(posterior.prior, drawn, gaussian)]
     chosen = np.random.default_rng(SEED).permutation(weighted.resample(BAND_MEMBERS, SEED))
     members = posterior.prior.values_of(weighted.z[chosen])
     quantiles = np.quantile(shown, (0.05, 0.5, 0.95), axis=0).T.tolist()
     return {
         "names": list(names), "members": members.tolist(), "method": "importance",
         "doubts": list(weighted.doubts), "shape": float(weighted.shape), "effective": weighted.effective,
-        "draws": len(weighted.z), "notes": [note["sentence"] for note in notes],
+        "draws": len(weighted.z), "notes": notes,
         "parameters": {
             n: {"lower": low, "median": middle, "upper": high}
             for n, (low, middle, high) in zip(names, quantiles, strict=True)

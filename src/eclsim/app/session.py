@@ -175,12 +175,38 @@ class Session:
         if state == self.state and not self.closed:
             self.later = ShownBeat(state, beat, Moment(minute, self.minutes))
             self._send_beat(state, beat, self._requested[1], minute)
+            self._notify()
 
     def show_start(self) -> None:
         """Show the beat of the state again, after one of a later minute."""
         self.later = None
         if self.shown is not None and not self.closed:
             self._send_beat(*self.shown, 0)
+
+    def replace_beat(self, old: Beat, new: Beat) -> None:
+        """Replace a beat wherever it is shown, pinned or saved by the same with more findings."""
+        if self.closed:
+            return
+
+        def replaced(kept: ShownBeat) -> ShownBeat:
+            return kept._replace(beat=new) if kept.beat is old else kept
+
+        seen = self.seen
+        if self.shown is not None and self.shown[1] is old:
+            self.shown = self.shown[0], new
+        self.later = replaced(self.later) if self.later else None
+        if seen is not None and seen.beat is old and self._is_displayed(seen):
+            self._send_beat(seen.state, new, self._requested[1], seen.moment.minute)
+        if self.pinned is not None and self.pinned.beat is old:
+            self.pinned = replaced(self.pinned)
+            self._send_pinned()
+        if any(kept.beat is old for kept in self.saved):
+            self.saved = [replaced(kept) for kept in self.saved]
+            self._send_saved()
+
+    def _is_displayed(self, seen: ShownBeat) -> bool:
+        """Whether a beat is of the present state and minute, and not to be followed by one of the course."""
+        return seen.state == self.state and (seen.moment.minute > 0.0 or self.minute == 0.0)
 
     def set_policy(self, policy: str) -> None:
         """Set the blood volume policy."""
@@ -500,7 +526,7 @@ def _compared(beat: Beat) -> dict[str, Any]:
     from eclsim.app.beat import plain
 
     everything = plain(beat, ())
-    return {name: everything[name] for name in ("outputs", "possible")}
+    return {name: everything[name] for name in ("outputs", "possible", "undetermined")}
 
 
 def _started(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:

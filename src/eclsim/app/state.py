@@ -120,7 +120,10 @@ def subject_of(state: PageState) -> str:
 
 def key_of(state: PageState) -> str:
     """Return a key that distinguishes the results of different states."""
-    return f"{zlib.crc32(repr((state.case, state.policy)).encode()):08x}"
+    computed = (state.case, state.policy)
+    if state.computed_case is not state.case:  # reflexes whose set points are those of the patient as opened
+        computed = (*computed, state.start.case)
+    return f"{zlib.crc32(repr(computed).encode()):08x}"
 
 
 def link_of(state: PageState) -> str:

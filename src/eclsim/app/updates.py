@@ -7,10 +7,12 @@ import logging
 from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
 
 from eclsim.app.course import BEATS, LENGTHS, compute_course, plain_course
+from eclsim.app.page_words import in_page_words
 from eclsim.app.state import key_of
-from eclsim.app.texts import text, with_minus
+from eclsim.app.texts import text
 from eclsim.course.alarms import clock_time
 from eclsim.inputs.mistakes import CaseError
 
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("eclsim.app")
 PAUSE_S = 0.3
 """Time without a turned knob after which bands are computed [s], so that no beat has to wait for them."""
+STILL_S = 1.0
+"""Time without a new beat after which a second steady beat is sought [s]: no knob waits for that search."""
 MOST_POSTERIORS = 6
 BANDS = {"ramp": "ramp_bands"} | dict.fromkeys(("monitor", "loops", "gases", "outputs"), "bands")
 """Views that show bands, with the topic under which the bands are sent."""
@@ -149,7 +153,7 @@ class CourseStudy(_OneAtATime):
             try:
                 course = await self.engine.study(lambda s=state, m=minutes: compute_course(s, m))
             except CaseError as error:
-                self.session.send("course", {"of": key_of(state), "refused": with_minus(str(error))})
+                self.session.send("course", {"of": key_of(state), "refused": in_page_words(str(error))})
                 continue
             except Exception:  # there is no course; the page continues
                 log.exception("a course failed")
@@ -174,6 +178,58 @@ class CourseStudy(_OneAtATime):
 
     def _clock(self, minute: float) -> str:
         return clock_time(minute, self.minutes in BEATS)
+
+
+class SecondBeats(_OneAtATime):
+    """Seeks second steady beats of what is shown, pinned or saved, once the knobs have been still.
+
+    Args:
+        engine: runs the search, which takes about a second where veins collapse.
+    """
+
+    def __init__(self, engine: Engine):
+        self.engine = engine
+        self._examined: WeakValueDictionary[int, Beat] = WeakValueDictionary()
+
+    def __call__(self, session: Session) -> None:
+        """React to a new beat, or to one that was pinned or saved."""
+        self._start(self._next(session), lambda: self._run(session))
+
+    def _next(self, session: Session) -> Beat | None:
+        """Return the next beat to examine, that of the page first; None while a newer one is computed."""
+        if session.closed or session.shown is None or session.shown[0] != session.state:
+            return None
+        kept = (session.seen, session.pinned, *session.saved)
+        beats = (one.beat for one in kept if one is not None)
+        return next((beat for beat in beats if self._examined.get(id(beat)) is not beat), None)
+
+    async def _run(self, session: Session) -> None:
+        while (beat := self._next(session)) is not None:
+            await asyncio.sleep(STILL_S)
+            if self._next(session) is not beat:
+                continue
+            state = session.state
+            more = await self._search(beat, lambda s=state: not session.closed and session.state == s)
+            if more is not None:
+                session.replace_beat(beat, more)
+
+    async def _search(self, beat: Beat, wanted: Callable[[], bool]) -> Beat | None:
+        """Return the beat with its caution; one whose search was given up is examined again later."""
+        try:
+            more = await self.engine.study(partial(_second, beat, wanted))
+        except Exception:  # the page continues without the caution; the error is in the log
+            log.exception("the search for a second beat failed")
+            more = None
+        for known in (beat, more):
+            if known is not None and (more is not None or wanted()):
+                self._examined[id(known)] = known
+        return more
+
+
+def _second(beat: Beat, wanted: Callable[[], bool]) -> Beat | None:
+    from eclsim.app.beat import with_second_beat
+
+    return with_second_beat(beat, wanted)
 
 
 class PosteriorBands(_OneAtATime):

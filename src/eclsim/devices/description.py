@@ -431,7 +431,7 @@ class KeyFigure:
         digits: number of decimals.
         limits: outputs whose limits determine the tile's colour; if empty, the output itself.
         extremes: outputs shown below the number.
-        only_with: output; if given, the tile is shown only if there is a caution on this output.
+        unlike: flow; if given, the tile is shown only if its own flow differs from it.
     """
 
     key: str
@@ -441,7 +441,7 @@ class KeyFigure:
     digits: int
     limits: tuple[str, ...] = ()
     extremes: tuple[str, ...] = ()
-    only_with: str = ""
+    unlike: str = ""
 
 
 @dataclass(frozen=True)

@@ -274,6 +274,11 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
     return [Finding("warning", "aortic_valve_flow", aortic, CLOSED_L_MIN, text, concerns=("LVO",))]
 
 
+def flows_differ(flow: float, lungs: float) -> bool:
+    """Whether a flow differs from that through the lungs [L/min] by more than a beat repeats to."""
+    return abs(lungs - flow) > _SMALLEST_FLOW_DIFFERENCE_L_MIN + 0.05 * abs(lungs)
+
+
 def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
     """Findings on CO where a device makes it differ from ventricular output or lung flow."""
     lungs, left = outputs.get("CO"), outputs.get("LVO")
@@ -284,16 +289,12 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         "the right ventricle itself ejects {}": outputs.get("pulmonary_valve_flow", lungs),
         "the lungs get {}": outputs.get("pulmonary_flow", lungs),
     }
-    apart = {
-        text: flow
-        for text, flow in others.items()
-        if abs(lungs - flow) > _SMALLEST_FLOW_DIFFERENCE_L_MIN + 0.05 * abs(lungs)
-    }
+    apart = {text: flow for text, flow in others.items() if flows_differ(flow, lungs)}
     if not apart:
         return []
     place = "lungs"
     if "the lungs get {}" in apart:
-        device = _device_returning_to_pulmonary_artery(circuit)
+        device = device_returning_to_pulmonary_artery(circuit)
         place = f"pulmonary artery before the {device}return" if device else _NOT_SETTLED
     messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
     if (organs := organ_flow(outputs)) is not None:
@@ -302,8 +303,8 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     return [Finding(CAUTION, "CO", lungs, next(iter(apart.values())), text, concerns=("CO", "LVO"))]
 
 
-def _device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
-    """Name of the device that returns blood to the pulmonary artery; empty if there is none."""
+def device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
+    """Return the name of the device that returns blood to the pulmonary artery; empty if there is none."""
     paths = () if circuit is None else circuit.connections
     result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
     return next((f"{names.label} " for names in result if names), "")

@@ -8,6 +8,8 @@ have collapsed in it, with slower ones; the pumps are then set back, and a searc
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
@@ -37,11 +39,20 @@ DISPLACED_ML, STAYING_BEATS = 1.0, (20, 200)
 """Blood moved to test whether a beat is stable, and numbers of beats after which its way back is compared."""
 
 
-def second_beat(beat: SteadyBeat, member: int = 0) -> SteadyBeat | None:
+def _always() -> bool:
+    return True
+
+
+def second_beat(beat: SteadyBeat, member: int = 0, wanted: Callable[[], bool] = _always) -> SteadyBeat | None:
     """Return another stable steady beat of a member at the same values; None if none was found.
 
     It is sought only for a unique beat of a circuit with collapsible veins and a pump, without parameters
     that are solved for together with gases. None does not prove that there is no other.
+
+    Args:
+        beat: steady beats.
+        member: number of the member.
+        wanted: returns whether the result is still needed; called between steps. If not, None is returned.
     """
     batch = beat.batch.take(np.array([member]))
     assembly = assemble(batch.circuit)
@@ -58,14 +69,20 @@ def second_beat(beat: SteadyBeat, member: int = 0) -> SteadyBeat | None:
         driven = problem.packed.copy()
         driven[pumps] *= factor
         away = search.wait(search.wait(found, driven, BEATS_AWAY), problem.packed, BEATS_BACK)
+        if not wanted():
+            return None
         if not np.isfinite(away).all():
             continue
         inverse = inverse_at(problem, away[:, 0], 1)
         orbits = solve_orbits(problem, Anchor(away, inverse[..., None]), SHORT_SEARCH)
+        if not wanted():
+            return None
         if orbits.status[0] != Status.CONVERGED:
             continue
         there = Anchor(orbits.states, inverse[..., None])
         other = steady_beat(batch, beat.names, start=there, resolution=int(beat.orbits.resolution[member]))
+        if not wanted():
+            return None
         if _differs(beat, other, member) and _is_stable(
             search, problem, other.orbits.states, assembly.narrowing
         ):
@@ -76,21 +93,24 @@ def second_beat(beat: SteadyBeat, member: int = 0) -> SteadyBeat | None:
 def findings_of_second_beat(beat: SteadyBeat, member: int = 0) -> list[Finding]:
     """Return a caution if a member has a second steady beat at the same values, with the flows of both."""
     other = second_beat(beat, member)
-    if other is None:
-        return []
+    return [] if other is None else [caution_of_two(beat, other, member)]
+
+
+def caution_of_two(beat: SteadyBeat, other: SteadyBeat, member: int = 0) -> Finding:
+    """Return the caution on a member that has another steady beat at the same values."""
     flow = float(beat.output("PF")[member])
-    parts = [_numbers(beat, member), _numbers(other, 0)]
+    parts = [flows_in_words(beat, member), flows_in_words(other, 0)]
     sentence = (
         "this patient has two steady beats at the same settings, since veins collapse: "
         f"{parts[0]} (shown), and {parts[1]}. Which of them lasts depends on what came before: a vein may "
         "stay collapsed although the pump was set back to a speed at which it was full. All numbers are "
         "those of the first alone"
     )
-    return [Finding.without_limit(CAUTION, "PF", flow, sentence, "PF", "CO", "MAP")]
+    return Finding.without_limit(CAUTION, "PF", flow, sentence, "PF", "CO", "MAP")
 
 
-def _numbers(beat: SteadyBeat, member: int) -> str:
-    """Flows, suction, and filling of the emptiest vein of a beat as text."""
+def flows_in_words(beat: SteadyBeat, member: int) -> str:
+    """Return flows, suction, and filling of the emptiest vein of a beat as text."""
     by_name = beat.outputs(member)
     fillings = [by_name[name] for name in FILLINGS if name in by_name]
     native = f", CO {by_name['CO']:.2f}" if "CO" in by_name else ""

@@ -3,8 +3,10 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import {
   MINUS,
+  aboutSign,
   change,
   compact,
+  doubtOf,
   fill,
   fixed,
   gravest,
@@ -135,4 +137,19 @@ test("draws that are not in a band are counted by what they lack", () => {
   assert.equal(leftOut(texts, { lost: 0, impossible: 0 }), "");
   assert.equal(leftOut(texts, { lost: 3, impossible: 0 }), "3 no beat");
   assert.equal(leftOut(texts, { lost: 3, impossible: 12 }), "3 no beat, 12 impossible");
+});
+
+test("a number that is not determined is marked, whichever of several is meant", () => {
+  const beat = { undetermined: ["MAP"], second: "" };
+  assert.equal(aboutSign(beat, "MAP"), "≈");
+  assert.equal(aboutSign(beat, "PF", "MAP"), "≈");
+  assert.equal(aboutSign(beat, "PF"), "");
+  assert.equal(aboutSign(null, "MAP"), "");
+});
+
+test("a beat that is not the only one at its settings has a text of its own", () => {
+  assert.equal(doubtOf({ undetermined: ["MAP"], second: "" }), "undetermined");
+  assert.equal(doubtOf({ undetermined: [], second: "two" }), "one_of_two");
+  assert.equal(doubtOf({ undetermined: [], second: "" }), "");
+  assert.equal(doubtOf(undefined), "");
 });

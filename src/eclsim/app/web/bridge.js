@@ -1,6 +1,6 @@
 // Hands messages of the server to the views, and keys pressed anywhere to the server.
 import { markRaw } from "vue";
-import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
+import { addressOf, bus, clock, doubtOf, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
 
 const ANSWER_TIMEOUT = 5000; // ms within which the server must answer
 const ASK_AFTER = 1500; // ms without an answer after which the server is pinged
@@ -244,9 +244,11 @@ export default {
       if (!beat.converged) this.say("bad", `${this.texts.not_converged}: ${beat.message}`);
       else if (!beat.possible) this.say("bad", `${this.texts.impossible}: ${alarms}`);
       else {
-        const what = beat.transient ? beat.message : this.texts[alarms ? "limit_broken" : "ready"];
+        const doubt = doubtOf(beat);
+        const outcome = doubt || (alarms ? "limit_broken" : "ready");
+        const what = beat.transient ? beat.message : this.texts[outcome];
         const words = beat.minute ? `${what}, ${clock(beat.minute, beat.transient)}` : what;
-        this.say(alarms ? "broken" : "good", alarms ? `${words}: ${alarms}` : words);
+        this.say(alarms || doubt ? "broken" : "good", alarms ? `${words}: ${alarms}` : words);
       }
       this.markStale();
     },

@@ -1,5 +1,6 @@
 // Saved states side by side: differences in settings, main outputs, arterial pressure and loops.
 import {
+  aboutSign,
   clock,
   compact,
   fill,
@@ -166,7 +167,7 @@ export default {
         label: (name === name.toUpperCase() ? name : label) + (why ? " †" : ""),
         hint: why ? fill(this.texts.caution, { why }) : "",
         unit,
-        cells: this.columns.map((s) => format(s.beat.outputs[name])),
+        cells: this.columns.map((s) => aboutSign(s.beat, name) + format(s.beat.outputs[name])),
         kind: "output",
       };
     },

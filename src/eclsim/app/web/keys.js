@@ -1,5 +1,18 @@
 // Key figures, always visible: if the page scrolls, in a strip below its header.
-import { MISSING, SIGNS, fill, fixed, gravest, isPossible, listening, signed } from "eclsim-page";
+import {
+  MISSING,
+  SIGNS,
+  UNDETERMINED,
+  aboutSign,
+  doubtOf,
+  fill,
+  fixed,
+  gravest,
+  isPossible,
+  isUndetermined,
+  listening,
+  signed,
+} from "eclsim-page";
 
 const FIGURES_IN_STRIP = 8; // figures of the strip, in addition to those that exceed a limit
 
@@ -65,19 +78,20 @@ export default {
     // Short text of the exceeded limits, the most serious first.
     broken() {
       const words = this.limits.map(([kind, text]) => SIGNS[kind] + text.split(": ")[0]);
-      return (this.beat?.possible === false ? [this.texts.impossible, ...words] : words).join("; ");
+      const first = this.texts[isPossible(this.beat) ? doubtOf(this.beat) : "impossible"];
+      return [first, ...words].filter(Boolean).join("; ");
     },
     limits() {
       return (this.beat?.notes ?? []).filter(([kind]) => kind in SIGNS);
     },
     gravest() {
-      return this.limits[0]?.[0];
+      return this.limits[0]?.[0] ?? "warning";
     },
     seen() {
       if (!this.beat) return [];
-      const { outputs, cautions } = this.beat;
-      const shown = (figure) =>
-        outputs[figure.output] !== undefined && (!figure.only_with || figure.only_with in cautions);
+      const { outputs, apart } = this.beat;
+      const shown = ({ output, unlike }) =>
+        outputs[output] !== undefined && (!unlike || apart.includes(output));
       return this.figures.filter(shown).map((figure) => this.tile(figure));
     },
   },
@@ -89,8 +103,10 @@ export default {
       const caution = limits.map((name) => cautions[name]).find(Boolean);
       const full = `${words} [${unit}]`;
       const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
-      const range = extremes && possible ? extremes.map((name) => fixed(outputs[name], 0)).join("/") : "";
-      const text = level === "collapse" ? MISSING : fixed(value, digits);
+      const about = aboutSign(this.beat, output);
+      const ends = (extremes ?? []).map((name) => fixed(outputs[name], 0)).join("/");
+      const range = ends && possible ? about + ends : "";
+      const text = level === "collapse" ? MISSING : about + fixed(value, digits);
       const measured = this.asMeasured([output], digits) || this.asMeasured(extremes ?? [], 0);
       const more = [this.difference(output, value, digits) || range, measured].filter(Boolean);
       return { key, label, unit, level, caution, hint, sign: SIGNS[level].trim(), value: text, more };
@@ -99,10 +115,13 @@ export default {
       const before = this.pinned?.outputs[output];
       if (!isPossible(this.beat)) return "";
       if (this.pinned && !isPossible(this.pinned)) return `Δ ${SIGNS.collapse.trim()}`;
+      const isOpen = [this.beat, this.pinned].some((beat) => isUndetermined(beat, [output]));
+      if (this.pinned && isOpen) return `Δ ${UNDETERMINED}`;
       return Number.isFinite(before) && Number.isFinite(value) ? `Δ ${signed(value - before, digits)}` : "";
     },
     asMeasured(outputs, digits) {
       const measured = outputs.map((name) => this.measured[name]);
+      if (this.beat.minute) return ""; // they were measured at the start of the course
       if (!measured.length || measured.includes(undefined)) return "";
       return `${this.texts.key_measured} ${measured.map((value) => fixed(value, digits)).join("/")}`;
     },

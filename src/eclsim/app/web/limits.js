@@ -7,13 +7,15 @@ export default {
     tabindex="0" @scroll.passive="measure">
     <div class="list">
       <p v-if="!possible" class="verdict"><b>✕ {{ texts.impossible_long }}</b></p>
-      <p v-if="judged && !broken.length" class="quiet">✓ {{ texts.no_alarms }}</p>
+      <p v-else-if="isOpen" class="verdict open"><b>{{ texts.undetermined_long }}</b></p>
+      <p v-if="second" class="verdict open"><b>{{ other }}</b></p>
+      <p v-if="judged && !broken.length && !isOpen && !second" class="quiet">✓ {{ texts.no_alarms }}</p>
       <p v-for="[kind, text] in broken" :key="text" :class="kind"><b>{{ signs[kind] }}</b>{{ text }}</p>
     </div>
-    <details v-if="cautions.length"><summary>† {{ heading }}</summary>
+    <details v-if="cautions.length"><summary ref="remarks">† {{ heading }}</summary>
       <p v-for="text in cautions" :key="text">{{ text }}</p>
     </details>
-    <p v-if="hidden" class="further">▼ {{ more }}</p>
+    <p v-if="more" class="further">▼ {{ more }}</p>
   </section>`,
   mixins: [
     sized("list"),
@@ -24,6 +26,8 @@ export default {
       beat(beat) {
         this.judged = true;
         this.possible = beat.possible;
+        this.isOpen = beat.undetermined.length > 0;
+        this.second = beat.second;
         this.broken = beat.notes.filter(([kind]) => kind !== "caution");
         this.cautions = beat.notes.filter(([kind]) => kind === "caution").map(([, text]) => text);
         this.concerned = Object.keys(beat.cautions);
@@ -35,11 +39,14 @@ export default {
     signs: SIGNS,
     judged: false, // until there is a beat
     possible: true,
+    second: "", // flows of another steady beat at the same settings
+    isOpen: false, // some numbers are not determined
     broken: [],
     cautions: [],
     concerned: [],
     labels: {},
     hidden: 0,
+    areRemarksHidden: false,
   }),
   methods: {
     // If the exceeded limits change, scroll the list back to the most serious ones.
@@ -49,24 +56,30 @@ export default {
       this.which = which;
       this.measure();
     },
-    // Number of limits hidden below the edge of the list.
+    // Number of lines hidden below the edge of the list, and whether the cautions are.
     measure() {
-      const { list } = this.$refs;
+      const { list, remarks } = this.$refs;
       if (!list) return;
       const edge = list.getBoundingClientRect().bottom;
-      const lines = [...list.querySelectorAll(".list p")];
-      this.hidden = lines.filter((line) => line.getBoundingClientRect().bottom > edge + 2).length;
+      const isBelow = (line) => line.getBoundingClientRect().bottom > edge + 2;
+      this.hidden = [...list.querySelectorAll(".list p")].filter(isBelow).length;
+      this.areRemarksHidden = !!remarks && isBelow(remarks);
     },
   },
   computed: {
     more() {
-      return fill(this.texts.alarms_more, { hidden: this.hidden, all: this.broken.length });
+      if (!this.hidden) return this.areRemarksHidden ? `† ${this.heading}` : "";
+      const lines = fill(this.texts.alarms_more, { hidden: this.hidden, all: this.broken.length });
+      return this.areRemarksHidden ? `${lines} †` : lines;
+    },
+    other() {
+      return fill(this.texts.one_of_two_long, { other: this.second });
     },
     // Symbols of the paper unchanged; other outputs by the label of their tile, if they have one.
     heading() {
       const short = (name) => (name === name.toUpperCase() ? name : this.labels[name]);
       const names = new Set(this.concerned.map(short).filter(Boolean));
-      return fill(this.texts.cautions, { names: [...names].join(", ") });
+      return fill(this.texts.cautions, { names: [...names].join(", ") || this.texts.cautions_further });
     },
   },
 };

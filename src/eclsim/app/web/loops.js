@@ -1,5 +1,5 @@
 // Pressure-volume loops of both ventricles.
-import { bandsOf, extent, fixed, ink, drawing, isPossible, niceRange } from "eclsim-page";
+import { aboutSign, bandsOf, extent, fixed, ink, drawing, isPossible, niceRange } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const SIDES = [
@@ -47,7 +47,7 @@ export default {
       const { outputs } = this.beat;
       this.caution = this.beat.cautions.EDVLV ?? "";
       const volumes = ["EDVLV", "ESVLV", "EDVRV", "ESVRV"].map(
-        (name) => `${name} ${fixed(outputs[name], 0)} mL`,
+        (name) => `${name} ${aboutSign(this.beat, name)}${fixed(outputs[name], 0)} mL`,
       );
       this.label = `${this.texts.loops}: ${volumes.join(", ")}`;
       const traces = SIDES.map((side) => this.members(side, bands?.loops[side.place] ?? []));

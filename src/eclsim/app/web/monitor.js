@@ -3,6 +3,7 @@ import {
   LEFT,
   MISSING,
   SIGNS,
+  aboutSign,
   bandsOf,
   extent,
   fill,
@@ -143,10 +144,11 @@ export default {
     },
     read({ form, signal, outputs }, beat) {
       const mean = beat.means[signal];
-      if (form === "flow") return { big: fixed(scaled(mean, L_MIN), 2), small: "", unit: "L/min" };
-      if (form === "mean") return { big: fixed(mean, 0), small: "", unit: "mmHg" };
+      const about = aboutSign(beat, ...outputs);
+      if (form === "flow") return { big: about + fixed(scaled(mean, L_MIN), 2), small: "", unit: "L/min" };
+      if (form === "mean") return { big: about + fixed(mean, 0), small: "", unit: "mmHg" };
       const extremes = outputs.map((name) => fixed(beat.outputs[name], 0)).join("/");
-      return { big: extremes, small: `(${fixed(mean, 0)})`, unit: "mmHg" };
+      return { big: about + extremes, small: `(${about}${fixed(mean, 0)})`, unit: "mmHg" };
     },
     interval({ form, outputs }) {
       const digits = form === "flow" ? 2 : 0;

@@ -1,5 +1,18 @@
 // All outputs with unit, adult reference range and change.
-import { SIGNS, bandsOf, change, compact, fill, isPossible, limitLines, seenIn, timeOf } from "eclsim-page";
+import {
+  SIGNS,
+  UNDETERMINED,
+  aboutSign,
+  bandsOf,
+  change,
+  compact,
+  fill,
+  isPossible,
+  isUndetermined,
+  limitLines,
+  seenIn,
+  timeOf,
+} from "eclsim-page";
 
 export default {
   template: `
@@ -67,7 +80,7 @@ export default {
   }),
   computed: {
     isMeasured() {
-      return Object.keys(this.measured).length > 0;
+      return !this.beat?.minute && Object.keys(this.measured).length > 0; // at the start of a course
     },
     bands() {
       return this.latestBands && bandsOf(this.beat);
@@ -99,7 +112,7 @@ export default {
         level,
         source,
         isSymbol: name === name.toUpperCase(),
-        value: SIGNS[level] + compact(value),
+        value: SIGNS[level] + aboutSign(this.beat, name) + compact(value),
         measured: name in this.measured ? compact(this.measured[name]) : "",
         band: (this.bands?.outputs[name] ?? []).map(compact).join(" – "),
         change: this.changeOf(name, value),
@@ -109,9 +122,10 @@ export default {
         caution: this.beat.cautions[name] ?? "",
       };
     },
-    // An impossible beat is compared with nothing.
+    // An impossible beat is compared with nothing, and a change of what is not determined has no value.
     changeOf(name, value) {
       const before = this.pinned ?? this.base;
+      if (before && [this.beat, before].some((beat) => isUndetermined(beat, [name]))) return UNDETERMINED;
       return isPossible(this.beat) && isPossible(before) ? change(value, before?.outputs[name]) : "";
     },
     side(value, low, high) {

@@ -2,6 +2,7 @@
 import {
   FONT,
   SIGNS,
+  UNDETERMINED,
   fill,
   fixed,
   handleOf,
@@ -104,8 +105,8 @@ export default {
       display(display) {
         this.stops = display.saturations;
       },
-      beat({ means, places, levels, gas }) {
-        Object.assign(this, { means, places, levels, gases: gas?.places ?? {} });
+      beat({ means, places, levels, gas, undetermined }) {
+        Object.assign(this, { means, places, levels, undetermined, gases: gas?.places ?? {} });
       },
     }),
   ],
@@ -114,6 +115,7 @@ export default {
     means: {},
     places: {},
     levels: {},
+    undetermined: [],
     gases: {},
     stops: [],
     signs: SIGNS,
@@ -212,7 +214,7 @@ export default {
       return `${box.text}: ${this.pressure(box)} mmHg${gases}`;
     },
     pressure(box) {
-      return fixed(this.means[`P${box.name}`], 0);
+      return (this.undetermined.length ? UNDETERMINED : "") + fixed(this.means[`P${box.name}`], 0);
     },
     level(box) {
       return this.places[box.name] ?? "ok";
@@ -223,7 +225,9 @@ export default {
     },
     flow(wire) {
       const mean = this.means[`Q${wire.name}`];
-      return mean === undefined || wire.silent ? "" : fixed(scaled(mean, wire.factor), wire.digits);
+      if (mean === undefined || wire.silent) return "";
+      const about = this.undetermined.includes(wire.output) ? UNDETERMINED : "";
+      return about + fixed(scaled(mean, wire.factor), wire.digits);
     },
     about(line) {
       return fill(line.about, {

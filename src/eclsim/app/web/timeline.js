@@ -3,6 +3,7 @@ import {
   GRAVEST,
   MISSING,
   SIGNS,
+  aboutSign,
   alarmsBetween,
   briefly,
   brokenSpans,
@@ -53,7 +54,7 @@ export default {
       </template>
     </div>
     <template v-if="isOpen">
-      <p v-if="again" class="ahead" role="status">{{ again }}</p>
+      <p v-if="again" class="ahead" role="status">{{ beat ? again : ahead }}</p>
       <p v-if="paused" class="refused" role="alert">{{ paused }}</p>
       <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
@@ -229,6 +230,13 @@ export default {
       const at = fill(this.texts[words], { time: this.time(minute) });
       return this.course?.message && minute >= this.end ? `${at} ${this.texts.timeline_ended}` : at;
     },
+    // Until the reopened course is computed, the page shows another minute than the cursor.
+    ahead() {
+      const { minute = 0 } = this.shownBeat ?? {};
+      return fill(fill(this.texts.timeline_ahead, { shown: this.time(minute) }), {
+        time: this.time(this.minute),
+      });
+    },
     // A patient from a link or file may have events: the closed timeline indicates them.
     openLabel() {
       const { length: count } = this.events;
@@ -247,7 +255,7 @@ export default {
         const broken = brokenSpans(met, { last: time.at(-1), end: this.length, width: WIDTH });
         const own = usual ? this.beat?.outputs[name] : undefined;
         const now = isPossible(this.beat)
-          ? fixed(own ?? valueIn(time, values, this.minute), digits)
+          ? aboutSign(this.beat, name) + fixed(own ?? valueIn(time, values, this.minute), digits)
           : SIGNS.collapse + MISSING;
         const care = this.cautions[name] ?? "";
         const written = [low, high].map((v) => fixed(v, high - low < 0.3 ? 2 : high - low < 3 ? 1 : 0));

@@ -45,6 +45,17 @@ export const laterThanStart = (texts, shown, pinned) =>
 // Whether the numbers of a beat, or of results computed from it, are possible in a patient.
 export const isPossible = (beat) => beat?.possible !== false;
 
+// Sign before a number that depends on where its computation started, since closed valves trap blood.
+export const UNDETERMINED = "≈";
+export const isUndetermined = (beat, names) => names.some((name) => !!beat?.undetermined?.includes(name));
+export const aboutSign = (beat, ...names) => (isUndetermined(beat, names) ? UNDETERMINED : "");
+
+// Key of the text on a steady beat that is not the only one at its settings; empty for any other.
+export function doubtOf(beat) {
+  if (beat?.undetermined?.length) return "undetermined";
+  return beat?.second ? "one_of_two" : "";
+}
+
 // Numbers of posterior draws that are not in its bands, and the reasons.
 export const leftOut = (texts, { lost, impossible }) =>
   [
