@@ -382,7 +382,7 @@ def test_one_id_on_two_servers_is_not_taken_for_one_patient(tmp_path, bare):
         import_cohort(path)
     entries.append({"fullUrl": at[1], "resource": person})
     path.write_text(json.dumps({"resourceType": "Bundle", "entry": entries[:3] + entries[-1:]}))
-    with pytest.raises(CaseError, match="entry 4: .*have one id and may be two patients"):
+    with pytest.raises(CaseError, match=r"entry 4: .*have one id and may be two patients"):
         import_cohort(path)
 
 
