@@ -302,6 +302,8 @@ def test_units_are_converted_or_refused_never_guessed():
     assert in_unit_of(1.5, "Hz", BY_CODE["heart_rate_bpm"]) == (90.0, "1.5 Hz = 90 bpm")
     with pytest.raises(UnitError):
         in_unit_of(80.0, "", BY_CODE["MAP"])
+    with pytest.raises(UnitError, match=r"is in g/dL \(of the monomer, 6 mmol/L = 9.67 g/dL\)"):
+        in_unit_of(6.0, "mmol/L", BY_CODE["718-7"])
 
 
 def test_where_nothing_is_left_it_is_said_what_was_left_out(tmp_path):

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from datetime import date, datetime, timedelta
 from types import MappingProxyType
 
-from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
+from eclsim.cases.sections import FURTHER_MEASUREMENTS, GRAMS_PER_MMOL, MEASURED_GASES, Measurements
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.units import convert, known_unit, quantity_of
@@ -98,7 +98,10 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
         return value, ""
     known = _known(unit)
     if known is None or quantity_of(known) != quantity:
-        raise UnitError(f"unit {unit!r} is not a unit of {quantity}; {kind.column} is in {kind.unit}")
+        wrong = f"unit {unit!r} is not a unit of {quantity}; {kind.column} is in {kind.unit}"
+        if kind.column == "haemoglobin_g_dl" and known == "mmol/L":
+            wrong += f" (of the monomer, {value:g} mmol/L = {value * GRAMS_PER_MMOL:.3g} g/dL)"
+        raise UnitError(wrong)
     if known == kind.unit:
         return value, ""
     converted = float(f"{convert(value, known, kind.unit):.6g}")
