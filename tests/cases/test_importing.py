@@ -262,6 +262,25 @@ def test_a_wrong_time_of_a_value_does_not_make_the_birth_date_wrong(tmp_path):
     assert "birthDate" not in str(caught.value)
 
 
+def test_the_age_is_that_at_each_data_point_whatever_else_a_bundle_holds(tmp_path):
+    """The age was that at the earliest value, read or not, and left out if one of them had no time."""
+    blood_group = observation("882-1", 1, "1", "1999-01-01T09:00:00+01:00")
+    lactate = {k: v for k, v in observation("2524-7", 1, "mmol/L").items() if k != "effectiveDateTime"}
+    later = observation("8478-0", 60, "mm[Hg]", "2026-04-17T09:00:00+01:00")
+    rows = import_cohort(bundle(tmp_path, PATIENT, blood_group, lactate, *TWO, later)).rows
+    assert [(row["age_years"], row["MAP"]) for row in rows] == [("68", "80"), ("71", "60")]
+
+
+def test_no_message_shows_a_name_or_a_birth_date(tmp_path):
+    person = PATIENT | {"address": [{"city": "Ulm"}], "birthDate": "2030-04-17"}
+    unknown = observation("8478-0", 80, "kPa?") | {"subject": {"display": "Doe"}}
+    named = [unknown | {"subject": {"reference": f"Patient/{of}", "display": "Doe"}} for of in ("P01", "P02")]
+    with pytest.raises(CaseError) as caught:
+        import_cohort(bundle(tmp_path, person, *TWO, unknown, *named))
+    assert "before the patient's birth date" in str(caught.value)
+    assert not re.search("Doe|Ulm|2030", str(caught.value))
+
+
 def test_what_lies_further_apart_is_another_data_point(tmp_path):
     rows = [f"A,2024-03-01T08:{m:02d},MAP,8{m % 10},mmHg" for m in (0, 3, 20)]
     with pytest.raises(CaseError, match="two values of one data point"):
@@ -283,6 +302,8 @@ def test_units_are_converted_or_refused_never_guessed():
     assert in_unit_of(1.5, "Hz", BY_CODE["heart_rate_bpm"]) == (90.0, "1.5 Hz = 90 bpm")
     with pytest.raises(UnitError):
         in_unit_of(80.0, "", BY_CODE["MAP"])
+    with pytest.raises(UnitError, match=r"is in g/dL \(of the monomer, 6 mmol/L = 9.67 g/dL\)"):
+        in_unit_of(6.0, "mmol/L", BY_CODE["718-7"])
 
 
 def test_where_nothing_is_left_it_is_said_what_was_left_out(tmp_path):
@@ -348,12 +369,31 @@ def test_a_patient_is_one_whether_called_by_address_or_by_id(tmp_path, named):
     assert (row["sex"], row["age_years"], row["MAP"]) == ("female", "68", "80")
 
 
+@pytest.mark.parametrize("bare", [True, False])
+def test_one_id_on_two_servers_is_not_taken_for_one_patient(tmp_path, bare):
+    """Two hospitals' patients of one id became one patient, with the sex and age of the first."""
+    known = PATIENT["id"], *(() if bare else (PATIENT["gender"], PATIENT["birthDate"]))
+    person = {key: value for key, value in PATIENT.items() if key == "resourceType" or value in known}
+    at = [f"https://{hospital}.org/fhir/Patient/P01" for hospital in ("a", "b")]
+    low = observation("8478-0", 60, "mm[Hg]", "2024-03-01T12:00:00+01:00")
+    values = [*of(at[0], *TWO), *of(at[1], low)]
+    entries = [{"fullUrl": at[0], "resource": person}, *({"resource": v} for v in values)]
+    path = tmp_path / "bundle.json"
+    path.write_text(json.dumps({"resourceType": "Bundle", "entry": entries}))
+    with pytest.raises(CaseError, match="have one id and may be two patients"):
+        import_cohort(path)
+    entries.append({"fullUrl": at[1], "resource": person})
+    path.write_text(json.dumps({"resourceType": "Bundle", "entry": entries[:3] + entries[-1:]}))
+    with pytest.raises(CaseError, match=r"entry 4: .*have one id and may be two patients"):
+        import_cohort(path)
+
+
 @pytest.mark.parametrize(
     ("resources", "said"),
     [
         (of("Device/P01", *TWO), "the subject is a Device"),
         ([PATIENT | {"gender": "male"}, *TWO], "two Patient resources of this id"),
-        ([TWO[0] | {"effectiveDateTime": "1950-01-01"}], "birthDate = 1955-04-17: after the first"),
+        ([TWO[0] | {"effectiveDateTime": "1950-01-01"}], "P01 1950-01-01: before the patient's birth date"),
         (
             [TWO[1] | {"valueQuantity": {"value": 10.7, "unit": "kPa", "code": "mm[Hg]"}}],
             "10.7 mm[Hg], 10.7 kPa: its code and its text give different units",

@@ -3,16 +3,20 @@
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases import read_case
 from eclsim.cases.reading import read_mapping
 from eclsim.course.beats import course_beats, shift_ml
 from eclsim.course.course import course, course_many
 from eclsim.course.engine import CourseOptions
 from eclsim.course.files import course_object
+from eclsim.course.predictor import settling_time
 from eclsim.course.result import spans_in_words
 from eclsim.outputs.results import simulate
 from small_patient import ON_ECMO
@@ -312,3 +316,12 @@ def test_an_event_shortly_before_the_end_is_followed_as_far_as_the_course_goes(t
     there = np.interp(shown, every["time_min"], every["MAP"])
     assert np.abs(there - np.interp(shown, result["time_min"], result["MAP"])).max() < 0.5
     assert result["beat_by_beat"][-1] == 1
+
+
+@pytest.mark.parametrize("kept", [1.0, 1.0 - 2.0**-52, 1.0 - 1e-12])
+def test_what_a_beat_keeps_to_rounding_is_no_mode_that_settles(kept):
+    """A heart that hardly ejects was said to settle in 8444249301319680 s."""
+    shrink = np.array([0.5, kept])
+    beat = SimpleNamespace(values_in_effect=lambda _: {HEART_RATE: 60.0})
+    inverse = np.linalg.pinv(np.diag(1.0 - shrink))
+    assert settling_time(cast(Any, beat), 0, inverse) == pytest.approx(3.0 / np.log(2.0))

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from eclsim.crrt_study.files import study_object
+from eclsim.crrt_study.limits import KEPT_TO_THE_END, largest_flows
 from eclsim.crrt_study.ranking import choice_text, first_choice, rank
 from eclsim.crrt_study.rule import DEFAULT_RULE, Criterion, Rule, RuleError, check_quantities, read_rule
 from eclsim.crrt_study.schemes import nine_schemes, select_schemes
@@ -89,6 +90,20 @@ def test_a_quantity_of_the_rule_that_is_not_known_leaves_places_open(study):
     assert "raise the ventilation or the sweep" in lost[0].advice
 
 
+@pytest.mark.parametrize("without", [["access_190"], [limit.name for limit in DEFAULT_RULE.limits]])
+def test_a_limit_without_bounds_is_kept_at_every_speed(study, without):
+    """It was said to be kept at no speed whose beat was found, and without limits no scheme had a rank."""
+    rule = read_rule({"name": "none", "limits": {name: [None, None] for name in without}})
+    limits = largest_flows(study.means, study.case_speed, rule.limits)
+    free = limits.sel(limit=without)
+    assert set(free["state"].values.flat) == {KEPT_TO_THE_END}
+    fastest = study.means["PF"].isel(speed=-1)
+    assert bool((free["largest_flow"] == fastest).all())
+    assert all("no speed" not in words for words in free["in_words"].values.flat)
+    ranking = ranked_by(replace(study, limits=limits), *rule.criteria, limits=rule.limits)
+    assert all(one.rank is not None for one in ranking)
+
+
 def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refused():
     case = paper_case()
     crrt = {"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"}
@@ -121,6 +136,7 @@ def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refus
         ("[[criteria]]\nquantity = 'alarms'", r"at_least or at_most, or prefer"),
         ("[[criteria]]\nquantity = 'alarms'\nprefer = 'bigger'", r"criteria.0.prefer = bigger: .*larger"),
         ("[[criteria]]\nquantity = 'PF'\nprefer = 'larger'\nstep = -1", r"zero or above"),
+        ("[[criteria]]\nquantity = 'PF'\nat_least = 1\nstep = 0.5", r"a bound is compared unrounded"),
         ("[[criteria]]\nquantity = 'PF'\nat_least = 5\nat_most = 1", r"no value meets both"),
         ("[[criteria]]\nquantity = 'PF'\nat_least = nan", r"at_least = nan: allowed: finite numbers"),
         ("[[criteria]]\nquantity = 'PF'\nprefer = 'larger'\nstep = inf", r"step = inf: allowed: finite"),

@@ -259,6 +259,25 @@ def test_two_settings_meet_two_goals_and_the_first_is_the_dearest():
     assert not bool(both.any())
 
 
+def test_settings_are_tried_with_set_where_reflexes_act_around_the_case_as_written(tmp_path, capsys):
+    """Nothing said that the speed found gives another pressure if it is written into the file."""
+    file, out = tmp_path / "case.toml", tmp_path / "settings.json"
+    file.write_text(f"{case_text(CASE)}\n[regulation]\nbaroreflex = 1.0\n")
+    goal = float(simulate(read_case(file))["MAP"]) + 2.0
+    assert run_command("settings", file, "--goal", f"MAP > {goal}", "--json", out) == 0
+    assert (
+        "reflexes act around the case as it is written: try the settings with --set"
+        in capsys.readouterr().err
+    )
+    (found,) = json.loads(out.read_text())["settings"]
+    tried = read_case(file, [f"{found['name']}={found['value']!r}"])
+    assert float(simulate(tried)["MAP"]) == pytest.approx(goal, abs=1e-3)
+    given = re.search("speed_rpm = .*", file.read_text())
+    assert given is not None
+    file.write_text(file.read_text().replace(given[0], f"speed_rpm = {found['value']}"))
+    assert abs(float(simulate(read_case(file))["MAP"]) - goal) > 0.5
+
+
 def test_all_mistakes_are_said_at_once_and_the_command_ends_with_two(tmp_path, capsys):
     file = tmp_path / "case.toml"
     file.write_text(

@@ -12,6 +12,7 @@ from eclsim.sensitivity.identifiability import (
     relative_errors,
 )
 from eclsim.sensitivity.inputs import (
+    DEFAULTS,
     InputError,
     Uncertainty,
     read_uncertainties,
@@ -144,6 +145,16 @@ def test_a_percentage_of_zero_is_an_uncertainty_of_flows_only():
     assert standard_uncertainties({"CO": 0.0}, {"CO": tenth}) == {"CO": pytest.approx(0.01)}
     with pytest.raises(InputError, match=r"CVP: 10 % of a value of 0 .* in mmHg, such as CVP=2$"):
         standard_uncertainties({"CVP": 0.0, "MAP": 80.0}, {"CVP": tenth, "MAP": tenth})
+
+
+@pytest.mark.parametrize("error", [1e-300, 1e-9])
+def test_an_uncertainty_below_what_is_computed_is_refused(error):
+    """A fit ended in a traceback, or said of every beat that valves stay shut."""
+    with pytest.raises(
+        InputError, match=r"MAP: 1e-.* mmHg is smaller than .* at least 0.0003 mmHg \(usual: 3"
+    ):
+        standard_uncertainties({"MAP": 80.0, "CO": 4.0}, DEFAULTS | {"MAP": Uncertainty(error)})
+    assert standard_uncertainties({"MAP": 80.0}, {"MAP": Uncertainty(3e-4)}) == {"MAP": 3e-4}
 
 
 @pytest.mark.parametrize("text", ["SP", "SP=", "SP=abc", "SP=-1", "CO=0%", "CO=inf"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import date, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from eclsim.cases.observations import (
     NOTHING_TO_FIT,
     PATIENT_COLUMNS,
     SNOMED,
+    About,
     Imported,
     Observation,
     are_different_units,
@@ -130,7 +132,7 @@ def _without_column(base: Case) -> list[str]:
 
 def read_long_table(
     path: str | os.PathLike[str],
-) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
+) -> tuple[list[Observation], dict[str, About], Imported]:
     """Return the observations of a table, data of each patient, and errors, warnings and notes.
 
     Codes are LOINC or SNOMED CT codes, or names of cohort columns (SP, heart_rate_bpm ...), `sex` or
@@ -150,7 +152,8 @@ def read_long_table(
             wrong.append(Mistake(name, message, allowed=", ".join(LONG_TABLE_COLUMNS), suggestion=suggestion))
     if wrong:
         raise CaseError([m.at(table.file, None) for m in wrong])
-    result, values, about = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), [], {}
+    result, values = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), []
+    about: dict[str, About] = {}
     place = {name: table.header.index(name) for name in LONG_TABLE_COLUMNS}
     for line, cells in table.rows:
         if len(cells) != len(table.header):
@@ -161,7 +164,7 @@ def read_long_table(
         if not row["patient"]:
             result.error("patient", "empty", line=line)
         elif row["code"] in PATIENT_COLUMNS:
-            _collect_patient_data(row, about.setdefault(row["patient"], {}), line, result)
+            _collect_patient_data(row, about.setdefault(row["patient"], About()).cells, line, result)
         else:
             values += _observation(row, line, result)
     return values, about, result
@@ -199,11 +202,10 @@ _NOT_VALID = ("entered-in-error", "cancelled")
 
 def read_bundle(
     path: str | os.PathLike[str],
-) -> tuple[list[Observation], dict[str, dict[str, str]], Imported]:
+) -> tuple[list[Observation], dict[str, About], Imported]:
     """Return the observations of a bundle, data of each patient, and errors, warnings and notes.
 
-    Names, addresses and birth dates are not kept; of a birth date, only the age at the first observation is
-    used.
+    Names and addresses are not read; of a birth date, only the age at each data point is used.
 
     Raises:
         CaseError: The file is not a bundle.
@@ -213,17 +215,16 @@ def read_bundle(
     result = Imported()
     result.warnings += _other_pages(bundle)
     entries = list(_resources(bundle, result))
-    patients, names = _patients(entries, result)
+    people = _people(entries, result)
     values = []
     for place, _, resource in entries:
         if resource.get("resourceType") == "Observation":
-            values += _observations(resource, place, names, result)
+            values += _observations(resource, place, people, result)
         elif resource.get("resourceType") != "Patient":
             kind = str(resource.get("resourceType"))
             result.warning(place, "neither a Patient nor an Observation: not read", shown(kind))
-    about = {
-        name: _about(name, patients.get(name), values, result) for name in sorted({o.patient for o in values})
-    }
+    named = sorted({value.patient for value in values})
+    about = {name: _about(name, people.patients.get(name), result) for name in named}
     return values, about, result
 
 
@@ -238,21 +239,41 @@ def _other_pages(bundle: Mapping[str, Any]) -> Iterator[Mistake]:
         yield Mistake("total", f"{len(matches)} entries are here; the others are missing", str(total))
 
 
-def _patients(
-    entries: Sequence[tuple[str, str, Mapping[str, Any]]], result: Imported
-) -> tuple[dict[str, Mapping[str, Any]], dict[str, str]]:
-    """Return the Patient resources by name, and each patient's name by every reference that may denote it."""
-    patients: dict[str, Mapping[str, Any]] = {}
-    names: dict[str, str] = {}
+@dataclass(frozen=True, slots=True)
+class _People:
+    """Patients of a bundle.
+
+    Attributes:
+        patients: Patient resources by name.
+        names: Each patient's name by every reference that may denote it.
+        addresses: The address on a server (`https://...`) of each name.
+    """
+
+    patients: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    names: dict[str, str] = field(default_factory=dict)
+    addresses: dict[str, str] = field(default_factory=dict)
+
+    def are_two(self, name: str, address: str) -> str:
+        """Return a message if a name belongs to another address; ids are unique on one server only."""
+        known = self.addresses.setdefault(name, address) if "://" in address else address
+        if known == address:
+            return ""
+        return f"{address} and {known} have one id and may be two patients; allowed: different ids"
+
+
+def _people(entries: Sequence[tuple[str, str, Mapping[str, Any]]], result: Imported) -> _People:
+    people = _People()
     for place, url, resource in entries:
         if resource.get("resourceType") != "Patient":
             continue
         name = str(resource.get("id") or _last(url))
-        if not _same_person(patients.setdefault(name, resource), resource):
+        if not _same_person(people.patients.setdefault(name, resource), resource):
             message = "two Patient resources of this id that differ in gender or birth date"
             result.error(place, message, shown(name))
-        names |= {key: name for key in (url, f"Patient/{name}") if key}
-    return patients, names
+        elif two := people.are_two(name, url):
+            result.error(place, two)
+        people.names.update({key: name for key in (url, f"Patient/{name}") if key})
+    return people
 
 
 def _same_person(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
@@ -264,7 +285,7 @@ def _last(url: str) -> str:
     return url.rpartition("/")[2].removeprefix("urn:uuid:")
 
 
-def _subject(resource: Mapping[str, Any], names: Mapping[str, str]) -> tuple[str, str]:
+def _subject(resource: Mapping[str, Any], people: _People) -> tuple[str, str]:
     """Return the name of a resource's patient and an empty text, or an empty name and the reason.
 
     A reference may be relative, absolute or a urn:uuid, and may end with a version (`/_history/2`).
@@ -279,7 +300,9 @@ def _subject(resource: Mapping[str, Any], names: Mapping[str, str]) -> tuple[str
     contained = {f"#{_mapping(c).get('id')}" for c in _list(resource.get("contained"))}
     if reference in contained:
         return "", f"the subject {reference} is inside the Observation; allowed: one Patient entry for all"
-    return names.get(reference) or _last(reference), ""
+    name = people.names.get(reference) or _last(reference)
+    two = people.are_two(name, reference)
+    return ("", two) if two else (name, "")
 
 
 def _json_of(file: str) -> Mapping[str, Any]:
@@ -303,13 +326,13 @@ def _resources(bundle: Mapping[str, Any], result: Imported) -> Iterator[tuple[st
 
 
 def _observations(
-    resource: Mapping[str, Any], place: str, names: Mapping[str, str], result: Imported
+    resource: Mapping[str, Any], place: str, people: _People, result: Imported
 ) -> list[Observation]:
     """Return the values of an Observation: its own, or those of its components (blood pressure panels)."""
     if resource.get("status") in _NOT_VALID:
         result.note(place, f"status {resource['status']}: not read")
         return []
-    patient, wrong = _subject(resource, names)
+    patient, wrong = _subject(resource, people)
     if not patient:
         result.error(place, wrong)
         return []
@@ -381,13 +404,11 @@ def code_of(part: Mapping[str, Any]) -> str:
     return (known or ([text] if text in BY_CODE else first) or [text or "(none)"])[0]
 
 
-def _about(
-    name: str, resource: Mapping[str, Any] | None, values: list[Observation], result: Imported
-) -> dict[str, str]:
-    """Return sex, and age at the first observation, as cells of a cohort."""
+def _about(name: str, resource: Mapping[str, Any] | None, result: Imported) -> About:
+    """Return sex and birth date; no message shows the birth date."""
     if resource is None:
         result.warning(name, "no Patient resource: sex and age are not known")
-        return {}
+        return About()
     cells = {}
     for key, word in (("gender", "sex"), ("birthDate", "age")):
         if resource.get(key) is None:
@@ -398,23 +419,13 @@ def _about(
     elif gender is not None:
         result.error(f"Patient {name} gender", "needed for the blood volume", shown(gender), "female, male")
     if resource.get("birthDate") is None:
-        return cells
+        return About(cells)
     try:
-        born = date.fromisoformat(str(resource["birthDate"]))
+        return About(cells, date.fromisoformat(str(resource["birthDate"])))
     except ValueError:
         message = "no full date, so no age"
         result.error(f"Patient {name} birthDate", message, allowed="1955-04-17")
-        return cells
-    try:
-        day = date.fromisoformat(min(o.time for o in values if o.patient == name)[:10])
-    except ValueError:  # an observation without a valid time, which is an error of its own
-        return cells
-    if day < born:
-        message = f"after the first observation, of {day}"
-        result.error(f"Patient {name} birthDate", message, str(born))
-        return cells
-    cells["age_years"] = str(day.year - born.year - ((day.month, day.day) < (born.month, born.day)))
-    return cells
+        return About(cells)
 
 
 def _mapping(value: object) -> Mapping[str, Any]:

@@ -10,12 +10,12 @@ is not read as a blood gas.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from types import MappingProxyType
 
-from eclsim.cases.sections import FURTHER_MEASUREMENTS, MEASURED_GASES, Measurements
+from eclsim.cases.sections import FURTHER_MEASUREMENTS, GRAMS_PER_MMOL, MEASURED_GASES, Measurements
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.units import convert, known_unit, quantity_of
@@ -98,7 +98,10 @@ def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
         return value, ""
     known = _known(unit)
     if known is None or quantity_of(known) != quantity:
-        raise UnitError(f"unit {unit!r} is not a unit of {quantity}; {kind.column} is in {kind.unit}")
+        wrong = f"unit {unit!r} is not a unit of {quantity}; {kind.column} is in {kind.unit}"
+        if kind.column == "haemoglobin_g_dl" and known == "mmol/L":
+            wrong += f" (of the monomer, {value:g} mmol/L = {value * GRAMS_PER_MMOL:.3g} g/dL)"
+        raise UnitError(wrong)
     if known == kind.unit:
         return value, ""
     converted = float(f"{convert(value, known, kind.unit):.6g}")
@@ -148,6 +151,27 @@ class Observation:
     line: int | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class About:
+    """Data of a patient that apply to every data point.
+
+    Attributes:
+        cells: Cells by column.
+        born: Date of birth, which gives the age at each data point; None if not known or if the age is a
+            cell.
+    """
+
+    cells: dict[str, str] = field(default_factory=dict)
+    born: date | None = None
+
+    def cells_at(self, day: date) -> dict[str, str]:
+        """Return the cells of a data point, with the age in completed years."""
+        if self.born is None:
+            return self.cells
+        had_birthday = (day.month, day.day) >= (self.born.month, self.born.day)
+        return {**self.cells, "age_years": str(day.year - self.born.year - (not had_birthday))}
+
+
 @dataclass(slots=True)
 class Imported(Remarks):
     """Rows of a cohort, with the remarks about their import.
@@ -160,13 +184,13 @@ class Imported(Remarks):
 
 
 def data_points(
-    observations: Iterable[Observation], about: dict[str, dict[str, str]], within: timedelta, result: Imported
+    observations: Iterable[Observation], about: Mapping[str, About], within: timedelta, result: Imported
 ) -> None:
     """Group observations into rows.
 
     Args:
         observations: Observations in any order.
-        about: Other data of each patient, by pseudonym: cells by column.
+        about: Other data of each patient, by pseudonym.
         within: Observations of a patient up to this time after the first one of a data point belong to that
             point.
         result: Receives rows, errors, warnings and notes.
@@ -185,7 +209,7 @@ def data_points(
         times = f"{count} times" if count > 1 else "once"
         result.warning("", f"code {shown(code)}, {times}: not read")
     for patient in sorted(placed):
-        _rows_of(patient, placed[patient], about.get(patient, {}), within, result)
+        _rows_of(patient, placed[patient], about.get(patient, About()), within, result)
     if not result.rows and not result.mistakes:
         result.error("", NOTHING_TO_FIT, allowed=", ".join(BY_CODE))
 
@@ -215,7 +239,7 @@ def _checked(record: Observation, kind: Measurable, result: Imported) -> tuple[d
 def _rows_of(
     patient: str,
     entries: Sequence[tuple[datetime, Observation, Measurable, float]],
-    about: dict[str, str],
+    about: About,
     within: timedelta,
     result: Imported,
 ) -> None:
@@ -231,18 +255,21 @@ def _rows_of(
     spread = 0
     for when, record, kind, value in sorted(entries, key=lambda e: (e[0], e[2].column)):
         if first is None or when - first > within:
-            first, row = when, {"patient_id": patient, "measurement": record.time.strip(), **about}
+            first, time = when, record.time.strip()
+            row = {"patient_id": patient, "measurement": time, **about.cells_at(when.date())}
             rows.append((first, row))
+            if about.born is not None and when.date() < about.born:
+                result.error(f"{patient} {time}", "before the patient's birth date: which date is right?")
         elif when > first:
             spread += 1
         text = f"{value:.10g}"
-        if row.get(kind.column, text) != text and kind.column not in about:
+        if row.get(kind.column, text) != text and kind.column not in about.cells:
             both = f"{row[kind.column]} and {text} {kind.unit}"
             message = "two values of one data point: which one is right?"
             key = f"{patient} {row['measurement']} {kind.column}"
             result.error(key, message, both, line=record.line)
         row[kind.column] = text
-    result.rows += _with_size(patient, rows, [*_HEAD, *about], result)
+    result.rows += _with_size(patient, rows, [*_HEAD, *PATIENT_COLUMNS], result)
     if spread:
         minutes = within.total_seconds() / 60.0
         values, belong = ("1 value", "belongs") if spread == 1 else (f"{spread} values", "belong")

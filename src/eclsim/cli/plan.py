@@ -230,6 +230,9 @@ def settings(options: SettingsOptions) -> None:
         if write_json_output(_with_case(reading, result.as_object()), target):
             typer.echo(_text(result))
     warn_of_new_findings(reading, result.warnings)
+    if reading.case.regulation is not None and reading.case.regulation.open_set_points:
+        message = "reflexes act around the case as it is written: try the settings with --set"
+        note([f"{options.case_file}: {message} (written into the file they would move the set points)"])
     if not result.reached:
         raise typer.Exit(INCOMPLETE)
 

@@ -17,22 +17,21 @@ from eclsim.outputs.steady_beat import SteadyBeat
 
 SETTLING_TIME_CONSTANTS = 3.0
 """Number of time constants in which the circulation settles: 5 % of the deviation remain."""
+SLOWEST_MODE = 1.0 - 1e-6
+"""Modes above this would take more than a week to settle: what a beat keeps, up to rounding."""
 SMALLEST_MOVE = 1e-3
 """Smallest move, in scales of the slow states, from which a slope is learnt."""
-TRAPPED = 1.0 - 1e-6
-"""Factor of a disturbance over a beat above which it is that of blood trapped by closed valves."""
 
 
 def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
     """Time in which a circulation follows a sudden change [s], from the slowest mode of its beat.
 
     `inverse` is the inverse Jacobian of y - beat(y). The Jacobian has the eigenvalues 1 - m, where m is the
-    factor by which a disturbance shrinks in every beat. Blood that closed valves trap never leaves: it has no
-    settling time.
+    factor by which a disturbance shrinks in every beat. What a beat keeps to rounding never settles: blood
+    volume, and blood behind valves that hardly open.
     """
     modes = np.abs(1.0 - np.linalg.eigvals(np.linalg.pinv(inverse)))
-    below = TRAPPED if member in beat.undetermined else 1.0
-    slowest = float(modes[modes < below].max(initial=0.0))
+    slowest = float(modes[modes < SLOWEST_MODE].max(initial=0.0))
     period = 60.0 / float(np.asarray(beat.values_in_effect(member)[HEART_RATE]))
     return float(SETTLING_TIME_CONSTANTS * period / -np.log(slowest)) if slowest > 0.0 else period
 

@@ -167,9 +167,10 @@ def limit_range(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> L
     Args:
         speeds: increasing speeds [rpm].
         flows: ECMO flow at each speed [L/min].
-        margins: distance to the limit [mmHg], negative if it is violated, NaN if not known.
+        margins: distance to the limit [mmHg], negative if it is violated, inf without bounds, NaN if not
+            known.
     """
-    known = np.isfinite(margins) & np.isfinite(flows)
+    known = ~np.isnan(margins) & np.isfinite(flows)
     keeping = np.flatnonzero(known & (np.where(known, margins, -1.0) >= 0.0))
     last = int(keeping[-1]) if len(keeping) else -1
     above = np.arange(last + 1, len(speeds))

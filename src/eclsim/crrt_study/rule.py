@@ -69,7 +69,7 @@ class Criterion:
         at_least: smallest value that meets the criterion.
         at_most: largest value that meets the criterion.
         prefer: preferred direction, if there is no bound.
-        step: values are rounded to multiples of it before they are compared.
+        step: with a preferred direction, values are rounded to multiples of it before they are compared.
         words: description of the criterion.
     """
 
@@ -98,6 +98,8 @@ class Criterion:
             )
         if self.step < 0.0:
             raise ValueError(f"step = {self.step:g}: allowed: zero or above")
+        if self.step and self.prefer is None:
+            raise ValueError(f"step = {self.step:g}: allowed: with prefer; a bound is compared unrounded")
 
     def key(self, value: float) -> float:
         """Sort key: smaller is better; unknown values are worst."""

@@ -395,6 +395,9 @@ analyser and the minutes between the sample and the other readings. A percentage
 value. Replace them by those of your own devices where known."""
 SMALLEST_FLOW = 0.1
 """A flow measured as 0 has the uncertainty of this flow [L/min]."""
+SMALLEST_SHARE = 1e-4
+"""Smallest uncertainty, as a share of the usual one: beats are not computed more closely, and squares of much
+smaller ones overflow."""
 
 
 def as_uncertainties(stated: Mapping[str, Uncertainty]) -> Mapping[str, Uncertainty]:
@@ -419,7 +422,7 @@ def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Unce
         known: uncertainty of at least each measured value.
 
     Raises:
-        InputError: A percentage of 0, except of a flow, is given as an uncertainty.
+        InputError: A percentage of 0, except of a flow, is given as an uncertainty, or a very small number.
     """
     as_uncertainties({name: known[name] for name in values})
     units = {n: entry.unit if (entry := find_output(n)) is not None else "" for n in values}
@@ -430,6 +433,13 @@ def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Unce
         f"{units[n] or 'the unit of the output'}, such as {n}={DEFAULTS.get(n, Uncertainty(1.0)).absolute:g}"
         for n, error in errors.items()
         if error == 0.0
+    ]
+    smallest = {n: SMALLEST_SHARE * DEFAULTS[n].at(v) for n, v in values.items() if n in DEFAULTS}
+    wrong += [
+        f"uncertainty of {n}: {errors[n]:.2g} {units[n]} is smaller than beats are computed to; allowed: at "
+        f"least {bound:.2g} {units[n]} (usual: {bound / SMALLEST_SHARE:.2g})"
+        for n, bound in smallest.items()
+        if 0.0 < errors[n] < 0.9 * bound  # the bound as written is allowed
     ]
     if wrong:
         raise InputError(wrong)
