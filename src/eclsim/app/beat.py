@@ -180,7 +180,7 @@ def beat_of(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
         Status(int(solved.status[0])), message,
         GasStatus(int(solved.gas_status[0])) if state.case.gas is not None else None, solved.gases.get(0),
-        effort=int(solved.orbits.beats[0]), undetermined=_undetermined(findings, solved.undetermined.get(0)),
+        effort=int(solved.orbits.beats[0]), undetermined=solved.undetermined_outputs(),
         solved=replace(solved, waveforms={}, gases={}),
     )  # fmt: skip
 
@@ -199,12 +199,6 @@ def with_second_beat(beat: Beat, wanted: Callable[[], bool]) -> Beat | None:
         return None
     findings = gravest_first([*beat.findings, caution_of_two(beat.solved, other)])
     return replace(beat, findings=tuple(findings), second=flows_in_words(other, 0))
-
-
-def _undetermined(findings: Iterable[Finding], reason: str | None) -> tuple[str, ...]:
-    """Return the outputs of the caution that begins with the reason why a beat is one of many."""
-    about = (f.concerns for f in findings if reason and f.kind == CAUTION and f.sentence.startswith(reason))
-    return next(about, ())
 
 
 def _without_beat(message: str, outputs: Iterable[str]) -> tuple[Finding, ...]:
