@@ -301,6 +301,7 @@ def test_derivatives_and_batches_are_those_of_single_beats(case):
             assert float(exact.sel(output=output, parameter=name)) == pytest.approx(slope, rel=3e-4, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_the_first_fluid_clears_as_much_as_it_is():
     # Without any the slopes by every fluid were 0; a mL/h of each clears a mL/h of all that passes freely.
     names = ("clearance_urea", "clearance_potassium", "base_gain", "PaCO2")

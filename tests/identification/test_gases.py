@@ -186,6 +186,7 @@ def test_measured_gases_free_what_they_tell_of():
     assert {name: found.simulated[name] for name in values} == pytest.approx(values, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_without():
     true = with_values(CASE, {CLOTTED: 0.6})
     pressures, gases = ("SP", "DP", "MAP", "PF"), ("SaO2", "PaO2", "SpreO2")
