@@ -232,3 +232,9 @@ def test_different_circuits_have_different_descriptions():
     result = {compilation._described(beat_program(circulation(), level)) for level in (1, 2)}
     assert len(result) == 2
     assert None not in result
+
+
+def test_the_table_of_a_module_is_part_of_its_sources():
+    gas = compilation.PACKAGE / "parameters" / "gas.py"
+    lone = compilation.PACKAGE / "parameters" / "parameter.py"
+    assert compilation.with_tables([lone, gas]) == [lone, gas, gas.with_suffix(".csv")]

@@ -209,9 +209,15 @@ def _hash(*texts: str) -> str:
 def _sources(modules: frozenset[str]) -> str:
     """Hash of the source files of some modules, of all that they import, and of the compiler's version."""
     digest = hashlib.sha256(COMPILER_VERSION.encode())
-    for file in imported_files(*modules):
+    for file in with_tables(imported_files(*modules)):
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()
+
+
+def with_tables(modules: Iterable[Path]) -> list[Path]:
+    """Source files, each followed by the table beside it, such as `gas.csv` of `gas.py`, if it has one."""
+    kinds = (".py", ".csv", ".toml")
+    return [file for module in modules for kind in kinds if (file := module.with_suffix(kind)).is_file()]
 
 
 IMPORTS = re.compile(r"^from (eclsim[\w.]*) import (\([^)]*\)|[^\n]*)|^import (eclsim[\w.]*)", re.MULTILINE)
