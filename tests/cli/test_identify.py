@@ -192,6 +192,7 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
             "heart_rate_bpm is free, so every draw",
         ),
         (("--predict", "CQao=300", "--predict", "CQao=300"), "--predict CQao=300: given 2 times"),
+        (("--predict", "CQao=300,CQao=310"), "gives CQao 2 times; allowed: once"),
         (("--bounds", "Rmc=0.1:1,Rmc=0.2:2"), "Rmc is given twice"),
     ],
 )

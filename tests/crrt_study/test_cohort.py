@@ -128,7 +128,7 @@ def test_a_flow_that_the_largest_speed_ends_is_at_least_that(cohort):
         ((point(5.2, True),), (True, True)),
     ):
         (one,) = summaries(replace(cohort, points=points, schemes=schemes), "as_published")
-        assert one.flows_at_least == expected
+        assert (one.smallest_flow_may_be_larger, one.median_flow_may_be_larger) == expected
 
 
 def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):

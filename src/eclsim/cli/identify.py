@@ -292,6 +292,7 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
         if not changes:
             wrong.append(f"--predict: empty; allowed: KEY=VALUE,... such as {example_setting()}=4000")
             continue
+        wrong += _repeated_keys(written, changes)
         try:
             case = read_case(o.file, [*o.settings, *changes]).case
             wrong += _mistakes_of_prediction(written, parse_settings(changes), case, free)
@@ -300,6 +301,16 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
             wrong += [f"--predict: {mistake.at('', None)}" for mistake in error.mistakes]
     refuse(wrong)
     return cases
+
+
+def _repeated_keys(written: str, changes: Sequence[str]) -> list[str]:
+    """Keys that a --predict gives more than once, each in a sentence."""
+    keys = [change.partition("=")[0].strip() for change in changes]
+    return [
+        f"--predict {written}: gives {key} {keys.count(key)} times; allowed: once, or one --predict for each"
+        for key in dict.fromkeys(keys)
+        if keys.count(key) > 1
+    ]
 
 
 def _mistakes_of_prediction(

@@ -126,8 +126,9 @@ class SchemeSummary:
             kept is known.
         smallest_flow: smallest of these flows [L/min]; 0 if the limits are kept at no speed in some point.
         median_flow: median of these flows [L/min].
-        flows_at_least: whether the smallest and the median of the flows may be larger, because of points in
-            which the limits are kept at the largest speed studied.
+        smallest_flow_may_be_larger: whether it may be, because of points in which the limits are kept at the
+            largest speed studied.
+        median_flow_may_be_larger: the same for the median.
     """
 
     letter: str
@@ -142,7 +143,8 @@ class SchemeSummary:
     flow_known: int
     smallest_flow: float
     median_flow: float
-    flows_at_least: tuple[bool, bool]
+    smallest_flow_may_be_larger: bool
+    median_flow_may_be_larger: bool
 
 
 @dataclass(frozen=True)
@@ -260,7 +262,7 @@ def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
                 sum(bool(r.access_190_kept) for r in known),
                 sum(r.lowest_site_pressure >= 0.0 for r in known), len(flows),
                 min(flows, default=np.nan), _median(flows),
-                (min(most, default=0.0) == np.inf, _median(most) == np.inf),
+                bool(min(most, default=0.0) == np.inf), _median(most) == np.inf,
             )
         )  # fmt: skip
     return tuple(sorted(result, key=_order))

@@ -88,7 +88,8 @@ def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
         decided = _of(total - len(study.undecided(policy)), total)
         worst = "–" if summary.worst_rank is None else summary.worst_rank
         median = "–" if math.isnan(summary.median_rank) else f"{summary.median_rank:g}"
-        smallest_more, median_more = ("+" if more else "" for more in summary.flows_at_least)
+        may_be_larger = (summary.smallest_flow_may_be_larger, summary.median_flow_may_be_larger)
+        smallest_more, median_more = ("+" if more else "" for more in may_be_larger)
         rows.append(
             [
                 summary.letter, names[summary.letter], f"{summary.first}{decided}",

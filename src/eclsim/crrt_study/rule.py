@@ -163,14 +163,15 @@ class Rule:
 def default_criteria(limits: tuple[Limit, ...] = LIMITS) -> tuple[Criterion, ...]:
     """Criteria of the default rule, with descriptions that give the bounds of these limits."""
     access = next(limit for limit in limits if limit.name == "access_190")
-    bounds = (
-        f"below {access.high:g}" if math.isinf(access.low) else f"within {access.low:g} and {access.high:g}"
-    )
+    if math.isinf(access.low) and math.isinf(access.high):
+        kept = "has no limit of the access pressure"
+    elif math.isinf(access.low):
+        kept = f"keeps the access pressure below {access.high:g} mmHg at this speed"
+    else:
+        kept = f"keeps the access pressure within {access.low:g} and {access.high:g} mmHg at this speed"
     return (
         Criterion("alarms", at_least=0.0, words="keeps the machine's pressure alarms at this speed"),
-        Criterion(
-            access.name, at_least=0.0, words=f"keeps the access pressure {bounds} mmHg at this speed"
-        ),
+        Criterion(access.name, at_least=0.0, words=kept),
         Criterion(
             ON_PATIENT, at_most=0.0,
             words="has both lines on the ECMO circuit (on the patient a catheter's resistance is missing: "
