@@ -50,9 +50,9 @@ def test_every_state_has_its_own_name_in_words():
     assert len(set(words.values())) == len(words)
     assert words["drugs.noradrenaline_in_effect"] == "noradrenaline in effect"
     assert words["solutes.bicarbonate_outside_mmol"] == "bicarbonate outside cells"
-    assert words["solutes.tissue_pco2_mmHg"] == "PCO2 of the tissues"
+    assert words["solutes.tissue_pco2_mmHg"] == "PCO2 of the tissues, at 37 C"
     in_blood = words["solutes.upper_tissue_blood_pco2_mmHg"]
-    assert in_blood == "PCO2 in the blood of the tissues of the upper body"
+    assert in_blood == "PCO2 in the blood of the tissues of the upper body, at 37 C"
 
 
 @pytest.mark.parametrize("law", [CarbonDioxideLaw((("tissue", 1.0),)), SolutesLaw(), FluidLaw()])

@@ -267,7 +267,7 @@ class CarbonDioxideLaw(SlowLaw):
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102
         words = {_pressure: "of {}", _of_slow: "of {} with little flow", _of_blood: "in the blood of {}"}
         return tuple(
-            SlowState(key(name), "mmHg", f"PCO2 at 37 C {place.format(_tissue_words(name))}", 1.0)
+            SlowState(key(name), "mmHg", f"PCO2 {place.format(_tissue_words(name))}, at 37 C", 1.0)
             for name, _ in self.tissues
             for key, place in words.items()
         )
