@@ -164,6 +164,14 @@ def unguarded(text: str) -> str:
     return text[1:] if text[:1] == "'" and text[1:].startswith(_FORMULA_STARTS) else text
 
 
+def grouped_by(column: str, rows: Iterable[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
+    """Rows of a table by the words in a column, wherever in the table they stand."""
+    groups: dict[str, list[dict[str, str]]] = {}
+    for row in rows:
+        groups.setdefault(row[column], []).append(row)
+    return groups
+
+
 def read_table(path: Path) -> list[dict[str, str]]:
     """Rows of a table of constants that is part of the program."""
     with path.open(encoding="utf-8", newline="") as file:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from eclsim.devices.description import GRAVEST_FIRST, Limit
 from eclsim.devices.registry import cached_by_devices, devices, named_output
-from eclsim.files import read_table
+from eclsim.files import grouped_by, read_table
 from eclsim.outputs.registry import listed_as
 from eclsim.patient.anthropometry import AGE, SIZE, body_surface, delivery_limits, greatest_heart_rate
 
@@ -40,7 +39,7 @@ def _limit(row: Mapping[str, Any]) -> Limit:
 
 _TABLE = {
     part: tuple(map(_limit, rows))
-    for part, rows in groupby(read_table(Path(__file__).with_suffix(".csv")), key=lambda row: row["part"])
+    for part, rows in grouped_by("part", read_table(Path(__file__).with_suffix(".csv"))).items()
 }
 _IMPOSSIBLE, _REGULATED = _TABLE["impossible"], _TABLE["regulated"]
 _OF_PATIENT = (*_IMPOSSIBLE, *_TABLE["patient"], *_REGULATED)

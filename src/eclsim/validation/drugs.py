@@ -20,7 +20,7 @@ import numpy.typing as npt
 from eclsim.cases.reading import read_mapping
 from eclsim.drugs.law import Effects, InfusedDrugs
 from eclsim.drugs.published import PUBLISHED
-from eclsim.files import read_table
+from eclsim.files import grouped_by, read_table
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
@@ -237,7 +237,7 @@ def _experiment(row: Mapping[str, str]) -> Experiment:
 
 REASONS = {
     arm: tuple(map(_experiment, rows))
-    for arm, rows in groupby(read_table(DATA / "drug_experiments.csv"), lambda row: row["arm"])
+    for arm, rows in grouped_by("arm", read_table(DATA / "drug_experiments.csv")).items()
 }
 """Experiments on the patients of a study's arm, by study and treatment."""
 
