@@ -123,6 +123,7 @@ DOUBTS = {
     "cold and no consumption": ({"gas": {"temperature_c": 28}}, "gas.temperature_c", "give vo2_ml_min"),
     "cold and its consumption": ({"gas": {"temperature_c": 28, "vo2_ml_min": 120}}, "", ""),
     "cold and it follows": ({"gas": {"temperature_c": 28, "vo2_percent_per_c": 8.5}}, "", ""),
+    "a fraction": ({"gas": {"vo2_percent_per_c": 0.085}}, "gas.vo2_percent_per_c", "patients have 6 to 10"),
     "cooled and it follows": (
         {"gas": {"vo2_ml_min": 220, "vo2_percent_per_c": 8.5}, "events": [COOLED]}, "", "",
     ),

@@ -22,6 +22,8 @@ GRAMS_PER_MMOL = 1.6114
 """Conversion factor for haemoglobin from mmol/L of the monomer to g/dL."""
 RISE = VO2_PER_DEGREE.removeprefix(PREFIX)
 """Key of the rise of the oxygen consumption with the temperature."""
+SMALLEST_RISE = 1.0
+"""Rise [%/C] below which the number may be a fraction instead."""
 LOW_HAEMOGLOBIN = 7.0
 """Haemoglobin [g/dL] below which the number may be in mmol/L instead."""
 
@@ -96,6 +98,9 @@ def _consumption_at_temperature(stated: Raw, remarks: Remarks) -> None:
     """Warn of consumption that ignores a fever or cooling; tell it where it follows and was given."""
     temperature, rise = (stated.get(key, usual) for key, usual in (("temperature_c", NORMAL_C), (RISE, 0.0)))
     given = stated.get("vo2_ml_min")
+    if 0.0 < rise < SMALLEST_RISE:
+        message = f"below {SMALLEST_RISE:g} % for each degree; patients have 6 to 10; used as %"
+        remarks.warning(f"{Gas.section}.{RISE}", message, shown(rise), f"{rise:g} = {100.0 * rise:g} %")
     if given is not None and rise and temperature != NORMAL_C:
         consumed = given * (1.0 + 0.01 * rise) ** (temperature - NORMAL_C)
         message = f"is that at 37 C; at {temperature:g} C the tissues want {consumed:.0f} mL/min"
