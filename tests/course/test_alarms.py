@@ -42,3 +42,12 @@ def test_alarms_without_a_limit_are_finite_json():
     ]  # fmt: skip
     assert (written[2]["at_min"], written[2]["until_min"]) == (0.0, 66.0)
     assert paced.concerns == ("heart_rate", "CO")
+
+
+def test_an_alarm_ends_where_its_quantity_is_not_determined():
+    """Pressures that are blank are not said to be well."""
+    low = Finding("alarm", "MAP", 40.0, 55.0, "mean arterial pressure 40 mmHg, below 55 mmHg: organs")
+    minute = np.array([0.0, 5.0, 6.0, 7.0])
+    (alarm,) = alarms([[], [low], [], []], pressures(80, 40, np.nan, np.nan), minute)
+    assert alarm.until_min == 6.0
+    assert ", not determined from 00:06 on (40 mmHg at worst)" in alarm.sentence

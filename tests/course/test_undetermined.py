@@ -1,11 +1,17 @@
-"""A course through a circulatory arrest on V-A ECMO: what closed valves leave undetermined is blank."""
+"""Courses through a circulatory arrest on V-A ECMO: blood behind closed valves follows from the beats before.
+
+Where no beat before determines it, what depends on it is blank.
+"""
 
 import json
 
 import numpy as np
 import pytest
 
+from eclsim.app.course import compute_course
+from eclsim.app.state import PageState
 from eclsim.cases.reading import read_mapping
+from eclsim.course.beats import course_beats
 from eclsim.course.course import course
 from eclsim.course.figures import plot_course
 from eclsim.course.files import course_object, write_tables
@@ -23,50 +29,104 @@ CASE = {
     },
     "fluid": {},
 }  # fmt: skip
-NO_HEART = {"Emaxlv": 0.1, "Emaxrv": 0.1}
+NO_HEART, HEART = {"Emaxlv": 0.1, "Emaxrv": 0.1}, {"Emaxlv": 2.5, "Emaxrv": 0.9}
 BLANK, KEPT = ("MAP", "PCWP", "EDVLV", "venous_pressure"), ("CO", "PF", "systemic_flow", "LVO")
+
+
+def heart_at(minute, values):
+    return {"at_min": minute, "set": {f"parameters.{key}": value for key, value in values.items()}}
+
+
+ARREST = CASE | {"parameters": HEART, "events": [heart_at(5, NO_HEART), heart_at(20, HEART)]}
 
 
 @pytest.fixture(scope="module")
 def arrest():
-    event = {"at_min": 5, "set": {f"parameters.{key}": value for key, value in NO_HEART.items()}}
-    return course(read_mapping(CASE | {"events": [event]}).case, minutes=15.0)
+    return course(read_mapping(ARREST).case, minutes=25.0, every_min=1.0)
 
 
-def test_undetermined_outputs_are_blank_and_the_others_are_there(arrest, tmp_path):
-    """PCWP rose from 8 to 20 mmHg in twenty minutes, with the start of each search."""
-    lost, minute = undetermined_moments(arrest), arrest["time_min"].to_numpy()
-    assert lost[-1]
-    assert not lost[minute < 5.0].any()
-    assert arrest.attrs["converged"]
-    for name in BLANK:
-        assert (np.isnan(arrest[name].to_numpy()) == lost).all(), name
-    for name in KEPT:
-        assert np.isfinite(arrest[name].to_numpy()).all(), name
-    written = course_object(arrest)
-    assert written["one_of_many"] == lost.tolist()
-    assert written["outputs"]["MAP"][-1] is None
-    assert written["outputs"]["PF"][-1] > 4.0
-    table = write_tables(arrest, tmp_path)[0].read_text().splitlines()
-    places = [table[0].split(",").index(head) for head in ("MAP [mmHg]", "status")]
-    assert [table[-1].split(",")[k] for k in places] == ["", "one_of_many"]
+@pytest.fixture(scope="module")
+def arrested():
+    """A patient whose heart stands still from the first moment on."""
+    return course(
+        read_mapping(CASE | {"parameters": NO_HEART, "events": [heart_at(5, HEART)]}).case, minutes=8.0
+    )
 
 
-def test_no_alarm_is_made_from_them(arrest):
-    """Alarms of pressures in the beats before say that they are not known later, not that all is well."""
-    lost, minute = undetermined_moments(arrest), arrest["time_min"].to_numpy()
-    alarms = [alarm for alarm in json.loads(arrest.attrs["alarms"]) if alarm["kind"] != "caution"]
-    begin = minute[lost][0]
-    assert {alarm["quantity"] for alarm in alarms if alarm["at_min"] >= begin} == set()
+def test_an_arrest_agrees_with_the_beats_one_after_the_other(arrest):
+    """Steady beats are a minute ahead of the patient: the lungs fill as fluid returns to the blood."""
+    names = ("MAP", "PCWP", "EDVLV", "venous_pressure", "PF")
+    beats = course_beats(read_mapping(ARREST).case, minutes=25.0, every_min=0.25, outputs=names)
+    assert not undetermined_moments(arrest).any()
+    for minute, ahead in ((8.0, 0.3), (12.0, 0.2), (19.0, 0.15), (24.0, 0.1)):
+        now = arrest.sel(time_min=minute, method="nearest")
+        then = beats.sel(time_min=minute, method="nearest")
+        for name, scale in (("MAP", 1.0), ("PCWP", 1.0), ("EDVLV", 4.0), ("venous_pressure", 1.0)):
+            assert float(now[name]) == pytest.approx(float(then[name]), abs=ahead * scale), (minute, name)
+        assert float(now["PF"]) == pytest.approx(float(then["PF"]), abs=0.01)
+    settled = arrest["PCWP"].sel(time_min=19.0, method="nearest")
+    assert float(settled) > float(arrest["PCWP"][0]) + 5.0, "blood gathers in the lungs"
+
+
+def test_alarms_are_made_of_the_pressures_of_an_arrest(arrest):
+    alarms = json.loads(arrest.attrs["alarms"])
     (low,) = (one for one in alarms if one["quantity"] == "MAP" and one["kind"] == "alarm")
-    assert "not determined from 00:05:" in low["sentence"]
-    (said,) = (text for text in arrest.attrs["approximations"] if text.startswith("valves stay shut"))
-    assert said in arrest.attrs["warnings"]
-    assert "from 00:05 on: pressures and volumes that the case does not determine are left blank" in said
+    assert "below 55 mmHg at 00:05:00, until 00:20:00" in low["sentence"]
+    (trapped,) = (one for one in alarms if "gathered there when the valves closed" in one["sentence"])
+    assert trapped["kind"] == "caution"
+    assert "mL in the pulmonary vessels with the left atrium" in trapped["sentence"]
+    assert not [text for text in arrest.attrs["warnings"] if text.startswith("valves stay shut")]
 
 
-def test_the_figure_says_why_its_curves_have_gaps(arrest):
-    (legend,) = (text.get_text() for text in plot_course(arrest).texts if "gaps in" in text.get_text())
+def test_a_beat_in_which_the_pressure_falls_begins_at_its_systolic_pressure(arrest):
+    """The beat of the arrest had a systolic pressure 19 mmHg below its diastolic one."""
+    falls = arrest.sel(time_min=slice(5.0, 5.1))
+    assert (falls["beat_by_beat"] == 1).any()
+    assert (arrest["pulse_pressure"].to_numpy() >= 0.0).all()
+    assert (arrest["SP"].to_numpy() >= arrest["MAP"].to_numpy()).all()
+
+
+def test_the_page_shows_the_beat_of_an_arrest_with_the_same_pressures(arrest):
+    page = compute_course(PageState(read_mapping(ARREST).case), 60)
+    minute = page.times[int(np.searchsorted(page.times, 12.0))]
+    beat = page.beat(minute)
+    shown = page.computed.result.sel(time_min=minute, method="nearest")
+    assert beat.undetermined == ()
+    assert beat.outputs["MAP"] == pytest.approx(float(shown["MAP"]), abs=0.02)
+    assert beat.outputs["MAP"] == pytest.approx(float(arrest["MAP"].interp(time_min=minute)), abs=0.3)
+
+
+def test_undetermined_outputs_are_blank_and_the_others_are_there(arrested, tmp_path):
+    """PCWP rose from 8 to 20 mmHg in twenty minutes, with the start of each search."""
+    lost, minute = undetermined_moments(arrested), arrested["time_min"].to_numpy()
+    assert (lost == (minute < 5.0)).all()
+    assert arrested.attrs["converged"]
+    for name in BLANK:
+        assert (np.isnan(arrested[name].to_numpy()) == lost).all(), name
+    for name in KEPT:
+        assert np.isfinite(arrested[name].to_numpy()).all(), name
+    written = course_object(arrested)
+    assert written["one_of_many"] == lost.tolist()
+    assert written["outputs"]["MAP"][0] is None
+    assert written["outputs"]["PF"][0] > 4.0
+    table = write_tables(arrested, tmp_path)[0].read_text().splitlines()
+    places = [table[0].split(",").index(head) for head in ("MAP [mmHg]", "status")]
+    assert [table[1].split(",")[k] for k in places] == ["", "one_of_many"]
+
+
+def test_no_alarm_is_made_from_them(arrested):
+    """Nor are pressures said to be well: a warning names the times."""
+    alarms = [alarm for alarm in json.loads(arrested.attrs["alarms"]) if alarm["kind"] != "caution"]
+    assert {alarm["quantity"] for alarm in alarms if alarm["at_min"] < 5.0} == {"aortic_valve_flow"}
+    (said,) = (text for text in arrested.attrs["approximations"] if text.startswith("valves stay shut"))
+    assert said in arrested.attrs["warnings"]
+    assert (
+        "from 00:00 to 00:05: pressures and volumes that the case does not determine are left blank" in said
+    )
+
+
+def test_the_figure_says_why_its_curves_have_gaps(arrested):
+    (legend,) = (text.get_text() for text in plot_course(arrested).texts if "gaps in" in text.get_text())
     assert "valves stay shut, so that the case does not determine the number" in legend
 
 

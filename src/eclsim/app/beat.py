@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
     from eclsim.course.beats import TransientBeat
+    from eclsim.course.trapped import KnownBlood
 
 
 def page_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
@@ -158,13 +159,21 @@ def beat_of(
     values: Mapping[str, float],
     start: Beat | None = None,
     begins: Callable[[Program], None] | None = None,
+    blood: KnownBlood | None = None,
 ) -> Beat:
-    """Compute the steady beat of a state at other values of its circuit, such as those of a later minute."""
+    """Compute the steady beat of a state at other values of its circuit, such as those of a later minute.
+
+    Where valves stay shut, the blood behind them is that of `blood`, an earlier beat, if it is given.
+    """
     batch = Batch(circuit, values, 1, state.policy)
     if begins is not None:
         begins((circuit, int(batch.resolutions()[0])))
     near = start.values if start is not None and start.circuit is circuit else None
     solved = steady_beat(batch, waveforms=None, keep=None, start=near)
+    if blood is not None:
+        from eclsim.course.trapped import beat_with_blood_of
+
+        solved = beat_with_blood_of(solved, blood)
     outputs = solved.outputs()
     if solved.converged[0]:
         fixed = circuit_of(state.case)

@@ -86,7 +86,7 @@ class PageCourse:
         moment = self.computed.at(minute)
         if isinstance(moment, TransientBeat):
             return transient_beat(self.state, moment)
-        return beat_of(self.state, *moment)
+        return beat_of(self.state, moment.circuit, moment.values, blood=moment.blood)
 
 
 def usual_length(case: Case) -> int:

@@ -204,7 +204,7 @@ class MarchState(NamedTuple):
         state: state of the circuit.
         slow: slow states, shape (states, 1).
         before: parameters of the last beat, by key.
-        last: signals at the end of the last beat; None before the first.
+        last: signals at the end of the last beat.
         gases: gases of the blood; None if the circuit has none.
     """
 
@@ -212,7 +212,7 @@ class MarchState(NamedTuple):
     state: np.ndarray
     slow: np.ndarray
     before: Mapping[str, float]
-    last: np.ndarray | None
+    last: np.ndarray
     gases: Gases | None
 
 
@@ -315,16 +315,11 @@ class BeatMarch:
         """Return the state of a steady beat at a time [s] in a segment of the timeline."""
         settings = _columns({**self.timeline.settings(segment, time), **beat.coupled})
         before = _numbers(self.steady_laws.in_effect(slow[:, None], settings))
-        return MarchState(
-            time, beat.state, slow[:, None], before, None, self._steady_gases(beat.state, before)
-        )
-
-    def _steady_gases(self, state: np.ndarray, values: Mapping[str, float]) -> Gases | None:
-        if self.in_time is None:
-            return None
-        program = self._program(values)
-        recorded = _recorded_beat(program, self.signals, state, values)[1]
-        return self.in_time.begin(whole_beat(recorded), program.grid.phases, values)
+        program = self._program(before)
+        recorded, gases = _recorded_beat(program, self.signals, beat.state, before)[1], None
+        if self.in_time is not None:
+            gases = self.in_time.begin(whole_beat(recorded), program.grid.phases, before)
+        return MarchState(time, beat.state, slow[:, None], before, recorded[-1], gases)
 
     def distance(self, at: MarchState, goal: MarchState) -> float:
         """Distance from the steady state, relative to what counts as settled."""
@@ -372,7 +367,7 @@ class BeatMarch:
     def _repeat_duration_s(self, at: MarchState, segment: int, until: float) -> float:
         """Time for which one beat may be repeated [s]: a share of the time since the last event."""
         breaks = self.timeline.breaks
-        if self.in_time is None or self.in_time.answers or at.last is None:
+        if self.in_time is None or self.in_time.answers:
             return 0.0
         return min(
             REPEATED_SHARE * (at.time - breaks[segment]),
@@ -399,7 +394,7 @@ class BeatMarch:
         if not np.isfinite(after).all():
             self.stopped = Status.NOT_FINITE.message
             return at
-        series = np.concatenate([recorded[-1:] if at.last is None else at.last[None], recorded])
+        series = np.concatenate([at.last[None], recorded])
         in_effect = {
             key: float(np.asarray(effective[key])) for key in PARAMETERS_IN_EFFECT if key in effective
         }

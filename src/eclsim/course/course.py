@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 
 from eclsim.arguments import FiniteNumber, number_of
-from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import (
     alarms,
     alarms_text,
@@ -31,7 +30,7 @@ from eclsim.course.handover import (
     watched_gases,
 )
 from eclsim.course.laws import Laws, laws_of
-from eclsim.course.moments import ROUNDED_S, Moments, beats_at, in_effect_at, moments_of
+from eclsim.course.moments import ROUNDED_S, AtMoment, Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import (
     IMPOSSIBLE,
     MOST_SPANS,
@@ -221,9 +220,10 @@ class SteadyBeatCourse(NamedTuple):
     engine: Engine
     moments: Moments
 
-    def at(self, minute: float) -> tuple[Circuit, dict[str, float]]:
-        """Circuit and parameters in effect at a minute, at the latest those of the last moment."""
-        return in_effect_at(self.engine, 0, min(minute, float(self.result["time_min"][-1])) * MINUTE)
+    def at(self, minute: float) -> AtMoment:
+        """What determines the beat at a minute, at the latest that of the last moment."""
+        time = min(minute, float(self.result["time_min"][-1])) * MINUTE
+        return in_effect_at(self.engine, self.moments, 0, time)
 
 
 def steady_beat_course(case: CaseSource, minutes: float, policy: str | None = None) -> SteadyBeatCourse:

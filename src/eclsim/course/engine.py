@@ -40,6 +40,7 @@ from eclsim.course.laws import Laws, message_without_rates
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
 from eclsim.course.timeline import START, Timeline, canonical_circuits
+from eclsim.course.trapped import KnownBlood, with_blood_of
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
@@ -149,6 +150,7 @@ class Engine:
             self._load_settings(member)
         settings = self._settings(everyone, self.time)
         beat, solved = self._solve(everyone, settings, None)
+        self.snapshots = [predictor.snapshot() for predictor in self.predictors]
         self.at_rest = [watched_gases(predictor.read) for predictor in self.predictors]
         self.states[:] = self.laws.start(settings, beat)
         self.segment[:] = 0
@@ -399,6 +401,9 @@ class Engine:
         self.segment[member] = segment = self.timelines[member].segment_at(at.time)
         self.time[member], self.states[:, member] = at.time, at.slow[:, 0]
         self._load_settings(member)
+        if self.snapshots[member].blood is not None:
+            blood = KnownBlood(self._circuit(member), at.state)
+            self.snapshots[member] = self.snapshots[member]._replace(blood=blood)
         for tries_left in reversed(range(PCO2_ITERATIONS if self.laws.blood else 1)):
             self.slopes[:, active], solved = self._rates(active, self.time[active], self.states[:, active])
             if not solved[0]:
@@ -418,6 +423,7 @@ class Engine:
             history.states.append(self.states[:, m].copy())
             history.rates.append(self.slopes[:, m].copy())
             history.points.append(self.predictors[m].point)
+            history.known.append(self.predictors[m].blood is not None)
             self.snapshots[m] = self.predictors[m].snapshot()
 
     def _stop(self, active: np.ndarray) -> None:
@@ -522,19 +528,32 @@ class Engine:
             start = None
             if all(have_beats):
                 start = anchor_at([p.predict(x) for p, x in zip(predictors, places, strict=True)], predictors)
-            beat = self._beats(members, {key: column[chosen] for key, column in values.items()}, start)
-            solved[chosen] = beat.converged & (beat.gas_status == GasStatus.STEADY)
-            for name in self.laws.reads:
-                read[name][chosen] = beat.output(name)
+            together = self._beats(members, {key: column[chosen] for key, column in values.items()}, start)
             for k, (predictor, place) in enumerate(zip(predictors, places, strict=True)):
                 m = members[k]
-                self.histories[m].beats += int(beat.orbits.beats[k])
+                beat, at = self._with_known_blood(together, k, m)
+                solved[chosen[k]] = beat.converged[at] and beat.gas_status[at] == GasStatus.STEADY
+                for name in self.laws.reads:
+                    read[name][chosen[k]] = beat.output(name)[at]
+                self.histories[m].beats += int(together.orbits.beats[k])
                 self.histories[m].solves += 1
                 if solved[chosen[k]]:
-                    predictor.put(beat, k, place, circuits[k])
+                    predictor.put(beat, at, place, circuits[k])
                 else:
-                    self.messages[m] = beat.message(k)
+                    self.messages[m] = beat.message(at)
         return read, solved
+
+    def _with_known_blood(self, beat: SteadyBeat, place: int, member: int) -> tuple[SteadyBeat, int]:
+        """A member's beat; where valves stay shut, with the blood behind them from its last known beat."""
+        if beat.determined[place] or not beat.converged[place]:
+            return beat, place
+
+        def solve(batch: Batch, start: Anchor) -> SteadyBeat:
+            options = self.options.orbits
+            return steady_beat(batch, beat.names, options=options, start=start, execution=self.execution)
+
+        blood, inverses = self.snapshots[member].blood, self.predictors[member].holding
+        return with_blood_of(beat, place, blood, solve, inverses) or (beat, place)
 
     def _place(
         self, member: int, column: int, states: np.ndarray | None, time: np.ndarray | None

@@ -5,21 +5,25 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.engine import SHORTEST_STEP_S, Engine
 from eclsim.course.handover import History, Span
 from eclsim.course.predictor import anchor_at
 from eclsim.course.rosenbrock import between
 from eclsim.course.timeline import BEFORE_S
+from eclsim.course.trapped import KnownBlood, with_blood_of
 from eclsim.devices.description import Finding
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.sealed import TrappedBlood
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 MOMENTS_PER_BATCH = 2048
 """Largest number of moments whose beats are solved as one batch."""
@@ -45,6 +49,8 @@ class Moments:
         values: outputs by name; filled in by `beats_at`, like the attributes below.
         status: how the search for each beat ended, a `Status`.
         findings: findings about each beat.
+        blood: where the blood is in each beat (of a point: between the steps), None where it is not known.
+        trapped: blood behind valves that stay shut in each beat, as far as earlier beats determine it.
         by_beat: whether each is a beat of a span that was followed beat by beat.
         stopped: by member, the reason for an early end of its course; empty if there was none.
     """
@@ -58,6 +64,8 @@ class Moments:
     values: dict[str, np.ndarray] = field(default_factory=dict)
     status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     findings: list[list[Finding]] = field(default_factory=list)
+    blood: list[KnownBlood | None] = field(default_factory=list)
+    trapped: list[TrappedBlood | None] = field(default_factory=list)
     by_beat: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     stopped: list[str] = field(default_factory=list)
 
@@ -86,11 +94,26 @@ def moments_of(engine: Engine, histories: Sequence[History], every: Sequence[flo
     return _joined(engine, rows)
 
 
-def in_effect_at(engine: Engine, member: int, time: float) -> tuple[Circuit, dict[str, float]]:
-    """Circuit and parameters of a member at any time [s] that it has passed."""
+class AtMoment(NamedTuple):
+    """What determines the beat of a moment.
+
+    Attributes:
+        circuit: the circuit.
+        values: its parameters.
+        blood: where the blood is, or was shortly before; None if the course does not determine it.
+    """
+
+    circuit: Circuit
+    values: dict[str, float]
+    blood: KnownBlood | None
+
+
+def in_effect_at(engine: Engine, moments: Moments, member: int, time: float) -> AtMoment:
+    """Circuit, parameters and known blood of a member at any time [s] that it has passed."""
     row = _moments_of(engine, member, engine.histories[member], np.array([time]))
-    moment = _joined(engine, [row])
-    return engine.circuits[member][moment.segment[0]], moment.values_in_effect(0)
+    moment, before = _joined(engine, [row]), [k for k in moments.of(member) if moments.time[k] <= time]
+    blood = moment.blood[0] or (moments.blood[before[-1]] if before else None)
+    return AtMoment(engine.circuits[member][moment.segment[0]], moment.values_in_effect(0), blood)
 
 
 def _moment_times(engine: Engine, member: int, history: History, every: float) -> np.ndarray:
@@ -109,12 +132,21 @@ def _moment_times(engine: Engine, member: int, history: History, every: float) -
     return moments[~np.any(within, axis=0)] if spans else moments
 
 
-_Row = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[np.ndarray | None]]
+class _Row(NamedTuple):
+    """Member, segment, time, slow states, start points and known blood of one member's moments."""
+
+    member: np.ndarray
+    segment: np.ndarray
+    time: np.ndarray
+    states: np.ndarray
+    points: list[np.ndarray | None]
+    blood: list[KnownBlood | None]
 
 
 def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray) -> _Row:
-    """Member, segment, time, slow states and start points for the searches of one member's moments."""
+    """The moments of one member at given times [s]."""
     segments, states, points = [], np.zeros((len(engine.laws.states), len(time))), list[np.ndarray | None]()
+    blood = list[KnownBlood | None]()
     for k, now in enumerate(time):
         right = max(bisect_right(history.times, now + ROUNDED_S) - 1, 0)
         left, ahead = right, min(right + 1, len(history.times) - 1)
@@ -127,7 +159,18 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
         else:
             states[:, k] = history.states[left]
         points.append(_point(history, left, ahead, now))
-    return np.full(len(time), member), np.array(segments, dtype=int), time, states, points
+        blood.append(_known_blood(history, left, ahead, engine.circuits[member][segments[-1]]))
+    return _Row(np.full(len(time), member), np.array(segments, dtype=int), time, states, points, blood)
+
+
+def _known_blood(history: History, left: int, ahead: int, circuit: Circuit) -> KnownBlood | None:
+    """Where the blood is between two steps; None if it is not known at their ends."""
+    ends = history.points[left], history.points[ahead]
+    if ends[0] is None or not history.known[left]:
+        return None
+    size = assemble(circuit).layout.size
+    later = ends[1][:size] if ends[1] is not None and history.known[ahead] else None
+    return KnownBlood(circuit, ends[0][:size], later)
 
 
 def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
@@ -141,14 +184,16 @@ def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | 
 
 def _joined(engine: Engine, rows: Sequence[_Row]) -> Moments:
     member, segment, time = (np.concatenate(parts) for parts in zip(*(row[:3] for row in rows), strict=True))
-    states = np.concatenate([row[3] for row in rows], axis=1)
+    states = np.concatenate([row.states for row in rows], axis=1)
     settings = [
         engine.timelines[m].settings(int(s), float(t)) for m, s, t in zip(member, segment, time, strict=True)
     ]
     keys = dict.fromkeys((*engine.table, *(key for of_moment in settings for key in of_moment)))
     columns = {key: np.array([of_moment.get(key, 0.0) for of_moment in settings]) for key in keys}
-    points = [point for row in rows for point in row[4]]
-    return Moments(member, segment, time, states, engine.laws.in_effect(states, columns), points)
+    points = [point for row in rows for point in row.points]
+    blood = [known for row in rows for known in row.blood]
+    in_effect = engine.laws.in_effect(states, columns)
+    return Moments(member, segment, time, states, in_effect, points, blood=blood)
 
 
 def beats_at(
@@ -161,7 +206,7 @@ def beats_at(
     """Compute the beat of every moment; a member's course ends where no steady beat is found."""
     count, members = len(moments.time), len(engine.timelines)
     moments.status = np.full(count, int(Status.NOT_CONVERGED))
-    moments.findings = [[] for _ in range(count)]
+    moments.findings, moments.trapped = [[] for _ in range(count)], [None] * count
     moments.stopped = [history.stopped for history in engine.histories]
     measure = _MomentSolver(moments, engine, outputs, with_findings, execution or engine.execution)
     groups: dict[int, list[int]] = {}
@@ -196,6 +241,7 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
     moments.status = np.concatenate([moments.status, np.full(count, int(Status.CONVERGED))])
     moments.by_beat = np.concatenate([moments.by_beat, np.ones(count, dtype=bool)])
     moments.points += [None] * count
+    moments.blood, moments.trapped = moments.blood + [None] * count, moments.trapped + [None] * count
     for key, column in moments.in_effect.items():
         added = np.array([beat.values.get(key, 0.0) for beat in beats])
         moments.in_effect[key] = np.concatenate([column, added])
@@ -245,15 +291,42 @@ class _MomentSolver:
         for name in beat.names if self.outputs is None else self.outputs:
             column = moments.values.setdefault(name, np.full(len(moments.time), np.nan))
             column[chosen] = beat.output(name)
-        for k, place in enumerate(chosen):
-            if not beat.converged[k]:
+        for k, place in enumerate(chosen.tolist()):
+            if beat.converged[k]:
+                self._store(place, *self._with_known_blood(beat, k, place))
+            else:
                 engine.messages[moments.member[place]] = beat.message(k)
-                continue
-            for name in beat.undetermined_outputs(k):
-                moments.values[name][place] = np.nan
-            if self.with_findings:
-                moments.findings[place] = beat.determined_findings(k)
         return bool(beat.converged[0])
+
+    def _with_known_blood(self, beat: SteadyBeat, place: int, moment: int) -> tuple[SteadyBeat, int]:
+        """A moment's beat; where valves stay shut, with the blood behind them as it was before."""
+        if beat.determined[place]:
+            return beat, place
+        known, member = self.moments.blood, self.moments.member
+        before = known[moment]
+        if before is None and moment and member[moment - 1] == member[moment]:
+            before = known[moment - 1]
+
+        def solve(batch: Batch, start: Anchor) -> SteadyBeat:
+            signals = None if self.with_findings else ()
+            return steady_beat(batch, beat.names, waveforms=signals, start=start, execution=self.execution)
+
+        inverses = self.engine.predictors[int(member[moment])].holding
+        return with_blood_of(beat, place, before, solve, inverses) or (beat, place)
+
+    def _store(self, moment: int, beat: SteadyBeat, place: int) -> None:
+        """Store a beat as that of a moment, without numbers that are not determined."""
+        moments, values = self.moments, beat.outputs(place)
+        lost = beat.undetermined_outputs(place)
+        for name, column in moments.values.items():
+            column[moment] = np.nan if name in lost else values[name]
+        moments.status[moment] = beat.status[place]
+        moments.trapped[moment] = beat.trapped.get(place)
+        circuit = self.engine.circuits[moments.member[moment]][moments.segment[moment]]
+        state = beat.orbits.states[:, place]
+        moments.blood[moment] = KnownBlood(circuit, state) if beat.determined[place] else None
+        if self.with_findings:
+            moments.findings[moment] = beat.determined_findings(place)
 
     def finish(self, member: int) -> None:
         """Search beats not found at once from the previous moment; without a beat the course ends.
@@ -282,7 +355,7 @@ class _MomentSolver:
         while high - low > 2.0 * SHORTEST_STEP_S:
             middle = 0.5 * (low + high)
             trial = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])
-            trial.status, trial.findings = np.zeros(1, dtype=int), [[]]
+            trial.status, trial.findings, trial.trapped = np.zeros(1, dtype=int), [[]], [None]
             if not replace(self, moments=trial).solve(np.zeros(1, dtype=int), None, before):
                 high, moments.stopped[member] = middle, self.engine.messages[member]
                 continue
@@ -302,7 +375,7 @@ def _replace_moment(moments: Moments, place: int, other: Moments) -> None:
     """Replace a moment that has no beat by another."""
     moments.time[place], moments.segment[place] = other.time[0], other.segment[0]
     moments.states[:, place], moments.status[place] = other.states[:, 0], other.status[0]
-    moments.findings[place] = other.findings[0]
+    moments.findings[place], moments.trapped[place] = other.findings[0], other.trapped[0]
     for key, column in moments.in_effect.items():
         column[place] = other.in_effect[key][0]
     for name, column in moments.values.items():

@@ -10,6 +10,7 @@ import numpy as np
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.circuit.network import Circuit
 from eclsim.course.beats import SteadyState
+from eclsim.course.trapped import KnownBlood, Parts, isolated_parts
 from eclsim.orbit.equation import Anchor
 from eclsim.orbit.steady import inverse_jacobian
 from eclsim.outputs.coupling import CoupledAnchor
@@ -37,11 +38,12 @@ def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
 
 
 class PredictorSnapshot(NamedTuple):
-    """A previous beat of a predictor: point, place and outputs."""
+    """A previous beat of a predictor: point, place and outputs; where its blood is, if that is known."""
 
     point: np.ndarray | None
     place: np.ndarray
     read: dict[str, float]
+    blood: KnownBlood | None = None
 
 
 class Predictor:
@@ -62,6 +64,8 @@ class Predictor:
         self.inverse = self.place = np.zeros(0)
         self.slope = self.response = np.zeros((0, 0))
         self.settling_s = 0.0
+        self.isolated: Parts = ()
+        self.blood: KnownBlood | None = None
 
     @property
     def last(self) -> np.ndarray:
@@ -80,6 +84,11 @@ class Predictor:
         coupled = np.exp(self.last[len(self.state) :]).tolist()
         return SteadyState(self.state, dict(zip(self.coupled, coupled, strict=True)))
 
+    @property
+    def holding(self) -> dict[Parts, np.ndarray]:
+        """The inverse Jacobian by the isolated parts whose volumes it holds; none if blood passes."""
+        return {self.isolated: self.inverse} if self.isolated else {}
+
     def has_beat_of(self, circuit: Circuit) -> bool:
         """Whether the last beat is one of the given circuit."""
         return self.point is not None and self.circuit is circuit
@@ -90,9 +99,12 @@ class Predictor:
 
     def put(self, beat: SteadyBeat, member: int, place: np.ndarray, circuit: Circuit) -> None:
         """Store a beat and update the slope from it."""
-        point = point_of(beat, member)
-        if not self.has_beat_of(circuit) or beat.coupled != self.coupled:
-            self.circuit, self.inverse = circuit, inverse_jacobian(beat.orbits, member)
+        point, isolated = point_of(beat, member), isolated_parts(beat, member)
+        state = beat.orbits.states[:, member]
+        self.blood = KnownBlood(circuit, state) if beat.determined[member] else None
+        if not self.has_beat_of(circuit) or beat.coupled != self.coupled or isolated != self.isolated:
+            self.circuit, self.isolated = circuit, isolated
+            self.inverse = inverse_jacobian(beat.orbits, member, isolated)
             self.settling_s = settling_time(beat, member, self.inverse)
             self.slope = np.zeros((len(point), len(place)))
         elif self.kind == "secant":
@@ -107,11 +119,11 @@ class Predictor:
 
     def snapshot(self) -> PredictorSnapshot:
         """Return the last beat, so that it can be restored."""
-        return PredictorSnapshot(self.point, self.place, self.read)
+        return PredictorSnapshot(self.point, self.place, self.read, self.blood)
 
     def restore(self, snapshot: PredictorSnapshot) -> None:
         """Restore an earlier beat of the same circuit as the last one."""
-        self.point, self.place, self.read = snapshot
+        self.point, self.place, self.read, self.blood = snapshot
 
     def learn(self, column: int, change: np.ndarray) -> None:
         """Set the derivative with respect to one slow state from a difference."""

@@ -9,6 +9,7 @@ first: implicit steps of many beats then follow the drift (pseudo-transient cont
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,10 +207,21 @@ def anchor_at(problem: OrbitProblem, state: np.ndarray, beats: int, width: int =
     return Anchor(solved.states[:, 0], np.linalg.pinv(newton.jacobian(solved.states)))
 
 
-def inverse_at(problem: OrbitProblem, states: np.ndarray, width: int = 1) -> np.ndarray:
-    """Inverse Jacobian in scaled states at the orbit of a problem's only member, shape (states, states)."""
+def inverse_at(
+    problem: OrbitProblem, states: np.ndarray, width: int = 1, held: Sequence[Sequence[str]] = ()
+) -> np.ndarray:
+    """Inverse Jacobian in scaled states at the orbit of a problem's only member, shape (states, states).
+
+    A search that starts with it changes the volume of no part in `held`, groups of compartments that closed
+    valves isolate: their volumes are conditions such as that of the total volume, with their terms in the
+    Jacobian, and are met at the start.
+    """
     newton = _Newton(compiled_search(problem.program, width), problem, OrbitOptions())
-    return np.linalg.pinv(newton.jacobian(states[:, None]))
+    jacobian, scale = newton.jacobian(states[:, None]), problem.scale[:, 0]
+    for part in held:
+        inside = np.isin(problem.layout.names, [f"V{name}" for name in part])
+        jacobian = jacobian + np.outer(inside / scale, inside * scale) / inside.sum()
+    return np.linalg.pinv(jacobian)
 
 
 def allowed_share(moves: np.ndarray, states: np.ndarray, largest_steps: np.ndarray) -> np.ndarray:

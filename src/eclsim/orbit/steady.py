@@ -297,11 +297,14 @@ def anchor(batch: Batch, level: int, values: Mapping[str, float], width: int = 1
     return _anchor(batch.circuit, level, batch.policy, tuple(float(values[n]) for n in names), width)
 
 
-def inverse_jacobian(orbits: SolvedOrbits, member: int) -> np.ndarray:
-    """Inverse Jacobian in scaled states at a member's orbit, as a start for searches near it."""
+def inverse_jacobian(orbits: SolvedOrbits, member: int, held: Sequence[Sequence[str]] = ()) -> np.ndarray:
+    """Inverse Jacobian in scaled states at a member's orbit, as a start for searches near it.
+
+    Searches that start with it keep the volumes of the groups of compartments in `held`.
+    """
     program = orbits.search(member).program
     problem = OrbitProblem(program, orbits.batch.packed(program), orbits.batch.volume()).take([member])
-    return inverse_at(problem, orbits.states[:, member], orbits.width)
+    return inverse_at(problem, orbits.states[:, member], orbits.width, held)
 
 
 def inverses_near(

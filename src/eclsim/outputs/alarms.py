@@ -22,7 +22,7 @@ from eclsim.devices.registry import assist_flows, devices, naming_of, namings
 from eclsim.outputs.cautions import cautions, organ_flow
 from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits, levels
 from eclsim.outputs.registry import CHAMBERS, first_name, output
-from eclsim.outputs.sealed import sealed
+from eclsim.outputs.sealed import TrappedBlood, sealed
 from eclsim.patient.sites import DRAINED
 
 IMPOSSIBLE_BEAT = "that no patient can have (a chamber without blood, a vein sucked shut)"
@@ -50,6 +50,7 @@ def findings(
     extremes: Mapping[str, tuple[float, float]],
     circuit: Circuit | None = None,
     values: Mapping[str, float] = NO_VALUES,
+    known: TrappedBlood | None = None,
 ) -> list[Finding]:
     """Findings about a beat, sorted by severity.
 
@@ -60,6 +61,7 @@ def findings(
             out.
         values: values of all parameters; without them, findings on assumed values and on labels are left out,
             and limits are those of the table whatever the patient's size.
+        known: blood behind closed valves, where earlier beats of the patient determine it.
     """
     result = [
         breach(limit, outputs[limit.quantity], entry.long_name, entry.unit)
@@ -70,7 +72,10 @@ def findings(
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
     if circuit is not None:
-        if (trapped := sealed(outputs, circuit, values)) is not None:
+        if known is not None:
+            about = ("V" + known.sealed.parts[0][0], 0.0, 0.0, known.sentence)
+            result.append(Finding(CAUTION, *about))
+        elif (trapped := sealed(outputs, circuit, values)) is not None:
             about = ("V" + trapped.parts[0][0], 0.0, 0.0, trapped.sentence)
             result.append(Finding(CAUTION, *about, concerns=trapped.concerns))
         for names in _devices_of(circuit):

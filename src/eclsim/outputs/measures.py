@@ -27,6 +27,8 @@ from eclsim.gas.network import FlowFunction, Quantity, gas_of
 from eclsim.gas.tracers import ARTERIES, effective_shares, native_shares
 from eclsim.units import ML_S_PER_L_MIN
 
+PASSING = 1e-4
+"""Change of a waveform over a beat, relative to its size, above which the beat has not settled."""
 SIDE_BY_SIDE = 16
 """Number of members whose laws are computed together; more do not fit into the processor's caches."""
 FEWEST_TO_COMPILE = 1024
@@ -291,13 +293,19 @@ class Measures:
         return [(name + of, index, weight) for of, index, weight in points]
 
     def _cubic(self, values: np.ndarray, rates: np.ndarray, top: np.ndarray) -> Points:
-        """Maximum of the Hermite cubic beside the largest point, as points of a waveform and its `RATE`."""
+        """Maximum of the Hermite cubic beside the largest point, as points of a waveform and its `RATE`.
+
+        A passing beat does not continue before its start: what falls from there begins at its maximum.
+        """
         points = len(values) - 1
         left = np.where(_at(rates, top) < 0.0, (top - 1) % points, top)
         width = self._widths[left]
         change = _at(values, left + 1) - _at(values, left)
         rise, fall = _at(rates, left) * width, _at(rates, left + 1) * width
         s = _stationary(rise, 3.0 * change - 2.0 * rise - fall, rise + fall - 2.0 * change, fall)
+        at_start = _is_passing(values) & (top == 0) & (left != top)
+        left, s = np.where(at_start, 0, left), np.where(at_start, 0.0, s)
+        width = self._widths[left]
         last = s * s * (3.0 - 2.0 * s)
         return [
             ("", left, 1.0 - last),
@@ -307,7 +315,7 @@ class Measures:
         ]
 
     def _parabola(self, values: np.ndarray, top: np.ndarray) -> Points:
-        """Maximum of the parabola through the largest point and its two neighbours; the beat is periodic."""
+        """Maximum of the parabola through the largest point and its two neighbours, see `_cubic`."""
         points = len(values) - 1
         before, after = self._widths[(top - 1) % points], self._widths[top]
         left, peak, right = (_at(values, (top + k) % points) for k in (-1, 0, 1))
@@ -315,12 +323,18 @@ class Measures:
         curvature = (rise + fall) / (before + after)
         slope = (rise * after - fall * before) / (before + after)
         flat = curvature <= 1e-9 * (1.0 + np.abs(peak))
+        flat |= _is_passing(values) & (top == 0)
         s = np.where(flat, 0.0, 0.5 * slope / np.where(flat, 1.0, curvature))
         return [
             ("", (top - 1) % points, s * (s - after) / (before * (before + after))),
             ("", top, (s + before) * (after - s) / (before * after)),
             ("", (top + 1) % points, s * (s + before) / (after * (before + after))),
         ]
+
+
+def _is_passing(values: np.ndarray) -> np.ndarray:
+    """Whether a waveform ends elsewhere than it began: the beat has not settled."""
+    return np.abs(values[-1] - values[0]) > PASSING * (1.0 + np.abs(values[0]))
 
 
 def whole_beat(recorded: np.ndarray) -> np.ndarray:

@@ -38,6 +38,37 @@ class Sealed:
     concerns: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class TrappedBlood:
+    """Blood in parts that no blood enters or leaves, where earlier beats of the patient determine it.
+
+    Attributes:
+        sealed: the parts.
+        volumes_ml: stressed volume of each part [mL].
+    """
+
+    sealed: Sealed
+    volumes_ml: tuple[float, ...]
+
+    @property
+    def places(self) -> str:
+        """The parts with their volumes, in words."""
+        phrases = [
+            f"{ml:.0f} mL in the {' with the '.join(_labels(part))}"
+            for part, ml in zip(self.sealed.parts, self.volumes_ml, strict=True)
+        ]
+        return _listed(phrases)
+
+    @property
+    def sentence(self) -> str:
+        """What the numbers rest on."""
+        return (
+            f"{self.sealed.reason}: pressures follow from the blood that had gathered there when the valves "
+            f"closed ({self.places}). They are right only if the valves close completely and nothing vents "
+            "these chambers"
+        )
+
+
 def sealed(
     outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float] | None = None
 ) -> Sealed | None:

@@ -47,13 +47,16 @@ def second_beat(beat: SteadyBeat, member: int = 0, wanted: Callable[[], bool] = 
     """Return another stable steady beat of a member at the same values; None if none was found.
 
     It is sought only for a unique beat of a circuit with collapsible veins and a pump, without parameters
-    that are solved for together with gases. None does not prove that there is no other.
+    that are solved for together with gases and without trapped blood. None does not prove that there is no
+    other.
 
     Args:
         beat: steady beats.
         member: number of the member.
         wanted: returns whether the result is still needed; called between steps. If not, None is returned.
     """
+    if member in beat.trapped:
+        return None
     batch = beat.batch.take(np.array([member]))
     assembly = assemble(batch.circuit)
     program = beat_program(batch.circuit, int(beat.orbits.resolution[member]))

@@ -6,7 +6,7 @@ Results that did not converge are NaN throughout; their status and message give 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -43,7 +43,7 @@ from eclsim.outputs.gas import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import SOLVED_BY
-from eclsim.outputs.sealed import Sealed, closed_valves, sealed, valve_flows
+from eclsim.outputs.sealed import Sealed, TrappedBlood, closed_valves, sealed, valve_flows
 from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, needed_signals, output_names
 
 _TISSUE = Tissue()
@@ -83,6 +83,7 @@ class SteadyBeat:
         unsettled: whether these were not found for a member, shape (members,); None if there are none to
             solve for.
         response: inverse Jacobian for these parameters, see `CoupledAnchor`; None if there are none.
+        trapped: blood behind closed valves by member, where earlier beats of the patient determine it.
     """
 
     orbits: SolvedOrbits
@@ -99,6 +100,7 @@ class SteadyBeat:
     coupled: tuple[str, ...] = ()
     unsettled: np.ndarray | None = None
     response: np.ndarray | None = None
+    trapped: Mapping[int, TrappedBlood] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         count = len(self.status)
@@ -215,7 +217,9 @@ class SteadyBeat:
             values = self.batch.all_values_of(member)
             circuit = self.batch.circuit.with_chosen_sites(values)
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
-            result = findings(self.outputs(member), ranges, circuit, values) + self._gas_findings(member)
+            known = self.trapped.get(member)
+            result = findings(self.outputs(member), ranges, circuit, values, known)
+            result += self._gas_findings(member)
         if doubt := self.orbits.grid_warning(member):
             result.append(Finding.without_limit("warning", "grid", np.nan, doubt))
         return gravest_first(result)
