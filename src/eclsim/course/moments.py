@@ -22,7 +22,6 @@ from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.sealed import TrappedBlood
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 MOMENTS_PER_BATCH = 2048
@@ -50,7 +49,6 @@ class Moments:
         status: how the search for each beat ended, a `Status`.
         findings: findings about each beat.
         blood: where the blood is in each beat (of a point: between the steps), None where it is not known.
-        trapped: blood behind valves that stay shut in each beat, as far as earlier beats determine it.
         by_beat: whether each is a beat of a span that was followed beat by beat.
         stopped: by member, the reason for an early end of its course; empty if there was none.
     """
@@ -65,7 +63,6 @@ class Moments:
     status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     findings: list[list[Finding]] = field(default_factory=list)
     blood: list[KnownBlood | None] = field(default_factory=list)
-    trapped: list[TrappedBlood | None] = field(default_factory=list)
     by_beat: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     stopped: list[str] = field(default_factory=list)
 
@@ -206,7 +203,7 @@ def beats_at(
     """Compute the beat of every moment; a member's course ends where no steady beat is found."""
     count, members = len(moments.time), len(engine.timelines)
     moments.status = np.full(count, int(Status.NOT_CONVERGED))
-    moments.findings, moments.trapped = [[] for _ in range(count)], [None] * count
+    moments.findings = [[] for _ in range(count)]
     moments.stopped = [history.stopped for history in engine.histories]
     measure = _MomentSolver(moments, engine, outputs, with_findings, execution or engine.execution)
     groups: dict[int, list[int]] = {}
@@ -241,7 +238,7 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
     moments.status = np.concatenate([moments.status, np.full(count, int(Status.CONVERGED))])
     moments.by_beat = np.concatenate([moments.by_beat, np.ones(count, dtype=bool)])
     moments.points += [None] * count
-    moments.blood, moments.trapped = moments.blood + [None] * count, moments.trapped + [None] * count
+    moments.blood += [None] * count
     for key, column in moments.in_effect.items():
         added = np.array([beat.values.get(key, 0.0) for beat in beats])
         moments.in_effect[key] = np.concatenate([column, added])
@@ -292,10 +289,15 @@ class _MomentSolver:
             column = moments.values.setdefault(name, np.full(len(moments.time), np.nan))
             column[chosen] = beat.output(name)
         for k, place in enumerate(chosen.tolist()):
-            if beat.converged[k]:
-                self._store(place, *self._with_known_blood(beat, k, place))
-            else:
+            if not beat.converged[k]:
                 engine.messages[moments.member[place]] = beat.message(k)
+                continue
+            found, at = self._with_known_blood(beat, k, place)
+            if found is not beat:
+                for name, value in found.outputs(at).items():
+                    if name in moments.values:
+                        moments.values[name][place] = value
+            self._store(place, found, at)
         return bool(beat.converged[0])
 
     def _with_known_blood(self, beat: SteadyBeat, place: int, moment: int) -> tuple[SteadyBeat, int]:
@@ -315,13 +317,12 @@ class _MomentSolver:
         return with_blood_of(beat, place, before, solve, inverses) or (beat, place)
 
     def _store(self, moment: int, beat: SteadyBeat, place: int) -> None:
-        """Store a beat as that of a moment, without numbers that are not determined."""
-        moments, values = self.moments, beat.outputs(place)
-        lost = beat.undetermined_outputs(place)
-        for name, column in moments.values.items():
-            column[moment] = np.nan if name in lost else values[name]
+        """Store how a moment's beat was found, and remove numbers that are not determined."""
+        moments = self.moments
+        for name in beat.undetermined_outputs(place):
+            if name in moments.values:
+                moments.values[name][moment] = np.nan
         moments.status[moment] = beat.status[place]
-        moments.trapped[moment] = beat.trapped.get(place)
         circuit = self.engine.circuits[moments.member[moment]][moments.segment[moment]]
         state = beat.orbits.states[:, place]
         moments.blood[moment] = KnownBlood(circuit, state) if beat.determined[place] else None
@@ -355,7 +356,7 @@ class _MomentSolver:
         while high - low > 2.0 * SHORTEST_STEP_S:
             middle = 0.5 * (low + high)
             trial = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])
-            trial.status, trial.findings, trial.trapped = np.zeros(1, dtype=int), [[]], [None]
+            trial.status, trial.findings = np.zeros(1, dtype=int), [[]]
             if not replace(self, moments=trial).solve(np.zeros(1, dtype=int), None, before):
                 high, moments.stopped[member] = middle, self.engine.messages[member]
                 continue
@@ -375,7 +376,7 @@ def _replace_moment(moments: Moments, place: int, other: Moments) -> None:
     """Replace a moment that has no beat by another."""
     moments.time[place], moments.segment[place] = other.time[0], other.segment[0]
     moments.states[:, place], moments.status[place] = other.states[:, 0], other.status[0]
-    moments.findings[place], moments.trapped[place] = other.findings[0], other.trapped[0]
+    moments.findings[place], moments.blood[place] = other.findings[0], other.blood[0]
     for key, column in moments.in_effect.items():
         column[place] = other.in_effect[key][0]
     for name, column in moments.values.items():
