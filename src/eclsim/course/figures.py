@@ -16,7 +16,13 @@ from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
 from eclsim.course.alarms import clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
-from eclsim.course.result import impossible_moments, spans_in_words, undetermined_moments
+from eclsim.course.result import (
+    OF_LUNG_FLOW,
+    impossible_moments,
+    spans_in_words,
+    undetermined_moments,
+    without_standing_blood,
+)
 from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
@@ -102,7 +108,7 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     hours = result["time_min"].to_numpy() / minutes
     drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(drawn):
-        _curve(ax, hours, result[name], label, index)
+        _curve(ax, hours, without_standing_blood(result, name), label, index)
     low, high = ax.get_ylim()
     short = _NARROWEST.get(panel.unit, 0.1) - (high - low)
     if short > 0.0:
@@ -113,11 +119,10 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     draw_legend_above(ax, start=legend_start([label for _, label in drawn]))
 
 
-def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index: int) -> None:
+def _curve(ax: Axes, hours: np.ndarray, numbers: np.ndarray, label: str, index: int) -> None:
     """Plot an output over time; for a band, the median and the 50 % and 90 % intervals of the draws."""
     look: dict[str, Any] = {**style.curve_style(index)}
-    numbers = values.to_numpy().astype(float)
-    if "quantile" in values.dims:
+    if numbers.ndim == 2:
         lowest, low, numbers, high, highest = numbers
         for (lower, upper), alpha in zip(((lowest, highest), (low, high)), (0.14, 0.24), strict=True):
             ax.fill_between(hours, lower, upper, color=look["color"], alpha=alpha, linewidth=0.0)
@@ -211,6 +216,11 @@ def _notes(result: xr.Dataset) -> list[str]:
         lines.append(
             "gaps in the curves: valves stay shut, so that the case does not determine the number; fluid and "
             "blood go on with one possible beat"
+        )
+    standing = [name for name in OF_LUNG_FLOW if name in result]
+    if any(np.isnan(without_standing_blood(result, n) - result[n].to_numpy()).any() for n in standing):
+        lines.append(
+            "gaps in the curve of the pulmonary artery's blood: it stands still, as no blood flows through"
         )
     if spans := spans_in_words(result):
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))

@@ -18,6 +18,7 @@ from eclsim.devices.description import CAUTION, Finding, labelled_sentence
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.orbit.status import Status
+from eclsim.outputs.gas import STANDING_L_MIN
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
@@ -121,10 +122,22 @@ def impossible_moments(result: xr.Dataset) -> np.ndarray:
     return result[IMPOSSIBLE].to_numpy() == 1 if IMPOSSIBLE in result else np.zeros(result.sizes[TIME], bool)
 
 
+LUNG_FLOW, OF_LUNG_FLOW = "pulmonary_flow", ("SvO2", "PvO2")
+"""Flow through the lungs, and gases of mixed venous blood, which have no meaning without it."""
+
+
 def undetermined_moments(result: xr.Dataset) -> np.ndarray:
     """Whether the beat of each moment of a course is one of many; what the case does not determine is NaN."""
     known = result["status"].to_numpy() if "status" in result else np.zeros(result.sizes[TIME], str)
     return known == Status.ONE_OF_MANY.word
+
+
+def without_standing_blood(result: xr.Dataset, name: str) -> np.ndarray:
+    """An output of a course; NaN while it is of blood in the pulmonary artery that stands still."""
+    values = result[name].to_numpy().astype(float)
+    if name not in OF_LUNG_FLOW or LUNG_FLOW not in result:
+        return values
+    return np.where(np.abs(result[LUNG_FLOW].to_numpy()) < STANDING_L_MIN, np.nan, values)
 
 
 def undetermined_in_words(minute: np.ndarray, undetermined: np.ndarray) -> str:
