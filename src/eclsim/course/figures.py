@@ -18,10 +18,10 @@ from eclsim.course.alarms import clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
 from eclsim.course.result import (
     OF_LUNG_FLOW,
+    drawn_values,
     impossible_moments,
     spans_in_words,
     undetermined_moments,
-    without_standing_blood,
 )
 from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
@@ -108,7 +108,7 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     hours = result["time_min"].to_numpy() / minutes
     drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(drawn):
-        _curve(ax, hours, without_standing_blood(result, name), label, index)
+        _curve(ax, hours, drawn_values(result, name), label, index)
     low, high = ax.get_ylim()
     short = _NARROWEST.get(panel.unit, 0.1) - (high - low)
     if short > 0.0:
@@ -218,7 +218,7 @@ def _notes(result: xr.Dataset) -> list[str]:
             "blood go on with one possible beat"
         )
     standing = [name for name in OF_LUNG_FLOW if name in result]
-    if any(np.isnan(without_standing_blood(result, n) - result[n].to_numpy()).any() for n in standing):
+    if any(np.isnan(drawn_values(result, n) - result[n].to_numpy()).any() for n in standing):
         lines.append(
             "gaps in the curve of the pulmonary artery's blood: it stands still, as no blood flows through"
         )

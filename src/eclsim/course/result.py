@@ -132,8 +132,8 @@ def undetermined_moments(result: xr.Dataset) -> np.ndarray:
     return known == Status.ONE_OF_MANY.word
 
 
-def without_standing_blood(result: xr.Dataset, name: str) -> np.ndarray:
-    """An output of a course; NaN while it is of blood in the pulmonary artery that stands still."""
+def drawn_values(result: xr.Dataset, name: str) -> np.ndarray:
+    """Values of an output to draw: NaN while it is of blood in the pulmonary artery that stands still."""
     values = result[name].to_numpy().astype(float)
     if name not in OF_LUNG_FLOW or LUNG_FLOW not in result:
         return values
