@@ -133,13 +133,14 @@ def test_the_figure_says_why_its_curves_have_gaps(arrested):
 def test_blood_that_stands_still_is_not_drawn_as_mixed_venous(arrest):
     """The saturation of the pulmonary artery was drawn at 100 % during an arrest."""
     stood = np.abs(arrest["pulmonary_flow"].to_numpy()) < 1e-3
-    assert stood.any() and not stood.all()
+    assert stood.any()
+    assert not stood.all()
     of_pulmonary_artery = arrest["MAP"].copy(data=np.full(stood.size, 70.0))
     fig = plot_course(arrest.assign(SvO2=of_pulmonary_artery, SaO2=of_pulmonary_artery))
     curves = {line.get_label(): line.get_ydata() for ax in fig.axes for line in ax.lines}
     assert (np.isnan(curves["pulmonary artery"]) == stood).all()
     assert np.isfinite(curves["arteries"]).all()
-    assert any("it stands still" in text.get_text() for text in fig.texts)
+    assert any("its blood stands still" in text.get_text() for text in fig.texts)
 
 
 def test_trapped_blood_has_no_settling_time():

@@ -220,7 +220,7 @@ def _notes(result: xr.Dataset) -> list[str]:
     standing = [name for name in OF_LUNG_FLOW if name in result]
     if any(np.isnan(drawn_values(result, n) - result[n].to_numpy()).any() for n in standing):
         lines.append(
-            "gaps in the curve of the pulmonary artery's blood: it stands still, as no blood flows through"
+            "gaps in the curve of the pulmonary artery: its blood stands still and is not mixed venous"
         )
     if spans := spans_in_words(result):
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
