@@ -7,8 +7,7 @@ import pytest
 
 import eclsim
 from eclsim import blood
-from eclsim.cases.reading import read_mapping
-from eclsim.cases.writing import write_case
+from eclsim.cases.reading import read_mapping, write_case
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.steady import ADAPTIVE
 

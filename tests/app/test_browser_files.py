@@ -9,7 +9,7 @@ import pytest
 
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from page_in_browser import (
     LAPTOP,
     TABLET,

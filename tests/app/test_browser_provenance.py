@@ -11,7 +11,7 @@ from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from eclsim.identification.verdict import FitVerdict, Goodness, agreement, headline
 from page_in_browser import PHONE, beat, choose, eventually, expect, open_file, picture, show, turn, wait_for
 from small_cohort import cohort

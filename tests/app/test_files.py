@@ -11,7 +11,7 @@ from eclsim.app.files import LARGEST_FILE, MOST_LINES, ExportError, export, pars
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.files import file_stem
 from eclsim.inputs.mistakes import CaseError

@@ -12,9 +12,9 @@ from eclsim.app import identify
 from eclsim.app.fitting import FitError, judged, prepared_for_fit
 from eclsim.app.identify import Identification, checked_form, fields, values_of
 from eclsim.app.knobs import LUNGS_WITHOUT_ECMO, connect, turn
-from eclsim.app.page_words import in_page_words
 from eclsim.app.provenance import circuit_text, fitted_case, fitted_with, provenance
 from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
+from eclsim.app.texts import in_page_words
 from eclsim.app.updates import PosteriorBands
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS

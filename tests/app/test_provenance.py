@@ -9,7 +9,7 @@ from eclsim.app.state import PageState, preset_state
 from eclsim.cases.case import Measurements
 from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 
 PAPER = PRESETS["paper"].case()
 UNFITTED = PAPER.model_copy(update={"parameters": {}, "measurements": Measurements(MAP=75.0, CO=3.0)})

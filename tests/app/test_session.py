@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from eclsim.app import beat as beat_of_page
 from eclsim.app import updates
 from eclsim.app.beat import Beat, page_circuit
 from eclsim.app.session import BEATS_WORTH_A_CLOSER_START, Session
@@ -453,7 +454,7 @@ def second_beats(monkeypatch):
     def with_second(beat: Beat, _: Callable[[], bool]) -> Beat | None:
         return replace(beat, findings=(caution,)) if beat.outputs["MAP"] >= 90 else None
 
-    monkeypatch.setattr(updates, "_second", with_second)
+    monkeypatch.setattr(beat_of_page, "with_second_beat", with_second)
     monkeypatch.setattr(updates, "STILL_S", 0.05)
 
 
@@ -484,8 +485,9 @@ def test_a_second_beat_is_named_for_the_state_that_has_it_and_for_no_other(secon
 
 def test_a_second_beat_that_was_found_too_late_is_that_of_the_pinned_one_alone(second_beats, monkeypatch):
     engine, messages, slow = StubEngine(), [], threading.Event()
-    now = updates._second
-    monkeypatch.setattr(updates, "_second", lambda beat, wanted: slow.wait(5) and now(beat, wanted))
+    now = beat_of_page.with_second_beat
+    late = lambda beat, wanted: slow.wait(5) and now(beat, wanted)  # noqa: E731
+    monkeypatch.setattr(beat_of_page, "with_second_beat", late)
 
     async def turns():
         one = session(engine, messages)

@@ -10,7 +10,7 @@ from eclsim.app import files
 from eclsim.app.files import parse_file
 from eclsim.app.server import MOST_UNCONNECTED, OpenPages
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from eclsim.inputs.mistakes import CaseError
 
 

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from eclsim.app import studies
+from eclsim.app.course import ShownBeat
 from eclsim.app.knobs import turn
-from eclsim.app.shown_beat import ShownBeat
 from eclsim.app.state import PageState, key_of
 from eclsim.app.texts import text
 from eclsim.app.updates import ViewStudy

@@ -8,14 +8,13 @@ import pytest
 import eclsim.app
 from eclsim.app.files import KINDS
 from eclsim.app.page import VIEWS
-from eclsim.app.page_words import in_page_words
-from eclsim.app.texts import ENGLISH, beside_field, with_minus
+from eclsim.app.texts import ENGLISH, beside_field, in_page_words, with_minus
 from eclsim.inputs.mistakes import Mistake
 from eclsim.orbit.status import Status
 
 HERE = Path(eclsim.app.__file__).parent
 SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
-MODULES = "\n".join(p.read_text(encoding="utf-8") for p in HERE.glob("*.py") if p.name != "texts.py")
+MODULES = "\n".join(p.read_text(encoding="utf-8") for p in HERE.glob("*.py"))
 PREFIXES = (
     "group_", "key_", "frame_", "export_", "legend_", "provenance_", "badge_", "verdict_", "box_",
     "wire_", "kind_", "scheme_", "gases_", "sample_", "exchange_", "give_", "lane_",

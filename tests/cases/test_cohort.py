@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from eclsim.cases import CaseError, cohort_rows
+from eclsim.cases import CaseError, cohort
 from eclsim.cases.cohort import COLUMNS, read_cohort
 
 HEAD = (
@@ -171,13 +171,13 @@ def test_a_file_that_is_no_table_is_refused(write, data, text):
 
 
 def test_files_too_large_are_refused_before_they_are_read_whole(write, monkeypatch):
-    monkeypatch.setattr(cohort_rows, "MAXIMUM_BYTES", 1_000_000)
+    monkeypatch.setattr(cohort, "MAXIMUM_BYTES", 1_000_000)
     with pytest.raises(CaseError, match="at most 1 MB"):
         read_cohort(write(HEAD, *[ROW] * 20_000))
 
 
 def test_limits_of_rows_and_columns(write, monkeypatch):
-    monkeypatch.setattr(cohort_rows, "MAXIMUM_ROWS", 10)
+    monkeypatch.setattr(cohort, "MAXIMUM_ROWS", 10)
     with pytest.raises(CaseError, match="at most 10 rows"):
         read_cohort(write(HEAD, *[row(k) for k in range(11)]))
     with pytest.raises(CaseError, match="at most 200 columns"):

@@ -5,8 +5,7 @@ import pytest
 import eclsim
 from eclsim.cases.fit_mark import LEVELS, FitMark, read_mark, with_mark
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.reading import read_case
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text, read_case
 from eclsim.identification.settings import FitSettings, case_to_fit
 from eclsim.sensitivity.analysis import SobolSettings
 from eclsim.sensitivity.results import write_results

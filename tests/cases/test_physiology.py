@@ -3,9 +3,8 @@
 import pytest
 
 from eclsim.cases import CaseError
-from eclsim.cases.reading import read_mapping
+from eclsim.cases.reading import read_mapping, write_case
 from eclsim.cases.resolve import anatomy_of, circuit_of, resolve_parameters, switched_circuit
-from eclsim.cases.writing import write_case
 from eclsim.circuit import Circuit
 
 PATIENT = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 80}

@@ -7,9 +7,8 @@ import pytest
 import eclsim
 from eclsim.beat.heartbeat import BeatProgram
 from eclsim.cases import CaseError, read_case
-from eclsim.cases.reading import read_mapping
+from eclsim.cases.reading import read_mapping, write_case
 from eclsim.cases.resolve import circuit_of
-from eclsim.cases.writing import write_case
 from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES, HAEMATOCRIT_OF_PATIENT
 from eclsim.orbit import rest
 from eclsim.orbit.model import model_of, values_of

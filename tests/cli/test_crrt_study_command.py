@@ -53,7 +53,7 @@ def test_beats_that_are_not_found_are_named_and_the_exit_status_says_so(shell):
     """A left heart so weak that no valve opens at 6200 rpm, with or without CRRT."""
     import json
 
-    from eclsim.cases.writing import write_case
+    from eclsim.cases.reading import write_case
     from eclsim.paper.crrt import paper_case
 
     case = shell.folder / "weak.toml"

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from eclsim.cli.simulate import read_sweep
 from eclsim.devices.registry import parameter_of
 

@@ -5,8 +5,7 @@ import re
 import pytest
 
 from eclsim.cases import Case, read_case
-from eclsim.cases.reading import read_mapping
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text, read_mapping
 from eclsim.circuit.volumes import start_volume
 from eclsim.course.beats import course_beats
 from eclsim.course.course import course

@@ -6,7 +6,7 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.cases.fit_mark import with_mark
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, conclusion, crrt_cohort, summaries
 from eclsim.crrt_study.cohort_report import _doubts, cohort_json
 from eclsim.crrt_study.ranking import Ranked

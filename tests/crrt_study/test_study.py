@@ -220,7 +220,7 @@ def test_every_step_is_told():
 
 def test_the_front_door_takes_a_file_and_gives_labelled_numbers_and_plain_data(tmp_path):
     import eclsim
-    from eclsim.cases.writing import write_case
+    from eclsim.cases.reading import write_case
 
     write_case(paper_case(), tmp_path / "case.toml")
     message = []

@@ -7,8 +7,7 @@ import eclsim
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
 from eclsim.devices.crrt import SITES_WITHOUT_ECMO, crrt
-from eclsim.devices.crrt_dialysis import SETTINGS, SOLUTES
-from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES, HAEMATOCRIT_OF_PATIENT
+from eclsim.devices.dialysed_blood import CARBON_DIOXIDE_FROM_GASES, HAEMATOCRIT_OF_PATIENT, SETTINGS, SOLUTES
 from eclsim.orbit.model import values_of
 from eclsim.outputs.limits import broken_limits
 from eclsim.sensitivity.inputs import InputError, varied_inputs

@@ -14,8 +14,8 @@ from eclsim.app.drawing import drawing_of
 from eclsim.app.knobs import connect, connectable, controls, turn, value_of
 from eclsim.cases import CaseError, apply_settings, read_case, read_mapping
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import case_text
 from eclsim.cases.sections import MEASURED
-from eclsim.cases.writing import case_text
 from eclsim.cli import main
 from eclsim.devices import Device, Section, highest, registry
 from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device

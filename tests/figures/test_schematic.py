@@ -14,7 +14,7 @@ from matplotlib.transforms import Bbox
 from eclsim.circuit import Choice, Circuit, Compartment, Connection
 from eclsim.components import ElasticVessel, Resistance
 from eclsim.devices.crrt import crrt
-from eclsim.devices.ecmo import CANNULAE, POSITIONS, Ecmo, ecmo
+from eclsim.devices.ecmo import POSITIONS, Ecmo, ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.patient.circulation import Anatomy, circulation
 from eclsim.reporting.schematic import draw_circuit
@@ -28,7 +28,7 @@ def second(line: str, site: str) -> tuple[Connection, ...]:
     """A second cannula of an ECMO circuit."""
     more = {f"second_{line}_site": site, f"second_{line}_fr": 17.0}
     section = Ecmo(pump="Rotaflow", speed_rpm=3000, oxygenator="Quadrox-i Adult", mode="VA", **more)  # type: ignore[arg-type]
-    return section.second_connections(CANNULAE)
+    return section.second_connections()
 
 
 VA_SECOND = PATIENT + ecmo("ra", "ao", second=second("return", "pas"))

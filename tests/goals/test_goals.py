@@ -10,8 +10,7 @@ import pytest
 
 import eclsim
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.reading import read_case, read_mapping
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text, read_case, read_mapping
 from eclsim.cli import main
 from eclsim.course.plan import plan_weaning
 from eclsim.course.timeline import case_with_settings

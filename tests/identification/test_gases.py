@@ -8,8 +8,7 @@ import pytest
 
 from eclsim.cases.case import Measurements
 from eclsim.cases.quantities import with_values
-from eclsim.cases.reading import read_mapping
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text, read_mapping
 from eclsim.identification.density import (
     GradientEvaluator,
     NoSteadyBeatError,

@@ -4,7 +4,7 @@ from eclsim.cases import read_mapping
 from eclsim.circuit import Circuit
 from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import ecmo
-from eclsim.outputs.recirculation import recirculated_fractions
+from eclsim.outputs.gas import recirculated_fractions
 from eclsim.outputs.results import simulate
 from eclsim.patient.circulation import circulation
 from model_catalogue import CIRCUITS, SCHEMES, model

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from eclsim.regulation.hypoxia import (
+from eclsim.regulation.oxygen import (
     LAG_S,
     WANTED_RESISTANCE,
     HypoxicVasoconstriction,

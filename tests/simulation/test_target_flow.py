@@ -7,8 +7,8 @@ import pytest
 
 import eclsim
 from eclsim.cases import CaseError, read_mapping
+from eclsim.cases.reading import case_text
 from eclsim.cases.settings import apply_settings
-from eclsim.cases.writing import case_text
 from eclsim.devices.device import UnsolvedFlowError
 from eclsim.orbit.model import UnknownValueError, model_of
 from eclsim.simulation.files import case_object

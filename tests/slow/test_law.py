@@ -9,7 +9,7 @@ from eclsim.drugs.published import InfusedDoses
 from eclsim.fluid.law import STATES, FluidLaw
 from eclsim.fluid.solutes import CarbonDioxideLaw, SolutesLaw
 from eclsim.outputs.registry import all_outputs
-from eclsim.regulation.hypoxia import HypoxicVasoconstriction
+from eclsim.regulation.oxygen import HypoxicVasoconstriction
 from eclsim.slow import SlowLaw, SlowState
 
 

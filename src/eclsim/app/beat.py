@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.display import PATIENT
-from eclsim.app.page_words import in_page_words
-from eclsim.app.texts import text, with_minus
+from eclsim.app.texts import in_page_words, text, with_minus
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import switched_circuit
 from eclsim.circuit import Circuit
@@ -22,9 +21,8 @@ from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, flows_differ, gravest_first, impossible
-from eclsim.outputs.gas import PlaceGases
+from eclsim.outputs.gas import PlaceGases, recirculation
 from eclsim.outputs.limits import levels, place_levels
-from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.second_beat import caution_of_two, flows_in_words, second_beat
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
@@ -183,7 +181,9 @@ def beat_of(
     series = {n: solved.waveform(n) for n in solved.signals}
     waves = _evenly(series, solved.waveforms[0].phases, circuit, values)
     message = in_page_words(solved.message())
-    findings = tuple(solved.findings()) if solved.converged[0] else _without_beat(message, outputs)
+    # Without a beat no limit would be broken, so that the alarm is one of all outputs.
+    no_beat = Finding.without_limit("alarm", "", math.nan, message, *outputs)
+    findings = tuple(solved.findings()) if solved.converged[0] else (no_beat,)
     rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
@@ -207,12 +207,7 @@ def with_second_beat(beat: Beat, wanted: Callable[[], bool]) -> Beat | None:
     if other is None:
         return None
     findings = gravest_first([*beat.findings, caution_of_two(beat.solved, other)])
-    return replace(beat, findings=tuple(findings), second=flows_in_words(other, 0))
-
-
-def _without_beat(message: str, outputs: Iterable[str]) -> tuple[Finding, ...]:
-    """Return the alarm that there is no steady beat, of all outputs: without it no limit would be broken."""
-    return (Finding.without_limit("alarm", "", math.nan, message, *outputs),)
+    return replace(beat, findings=tuple(findings), second=flows_in_words(other))
 
 
 def transient_beat(state: PageState, moment: TransientBeat) -> Beat:

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eclsim.app.display import figures_of, unit_of, written_unit
+from eclsim.app.display import compared_of, figures_of, named_specs, panel_of, unit_of, waves_of, written_unit
 from eclsim.app.knobs import (
     VOLUME,
     ambiguous_number,
     as_written,
     controls,
     is_whole,
+    knobs_of,
     turned_value,
     value_of,
 )
-from eclsim.app.page_words import in_page_words
-from eclsim.app.state import key_of
-from eclsim.app.texts import ENGLISH, text, with_minus
+from eclsim.app.provenance import provenance
+from eclsim.app.state import START, Moment, PageState, key_of
+from eclsim.app.texts import ENGLISH, in_page_words, text, with_minus
 from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.app.beat import Beat
+    from eclsim.app.engine import Engine
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
     from eclsim.course.beats import BeatByBeatCourse
@@ -217,11 +219,7 @@ def with_event(case: Case, event: object) -> Case:
 
 
 def _with_numbers(case: Case, event: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert typed texts in an event to numbers; durations of 0 min are removed (immediate, or a bolus).
-
-    Raises:
-        CaseError: A value is empty or could be two different numbers.
-    """
+    """Convert typed texts in an event to numbers; durations of 0 min are removed (immediate, or a bolus)."""
     read = dict(event)
     for key in ("set", "give"):
         if isinstance(changes := read.get(key), dict):
@@ -336,3 +334,53 @@ def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
             usual = name == UNBOUND
             rows.append(Lane(name, text(f"lane_{name}"), written_unit(unit), digits, values, usual))
     return [lane for lane in rows if np.isfinite(lane.values).any()]
+
+
+# --- a pinned or saved beat -----------------------------------------------------------------------
+
+
+class ShownBeat(NamedTuple):
+    """A beat as displayed.
+
+    Attributes:
+        state: state from which it was computed.
+        beat: the steady beat of the state, or that of a later minute of its course.
+        moment: minute and length of the course.
+    """
+
+    state: PageState
+    beat: Beat
+    moment: Moment = START
+
+    def plain(self) -> dict[str, Any]:
+        """Return the beat with everything in which it can differ from others, for the browser."""
+        from eclsim.app.beat import plain
+
+        case, minute, origin = self.state.case, self.moment.minute, provenance(self.state)
+        key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
+        return {
+            **plain(self.beat, waves_of(case)), "of": key, "name": origin["title"], "minute": minute,
+            "badge": origin["badge"], "level": origin["level"],
+            "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,
+            "events": plain_events(case), "compared": compared_of(case), "specs": named_specs(case),
+        }  # fmt: skip
+
+
+def knobs_at(case: Case, minute: float) -> dict[str, Any]:
+    """Return the values of the knobs as events have left them at a minute of the course."""
+    return knobs_of(case_at(case, minute) if minute else case)
+
+
+async def recomputed(engine: Engine, state: PageState, moment: Moment) -> ShownBeat:
+    """Recompute a beat that was stored before the page was reloaded.
+
+    Raises:
+        CaseError: The course of the state cannot be computed.
+    """
+    if not moment.minute:
+        return ShownBeat(state, await engine.beat(state, None))
+
+    def work() -> Beat:
+        return compute_course(state, moment.length).beat(moment.minute)
+
+    return ShownBeat(state, await engine.study(work), moment)

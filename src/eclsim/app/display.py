@@ -5,28 +5,24 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eclsim.app.knobs import VOLUME, connectable, controls, section_and_name
 from eclsim.app.texts import ENGLISH, text
+from eclsim.cases.case import Case
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS
-from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sample, Sweep, Trace, Views
+from eclsim.circuit import Circuit
+from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Output, Sample, Sweep, Trace, Views
 from eclsim.devices.registry import device_of, devices, naming_of, parameter_of
 from eclsim.gas.network import gas_exchanges
 from eclsim.outputs.alarms import device_returning_to_pulmonary_artery
+from eclsim.outputs.gas import recirculation_labels
 from eclsim.outputs.limits import NO_VALUES, limits_of
-from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
-from eclsim.parameters.adult_ranges import adult_ranges
+from eclsim.parameters.adult_ranges import Sex, adult_ranges
 from eclsim.patient.anthropometry import AGE, SIZE
 from eclsim.reporting.saturation import COLOUR_STOPS, text_colour_on
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
-    from eclsim.circuit import Circuit
-    from eclsim.devices.description import Output
-    from eclsim.parameters.adult_ranges import Sex
 
 
 def _figure(
@@ -162,7 +158,7 @@ def display(case: Case) -> dict[str, Any]:
 
 
 def figures_of(case: Case) -> list[KeyFigure]:
-    """Return the numbers that are always visible, in their order."""
+    """Return the numbers that are always visible: arterial pressure, all flows, then the rest."""
     label = _label_of_output(case)
     figures = [
         replace(figure, label=label) if figure.key == "CO" else figure
@@ -170,7 +166,8 @@ def figures_of(case: Case) -> list[KeyFigure]:
         for figure in views.figures
         if figure.key != LUNGS or label != text("key_CO")
     ]
-    return _in_order(figures)
+    flows = [figure for figure in figures[1:] if figure.unit == "L/min"]
+    return [figures[0], *flows, *(figure for figure in figures[1:] if figure not in flows)]
 
 
 def _label_of_output(case: Case) -> str:
@@ -241,12 +238,6 @@ def _plain_figure(figure: KeyFigure) -> dict[str, Any]:
         "limits": figure.limits or (figure.output,), "extremes": figure.extremes or None,
         "text": figure.label if entry is None else entry.long_name,
     }  # fmt: skip
-
-
-def _in_order(figures: Sequence[KeyFigure]) -> list[KeyFigure]:
-    """Sort key figures: arterial pressure, all flows, then the rest."""
-    flows = [figure for figure in figures[1:] if figure.unit == "L/min"]
-    return [figures[0], *flows, *(figure for figure in figures[1:] if figure not in flows)]
 
 
 def described(control: Control) -> dict[str, Any]:

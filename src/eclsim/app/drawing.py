@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eclsim.app.display import PATIENT, ink
 from eclsim.app.texts import ENGLISH, text
+from eclsim.cases.case import Case
 from eclsim.cases.resolve import circuit_of
-from eclsim.devices.device import Naming
+from eclsim.circuit import Circuit
 from eclsim.devices.registry import instances_in, naming_of
 from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
-    from eclsim.circuit import Circuit
-    from eclsim.reporting.schematic_layout import Attachment, Bridge, Layout, Plan, Wire
-    from eclsim.reporting.schematic_routes import Path
+from eclsim.reporting.schematic_layout import Attachment, Bridge, Layout, Plan, Wire
+from eclsim.reporting.schematic_routes import Path
 
 BOX_MARGIN_MM = 1.5
 """Additional width of boxes on either side compared with the printed figure [mm]."""
@@ -137,19 +134,15 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
         names = naming_of(compartment.group)
         place = compartment.name if names is None else names.device_place(compartment.name)
         label = plan.places[compartment.name].label if compartment.name in plan.places else compartment.name
+        box = None if names is None else names.device.boxes.get(place or "")
         result.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
-            "text": label, "short": ENGLISH.get(f"box_{place}", _short(names, place) or label),
+            "text": label, "short": ENGLISH.get(f"box_{place}", (box and box.short) or label),
             "ink": ink(compartment.group),
             "x": left - BOX_MARGIN_MM, "y": -top, "w": right - left + 2 * BOX_MARGIN_MM, "h": top - bottom,
         })  # fmt: skip
     return result
-
-
-def _short(names: Naming | None, place: str | None) -> str:
-    box = None if names is None else names.device.boxes.get(place or "")
-    return "" if box is None else box.short
 
 
 def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
@@ -158,7 +151,8 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     path = way.path if way else list(page.between(wire.source, wire.target))
     start, stop = path[0], path[-1]
     x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])
-    body = _in_body(plan, wire.source)
+    frame, row = plan.places[wire.source].row
+    body = frame == layout.BODY[0] and row >= layout.BODY[1]  # labels are below the lines
     if way:
         label = (way.label[0], -way.label[1] - 1.0, "start" if way.align == "left" else "end")
         x, y = path[1][0], -0.5 * (path[1][1] + path[2][1])
@@ -174,12 +168,6 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
         "symbol": wire.mark.symbol, "path": [_down(p) for p in path], "at": [x, y], "label": label,
         **_flow(group, wire.name),
     }  # fmt: skip
-
-
-def _in_body(plan: Plan, name: str) -> bool:
-    """Whether a box is in the rows of the body, where labels are below the lines."""
-    frame, row = plan.places[name].row
-    return frame == layout.BODY[0] and row >= layout.BODY[1]
 
 
 def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, Any]:

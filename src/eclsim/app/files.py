@@ -24,10 +24,10 @@ from eclsim.app.provenance import marked_id, provenance
 from eclsim.app.texts import text, with_minus
 from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import FitMark
-from eclsim.cases.reading import read_case
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text, read_case
 from eclsim.files import file_stems, write_json
 from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.orbit.model import values_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -283,7 +283,6 @@ def _with_set_points(case: Case) -> Case:
     """Return the case with the set points used on the page, as a file has no record of the case as opened."""
     if case.as_written is None or case.regulation is None:
         return case
-    from eclsim.orbit.model import values_of
 
     return case.with_set_points({key: round(value, 3) for key, value in values_of(case).items()})
 

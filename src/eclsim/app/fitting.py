@@ -14,8 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import ASSUMED_SHUNTS
-from eclsim.app.page_words import in_page_words
-from eclsim.app.texts import text, with_minus
+from eclsim.app.texts import in_page_words, text, with_minus
 from eclsim.cases.quantities import quantity
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import Gas
@@ -118,11 +117,6 @@ class FitProcess:
         self._line[1].clear()
         return self._line[0]
 
-    def _cancel(self) -> None:
-        """Ask the process to end its job."""
-        if self._line is not None:
-            self._line[1].set()
-
     def _exchange(self, order: Order, report: Callable[[str], None], stop: threading.Event) -> dict[str, Any]:
         pipe = self._started()
         cancelled_at = math.inf
@@ -131,27 +125,23 @@ class FitProcess:
             while True:
                 if stop.is_set() and cancelled_at == math.inf:
                     cancelled_at = time.monotonic()
-                    self._cancel()
+                    if self._line is not None:  # kept nowhere else, as its semaphores would outlast it
+                        self._line[1].set()
                 if time.monotonic() - cancelled_at > LONGEST_CANCEL_S:
                     self.stop()
                     raise CancelledError
                 if pipe.poll(0.1):
                     kind, content = pipe.recv()
-                    if kind == "report":
-                        report(content)
-                    else:
-                        return _result_or_error(kind, content)
+                    if kind == "done":
+                        return content
+                    if kind == "cancelled":
+                        raise CancelledError
+                    if kind == "failed":
+                        raise FitError(content)
+                    report(content)
         except (EOFError, OSError):
             self._process = None
             raise FitError(text("fit_failed")) from None
-
-
-def _result_or_error(kind: str, content: Any) -> dict[str, Any]:
-    if kind == "cancelled":
-        raise CancelledError
-    if kind == "failed":
-        raise FitError(content)
-    return content
 
 
 def _serve(pipe: Connection, quit_now: Event) -> None:

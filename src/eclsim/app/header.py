@@ -22,10 +22,9 @@ from eclsim.app.files import (
     shown_name,
     with_speeds,
 )
-from eclsim.app.page_words import in_page_words
 from eclsim.app.provenance import opened_state
 from eclsim.app.state import LONGEST_NAME, MOST_SAVED, link_of, preset_state
-from eclsim.app.texts import ENGLISH, text
+from eclsim.app.texts import ENGLISH, in_page_words, text
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
 

@@ -8,13 +8,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import wraps
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from eclsim.app.texts import ENGLISH, text
+from eclsim.cases.case import Case
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, resolve_parameters
 from eclsim.cases.sections import PATIENT_SECTIONS, Gas, by_instance, within
 from eclsim.devices.description import Control, Knob, Picker, plain_control
+from eclsim.devices.device import Instance
 from eclsim.devices.registry import devices, naming_of
 from eclsim.gas.network import gas_exchanges
 from eclsim.inputs.fields import Field
@@ -23,10 +25,6 @@ from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.regulation import HEART_RATE_RESPONSE
 from eclsim.patient.sites import PATIENT_SITES, SAME_IN_REGIONS
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
-    from eclsim.devices.device import Instance
 
 T = TypeVar("T")
 _PARAMETERS = "parameters"
@@ -120,21 +118,18 @@ def section_and_name(key: str) -> tuple[str, str]:
 def _section_controls(case: Case) -> list[Control]:
     """Return controls for those fields of the patient's optional sections in the case that have a value."""
     offered: list[Control] = []
+    regional = case.physiology is not None and case.physiology.regional
     for kind in PATIENT_SECTIONS:
         for name, field in kind.fields().items() if getattr(case, kind.section) is not None else ():
             key, control = f"{kind.section}.{name}", plain_control(field)
-            if control is not None and _has_effect(case, key) and value_of(case, key) is not None:
+            has_effect = regional or key != physiology.UPPER_SHARE
+            if control is not None and has_effect and value_of(case, key) is not None:
                 label = ENGLISH.get(key, control.label)
                 if isinstance(control, Picker):
                     options = tuple((n, ENGLISH.get(f"{key}.{n}", value)) for n, value in control.options)
                     control = replace(control, options=options)
                 offered.append(replace(control, key=key, label=label, group=kind.section))
     return offered
-
-
-def _has_effect(case: Case, key: str) -> bool:
-    regional = case.physiology is not None and case.physiology.regional
-    return regional or key != physiology.UPPER_SHARE
 
 
 def _value_if_omitted(case: Case, section: str, name: str) -> float | None:

@@ -113,9 +113,14 @@ class BedsidePage:
                 self.header = Header(self.session, self.bridge, self.identification)
             ELEMENTS["provenance"]()
             with ui.element("aside").classes("ecl-left"):
-                self._knobs()
+                knobs = ELEMENTS["knobs"]()
+                knobs.on("turn", lambda e: self.session.turn(*_turned(e.args)))
+                knobs.on("connect", lambda e: self.session.connect(str(e.args.get("device"))))
+                knobs.on("policy", lambda e: self.session.set_policy(str(e.args.get("policy"))))
             with ui.element("section").classes("ecl-middle").props(f'aria-label="{text("schematic")}"'):
-                ELEMENTS["schematic"]().on("move", lambda e: self._move(e.args))
+                ELEMENTS["schematic"]().on(
+                    "move", lambda e: self.session.turn(str(e.args.get("key")), str(e.args.get("site")))
+                )
             with ui.element("section").classes("ecl-right").props(f'aria-label="{text("views")}"'):
                 ELEMENTS["keys"]()
                 ELEMENTS["limits"]()
@@ -127,12 +132,6 @@ class BedsidePage:
         self.bridge.on("shortcut", lambda e: self._shortcut(e.args))
         self.bridge.on("ask", lambda: self.bridge.publish("alive", True))
         self.bridge.on("take_back", lambda e: self._roll_back(e.args))
-
-    def _knobs(self) -> None:
-        knobs = ELEMENTS["knobs"]()
-        knobs.on("turn", lambda e: self.session.turn(*_turned(e.args)))
-        knobs.on("connect", lambda e: self.session.connect(str(e.args.get("device"))))
-        knobs.on("policy", lambda e: self.session.set_policy(str(e.args.get("policy"))))
 
     def _views(self) -> None:
         self.tabs = ui.tabs().props("dense no-caps inline-label align=left outside-arrows")
@@ -239,9 +238,6 @@ class BedsidePage:
         if state is not None:
             self.session.load(state)
             notify(text("link_opened", name=title_of(state)), "info")
-
-    def _move(self, args: Message) -> None:
-        self.session.turn(str(args.get("key")), str(args.get("site")))
 
     def _use(self, args: Message) -> None:
         settings = args.get("settings")

@@ -6,14 +6,14 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from eclsim.app.fitting import PAGE_SEARCH, prepared_for_fit
-from eclsim.app.page_words import in_page_words
-from eclsim.app.texts import text
+from eclsim.app.texts import in_page_words, text
+from eclsim.cases.case import Case
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, resolve_parameters
@@ -27,9 +27,6 @@ from eclsim.identification.settings import checked_fit
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import VolumePolicy, model_of
 from eclsim.outputs.signals import parameters_read
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
 
 BAND_MEMBERS = 128
 """Number of draws used for bands."""

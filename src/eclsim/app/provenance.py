@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import reduce
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eclsim.app.display import group_name
 from eclsim.app.knobs import (
@@ -21,6 +21,8 @@ from eclsim.app.knobs import (
 )
 from eclsim.app.state import POLICIES, PageState
 from eclsim.app.texts import text
+from eclsim.cases.case import Case, Measurements
+from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.registry import devices
@@ -28,10 +30,6 @@ from eclsim.inputs.mistakes import CaseError, shown
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
 from eclsim.outputs.registry import first_name
 from eclsim.parameters.thiel2025 import BOUNDS
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case, Measurements
-    from eclsim.cases.fit_mark import FitMark
 
 LONGEST_SOURCE = 60
 MOST_NAMED = 4
@@ -54,7 +52,9 @@ def provenance(state: PageState) -> dict[str, Any]:
     """
     kind, measured = kind_of(state), state.start.case.measurements
     badge = kind
-    source = _shortened(state.source) or text("provenance_no_file")
+    source = state.source or text("provenance_no_file")
+    if len(state.source) > LONGEST_SOURCE:  # so that the text after it stays visible
+        source = f"{source[:30]}…{source[-29:]}"
     sentences = [text(f"provenance_{kind}", source=source)]
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
@@ -78,11 +78,6 @@ def provenance(state: PageState) -> dict[str, Any]:
         "measured": _measured(measured) if measured else {},
         "circuit": fitted_with(state),
     }  # fmt: skip
-
-
-def _shortened(source: str) -> str:
-    """Shorten a long file name to its beginning and end, so that the text after it stays visible."""
-    return source if len(source) <= LONGEST_SOURCE else f"{source[:30]}…{source[-29:]}"
 
 
 def _badge(kind: str, changed: bool) -> str:

@@ -10,11 +10,20 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.course import BEATS, plain_events, possible_events, with_event, with_turn, without_event
+from eclsim.app.course import (
+    BEATS,
+    ShownBeat,
+    knobs_at,
+    plain_events,
+    possible_events,
+    recomputed,
+    with_event,
+    with_turn,
+    without_event,
+)
 from eclsim.app.display import display, panel_of, waves_of
 from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import provenance, title_of
-from eclsim.app.shown_beat import ShownBeat, knobs_at, recomputed
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
@@ -219,20 +228,12 @@ class Session:
             self._try("policy", changed, 0)
 
     def _check_start(self, key: str) -> None:
-        """Refuse a change that cannot be an event while turns are recorded at a later minute.
-
-        Raises:
-            CaseError: Turns are recorded at a later minute.
-        """
+        """Refuse a change that cannot be an event while turns are recorded at a later minute."""
         if self.recording and self.minute > 0.0:
             raise CaseError([Mistake(key, text("timeline_of_start"))])
 
     def _check_end(self, key: str, minute: float) -> None:
-        """Refuse an event at or after the end of the open timeline, which would have no course then.
-
-        Raises:
-            CaseError: The event is at the end or later.
-        """
+        """Refuse an event at or after the end of the open timeline, which would have no course then."""
         if 0 < self.minutes <= minute:
             raise CaseError(
                 [Mistake(key, text("timeline_end", time=clock_time(minute, self.minutes in BEATS)))]

@@ -11,15 +11,13 @@ import json
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from eclsim.cases.case import Case
 from eclsim.cases.events import LONGEST_MIN
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.inputs.mistakes import CaseError, Mistake
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
 
 VERSION = 2
 LONGEST_LINK = 8_000
@@ -174,11 +172,7 @@ def read_state(data: object) -> PageState:
 
 
 def _read_names(data: dict[str, Any]) -> dict[str, str]:
-    """Return the texts of a state; an unknown one is an error and never omitted or replaced.
-
-    Raises:
-        CaseError: A text is unknown to this page.
-    """
+    """Return the texts of a state; an unknown one is an error and never omitted or replaced."""
     if data.keys() - {"case", "policy", "opened", *_NAMES}:
         raise refused_link("from another version")
     names = {name: data.get(name, "") for name in _NAMES}
@@ -375,11 +369,7 @@ def read_snapshot(text: str) -> Snapshot:
 
 
 def _moment(data: object) -> Moment:
-    """Convert plain data to a minute of a course.
-
-    Raises:
-        CaseError: The data are not a minute of a course.
-    """
+    """Convert plain data to a minute of a course; anything else is refused."""
     if not isinstance(data, (list, tuple)) or len(data) != 2:
         raise refused_link("damaged")
     minute, length = data

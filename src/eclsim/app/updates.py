@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 from eclsim.app.course import BEATS, LENGTHS, compute_course, plain_course
-from eclsim.app.page_words import in_page_words
 from eclsim.app.state import key_of
-from eclsim.app.texts import text
+from eclsim.app.texts import in_page_words, text
 from eclsim.course.alarms import clock_time
 from eclsim.inputs.mistakes import CaseError
 
@@ -171,13 +170,11 @@ class CourseStudy(_OneAtATime):
                 beat = await self.engine.moment(lambda c=course, m=minute: c.beat(m))
             except Exception:  # the page continues with the displayed minute, and reports it
                 log.exception("a moment failed")
-                self.session.send("failed", text("moment_failed", time=self._clock(minute)))
+                time = clock_time(minute, self.minutes in BEATS)
+                self.session.send("failed", text("moment_failed", time=time))
                 continue
             if course is self.course and self.session.minute > 0.0:  # not back at the start meanwhile
                 self.session.show_moment(course.state, beat, minute)
-
-    def _clock(self, minute: float) -> str:
-        return clock_time(minute, self.minutes in BEATS)
 
 
 class SecondBeats(_OneAtATime):
@@ -215,8 +212,10 @@ class SecondBeats(_OneAtATime):
 
     async def _search(self, beat: Beat, wanted: Callable[[], bool]) -> Beat | None:
         """Return the beat with its caution; one whose search was given up is examined again later."""
+        from eclsim.app.beat import with_second_beat
+
         try:
-            more = await self.engine.study(partial(_second, beat, wanted))
+            more = await self.engine.study(partial(with_second_beat, beat, wanted))
         except Exception:  # the page continues without the caution; the error is in the log
             log.exception("the search for a second beat failed")
             more = None
@@ -224,12 +223,6 @@ class SecondBeats(_OneAtATime):
             if known is not None and (more is not None or wanted()):
                 self._examined[id(known)] = known
         return more
-
-
-def _second(beat: Beat, wanted: Callable[[], bool]) -> Beat | None:
-    from eclsim.app.beat import with_second_beat
-
-    return with_second_beat(beat, wanted)
 
 
 class PosteriorBands(_OneAtATime):

@@ -2,10 +2,9 @@
 
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.checking import check_case
-from eclsim.cases.reading import CaseReading, read_case, read_mapping
+from eclsim.cases.reading import CaseReading, read_case, read_mapping, write_case
 from eclsim.cases.resolve import blood_volume_ml, height_weight, resolve_parameters
 from eclsim.cases.settings import apply_settings
-from eclsim.cases.writing import write_case
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 __all__ = [

@@ -8,10 +8,9 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_validator
 
 from eclsim.cases.checking import check_case
-from eclsim.cases.dialysed_drug import DialysedDrug
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import FitMark
-from eclsim.cases.fluid import Fluid, Solutes
+from eclsim.cases.fluid import DialysedDrug, Fluid, Solutes
 from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,

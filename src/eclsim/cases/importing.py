@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
-from eclsim.cases.cohort_rows import read_table
+from eclsim.cases.case import Case
+from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL, read_table
 from eclsim.cases.observations import (
     BY_CODE,
     LOINC,
@@ -30,9 +30,6 @@ from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.inputs.numbers import NUMBER, is_missing, is_number
 from eclsim.spelling import did_you_mean
 from eclsim.units import known_unit
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
 
 DEFAULT_WINDOW = timedelta(minutes=5)
 LONG_TABLE_COLUMNS = ("patient", "time", "code", "value", "unit")
@@ -267,17 +264,14 @@ def _people(entries: Sequence[tuple[str, str, Mapping[str, Any]]], result: Impor
         if resource.get("resourceType") != "Patient":
             continue
         name = str(resource.get("id") or _last(url))
-        if not _same_person(people.patients.setdefault(name, resource), resource):
+        known = people.patients.setdefault(name, resource)
+        if any(known.get(key) != resource.get(key) for key in ("gender", "birthDate")):
             message = "two Patient resources of this id that differ in gender or birth date"
             result.error(place, message, shown(name))
         elif two := people.are_two(name, url):
             result.error(place, two)
         people.names.update({key: name for key in (url, f"Patient/{name}") if key})
     return people
-
-
-def _same_person(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    return all(one.get(key) == other.get(key) for key in ("gender", "birthDate"))
 
 
 def _last(url: str) -> str:

@@ -1,4 +1,4 @@
-"""Reading of case files: from bytes to a checked case, with the line of each error."""
+"""Reading and writing of case files: from bytes to a checked case, with the line of each error, and back."""
 
 from __future__ import annotations
 
@@ -6,19 +6,26 @@ import os
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from eclsim.arguments import written
 from eclsim.cases.case import Case
 from eclsim.cases.checking import check_case
 from eclsim.cases.fit_mark import read_mark
-from eclsim.cases.sections import POLICY_KEY
+from eclsim.cases.sections import PATIENT_SECTIONS, POLICY, POLICY_KEY, Measurements, Patient
 from eclsim.cases.settings import SETTING_SOURCE, keys_set, merge_settings, texts_of
+from eclsim.devices.registry import parameter_of
+from eclsim.files import write_text
 from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.inputs.sections import CHECKED
+from eclsim.inputs.sections import CHECKED, Raw, Section
+
+if TYPE_CHECKING:
+    from tomlkit.items import AoT, Item, Table
+
 
 POLICY_PLACE = "--volume-policy"
 MAXIMUM_BYTES = 200_000
@@ -206,17 +213,11 @@ def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
     number = int(place[1])
     lines = text.split("\n")
     written = lines[number - 1].strip() if number <= len(lines) else ""
-    suggestion = _suggestion(written)
+    word = _WORD_VALUE.search(written)
+    suggestion = f'{written.partition("=")[0].strip()} = "{word[1]}" (text in quotes)' if word else ""
     return Mistake(
         "", message, shown(written)[1:-1] if written else "", suggestion=suggestion, file=file, line=number
     )
-
-
-def _suggestion(written: str) -> str:
-    key = written.partition("=")[0].strip()
-    if result := _WORD_VALUE.search(written):
-        return f'{key} = "{result[1]}" (text in quotes)'
-    return ""
 
 
 def lines_of_keys(text: str) -> dict[str, int]:
@@ -247,3 +248,99 @@ def lines_of_keys(text: str) -> dict[str, int]:
 def _dotted(name: str) -> str:
     """Remove quotes and spaces around the parts of a dotted key."""
     return ".".join(part.strip().strip("\"'") for part in name.split("."))
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def case_text(case: Case) -> str:
+    """Format a case as the text of a case file, with meaning and unit in a comment on every line."""
+    import tomlkit
+
+    mapping = as_file(case)
+    document = tomlkit.document()
+    document["format"] = mapping["format"]
+    if POLICY_KEY in mapping:
+        document[POLICY_KEY] = mapping[POLICY_KEY]
+        document[POLICY_KEY].comment(POLICY.description)
+    for section in (Patient, Measurements, *PATIENT_SECTIONS):
+        if section.section in mapping:
+            document[section.section] = _table(section, mapping[section.section])
+    for instance in case.instances():
+        table = _table(
+            instance.device.section, instance.section.model_dump(exclude_none=True, exclude_unset=True)
+        )
+        if not instance.name:
+            document[instance.key] = table
+            continue
+        if instance.device.key not in document:
+            document[instance.device.key] = tomlkit.table(is_super_table=True)
+        document[instance.device.key][instance.name] = table
+    if mapping.get("parameters"):
+        document["parameters"] = _parameter_table(case.parameters, [i.key for i in case.instances()])
+    if case.events:
+        document["events"] = _event_tables(mapping["events"])
+    return tomlkit.dumps(document)
+
+
+def as_file(case: Case) -> dict[str, Any]:
+    """Return the case as written to a file: what was given, as an assumed shunt would be read as known."""
+    return case.as_mapping(only_given=True)
+
+
+def write_case(case: Case, path: str | os.PathLike[str]) -> None:
+    """Write a case file, completely or not at all; reading it gives the same case.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    write_text(case_text(case), Path(path))
+
+
+def _table(section: type[Section], values: Raw) -> Table:
+    """Format a section, with meaning and unit in a comment on every line."""
+    import tomlkit
+
+    table = tomlkit.table()
+    for name, item in section.fields().items():
+        if name in values:
+            written = _toml_value(values[name])
+            table.add(name, written)
+            written.comment(f"{item.description}{f' [{item.unit}]' if item.unit not in ('', '1') else ''}")
+    return table
+
+
+def _parameter_table(values: dict[str, float], connected: Collection[str]) -> Table:
+    import tomlkit
+
+    table = tomlkit.table()
+    for key, value in values.items():
+        parameter = parameter_of(key, connected)
+        assert parameter is not None  # the case was checked
+        table[key] = _toml_value(value)
+        table[key].comment(f"{parameter.description} [{parameter.unit}]")
+    return table
+
+
+def _event_tables(events: Sequence[Raw]) -> AoT:
+    import tomlkit
+
+    tables = tomlkit.aot()
+    for event in events:
+        table = tomlkit.table()
+        for key, value in event.items():
+            table[key] = _toml_value(value)
+        tables.append(table)
+    return tables
+
+
+def _toml_value(value: object) -> Item:
+    import tomlkit
+
+    if isinstance(value, dict):
+        inline = tomlkit.inline_table()
+        inline.update(value)
+        return inline
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
+        return tomlkit.item(int(value))
+    return tomlkit.item(value)

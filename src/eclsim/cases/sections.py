@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from eclsim.cases.dialysed_drug import DialysedDrug
-from eclsim.cases.fluid import Fluid, Solutes
+from eclsim.cases.fluid import DialysedDrug, Fluid, Solutes
 from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.devices.device import AnyDevice, device_key
 from eclsim.devices.registry import device_of, devices

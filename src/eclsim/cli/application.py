@@ -29,6 +29,7 @@ from eclsim.cli.sensitivity import identifiability, sensitivity
 from eclsim.cli.simulate import simulate
 from eclsim.cli.track import track
 from eclsim.cli.validate import benchmark, validate
+from eclsim.execution.folder import ExecutionError, read_inputs
 
 _DISTRIBUTED = (course, crrt_study, identify, reproduce, sensitivity, validate)
 _COMMANDS = {function.__name__: function for function in _DISTRIBUTED}
@@ -48,8 +49,6 @@ def merge(options: MergeOptions) -> None:
     Uses the command and options of the shards; the input files must still have the same paths.
     Exit status: that of the command, 2 if a shard is missing.
     """
-    from eclsim.execution.folder import ExecutionError, read_inputs
-
     try:
         recorded = read_inputs(Path(options.folder) / COMMAND)
     except ExecutionError as error:

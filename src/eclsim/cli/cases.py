@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim.cli.console import BAD_INPUT, fail, note, refuse, say, warn
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.cases import CaseReading, Mistake
@@ -63,7 +65,7 @@ def read_each(
         renamed: converts an error before it is reported, such as its names.
         mistakes: errors in the options of the command, reported here only together with those of the cases.
     """
-    from eclsim.cases import CaseError, read_case
+    from eclsim.cases import read_case
 
     readings: list[CaseReading] = []
     wrong: dict[Mistake, None] = {}
@@ -86,7 +88,6 @@ def read_table(file: str, mistakes: Collection[object] = ()) -> CohortReading:
     Errors in the options of the command are reported here only together with those of the table.
     """
     from eclsim.cases.cohort import read_cohort
-    from eclsim.inputs.mistakes import CaseError
 
     try:
         reading = read_cohort(file)
@@ -109,7 +110,6 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
     """
     if not any(reading.case.targets() for reading in readings):
         return list(readings)
-    from dataclasses import replace
 
     from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
 
@@ -142,7 +142,7 @@ def names_of(text: str | None) -> tuple[str, ...] | None:
 
 def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
     """Return warnings about different ids that a reader would take to be the same."""
-    from eclsim.cases.cohort_rows import plain_id
+    from eclsim.cases.cohort import plain_id
 
     first: dict[str, CaseReading] = {}
     lines = []

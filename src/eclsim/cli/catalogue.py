@@ -10,6 +10,7 @@ import typer
 
 from eclsim.cli.console import fail
 from eclsim.cli.options import argument, option
+from eclsim.files import csv_text, json_text
 from eclsim.reporting.numbers import text_table
 from eclsim.spelling import spelling_hint
 
@@ -94,8 +95,6 @@ def explain(options: ExplainOptions) -> None:
 
 def export(options: ExportOptions) -> None:
     """Write all parameters with all their fields to standard output."""
-    from eclsim.files import csv_text, json_text
-
     parameters = list(_set(options.set_name).values())
     rows = [{name: getattr(parameter, name) for name in _FIELDS} for parameter in parameters]
     if options.format_name == "csv":

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn
+
+from eclsim.inputs.mistakes import Mistake
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -37,6 +40,16 @@ def refuse(mistakes: Collection[object]) -> None:
     """Exit with the status of bad input if there are errors."""
     if mistakes:
         fail(*mistakes)
+
+
+@contextmanager
+def refusing(*kinds: type[ValueError], at: str | None = None) -> Iterator[None]:
+    """Exit with the status of bad input for an error of these kinds: all its mistakes, with their place."""
+    try:
+        yield
+    except kinds as error:
+        mistakes = getattr(error, "mistakes", [error])
+        fail(*(m.at(at, None) if isinstance(m, Mistake) and at is not None else m for m in mistakes))
 
 
 def mistakes_in(checks: Mapping[str, Callable[[], object]]) -> list[str]:

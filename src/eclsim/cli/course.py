@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +11,17 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eclsim.cli.cases import case_files_in, is_table, read_all, read_table, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, refuse, say, warn
+from eclsim.cli.console import (
+    INCOMPLETE,
+    Progress,
+    broken_rules,
+    fail,
+    mistakes_in,
+    refuse,
+    refusing,
+    say,
+    warn,
+)
 from eclsim.cli.destination import (
     Destinations,
     Target,
@@ -19,6 +30,8 @@ from eclsim.cli.destination import (
     write_json_output,
 )
 from eclsim.cli.options import CaseChanges, Distributed, argument, option
+from eclsim.inputs.mistakes import CaseError
+from eclsim.reporting.numbers import MISSING, number, text_table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,7 +117,6 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
 
     Errors in the options are reported together with those of the cases.
     """
-    from eclsim.cases import CaseError
     from eclsim.cases.reading import CaseReading
     from eclsim.cases.settings import apply_settings
     from eclsim.identification.cohort import with_name
@@ -118,10 +130,8 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
     if tables:
         reading = read_table(o.files[0], mistakes)
         cases, refused = [with_name(p.case, p.name) for p in reading.points], bool(reading.refused)
-        try:
+        with refusing(CaseError, at="--set"):
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
-        except CaseError as error:
-            refuse([mistake.at("--set", None) for mistake in error.mistakes])
         solved = [CaseReading(case, (), (), o.files[0]) for case in cases]
     else:
         files = [name for file in o.files for name in case_files_in(file)]
@@ -135,13 +145,11 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
 
 def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool) -> Sequence[CaseReading]:
     """Return the cases with a file's events; patients of a table for whom these are invalid are left out."""
-    from eclsim.cases import CaseError, read_case
+    from eclsim.cases import read_case
     from eclsim.cases.reading import read_mapping
 
-    try:
+    with refusing(CaseError):
         events = read_case(file).case.events
-    except CaseError as error:
-        fail(*error.mistakes)
     if not events:
         fail(f"{file}: holds no [[events]]")
     plain, wrong = [event.as_object() for event in events], dict[str, list[str]]()
@@ -208,7 +216,6 @@ def _checked(o: CourseOptions, places: Destinations, cases: Sequence[Case]) -> t
     Exit with status 2 if there are errors in the options, or an event is after the end of the course.
     """
     from eclsim.course.timeline import MINUTE, Timeline
-    from eclsim.inputs.mistakes import CaseError
 
     target, distribution = places.target("--json", o.json), o.distribution(places.mistakes)
     places.check()
@@ -245,20 +252,16 @@ def _single(o: CourseOptions) -> bool:
     from eclsim.course.beats import course_beats
     from eclsim.course.course import course as follow
     from eclsim.course.engine import CourseOptions as EngineOptions
-    from eclsim.inputs.mistakes import CaseError
 
     reading, folder, figures, target, _ = _one_patient(o, _destinations(o))
     case = reading.case
-    try:
-        with Progress() as progress:
-            progress(f"following {case.patient.id} for {o.minutes:g} min")
-            if o.beats:
-                result = course_beats(case, minutes=o.minutes, every_min=o.every)
-            else:
-                options = EngineOptions(hand_over=not o.steady_only)
-                result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
-    except CaseError as error:
-        fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
+    with refusing(CaseError, at=o.files[0]), Progress() as progress:
+        progress(f"following {case.patient.id} for {o.minutes:g} min")
+        if o.beats:
+            result = course_beats(case, minutes=o.minutes, every_min=o.every)
+        else:
+            options = EngineOptions(hand_over=not o.steady_only)
+            result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
     with reporting_write_errors():
         if folder is not None:
             files.write_tables(result, folder)
@@ -279,20 +282,21 @@ def _band(o: CourseOptions) -> bool:
     from eclsim.course.band import band_object, course_band
     from eclsim.course.cohort import PRELOAD
     from eclsim.identification.samples import doubts_of, read_samples
-    from eclsim.inputs.mistakes import CaseError
 
     places, samples = _destinations(o), list[Mapping[str, Sequence[float]]]()
     places.mistakes += mistakes_in({"--posterior": lambda: samples.append(read_samples(o.posterior or ""))})
     reading, folder, figures, target, distribution = _one_patient(o, places)
     case = reading.case
-    try:
-        with explaining_resume(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
-            band = course_band(
-                case, samples[0], minutes=o.minutes, every_min=o.every, draws=o.draws,
-                folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
-            )  # fmt: skip
-    except CaseError as error:
-        fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
+    with (
+        refusing(CaseError, at=o.posterior or ""),
+        explaining_resume(o.out),
+        distribution.running(PRELOAD) as executor,
+        Progress() as progress,
+    ):
+        band = course_band(
+            case, samples[0], minutes=o.minutes, every_min=o.every, draws=o.draws,
+            folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
+        )  # fmt: skip
     doubts = doubts_of(o.posterior or "", case)
     band = band.assign_attrs(warnings=[*doubts, *band.attrs["warnings"]])
     with reporting_write_errors():
@@ -314,7 +318,6 @@ def _cohort(o: CourseOptions) -> bool:
     from eclsim.course import files
     from eclsim.course.band import approximations_of_draws
     from eclsim.course.cohort import PRELOAD, course_cohort
-    from eclsim.inputs.mistakes import CaseError
 
     places = _destinations(o)
     readings, refused = _cases(o, places.mistakes)
@@ -323,15 +326,17 @@ def _cohort(o: CourseOptions) -> bool:
     stems = files.course_stems([case.patient.id for case in cases])
     figures = places.folder("--figures", o.figures, stems=stems)
     target, distribution = _checked(o, places, cases)
-    try:
-        with explaining_resume(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
-            results = course_cohort(
-                readings, minutes=o.minutes, every_min=o.every, volume_policy=o.volume_policy,
-                hand_over=not o.steady_only,
-                folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
-            )  # fmt: skip
-    except CaseError as error:
-        fail(*error.mistakes)
+    with (
+        refusing(CaseError),
+        explaining_resume(o.out),
+        distribution.running(PRELOAD) as executor,
+        Progress() as progress,
+    ):
+        results = course_cohort(
+            readings, minutes=o.minutes, every_min=o.every, volume_policy=o.volume_policy,
+            hand_over=not o.steady_only,
+            folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
+        )  # fmt: skip
     with reporting_write_errors(o.out):
         content = files.cohort_object(results) if folder is None else files.write_courses(results, folder)
         for stem, one in zip(stems, results, strict=True):
@@ -360,12 +365,9 @@ _DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
 
 def _text(result: xr.Dataset) -> str:
     """Format some moments of the course as a table, followed by the blood balance."""
-    import json
-
     from eclsim.course.drug import drug_in_words
     from eclsim.course.result import impossible_moments, spans_in_words, undetermined_moments
     from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
-    from eclsim.reporting.numbers import MISSING, number, text_table
 
     if not result.sizes["time_min"]:
         return "no moment of this course has a steady beat"
@@ -418,8 +420,6 @@ def _is_unchanged(result: xr.Dataset) -> bool:
 
 def _unchanged_text(result: xr.Dataset) -> str:
     """Say that nothing changes in a course, and why if it has no events."""
-    import json
-
     without = not json.loads(result.attrs.get("events", "[]"))
     why = ": the case has no [[events]], and no fluid enters or leaves the patient" if without else ""
     return f"nothing changes between the first and the last moment{why}"
@@ -455,7 +455,6 @@ def _rows(
 def _band_text(band: xr.Dataset) -> str:
     """Format median and 90 % interval at some moments as a table, with each alarm's largest probability."""
     from eclsim.course.alarms import clock_time
-    from eclsim.reporting.numbers import number, text_table
 
     names = [name for name in BAND_OUTPUTS if name in band]
 
@@ -480,7 +479,6 @@ def _band_text(band: xr.Dataset) -> str:
 def _cohort_text(content: Mapping[str, Any]) -> str:
     """Format the outcome and first alarm of each patient as a table."""
     from eclsim.course.alarms import clock_time
-    from eclsim.reporting.numbers import text_table
 
     rows = []
     for one in content["courses"]:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from eclsim.cli.cases import case_files_in, is_table, read_all, read_table, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, refuse, say, warn
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, mistakes_in, refuse, refusing, say, warn
 from eclsim.cli.destination import Destinations, Target, explaining_resume, reporting_write_errors
 from eclsim.cli.options import Distributed, argument, option
+from eclsim.files import write_text
+from eclsim.inputs.mistakes import CaseError
 from eclsim.paper.reproduction import DEFAULT_EXPLORE
 
 if TYPE_CHECKING:
@@ -131,8 +133,6 @@ def _write(
     o: CrrtStudyOptions, target: Target, files: Callable[[Path], object], json: Callable[[], str]
 ) -> bool:
     """Write the requested files and JSON; return whether standard output is free for text."""
-    from eclsim.files import write_text
-
     with reporting_write_errors():
         if o.out is not None:
             files(Path(o.out))
@@ -197,15 +197,9 @@ def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[flo
     from eclsim.crrt_study.rule import RuleError
     from eclsim.crrt_study.study import crrt_study
     from eclsim.identification.samples import doubts_of
-    from eclsim.inputs.mistakes import CaseError
 
-    try:
-        with Progress() as progress:
-            study = crrt_study(case, **vars(_options(o)), samples=samples, progress=progress)
-    except RuleError as error:
-        fail(error)
-    except CaseError as error:
-        fail(*(mistake.at(o.posterior or o.file, None) for mistake in error.mistakes))
+    with refusing(RuleError, CaseError, at=o.posterior or o.file), Progress() as progress:
+        study = crrt_study(case, **vars(_options(o)), samples=samples, progress=progress)
     doubts = doubts_of(o.posterior, case) if o.posterior else ()
     return replace(study, warnings=(*doubts, *study.warnings))
 
@@ -221,18 +215,16 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
 
     target, distribution = _check_cohort(o)
     reading = None if Path(o.file).is_dir() else read_table(o.file)
-    try:
-        with (
-            explaining_resume(o.out),
-            reporting_write_errors(o.out),
-            distribution.running(PRELOAD) as executor,
-            Progress() as progress,
-        ):
-            fitted = _cases_of_folder(o) if reading is None else _fitted(o, reading, executor, progress)
-            folder = None if o.out is None else Path(o.out)
-            study = crrt_cohort(fitted, _options(o), folder=folder, executor=executor, progress=progress)
-    except StudyError as error:
-        fail(error)
+    with (
+        refusing(StudyError),
+        explaining_resume(o.out),
+        reporting_write_errors(o.out),
+        distribution.running(PRELOAD) as executor,
+        Progress() as progress,
+    ):
+        fitted = _cases_of_folder(o) if reading is None else _fitted(o, reading, executor, progress)
+        folder = None if o.out is None else Path(o.out)
+        study = crrt_cohort(fitted, _options(o), folder=folder, executor=executor, progress=progress)
     of = cohort_report
     if _write(o, target, lambda folder: of.write_cohort(study, folder), lambda: of.cohort_json(study)):
         of.show(study)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from eclsim.cli.cases import is_table, names_of, read_all, read_table
-from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, say, warn
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, refusing, say, warn
 from eclsim.cli.destination import STANDARD_OUTPUT, Destinations, explaining_resume, write_json_output
 from eclsim.cli.options import (
     CaseChanges,
@@ -22,6 +24,8 @@ from eclsim.cli.options import (
     argument,
     option,
 )  # fmt: skip
+from eclsim.files import write_text
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -275,7 +279,7 @@ def _with_profiles(fit: FitResult, folder: Path, progress: Progress) -> FitResul
 
 def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, Case]]:
     """Return the case at the settings of each --predict; errors are reported before anything is computed."""
-    from eclsim.cases import CaseError, read_case
+    from eclsim.cases import read_case
     from eclsim.cases.settings import parse_settings
     from eclsim.devices.registry import example_setting
 
@@ -283,16 +287,21 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
         fail("--posterior needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
     cases: list[tuple[str, Case]] = []
     wrong = [
-        f"--predict {written}: given {o.predict.count(written)} times; leave all but one of them out"
-        for written in dict.fromkeys(o.predict)
-        if o.predict.count(written) > 1
+        f"--predict {written}: given {count} times; leave all but one of them out"
+        for written, count in Counter(o.predict).items()
+        if count > 1
     ]
     for written in o.predict:
         changes = names_of(written)
         if not changes:
             wrong.append(f"--predict: empty; allowed: KEY=VALUE,... such as {example_setting()}=4000")
             continue
-        wrong += _repeated_keys(written, changes)
+        keys = Counter(change.partition("=")[0].strip() for change in changes)
+        wrong += [
+            f"--predict {written}: gives {key} {count} times; allowed: once, or one --predict for each"
+            for key, count in keys.items()
+            if count > 1
+        ]
         try:
             case = read_case(o.file, [*o.settings, *changes]).case
             wrong += _mistakes_of_prediction(written, parse_settings(changes), case, free)
@@ -301,16 +310,6 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
             wrong += [f"--predict: {mistake.at('', None)}" for mistake in error.mistakes]
     refuse(wrong)
     return cases
-
-
-def _repeated_keys(written: str, changes: Sequence[str]) -> list[str]:
-    """Keys that a --predict gives more than once, each in a sentence."""
-    keys = [change.partition("=")[0].strip() for change in changes]
-    return [
-        f"--predict {written}: gives {key} {keys.count(key)} times; allowed: once, or one --predict for each"
-        for key in dict.fromkeys(keys)
-        if keys.count(key) > 1
-    ]
 
 
 def _mistakes_of_prediction(
@@ -387,7 +386,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     settings = replace(settings, shared=_unique(o.shared))
     _check_points(reading, settings, o.file)
 
-    from eclsim.cases.cohort_rows import digest_of
+    from eclsim.cases.cohort import digest_of
     from eclsim.identification.cohort import PRELOAD, fit_cohort
     from eclsim.identification.files import fits_object, write_cohort_figures, write_fits
     from eclsim.identification.report import write_fit_page
@@ -472,21 +471,15 @@ def import_data(options: ImportOptions) -> None:
     SNOMED CT code or by column name. Every conversion of a unit is reported. Exit status: 0 written, 2 bad
     input (all mistakes are listed and nothing is written).
     """
-    from datetime import timedelta
-
     from eclsim.cases.importing import as_table, import_cohort
     from eclsim.cases.reading import read_case
-    from eclsim.files import write_text
-    from eclsim.inputs.mistakes import CaseError
 
     places = Destinations(force=options.force, inputs=[options.file, options.base])
     target = places.target("--out", options.out)
     places.check()
-    try:
+    with refusing(CaseError):
         case = read_case(options.base).case if options.base is not None else None
         cohort = import_cohort(options.file, case, timedelta(minutes=options.within))
-    except CaseError as error:
-        fail(*error.mistakes)
     warn(cohort.warnings)
     note(cohort.notes)
     write_text(as_table(cohort.rows), target or STANDARD_OUTPUT)

@@ -11,8 +11,9 @@ import inspect
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from types import EllipsisType
-from typing import TYPE_CHECKING, Literal, TypeVar, get_type_hints
+from typing import Literal, TypeVar, get_type_hints
 
 import typer
 from typer import Context
@@ -20,10 +21,8 @@ from typer.core import TyperCommand, TyperOption
 
 from eclsim.cli.console import say
 from eclsim.cli.destination import locked
-from eclsim.execution import ShardDone
-
-if TYPE_CHECKING:
-    from eclsim.execution import Distribution
+from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
+from eclsim.files import write_json
 
 Value = TypeVar("Value")
 VolumePolicy = Literal["as_published", "patient_held"]
@@ -112,17 +111,11 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
             options.record(function.__name__)
 
     only = inspect.Parameter.KEYWORD_ONLY
-    listed = [inspect.Parameter(n, only, default=shown[n], annotation=types[n]) for n in _own_first(kind)]
+    own_first = dict.fromkeys(n for ancestor in kind.__mro__ for n in inspect.get_annotations(ancestor))
+    listed = [inspect.Parameter(n, only, default=shown[n], annotation=types[n]) for n in own_first]
     vars(command)["__signature__"] = inspect.Signature(listed)
     command.__name__, command.__doc__, command.__annotations__ = function.__name__, function.__doc__, types
     return command
-
-
-def _own_first(kind: type) -> list[str]:
-    """Return the field names, those of the class itself before those of its base classes."""
-    return list(
-        dict.fromkeys(name for ancestor in kind.__mro__ for name in inspect.get_annotations(ancestor))
-    )
 
 
 # --- options that commands share ------------------------------------------------------------------
@@ -231,8 +224,6 @@ class Distributed(Json, ResultsFolder):
 
     def distribution(self, mistakes: list[str]) -> Distribution:
         """Return the distribution of tasks; errors are added to `mistakes`."""
-        from eclsim.execution import Distribution, ExecutionError, Shard
-
         if self.locked_folder[0] is None and self.continues:
             mistakes.append("--resume and --shard need --out DIR")
         try:
@@ -248,10 +239,6 @@ class Distributed(Json, ResultsFolder):
 
     def record(self, command: str) -> None:
         """Record a shard's command beside its results for `eclsim merge`, which removes the record again."""
-        from pathlib import Path
-
-        from eclsim.files import write_json
-
         folder, _ = self.locked_folder
         if folder is None or self.shard is None:
             return

@@ -20,6 +20,7 @@ from eclsim.cli.destination import (
 )
 from eclsim.cli.options import Distributed, argument, option
 from eclsim.paper.reproduction import DEFAULT_EXPLORE, DEFAULT_SAMPLES, INDEX, PARTS, ReproductionSettings
+from eclsim.reporting.numbers import text_table
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -190,8 +191,6 @@ def demo(options: DemoOptions) -> None:
 
 
 def _demo_table(rows: Sequence[Row]) -> str:
-    from eclsim.reporting.numbers import text_table
-
     head = ("quantity", "expected", "eclsim", "unit", "error", "within", "expected from")
     cells = [
         (

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import read_all, warn_of_new_findings, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, mistakes_in, note, refuse, warn
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, mistakes_in, note, refuse, refusing, warn
 from eclsim.cli.destination import Destinations, reporting_write_errors, write_json_output
 from eclsim.cli.options import CaseChanges, Json, argument, option
+from eclsim.inputs.mistakes import CaseError
+from eclsim.reporting.numbers import number, text_table
 
 if TYPE_CHECKING:
     from eclsim.cases import CaseReading
@@ -61,12 +63,9 @@ def plan(options: PlanOptions) -> None:
     if reading.case.events:
         note(["the events of the case are ignored in a plan"])
     from eclsim.goals.goal import GoalError
-    from eclsim.inputs.mistakes import CaseError
 
-    try:
+    with refusing(GoalError, CaseError):
         done = _remove(options, reading, target) if options.remove_ml else _wean(options, reading, target)
-    except (GoalError, CaseError) as error:
-        fail(*error.mistakes)
     if not done:
         raise typer.Exit(INCOMPLETE)
 
@@ -137,7 +136,6 @@ def _speeds(text: str) -> list[float]:
 
 def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
     from eclsim.outputs.registry import output
-    from eclsim.reporting.numbers import number, text_table
 
     names = list(dict.fromkeys(name for step in steps for name in step.outputs))
     drug = [] if vary is None else [vary.partition("=")[0].strip()]
@@ -220,12 +218,9 @@ def settings(options: SettingsOptions) -> None:
     from eclsim.goals.goal import GoalError
     from eclsim.goals.search import reach
 
-    try:
-        with Progress() as progress:
-            progress(f"searching for {options.goal}")
-            result = reach(reading.case, options.goal, vary=options.vary)
-    except GoalError as error:
-        fail(*error.mistakes)
+    with refusing(GoalError), Progress() as progress:
+        progress(f"searching for {options.goal}")
+        result = reach(reading.case, options.goal, vary=options.vary)
     with reporting_write_errors():
         if write_json_output(_with_case(reading, result.as_object()), target):
             typer.echo(_text(result))
@@ -239,7 +234,6 @@ def settings(options: SettingsOptions) -> None:
 
 def _text(result: Reached) -> str:
     from eclsim.outputs.registry import output
-    from eclsim.reporting.numbers import number, text_table
 
     turned = [
         (s.name, number(v), s.unit, f"{s.low:g} to {s.high:g}")

@@ -21,6 +21,7 @@ from eclsim.cli.destination import (
     write_json_output,
 )
 from eclsim.cli.options import MERGE, CaseChanges, Distributed, Json, argument, option
+from eclsim.files import write_json
 
 if TYPE_CHECKING:
     from eclsim.cases import Case, CaseReading
@@ -274,8 +275,6 @@ def _checked_places(o: IdentifiabilityOptions) -> tuple[Target, Path | None, Cas
 
 
 def _write_json(content: object, target: Target, folder: Path | None) -> bool:
-    from eclsim.files import write_json
-
     with reporting_write_errors():
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)

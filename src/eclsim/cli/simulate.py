@@ -15,6 +15,7 @@ from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, r
 from eclsim.cli.destination import NETCDF, Destinations, Target, reporting_write_errors, write_json_output
 from eclsim.cli.options import CaseChanges, Json, argument, option
 from eclsim.files import file_stems
+from eclsim.inputs.mistakes import CaseError
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -299,7 +300,6 @@ class Readings:
 
 def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None = None) -> Readings:
     """Read the cases of a sweep; report all errors and exit with status 2 if there are any."""
-    from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
     from eclsim.simulation.sweep import SweepError, parse_sweep, remarks_on_last_values
 
@@ -315,7 +315,10 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
     if (section, name) in _set_keys(settings):
         fail(f"--sweep {key}: is also given by --set; remove one of the two")
     note(remarks_on_last_values(text))
-    readings = _swept(file, settings, key, texts, policy)
+    wanted = [(file, [*settings, f"{key}={text}"], policy) for text in texts]
+    readings = read_each(wanted, lambda mistake: _for_swept_key(mistake, key))
+    warn(dict.fromkeys(str(_for_swept_key(m, key)) for r in readings for m in r.warnings))
+    note(dict.fromkeys(str(m) for m in readings[0].notes if not _is_about(m, key)))
     cases = {_value(reading.case, section, name): reading.case for reading in readings}
     if all(isinstance(value, float) for value in cases):
         cases = dict(sorted(cases.items()))
@@ -325,23 +328,12 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
 
 def _set_keys(settings: Sequence[str]) -> Collection[tuple[str, str]]:
     """Return section and name of each setting; errors in settings are reported when the case is read."""
-    from eclsim.cases import CaseError
     from eclsim.cases.settings import parse_settings
 
     try:
         return parse_settings(settings)
     except CaseError:
         return ()
-
-
-def _swept(
-    file: str, settings: Sequence[str], key: str, texts: Sequence[str], policy: str | None
-) -> list[CaseReading]:
-    wanted = [(file, [*settings, f"{key}={text}"], policy) for text in texts]
-    readings = read_each(wanted, lambda mistake: _for_swept_key(mistake, key))
-    warn(dict.fromkeys(str(_for_swept_key(m, key)) for r in readings for m in r.warnings))
-    note(dict.fromkeys(str(m) for m in readings[0].notes if not _is_about(m, key)))
-    return readings
 
 
 def _is_about(mistake: Mistake, key: str) -> bool:
@@ -354,7 +346,7 @@ def _for_swept_key(mistake: Mistake, key: str) -> Mistake:
 
 def _value_without_sweep(file: str, settings: Sequence[str], section: str, name: str) -> Value | None:
     """Return the value of the case without the sweep; None if there is none or the case is invalid."""
-    from eclsim.cases import CaseError, read_case
+    from eclsim.cases import read_case
     from eclsim.cases.resolve import resolve_parameters
     from eclsim.devices.device import UnsolvedFlowError
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -22,6 +22,7 @@ from eclsim.cli.options import (
     argument,
     option,
 )
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -103,13 +104,13 @@ def track(options: TrackOptions) -> None:
         write_tracks(Path(options.out), content)
     if write_json_output(content, target):
         typer.echo("\n".join(map(series_text, tracks)))
-    if refused or any(_is_unusable(point) for followed in tracks for point in followed["points"]):
+    unusable = (
+        point["failed"] or (point["verdict"] or {}).get("level") == "poor"  # a first estimate with a poor fit
+        for followed in tracks
+        for point in followed["points"]
+    )
+    if refused or any(unusable):
         raise typer.Exit(INCOMPLETE)
-
-
-def _is_unusable(point: Mapping[str, Any]) -> bool:
-    """Whether a point could not be followed, or is a first estimate with a poor fit."""
-    return point["failed"] or (point["verdict"] or {}).get("level") == "poor"
 
 
 def _series(
@@ -157,7 +158,7 @@ def _refuse_duplicates(files: Sequence[str]) -> None:
 
 def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
     """Check that all case files are of one patient, as they form one series."""
-    from eclsim.cases.cohort_rows import plain_id
+    from eclsim.cases.cohort import plain_id
 
     by_id: dict[str, list[tuple[str, str]]] = {}
     for file, name in files:
@@ -173,7 +174,6 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
 def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
     """Whether the names of a patient's measurements are times, and in order."""
     from eclsim.identification.series import elapsed_hours
-    from eclsim.inputs.mistakes import CaseError
 
     try:
         return elapsed_hours([name for name, _ in points]) is not None
@@ -230,7 +230,6 @@ def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) 
 def _check_points(series: Series, settings: Mapping[str, TrackSettings]) -> None:
     from eclsim.identification.series import series_of
     from eclsim.identification.settings import common_policy
-    from eclsim.inputs.mistakes import CaseError
 
     common = {patient: series_of(settings[patient].fit, points) for patient, points in series.items()}
     wrong: dict[str, None] = {}

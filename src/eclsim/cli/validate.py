@@ -13,6 +13,7 @@ import typer
 from eclsim.cli.console import INCOMPLETE, Progress, say
 from eclsim.cli.destination import Destinations, explaining_resume, reporting_write_errors, write_json_output
 from eclsim.cli.options import Distributed, Json, option
+from eclsim.files import write_text
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -80,7 +81,6 @@ def validate(options: ValidateOptions) -> None:
     if target == page == "-":
         places.mistakes.append("--json and --markdown name the same file: -")
     places.check()
-    from eclsim.files import write_text
     from eclsim.validation.suite import validation_markdown, validation_object, verdict_text
 
     quiet = "-" in (target, page)

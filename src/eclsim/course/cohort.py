@@ -14,7 +14,7 @@ import xarray as xr
 
 from eclsim.arguments import number_of, written
 from eclsim.cases.case import Case
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from eclsim.course.course import checked_interval_min, course_many
 from eclsim.course.engine import CourseOptions
 from eclsim.course.result import attributes_of

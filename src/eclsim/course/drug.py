@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from eclsim.cases.dialysed_drug import DialysedDrug
+from eclsim.cases.fluid import DialysedDrug
 from eclsim.course.result import TIME
 from eclsim.fluid.dialysed_drug import AMOUNTS, CONCENTRATION, UNBOUND
 from eclsim.inputs.sections import CHECKED
 from eclsim.orbit.model import CASE
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 TINY_MG_L = 1e-12
 """Change of a concentration between two moments below which it is constant."""

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from eclsim.cases.dialysed_drug import DialysedDrug
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
+from eclsim.cases.fluid import DialysedDrug
 from eclsim.course.alarms import clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
 from eclsim.course.result import (

@@ -11,11 +11,11 @@ from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.drugs.published import InfusedDoses
 from eclsim.fluid.dialysed_drug import dialysed_drug_law
 from eclsim.fluid.law import fluid_law
-from eclsim.fluid.solutes import solutes_law, stores_of_carbon_dioxide
+from eclsim.fluid.solutes import SolutesLaw, filters_of, stores_of_carbon_dioxide
 from eclsim.parameters.dialysed_drug import FOLLOWED as DRUG_FOLLOWED
 from eclsim.parameters.fluid import HAEMATOCRIT, SOLUTES_FOLLOWED
 from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
-from eclsim.regulation.hypoxia import HypoxicVasoconstriction
+from eclsim.regulation.oxygen import HypoxicVasoconstriction
 from eclsim.slow import DerivedQuantity, Named, SlowLaw
 
 
@@ -23,7 +23,8 @@ def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, .
     """Return the laws of the slow states that a case follows, by its circuit and parameters."""
     names, gas = circuit.parameter_names(), HAEMOGLOBIN in circuit.content_names()
     fluid = HAEMATOCRIT in names
-    solutes = solutes_law(circuit, fluid, gas) if np.any(settings.get(SOLUTES_FOLLOWED, 0.0)) else None
+    followed = np.any(settings.get(SOLUTES_FOLLOWED, 0.0))
+    solutes = SolutesLaw(filters_of(circuit), fluid, gas) if followed else None
     return (
         *([fluid_law(circuit, settings)] if fluid else []),
         *([] if solutes is None else [solutes]),

@@ -28,8 +28,8 @@ from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, POLICY_WORDS, circuit
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import impossible
+from eclsim.outputs.gas import recirculated_fractions
 from eclsim.outputs.limits import level, limits_of
-from eclsim.outputs.recirculation import recirculated_fractions
 from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import output_names, signal_labels, unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat

@@ -15,8 +15,7 @@ import xarray as xr
 from eclsim.cases.resolve import resolve_parameters
 from eclsim.components.dialysis import PLASMA_WATER
 from eclsim.devices.crrt import CRRT, Crrt
-from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, HAEMATOCRIT
-from eclsim.devices.dialysed_blood import FLUIDS
+from eclsim.devices.dialysed_blood import FILTER_PARAMETERS, FLUIDS, HAEMATOCRIT_IN
 from eclsim.devices.renox import GROUP, Renox
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch
@@ -127,6 +126,6 @@ def compared_with_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[st
 def _open_effluent_ml_h(study: CrrtStudy, pressure: float) -> float:
     """Filtration of the CRRT's filter [mL/h] at a blood pressure [mmHg] if nothing holds its effluent."""
     values = resolve_parameters(without_renox(study.case))
-    plasma = 60.0 * study.crrt_flow_ml_min * (1.0 - values[HAEMATOCRIT])
+    plasma = 60.0 * study.crrt_flow_ml_min * (1.0 - values[HAEMATOCRIT_IN])
     water = PLASMA_WATER * plasma + values[f"{CRRT.key}.{FLUIDS[1]}"]
     return min(values[PERMEABILITY] * pressure, water)

@@ -14,18 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt_dialysis import (
-    BY_PLASMA_WATER,
-    FILTER_PARAMETERS,
-    GROUP,
-    OUTPUTS,
-    SETTINGS,
-    SOLUTES,
-    haemoconcentration_findings,
-)
 from eclsim.devices.description import (
     Assumption,
     Box,
@@ -48,11 +38,18 @@ from eclsim.devices.description import (
 )
 from eclsim.devices.device import CaseValues, Device, Naming, device_key
 from eclsim.devices.dialysed_blood import (
+    BY_PLASMA_WATER,
+    FILTER_PARAMETERS,
     FLUIDS,
+    GROUP,
+    OUTPUTS,
+    SETTINGS,
+    SOLUTES,
     USUAL_FLUID,
     check_fluids,
     dialysed_blood,
     fluid_flow,
+    haemoconcentration_findings,
     no_plasma_water,
     warn_of_other_filters,
 )
@@ -98,7 +95,7 @@ TUBING = circuit_parameters(
     ),
 )  # fmt: skip
 
-ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350.0)})
+ALARMS_MMHG = {"access": (-250.0, 250.0), "return": (-50.0, 350.0)}
 """Usual low and high pressure alarms [mmHg] of CRRT machines, by line (Thiel et al. 2025, Figures 5, 6)."""
 
 SANSOM_ACCESS_MMHG = 190.0
@@ -152,22 +149,20 @@ def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[A
 
 LARGEST_FILTRATION_FRACTION = 0.25
 
-SITES_WITHOUT_ECMO = MappingProxyType({"access_site": "svn", "return_site": "ra"})
+SITES_WITHOUT_ECMO = {"access_site": "svn", "return_site": "ra"}
 """Default sites without an ECMO circuit."""
 
-SCHEMES = MappingProxyType(
-    {
-        "a": ("post_pump", "pre_oxy"),
-        "b": ("pre_oxy", "pre_pump"),
-        "c": ("post_oxy", "pre_pump"),
-        "d": ("post_oxy", "pre_rc"),
-        "e": ("pre_oxy", "pre_rc"),
-        "f": ("pre_oxy", "post_oxy"),
-        "g": ("post_oxy", "pre_oxy"),
-        "h": ("pre_pump", "post_dc"),
-        "i": ("post_pump", "pre_pump"),
-    }
-)
+SCHEMES = {
+    "a": ("post_pump", "pre_oxy"),
+    "b": ("pre_oxy", "pre_pump"),
+    "c": ("post_oxy", "pre_pump"),
+    "d": ("post_oxy", "pre_rc"),
+    "e": ("pre_oxy", "pre_rc"),
+    "f": ("pre_oxy", "post_oxy"),
+    "g": ("post_oxy", "pre_oxy"),
+    "h": ("pre_pump", "post_dc"),
+    "i": ("post_pump", "pre_pump"),
+}
 """Access and return position in an ECMO circuit of each scheme in Figure 2 of Thiel et al. 2025."""
 
 
@@ -188,7 +183,7 @@ def _read_site(value: object, field: Field) -> object:
 def _site(description: str) -> Field:
     nodes = {node: position for position, node in POSITIONS.items()}
     names = (*POSITIONS, *PATIENT_SITES)
-    return Field(description, "name", names=names, aliases=MappingProxyType(nodes), read=_read_site)
+    return Field(description, "name", names=names, aliases=nodes, read=_read_site)
 
 
 _HAEMATOCRIT = Field(
@@ -275,40 +270,30 @@ class CrrtDevice(Device[Crrt]):
     """Continuous renal replacement therapy."""
 
     key, name, section = GROUP, "CRRT", Crrt
-    compartments = MappingProxyType(
-        {
-            "crrttuin": "access line",
-            "crrttupf": "after roller pump",
-            "crrtfil": "before dialyzer",
-            "crrttuout": "return line",
-        }
-    )
-    connections = MappingProxyType(
-        {
-            "crrttuin": "access line",
-            "crrtpump": "CRRT pump",
-            "crrttupf": "tube to dialyzer",
-            "crrtfil": "dialyzer",
-            "crrttuout": "return line",
-        }
-    )
-    boxes = MappingProxyType(
-        {
-            "crrttuin": Box(0, 0, "Before pump"),
-            "crrttupf": Box(1, 0, "After pump"),
-            "crrtfil": Box(2, 0, "Before dialyzer"),
-            "crrttuout": Box(3, 0, "After dialyzer"),
-        }
-    )
-    marks = MappingProxyType(
-        {
-            "crrttuin": Mark("tube", "access line"),
-            "crrtpump": Mark("roller", "roller pump"),
-            "crrttupf": Mark("tube", "tube"),
-            "crrtfil": Mark("exchanger", "dialyzer"),
-            "crrttuout": Mark("tube", "return line"),
-        }
-    )
+    compartments = {
+        "crrttuin": "access line",
+        "crrttupf": "after roller pump",
+        "crrtfil": "before dialyzer",
+        "crrttuout": "return line",
+    }
+    connections = {
+        "crrttuin": "access line",
+        "crrtpump": "CRRT pump",
+        "crrttupf": "tube to dialyzer",
+        "crrtfil": "dialyzer",
+        "crrttuout": "return line",
+    }
+    boxes = {
+        "crrttuin": Box(0, 0, "Before pump"),
+        "crrttupf": Box(1, 0, "After pump"),
+        "crrtfil": Box(2, 0, "Before dialyzer"),
+        "crrttuout": Box(3, 0, "After dialyzer"),
+    }
+    marks = {
+        "crrtpump": Mark("roller", "roller pump"),
+        "crrttupf": Mark("tube", "tube"),
+        "crrtfil": Mark("exchanger", "dialyzer"),
+    }
     look = Look("#00734F", "#EDF7F3", 1.5, (0, (4, 1.5)), "^")
     panels = (
         Panel("Before the pump", "mmHg", ("Pcrrttuin",)),
@@ -336,18 +321,13 @@ class CrrtDevice(Device[Crrt]):
     )  # fmt: skip
     products = tuple(DIALYZERS.values())
     parameters = (*TUBING, *FILTER_PARAMETERS)
-    nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})
-    lines = MappingProxyType({"access_site": "crrttuin", "return_site": "crrttuout"})
-    schemes = MappingProxyType(
-        {
-            letter: MappingProxyType({"access_site": access, "return_site": back})
-            for letter, (access, back) in SCHEMES.items()
-        }
-    )
-    usual = MappingProxyType({"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"})
-    columns = Columns(
-        optional=MappingProxyType({f"crrt_{k}": k for k in ("flow_ml_min", "access_site", "return_site")})
-    )
+    nominal = {"crrt.flow_ml_min": 200.0}
+    lines = {"access_site": "crrttuin", "return_site": "crrttuout"}
+    schemes = {
+        letter: {"access_site": access, "return_site": back} for letter, (access, back) in SCHEMES.items()
+    }
+    usual = {"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"}
+    columns = Columns(optional={f"crrt_{k}": k for k in ("flow_ml_min", "access_site", "return_site")})
     assumptions = assumed_membrane(FILTER_PARAMETERS)
     outputs = (
         mean_flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),
@@ -358,7 +338,7 @@ class CrrtDevice(Device[Crrt]):
         ),
         *OUTPUTS,
     )
-    optional = MappingProxyType({"dialysate_ml_h or another flow of fluid": f"{GROUP}.{FLUIDS[0]}"})
+    optional = {"dialysate_ml_h or another flow of fluid": f"{GROUP}.{FLUIDS[0]}"}
     limits = (
         *(
             Limit(f"crrt_{line}_pressure", "alarm", side, value, "machine alarm", _MACHINE)

@@ -11,12 +11,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from eclsim.devices.cannulae import CANNULAE, caution_on_chart, check_lumens, fits_line
+from eclsim.devices.cannulae import (
+    BACKWARD_L_MIN,
+    CANNULAE,
+    CONNECTIONS,
+    MARKS,
+    NO_SITE,
+    NOMINAL,
+    SECOND_SITES,
+    SecondCannulae,
+    caution_on_chart,
+    check_lumens,
+    check_second,
+    fits_line,
+    second_controls,
+    with_second,
+)
+from eclsim.devices.cannulae import LIMITS as SECOND_LIMITS
+from eclsim.devices.cannulae import OUTPUTS as SECOND_OUTPUTS
 from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
@@ -48,8 +64,13 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
-from eclsim.devices.drained_ventricle import ejection_fraction_findings
-from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
+from eclsim.devices.plausibility import (
+    check_cannula,
+    check_sites,
+    check_speed,
+    ejection_fraction_findings,
+    patient_site,
+)
 from eclsim.devices.products import (
     LABEL_FLOWS,
     UNVALIDATED,
@@ -61,20 +82,6 @@ from eclsim.devices.products import (
     makers_names,
     pump_values,
 )
-from eclsim.devices.second_cannulae import (
-    BACKWARD_L_MIN,
-    CONNECTIONS,
-    MARKS,
-    NO_SITE,
-    NOMINAL,
-    SECOND_SITES,
-    SecondCannulae,
-    check_second,
-    second_controls,
-    with_second,
-)
-from eclsim.devices.second_cannulae import LIMITS as SECOND_LIMITS
-from eclsim.devices.second_cannulae import OUTPUTS as SECOND_OUTPUTS
 from eclsim.inputs.fields import Field, number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
@@ -227,57 +234,47 @@ _PRESSURES_BEHIND_PUMP = (
 LEFT_SIDE = ("PCWP", "EDVLV", "ESVLV", "left_atrial_pressure", "end_diastolic_pressure_lv")
 """Outputs that do not reproduce left ventricular distension by a pump that returns to the arteries."""
 
-POSITIONS = MappingProxyType(
-    {
-        "post_dc": "ecmodrain",
-        "pre_pump": "ecmotudp",
-        "post_pump": "ecmotupo",
-        "pre_oxy": "ecmooxy",
-        "post_oxy": "ecmotuor",
-        "pre_rc": "ecmoreturn",
-    }
-)
+POSITIONS = {
+    "post_dc": "ecmodrain",
+    "pre_pump": "ecmotudp",
+    "post_pump": "ecmotupo",
+    "pre_oxy": "ecmooxy",
+    "post_oxy": "ecmotuor",
+    "pre_rc": "ecmoreturn",
+}
 """Positions in the circuit, in flow direction, and the compartment at each."""
 
-POSITION_WORDS = MappingProxyType(
-    {
-        "post_dc": "post drainage cannula",
-        "pre_pump": "pre pump",
-        "post_pump": "post pump",
-        "pre_oxy": "pre oxygenator",
-        "post_oxy": "post oxygenator",
-        "pre_rc": "pre return cannula",
-    }
-)
+POSITION_WORDS = {
+    "post_dc": "post drainage cannula",
+    "pre_pump": "pre pump",
+    "post_pump": "post pump",
+    "pre_oxy": "pre oxygenator",
+    "post_oxy": "post oxygenator",
+    "pre_rc": "pre return cannula",
+}
 ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
 """Choices on the page for a roller pump and for sites that form no usual mode; never in a case file."""
-_OTHER_SITE = MappingProxyType({"drainage_site": "return_site", "return_site": "drainage_site"})
+_OTHER_SITE = {"drainage_site": "return_site", "return_site": "drainage_site"}
 MIXED_SITE = "ra"
 """Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
 _GREAT_VEINS = frozenset((*VENOUS_SITES, *DRAINED.values()))
 SMALLEST_EXCESS_L_MIN = 0.1
 """Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
-_IF_OMITTED = MappingProxyType({"drainage_mixing": 1.0, "return_clamp": 0.0})
+_IF_OMITTED = {"drainage_mixing": 1.0, "return_clamp": 0.0}
 """Values shown by the knobs of keys that a case leaves out."""
-_MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
+_MODES = {"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"}
 
-USUAL = MappingProxyType(
-    {
-        "VA": MappingProxyType(
-            {
-                "drainage_site": "ra", "drainage_cannula": "venous", "drainage_fr": 21.0,
-                "return_site": "ao", "return_cannula": "arterial", "return_fr": 17.0,
-            }
-        ),
-        "VV": MappingProxyType(
-            {
-                "drainage_site": "svn", "drainage_cannula": "venous", "drainage_fr": 25.0,
-                "return_site": "ra", "return_cannula": "venous", "return_fr": 21.0,
-            }
-        ),
-    }
-)  # fmt: skip
+USUAL = {
+    "VA": {
+        "drainage_site": "ra", "drainage_cannula": "venous", "drainage_fr": 21.0,
+        "return_site": "ao", "return_cannula": "arterial", "return_fr": 17.0,
+    },
+    "VV": {
+        "drainage_site": "svn", "drainage_cannula": "venous", "drainage_fr": 25.0,
+        "return_site": "ra", "return_cannula": "venous", "return_fr": 21.0,
+    },
+}  # fmt: skip
 """Sites and cannulae that `mode` sets if they are left out."""
 
 
@@ -325,7 +322,7 @@ class Ecmo(SecondCannulae):
     """
 
     section = GROUP
-    parameters = MappingProxyType({parameter.key: parameter for parameter in GAS_PARAMETERS})
+    parameters = {parameter.key: parameter for parameter in GAS_PARAMETERS}
     exclusive = (("speed_rpm", "flow_l_min"),)
     pump: Annotated[str | RollerPump, _PUMP]
     speed_rpm: Annotated[
@@ -518,50 +515,42 @@ class EcmoDevice(Device[Ecmo]):
     """Veno-arterial or veno-venous ECMO circuit."""
 
     key, name, section = GROUP, "ECMO", Ecmo
-    compartments = MappingProxyType(
-        {
-            "ecmodrain": "after drainage cannula",
-            "ecmotudp": "before pump",
-            "ecmotupo": "after pump",
-            "ecmooxy": "before oxygenator",
-            "ecmotuor": "after oxygenator",
-            "ecmoreturn": "before return cannula",
-        }
-    )
-    connections = MappingProxyType(
-        {
-            "ecmodrain": "drainage cannula",
-            "ecmotudp": "tube to pump",
-            "ecmopump": "ECMO pump",
-            "ecmotupo": "tube to oxygenator",
-            "ecmooxy": "oxygenator",
-            "ecmotuor": "tube from oxygenator",
-            "ecmoreturn": "return cannula",
-            **CONNECTIONS,
-        }
-    )
-    boxes = MappingProxyType(
-        {
-            "ecmodrain": Box(0, 1, "After drainage"),
-            "ecmotudp": Box(0, 0, "Before pump"),
-            "ecmotupo": Box(1, 0, "After pump"),
-            "ecmooxy": Box(2, 0, "Before oxygenator", "Before oxyg."),
-            "ecmotuor": Box(3, 0, "After oxygenator", "After oxyg."),
-            "ecmoreturn": Box(3, 1, "Before return"),
-        }
-    )
-    marks = MappingProxyType(
-        {
-            "ecmodrain": Mark("cannula", "drainage cannula"),
-            "ecmotudp": Mark("tube", "tube"),
-            "ecmopump": Mark("pump", "pump"),
-            "ecmotupo": Mark("tube", "tube"),
-            "ecmooxy": Mark("exchanger", "oxygenator"),
-            "ecmotuor": Mark("tube", "tube"),
-            "ecmoreturn": Mark("cannula", "return cannula"),
-            **MARKS,
-        }
-    )
+    compartments = {
+        "ecmodrain": "after drainage cannula",
+        "ecmotudp": "before pump",
+        "ecmotupo": "after pump",
+        "ecmooxy": "before oxygenator",
+        "ecmotuor": "after oxygenator",
+        "ecmoreturn": "before return cannula",
+    }
+    connections = {
+        "ecmodrain": "drainage cannula",
+        "ecmotudp": "tube to pump",
+        "ecmopump": "ECMO pump",
+        "ecmotupo": "tube to oxygenator",
+        "ecmooxy": "oxygenator",
+        "ecmotuor": "tube from oxygenator",
+        "ecmoreturn": "return cannula",
+        **CONNECTIONS,
+    }
+    boxes = {
+        "ecmodrain": Box(0, 1, "After drainage"),
+        "ecmotudp": Box(0, 0, "Before pump"),
+        "ecmotupo": Box(1, 0, "After pump"),
+        "ecmooxy": Box(2, 0, "Before oxygenator", "Before oxyg."),
+        "ecmotuor": Box(3, 0, "After oxygenator", "After oxyg."),
+        "ecmoreturn": Box(3, 1, "Before return"),
+    }
+    marks = {
+        "ecmodrain": Mark("cannula", "drainage cannula"),
+        "ecmotudp": Mark("tube", "tube"),
+        "ecmopump": Mark("pump", "pump"),
+        "ecmotupo": Mark("tube", "tube"),
+        "ecmooxy": Mark("exchanger", "oxygenator"),
+        "ecmotuor": Mark("tube", "tube"),
+        "ecmoreturn": Mark("cannula", "return cannula"),
+        **MARKS,
+    }
     look = Look("#0072B2", "#EEF5FA", 2.0, marker="s")
     panels = (
         Panel("Before the pump", "mmHg", ("Pecmodrain", "Pecmotudp")),
@@ -598,13 +587,11 @@ class EcmoDevice(Device[Ecmo]):
     positions, position_words = POSITIONS, POSITION_WORDS
     products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
     parameters = (*TUBING, *GAS_PARAMETERS)
-    nominal = MappingProxyType(
-        {
-            "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
-            "ecmo.roller_l_min": 3.0, "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
-            "ecmo.return_clamp": 0.0, **pump_values(GROUP, PUMPS["Rotaflow"]), **NOMINAL,
-        }
-    )  # fmt: skip
+    nominal = {
+        "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
+        "ecmo.roller_l_min": 3.0, "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
+        "ecmo.return_clamp": 0.0, **pump_values(GROUP, PUMPS["Rotaflow"]), **NOMINAL,
+    }  # fmt: skip
     outputs = (
         mean_flow("PF", "ECMO pump flow", "Qecmopump", in_contract=True),
         *SECOND_OUTPUTS,
@@ -621,7 +608,7 @@ class EcmoDevice(Device[Ecmo]):
         mean("return_cannula_pressure", "mean pressure before the ECMO return cannula", "Pecmoreturn"),
         *GAS_OUTPUTS,
     )
-    optional = MappingProxyType(dict(zip(SECOND_SITES, (f"Q{name}" for name in CONNECTIONS), strict=True)))
+    optional = dict(zip(SECOND_SITES, (f"Q{name}" for name in CONNECTIONS), strict=True))
     limits = (
         *SECOND_LIMITS,
         Limit(
@@ -654,24 +641,18 @@ class EcmoDevice(Device[Ecmo]):
             )
         ),
     )  # fmt: skip
-    usual = MappingProxyType(
-        {"pump": "Rotaflow", "speed_rpm": 3000.0, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
-    )
-    set_by_products = MappingProxyType({"oxygenator": "Recmooxy"})
+    usual = {"pump": "Rotaflow", "speed_rpm": 3000.0, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+    set_by_products = {"oxygenator": "Recmooxy"}
     adjusted = ("speed_rpm", "sweep_l_min")
     target = Target("flow_l_min", "speed_rpm", "PF")
     columns = Columns(
-        MappingProxyType(
-            {
-                "ecmo_pump": "pump", "ecmo_speed_rpm": "speed_rpm", "oxygenator": "oxygenator",
-                "drainage_fr": "drainage_fr", "return_fr": "return_fr",
-            }
-        ),
-        MappingProxyType(
-            {"ecmo_mode": "mode"}
-            | {f"{line}_{what}": f"{line}_{what}" for line in LINES for what in ("site", "cannula")}
-        ),
-        MappingProxyType({"mode": "VA"}),
+        {
+            "ecmo_pump": "pump", "ecmo_speed_rpm": "speed_rpm", "oxygenator": "oxygenator",
+            "drainage_fr": "drainage_fr", "return_fr": "return_fr",
+        },
+        ({"ecmo_mode": "mode"}
+        | {f"{line}_{what}": f"{line}_{what}" for line in LINES for what in ("site", "cannula")}),
+        {"mode": "VA"},
         ("ecmo_speed_rpm",),
         GAS_KEYS,
     )  # fmt: skip
@@ -690,12 +671,12 @@ class EcmoDevice(Device[Ecmo]):
             Curve("drainage_pressure", "Drainage cannula", "circuit", "lowest_drainage_pressure", "drainage"),
         ),
         compared=("PF", "lowest_drainage_pressure"),
-        flow_outputs=MappingProxyType({"ecmopump": "PF"}),
+        flow_outputs={"ecmopump": "PF"},
         samples=(
             Sample("ecmodrain", "ECMO, drained"),
             Sample(
                 "ecmotuor", "ECMO, after oxygenator",
-                MappingProxyType({"SO2": "SpostO2", "PO2": "PpostO2", "PCO2": "PpostCO2"}),
+                {"SO2": "SpostO2", "PO2": "PpostO2", "PCO2": "PpostCO2"},
             ),
         ),
     )  # fmt: skip
@@ -705,7 +686,7 @@ class EcmoDevice(Device[Ecmo]):
         roller = isinstance(section.pump, RollerPump)
         return ecmo(
             section.drainage_site, section.return_site, section.drainage_cannula, section.return_cannula,
-            roller, section.second_connections(CANNULAE), section.return_clamp is not None,
+            roller, section.second_connections(), section.return_clamp is not None,
         )  # fmt: skip
 
     def values(self, section: Ecmo) -> dict[str, float]:
@@ -761,7 +742,7 @@ class EcmoDevice(Device[Ecmo]):
             *result,
             picker("drainage_site", "Drained from", PATIENT_SITES, _exchanged(*own)),
             picker("return_site", "Returned to", PATIENT_SITES, _exchanged(*own[::-1])),
-            *second_controls(section, own, CANNULAE),
+            *second_controls(section, own),
             *((mixing,) if own[0] == own[1] else ()),
             Knob("sweep_l_min", "Sweep gas", "L/min", 0.0, 12.0, 0.1, needs="gas"),
             Knob("fdo2", "Oxygen in the sweep (FdO2)", "", 0.21, 1.0, 0.01, needs="gas"),
@@ -832,7 +813,7 @@ class EcmoDevice(Device[Ecmo]):
             if kind is not None and size is not None:
                 check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
         check_lumens(key, values, remarks)
-        check_second(key, values, CANNULAE, remarks)
+        check_second(key, values, remarks)
         check_speed(key, values, PUMPS, remarks)
         _check_gases(values, case, key, remarks)
         single = len(case.of(self.key)) == 1

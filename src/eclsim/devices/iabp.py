@@ -13,7 +13,6 @@ its full volume; it is in the ascending aorta, whether or not the arteries are d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 from eclsim.devices.description import CAUTION, Box, Control, Finding, Knob, Look, Mark, Output, Panel
@@ -78,17 +77,17 @@ class IabpDevice(Device[Iabp]):
     """Intra-aortic balloon pump."""
 
     key, name, section = GROUP, "IABP", Iabp
-    compartments = MappingProxyType({_BALLOON: "balloon"})
-    connections = MappingProxyType({"iabp": "balloon in the aorta"})
-    boxes = MappingProxyType({_BALLOON: Box(2, 0, "balloon")})
-    marks = MappingProxyType({"iabp": Mark("tube", "IABP")})
+    compartments = {_BALLOON: "balloon"}
+    connections = {"iabp": "balloon in the aorta"}
+    boxes = {_BALLOON: Box(2, 0, "balloon")}
+    marks = {"iabp": Mark("tube", "IABP")}
     panels = (
         Panel("Aortic pressure", "mmHg", ("Pao",)),
         Panel("Flow from the aorta into the balloon's room", "L/min", ("Qiabp",)),
     )
     look = Look("#3F6B2A", "#F3F8F0", 1.6, marker="h")
-    nominal = MappingProxyType({_VOLUME: 40.0, _INFLATION: NOTCH})
-    usual = MappingProxyType({"volume_ml": 40.0})
+    nominal = {_VOLUME: 40.0, _INFLATION: NOTCH}
+    usual = {"volume_ml": 40.0}
     outputs = (
         _AUGMENTED,
         _SYSTOLIC,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
@@ -30,8 +29,14 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.drained_ventricle import VENTRICLES, drained_ventricles, ejection_fraction_findings
-from eclsim.devices.plausibility import check_sites, check_speed, patient_site
+from eclsim.devices.plausibility import (
+    VENTRICLES,
+    check_sites,
+    check_speed,
+    drained_ventricles,
+    ejection_fraction_findings,
+    patient_site,
+)
 from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names, pump_values
 from eclsim.inputs.fields import number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
@@ -85,30 +90,26 @@ class Lvad(Section):
     outlet_site: Annotated[str, patient_site("Compartment that receives")]
 
 
-def lvad(
-    inlet_site: Site = "lv", outlet_site: Site = "ao", name: str = "lvadpump", prefix: str = "lvad."
-) -> Circuit:
+def lvad(inlet_site: Site = "lv", outlet_site: Site = "ao") -> Circuit:
     """A ventricular assist device between two compartments.
 
     Args:
         inlet_site: compartment from which blood is drained.
         outlet_site: compartment to which blood is pumped.
-        name: name of the connection; a second device needs a different one.
-        prefix: prefix of the parameters: prefix + "speed_rpm", prefix + "pump.a" ...
     """
     from eclsim.circuit.network import Circuit, Connection
     from eclsim.components import RotaryPump
 
-    pump = RotaryPump(prefix + "speed_rpm", prefix + "pump.", periphery=True)
-    return Circuit((), (Connection(name, pump, inlet_site, outlet_site, GROUP),))
+    pump = RotaryPump("lvad.speed_rpm", "lvad.pump.", periphery=True)
+    return Circuit((), (Connection("lvadpump", pump, inlet_site, outlet_site, GROUP),))
 
 
 class LvadDevice(Device[Lvad]):
     """A left (or, between other sites, right) ventricular assist device."""
 
     key, name, section = GROUP, "LVAD", Lvad
-    connections = MappingProxyType({"lvadpump": "LVAD pump"})
-    marks = MappingProxyType({"lvadpump": Mark("pump", "LVAD pump")})
+    connections = {"lvadpump": "LVAD pump"}
+    marks = {"lvadpump": Mark("pump", "LVAD pump")}
     panels = (
         Panel("Pressures", "mmHg", ("Plv", "Pao")),
         Panel("Pump head", "mmHg", ("Plvadpump",)),
@@ -118,7 +119,7 @@ class LvadDevice(Device[Lvad]):
     tabled = ()
     look = Look("#A84A00", "#FBF1EA", 2.0, (0, (6, 1.3, 1.2, 1.3)), "D")
     products = tuple(PUMPS.values())
-    nominal = MappingProxyType({"lvad.speed_rpm": 2600.0, **pump_values(GROUP, PUMPS["HVAD"])})
+    nominal = {"lvad.speed_rpm": 2600.0, **pump_values(GROUP, PUMPS["HVAD"])}
     outputs = (
         mean_flow("lvad_flow", "mean LVAD flow", "Qlvadpump"),
         mean("lvad_head", "mean LVAD head", "Plvadpump"),
@@ -129,7 +130,7 @@ class LvadDevice(Device[Lvad]):
             "blood runs back through the LVAD into the heart: raise its speed", "physics",
         ),
     )  # fmt: skip
-    usual = MappingProxyType({"pump": "HM3", "speed_rpm": 5000.0, "inlet_site": "lv", "outlet_site": "ao"})
+    usual = {"pump": "HM3", "speed_rpm": 5000.0, "inlet_site": "lv", "outlet_site": "ao"}
     carries_circulation = True
     assist_flow = "lvad_flow"
     adjusted = ("speed_rpm",)
@@ -143,7 +144,7 @@ class LvadDevice(Device[Lvad]):
         figures=(KeyFigure("lvad_flow", "LVAD", "lvad_flow", "L/min", 2),),
         curves=(Curve("lvad_flow", "LVAD flow", "flow"),),
         compared=("lvad_flow",),
-        flow_outputs=MappingProxyType({"lvadpump": "lvad_flow"}),
+        flow_outputs={"lvadpump": "lvad_flow"},
     )  # fmt: skip
 
     def circuit(self, section: Lvad) -> Circuit:

@@ -1,15 +1,22 @@
-"""Checks shared by several devices: implausible sites, speeds and cannula sizes."""
+"""Checks and cautions shared by several devices: sites, speeds and sizes of cannulae, drained ventricles."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
 
+from eclsim.devices.description import CAUTION, Finding
+from eclsim.devices.device import Naming
 from eclsim.devices.products import CannulaType, PumpCurve
 from eclsim.inputs.fields import Field, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import suspected_unit
 from eclsim.inputs.sections import Raw
 from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
+
 
 # Multiple of the highest usual speed up to which a pump curve is valid.
 SPEED_LIMIT = 1.25
@@ -71,3 +78,46 @@ def check_cannula(key: str, size: float, cannula: CannulaType, remarks: Remarks)
     elif size not in sizes:
         message = f"between the listed sizes of {cannula.key} cannulae ({listed} Fr): interpolated"
         remarks.warning(key, message, shown(size))
+
+
+# --- drained ventricles ---------------------------------------------------------------------------
+
+
+VENTRICLES = {"lv": ("left ventricle", "aortic"), "rv": ("right ventricle", "pulmonary")}
+"""Label of each ventricle that may be drained, and of the valve through which it ejects."""
+
+
+def drained_ventricles(names: Naming, circuit: Circuit, places: Collection[str]) -> tuple[str, ...]:
+    """Ventricles ("lv", "rv") that a device drains through the given connections."""
+    own = set(map(names.place, places))
+    sources = (str(c.source) for c in circuit.connections if c.name in own)
+    return tuple(source for source in sources if source in VENTRICLES)
+
+
+def ejection_fraction_findings(
+    names: Naming, outputs: Mapping[str, float], circuit: Circuit, places: Collection[str], flow: str
+) -> list[Finding]:
+    """Cautions about how to read the ejection fraction of a ventricle that a device drains.
+
+    Args:
+        names: names of the instance.
+        outputs: outputs of the beat, by name.
+        circuit: circuit of patient and devices.
+        places: connections of the device that may drain a ventricle.
+        flow: the device's output of their flow, which may be negative.
+    """
+    backwards = outputs.get(names.output(flow), 0.0) < 0.0
+    result = []
+    for drained in drained_ventricles(names, circuit, places):
+        name, (ventricle, valve) = f"ejection_fraction_{drained}", VENTRICLES[drained]
+        if name not in outputs:
+            continue
+        does, counts = "empties", "what the device takes"
+        counts += f", and do not describe ejection through the {valve} valve"
+        if backwards:
+            does, counts = "lets blood back into", "how much of that it ejects again"
+        text = f"the {names.label} {does} the {ventricle}: "
+        text += f"its ejection fraction and stroke volume count {counts}"
+        stroke = f"stroke_volume_{drained}"
+        result.append(Finding.without_limit(CAUTION, name, outputs[name], text, name, stroke))
+    return result

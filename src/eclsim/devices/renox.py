@@ -17,15 +17,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 from eclsim.devices.crrt import Crrt, assumed_membrane, filter_limits
-from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, SOLUTES
 from eclsim.devices.description import BeatMeasures, Control, Finding, Knob, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.dialysed_blood import (
+    FILTER_PARAMETERS,
     FLUIDS,
+    SOLUTES,
     USUAL_FLUID,
     Fibres,
     check_fluids,
@@ -80,16 +80,14 @@ class RenoxDevice(Device[Renox]):
 
     key, name, section = GROUP, "RenOx", Renox
     parameters = MEMBRANE
-    usual = MappingProxyType({"dialysate_ml_h": 2000.0})
+    usual = {"dialysate_ml_h": 2000.0}
     assumptions = assumed_membrane(MEMBRANE, f"{GROUP}_")
     limits = filter_limits(f"{GROUP}_")
-    nominal = MappingProxyType(
-        {
-            f"{GROUP}.dialysate_ml_h": 2000.0, f"{GROUP}.replacement_pre_ml_h": 0.0,
-            f"{GROUP}.replacement_post_ml_h": 0.0, f"{GROUP}.net_ultrafiltration_ml_h": 100.0,
-            **{f"{GROUP}.{key}": USUAL_FLUID[key] for key in _BLOOD},
-        }
-    )  # fmt: skip
+    nominal = {
+        f"{GROUP}.dialysate_ml_h": 2000.0, f"{GROUP}.replacement_pre_ml_h": 0.0,
+        f"{GROUP}.replacement_post_ml_h": 0.0, f"{GROUP}.net_ultrafiltration_ml_h": 100.0,
+        **{f"{GROUP}.{key}": USUAL_FLUID[key] for key in _BLOOD},
+    }  # fmt: skip
     outputs = (
         _FIBRES.output("effluent_ml_h", "effluent", "effluent of the RenOx", "mL/h", "dialysate and net"),
         _FIBRES.output(

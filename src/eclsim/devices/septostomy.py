@@ -8,10 +8,9 @@ The jet through a sharp-edged hole contracts to 0.61 of its area (textbooks of h
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
-from eclsim.devices.description import CAUTION, Finding, Look, Mark, mean_flow
+from eclsim.devices.description import CAUTION, Finding, Look, mean_flow
 from eclsim.devices.device import Device
 from eclsim.inputs.fields import number
 from eclsim.inputs.sections import Section
@@ -42,11 +41,10 @@ class SeptostomyDevice(Device[Septostomy]):
     """Hole in the atrial septum."""
 
     key, name, section = GROUP, "Septostomy", Septostomy
-    connections = MappingProxyType({"septostomy": "septostomy"})
-    marks = MappingProxyType({"septostomy": Mark("tube", "septostomy")})
+    connections = {"septostomy": "septostomy"}
     look = Look("#7A4A72", "#F8F2F6", 1.6, marker="X")
-    nominal = MappingProxyType({_DIAMETER: 8.0})
-    usual = MappingProxyType({"diameter_mm": 8.0})
+    nominal = {_DIAMETER: 8.0}
+    usual = {"diameter_mm": 8.0}
     outputs = (mean_flow("septostomy_flow", "flow from the left into the right atrium", "Qseptostomy"),)
 
     def circuit(self, section: Septostomy) -> Circuit:

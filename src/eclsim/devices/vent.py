@@ -9,14 +9,13 @@ of `eclsim.devices.ecmo.CANNULAE`; other sizes are orifices with a flow proporti
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
+from eclsim.devices.cannulae import BACKWARD_L_MIN
 from eclsim.devices.description import Control, Finding, Knob, Limit, Look, Mark, mean_flow, picker
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.drained_ventricle import ejection_fraction_findings
 from eclsim.devices.ecmo import CANNULAE
-from eclsim.devices.second_cannulae import BACKWARD_L_MIN
+from eclsim.devices.plausibility import ejection_fraction_findings
 from eclsim.inputs.fields import number, one_of
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
@@ -51,10 +50,10 @@ class VentDevice(Device[Vent]):
     """Vent of the left side of the heart into the ECMO circuit."""
 
     key, name, section = GROUP, "Vent", Vent
-    connections = MappingProxyType({"vent": "vent"})
-    marks = MappingProxyType({"vent": Mark("cannula", "vent")})
+    connections = {"vent": "vent"}
+    marks = {"vent": Mark("cannula", "vent")}
     look = Look("#A65E00", "#FBF4EC", 1.6, marker="P")
-    nominal = MappingProxyType({"vent.fr": 15.0})
+    nominal = {"vent.fr": 15.0}
     outputs = (
         mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),
         _BESIDE_VENT,

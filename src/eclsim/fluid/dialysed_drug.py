@@ -16,20 +16,16 @@ states, so that balances can be checked.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.circuit.network import Circuit
 from eclsim.components.dialysis import Hemofilter
 from eclsim.fluid.solutes import Filter, filters_of, plasma_share
 from eclsim.parameters import dialysed_drug as keys
 from eclsim.slow import DOSE, DerivedQuantity, Named, SlowLaw, SlowState
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from eclsim.circuit.network import Circuit
 
 SOLUTE = "drug"
 """Last part of the names of its clearances, as "urea" of those of urea."""

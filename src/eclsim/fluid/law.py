@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -216,20 +216,15 @@ def fluid_law(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> F
     """
     names = (*circuit.parameter_names(), *circuit.content_names())
     regional = any(c.name == "svc" for c in circuit.compartments)
+    resistances = (key for key in map(local_resistance, BEDS) if key in names)
     return FluidLaw(
         venous=_CAVAE if regional else ("venous_pressure",),
-        local=_local_factors(names),
+        local=tuple(map(local_factor, resistances)),
         ultrafiltration=tuple(n for n in names if n.endswith(".net_ultrafiltration_ml_h")),
         haematocrits=tuple(n for n in names if n.endswith(".haematocrit_in")),
         gas=HAEMOGLOBIN in names,
         has_pericapillary_layer=bool(np.any(np.asarray(settings[PERICAPILLARY]) < 1.0)),
     )
-
-
-def _local_factors(names: Sequence[str]) -> tuple[str, ...]:
-    """Outputs of the local resistance factors that a circuit with these parameter names has."""
-    resistances = (local_resistance(bed) for bed in BEDS)
-    return tuple(local_factor(key) for key in resistances if key in names)
 
 
 def _rest(settings: Named) -> Spaces:

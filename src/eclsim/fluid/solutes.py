@@ -321,17 +321,6 @@ class CarbonDioxideLaw(SlowLaw):
         return quantities
 
 
-def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SolutesLaw:
-    """Solutes law of a circuit.
-
-    Args:
-        circuit: patient and devices.
-        fluid: whether fluid is followed.
-        gas: whether gases are computed.
-    """
-    return SolutesLaw(filters_of(circuit), fluid, gas)
-
-
 def filters_of(circuit: Circuit) -> tuple[Filter, ...]:
     """Outputs of all dialyzers of a circuit."""
     return tuple(

@@ -24,6 +24,8 @@ from eclsim.gas.steady import GasState, Samples, SearchResult, solve
 from eclsim.gas.transport import Drainage, Flows, HeldBlood, Mixtures, balanced, mixtures
 
 PATIENT = "patient"
+LAW = "severinghaus1979"
+"""Law of the blood."""
 SAMPLE_SITES = ("sart", "upper", "lower", "pas")
 """Compartments, if present in a circuit, whose blood gases are results."""
 GASES = ("PO2", "PCO2", "pH", "SO2", "oxygen", "carbon_dioxide")
@@ -196,18 +198,18 @@ def transport_of(circuit: Circuit, exchanges: bool = True) -> Circuit:
     return Circuit(stores, paths, exchanges=circuit.exchanges if exchanges else ()).canonical
 
 
-def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = False) -> GasFunction:
-    """Gas state of a circuit with exchanges by a law of the blood: steady, or after a step in time.
+def gas_of(circuit: Circuit, in_time: bool = False) -> GasFunction:
+    """Gas state of a circuit with exchanges: steady, or after a step in time.
 
     In a step in time, compartments hold blood and lungs hold gas. Other exchangers (membranes, and tissues
     apart from stores that may hold their PCO2) hold nothing and respond at once to the blood that reaches
     them.
     """
-    return _gas_of(transport_of(circuit), law, in_time)
+    return _gas_of(transport_of(circuit), in_time)
 
 
 @lru_cache(maxsize=64)
-def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
+def _gas_of(circuit: Circuit, in_time: bool) -> GasFunction:
     exchanges, names = gas_exchanges(circuit), tuple(c.name for c in circuit.connections)
     laws = [e.component for e in exchanges if isinstance(e.component, GasExchanger)]
     of_exchanges = [n for e in exchanges for n in e.component.parameter_names()]
@@ -242,7 +244,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         mixed = mixtures(flows, at, drawn, held)
         lasting = mixtures(balanced(flows), at, drawn) if in_time else mixed
         known = None if given is None else _known(given[-len(unknowns) :], points)
-        state = solve(over_time, mixed, values, law, _shares(circuit, samples, mixed), known)
+        state = solve(over_time, mixed, values, LAW, _shares(circuit, samples, mixed), known)
         inside = [point for _, point in (*_entered(laws), *_alveoli(laws))]
         sampled = np.r_[points - len(samples) : points, inside].astype(int)
         gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
@@ -259,7 +261,7 @@ def _gas_of(circuit: Circuit, law: str, in_time: bool) -> GasFunction:
         unknowns_of_search = [] if in_time else [*state.pressure, state.ph, state.error[None]]
         return jnp.concatenate([jnp.where(valid, result, jnp.nan), status[None], *unknowns_of_search])
 
-    key = ("gas", circuit, law, in_time)
+    key = ("gas", circuit, LAW, in_time)
     without_search = None if in_time else compute
     return GasFunction(names, parameters, compute, key, without_search, (*quantities, STATUS, *unknowns))
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fit_mark import NOT_STUDIED, FitMark, with_mark
-from eclsim.cases.writing import case_text
+from eclsim.cases.reading import case_text
 from eclsim.devices.registry import digests_of_own_files
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text

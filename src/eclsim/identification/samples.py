@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.cases.cohort_rows import read_table
+from eclsim.cases.cohort import read_table
 from eclsim.cases.fit_mark import DOUBTS, POSTERIOR
 from eclsim.cases.quantities import quantity
 from eclsim.devices.registry import parameters

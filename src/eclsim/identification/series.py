@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from eclsim.arguments import WholeNumber
-from eclsim.cases.cohort_rows import when
+from eclsim.cases.cohort import when
 from eclsim.cases.quantities import with_values
 from eclsim.identification.quantities import BOUNDS, OUTPUTS, possible_range, unit_of
 from eclsim.identification.settings import (

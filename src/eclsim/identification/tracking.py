@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from eclsim.arguments import FiniteNumber, Kind, WholeNumber, check_fields, number_of
-from eclsim.cases.cohort_rows import plain_id
+from eclsim.cases.cohort import plain_id
 from eclsim.identification.density import (
     Gaussian,
     NoSteadyBeatError,

@@ -152,8 +152,8 @@ def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
             as there are no numbers to repeat.
         policy: blood volume policy of the computation; by default the case's.
     """
+    from eclsim.cases.reading import as_file
     from eclsim.cases.sections import POLICY_KEY
-    from eclsim.cases.writing import as_file
 
     if case.as_written is not None and not case.targets() and not case.at_rest().targets():
         case = case.with_set_points(values_of(case))

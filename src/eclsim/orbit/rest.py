@@ -21,8 +21,7 @@ from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.regulation import SET_POINT, VENOUS_SET_POINT
 from eclsim.regulation.attach import RIGHT_ATRIUM
-from eclsim.regulation.hypoxia import LUNG_SETTINGS, lung_resistance
-from eclsim.regulation.oxygen import venous_content
+from eclsim.regulation.oxygen import LUNG_SETTINGS, lung_resistance, venous_content
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

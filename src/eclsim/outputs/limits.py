@@ -169,15 +169,14 @@ def backward_flow_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
     return tuple(limit for limit in bounds if limit.kind == "alarm" and -0.1 < limit.value <= 0.0)
 
 
-def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
+def level(quantity: str, value: float) -> str:
     """Level of a value with respect to the limits of its output: "ok", "warning", "alarm" or "collapse".
 
     Args:
         quantity: name of the output.
         value: value in the output's unit.
-        outputs: names of all outputs of the circuit.
     """
-    return next((limit.kind for limit in limits_of(quantity, outputs) if limit.broken_by(value)), "ok")
+    return next((limit.kind for limit in limits_of(quantity) if limit.broken_by(value)), "ok")
 
 
 def levels(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES) -> dict[str, str]:

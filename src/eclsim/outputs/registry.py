@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any, cast
 
-from eclsim.circuit.network import HEART_RATE, Circuit
+from eclsim.circuit.network import HEART_RATE
 from eclsim.devices.description import (
     GASES,
     BeatMeasures,
-    Law,
     Numbers,
     Output,
     highest,
@@ -23,7 +23,9 @@ from eclsim.devices.device import Naming
 from eclsim.devices.registry import DeviceError, cached_by_devices, devices, named_output, namings
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED, in_effect
+from eclsim.parameters import regulation as keys
 from eclsim.parameters.dialysed_drug import SIEVING
+from eclsim.parameters.fluid import SOLUTES
 from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
 
@@ -208,65 +210,38 @@ _MORE = (
 )  # fmt: skip
 
 
+_NAMED_BY = {
+    **dict.fromkeys(("mean", "maximum", "minimum", "at_start"), ("signal",)),
+    **dict.fromkeys(("maximum_before", "maximum_after"), ("signal", "parameter")),
+    **dict.fromkeys(("largest_ratio", "loop_area"), ("signal", "signal")),
+    **dict.fromkeys(("forward", "backward", "effective"), ("place",)),
+    "parameter": ("parameter",),
+    "gas": ("", "", "place"),
+}
+"""Kinds of the names that a measure of a beat takes first; the others take none of a device."""
+
+
 class _RenamedMeasures:
     """The measures of a beat under the names of a device, converted to those of one instance."""
 
     def __init__(self, measures: BeatMeasures, names: Naming):
         self._measures, self._names = measures, names
 
-    def mean(self, name: str) -> Numbers:
-        return self._measures.mean(self._names.signal(name))
+    def __getattr__(self, measure: str) -> Any:
+        method, kinds = getattr(self._measures, measure), _NAMED_BY.get(measure)
+        if kinds is None:
+            return method
 
-    def maximum(self, name: str) -> Numbers:
-        return self._measures.maximum(self._names.signal(name))
+        def renamed(*given: Any) -> Numbers:
+            pairs = zip(kinds, given, strict=False)
+            converted = (getattr(self._names, kind)(x) if kind else x for kind, x in pairs)
+            return method(*converted, *given[len(kinds) :])
 
-    def maximum_before(self, name: str, phase: str) -> Numbers:
-        return self._measures.maximum_before(self._names.signal(name), self._names.parameter(phase))
-
-    def maximum_after(self, name: str, phase: str) -> Numbers:
-        return self._measures.maximum_after(self._names.signal(name), self._names.parameter(phase))
-
-    def minimum(self, name: str) -> Numbers:
-        return self._measures.minimum(self._names.signal(name))
-
-    def at_start(self, name: str) -> Numbers:
-        return self._measures.at_start(self._names.signal(name))
-
-    def largest_ratio(self, above: str, below: str) -> Numbers:
-        return self._measures.largest_ratio(self._names.signal(above), self._names.signal(below))
-
-    def loop_area(self, pressure: str, volume: str) -> Numbers:
-        return self._measures.loop_area(self._names.signal(pressure), self._names.signal(volume))
-
-    def forward(self, connection: str) -> Numbers:
-        return self._measures.forward(self._names.place(connection))
-
-    def backward(self, connection: str) -> Numbers:
-        return self._measures.backward(self._names.place(connection))
-
-    def parameter(self, name: str) -> Numbers:
-        return self._measures.parameter(self._names.parameter(name))
-
-    def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]:
-        return self._measures.apply(function, numbers)
-
-    def gas(self, what: str, where: str, place: str) -> Numbers:
-        return self._measures.gas(what, where, self._names.place(place))
-
-    def effective(
-        self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
-    ) -> Sequence[Numbers]:
-        return self._measures.effective(self._names.place(at), clearances, water)
-
-    def native(self, artery: str) -> Numbers:
-        return self._measures.native(artery)
+        return renamed
 
     def cached(self, key: tuple[str, ...], measure: Callable[[], Numbers]) -> Numbers:
+        """Return a measure under a key of this instance."""
         return self._measures.cached((self._names.key, *key), measure)
-
-    @property
-    def circuit(self) -> Circuit:
-        return self._measures.circuit
 
 
 @lru_cache(maxsize=1024)
@@ -286,7 +261,7 @@ def _of_instance(entry: Output, names: Naming) -> Output:
         extremes=tuple(map(names.signal, entry.extremes)),
         parameters=tuple(map(names.parameter, entry.parameters)),
         read_at=entry.read_at and names.signal(entry.read_at),
-        compute=lambda measures: entry.compute(_RenamedMeasures(measures, names)),
+        compute=lambda measures: entry.compute(cast("BeatMeasures", _RenamedMeasures(measures, names))),
     )
 
 
@@ -369,14 +344,25 @@ def listed_as(name: str) -> str:
     return first_name(name if known is None else known[1].name)
 
 
-_SECTION_OF_OUTPUT = (
-    ("[physiology] regional = true", {s for entry in _REGIONS for s in entry.needs}),
-    ("[physiology] bronchial_fraction", {"Qbronchial"}),
-    ("[gas]", {GASES}),
+_REFLEX = "[regulation] baroreflex or chemoreflex"
+PARTS = (
+    ("[gas]", {GASES, keys.LUNG_RESISTANCE}),
     ("[dialysed_drug]", {SIEVING}),
-    ("[regulation], [drugs] or [fluid]", {s for entry in REGULATED for s in entry.parameters} - {GASES}),
+    ("[solutes]", {f"{SOLUTES}.{bed}tissue_pco2_mmHg" for bed in ("", "upper_", "lower_")}),
+    ("[physiology] regional = true", {*(s for one in _REGIONS for s in one.needs), "Vtsvc", "Vtivc"}),
+    ("no [physiology] regional", {"Qsart", "Psvn", "Vtvc"}),
+    ("[physiology] bronchial_fraction", {"Qbronchial"}),
+    ("[physiology] collapsible_veins = true", {"Vtvc", "Vtsvc", "Vtivc"}),
+    ("[physiology] pericardium = true", {"Ppericardium"}),
+    (f"{_REFLEX}, [drugs] or [fluid]", {keys.UNSTRESSED}),
+    (_REFLEX, {keys.GAIN}),
+    (
+        "[regulation] hypoxic_vasodilation or carbon_dioxide_response",
+        set(map(keys.local_resistance, keys.BEDS)),
+    ),
+    ("[regulation] hypoxic_vasoconstriction", {keys.LUNG_RESISTANCE}),
 )
-"""Parts of a case file, and the waveforms or parameters of outputs that only these parts provide."""
+"""Parts of a case file of the patient, and the waveforms and parameters of outputs that only they provide."""
 
 
 def unavailable(name: str, names: Collection[str]) -> str:
@@ -393,7 +379,7 @@ def unavailable(name: str, names: Collection[str]) -> str:
     if entry is None:
         return spelling_hint(name, names)
     read, had = _reads([entry]), _reads(map(output, names))
-    missing = [section for section, brings in _SECTION_OF_OUTPUT if read & brings and not had & brings]
+    missing = [section for section, brings in PARTS if read & brings and not had & brings]
     known = named_output(name)
     if known is not None and not any(known[0].output(o.name) in names for o in known[0].device.outputs):
         missing.insert(0, f"[{known[0].key}]")

@@ -107,7 +107,7 @@ def _local(bed: str) -> Callable[[BeatMeasures], Numbers]:
 
 
 def _lung(m: BeatMeasures) -> Numbers:
-    from eclsim.regulation.hypoxia import LUNG_SETTINGS, lung_law
+    from eclsim.regulation.oxygen import LUNG_SETTINGS, lung_law
 
     gases = [m.gas("PO2", "in", "pas"), *(m.gas(what, "at", "part") for what in ("gained", "gained_co2"))]
     settings = map(m.parameter, (*LUNG_SETTINGS, keys.HYPOXIA, keys.LUNG_AT_REST))

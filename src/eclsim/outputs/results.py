@@ -27,8 +27,8 @@ from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch, SolvedOrbits, start_state
 from eclsim.outputs.alarms import Finding, findings, gravest_first, impossible, marks, sentences
+from eclsim.outputs.gas import recirculation
 from eclsim.outputs.measures import Measures
-from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import leading_outputs, output
 from eclsim.outputs.regulation import REFLEX_USE, corner_at_set_point
 from eclsim.outputs.second_beat import findings_of_second_beat

@@ -39,33 +39,29 @@ DISPLACED_ML, STAYING_BEATS = 1.0, (20, 200)
 """Blood moved to test whether a beat is stable, and numbers of beats after which its way back is compared."""
 
 
-def _always() -> bool:
-    return True
-
-
-def second_beat(beat: SteadyBeat, member: int = 0, wanted: Callable[[], bool] = _always) -> SteadyBeat | None:
-    """Return another stable steady beat of a member at the same values; None if none was found.
+def second_beat(beat: SteadyBeat, wanted: Callable[[], bool] = lambda: True) -> SteadyBeat | None:
+    """Return another stable steady beat of the first member at the same values; None if none was found.
 
     It is sought only for a unique beat of a circuit with collapsible veins and a pump, without parameters
     that are solved for together with gases and without trapped blood. None does not prove that there is no
     other.
 
     Args:
-        beat: steady beats.
-        member: number of the member.
+        beat: steady beats, of which the first is asked for.
         wanted: returns whether the result is still needed; called between steps. If not, None is returned.
     """
-    if member in beat.trapped:
+    if 0 in beat.trapped:
         return None
-    batch = beat.batch.take(np.array([member]))
+    batch = beat.batch.take(np.array([0]))
     assembly = assemble(batch.circuit)
-    program = beat_program(batch.circuit, int(beat.orbits.resolution[member]))
+    resolution = int(beat.orbits.resolution[0])
+    program = beat_program(batch.circuit, resolution)
     pumps = [k for k, name in enumerate(program.names) if name.rpartition(".")[2] in PUMP_SETTINGS]
-    if not (assembly.narrowing and pumps and beat.determined[member] and "PF" in beat.names) or beat.coupled:
+    if not (assembly.narrowing and pumps and beat.determined[0] and "PF" in beat.names) or beat.coupled:
         return None
     problem = OrbitProblem(program, batch.packed(program), batch.volume())
-    search, found = compiled_search(program, 1), beat.orbits.states[:, [member]]
-    emptiest = min((float(beat.output(name)[member]) for name in FILLINGS if name in beat.names), default=0.0)
+    search, found = compiled_search(program, 1), beat.orbits.states[:, [0]]
+    emptiest = min((float(beat.output(name)[0]) for name in FILLINGS if name in beat.names), default=0.0)
     if emptiest > FULL_PERCENT:
         return None
     for factor in (FASTER, SLOWER) if emptiest < COLLAPSED_PERCENT else (FASTER,):
@@ -83,26 +79,24 @@ def second_beat(beat: SteadyBeat, member: int = 0, wanted: Callable[[], bool] = 
         if orbits.status[0] != Status.CONVERGED:
             continue
         there = Anchor(orbits.states, inverse[..., None])
-        other = steady_beat(batch, beat.names, start=there, resolution=int(beat.orbits.resolution[member]))
+        other = steady_beat(batch, beat.names, start=there, resolution=resolution)
         if not wanted():
             return None
-        if _differs(beat, other, member) and _is_stable(
-            search, problem, other.orbits.states, assembly.narrowing
-        ):
+        if _differs(beat, other) and _is_stable(search, problem, other.orbits.states, assembly.narrowing):
             return other
     return None
 
 
-def findings_of_second_beat(beat: SteadyBeat, member: int = 0) -> list[Finding]:
-    """Return a caution if a member has a second steady beat at the same values, with the flows of both."""
-    other = second_beat(beat, member)
-    return [] if other is None else [caution_of_two(beat, other, member)]
+def findings_of_second_beat(beat: SteadyBeat) -> list[Finding]:
+    """Return a caution, with the flows of both, if the first member has a second steady beat."""
+    other = second_beat(beat)
+    return [] if other is None else [caution_of_two(beat, other)]
 
 
-def caution_of_two(beat: SteadyBeat, other: SteadyBeat, member: int = 0) -> Finding:
-    """Return the caution on a member that has another steady beat at the same values."""
-    flow = float(beat.output("PF")[member])
-    parts = [flows_in_words(beat, member), flows_in_words(other, 0)]
+def caution_of_two(beat: SteadyBeat, other: SteadyBeat) -> Finding:
+    """Return the caution on a patient who has another steady beat at the same values."""
+    flow = float(beat.output("PF")[0])
+    parts = [flows_in_words(beat), flows_in_words(other)]
     sentence = (
         "this patient has two steady beats at the same settings, since veins collapse: "
         f"{parts[0]} (shown), and {parts[1]}. Which of them lasts depends on what came before: a vein may "
@@ -112,9 +106,9 @@ def caution_of_two(beat: SteadyBeat, other: SteadyBeat, member: int = 0) -> Find
     return Finding.without_limit(CAUTION, "PF", flow, sentence, "PF", "CO", "MAP")
 
 
-def flows_in_words(beat: SteadyBeat, member: int) -> str:
+def flows_in_words(beat: SteadyBeat) -> str:
     """Return flows, suction, and filling of the emptiest vein of a beat as text."""
-    by_name = beat.outputs(member)
+    by_name = beat.outputs()
     fillings = [by_name[name] for name in FILLINGS if name in by_name]
     native = f", CO {by_name['CO']:.2f}" if "CO" in by_name else ""
     suction = f", drainage down to {by_name[SUCTION]:.0f} mmHg" if SUCTION in by_name else ""
@@ -122,11 +116,11 @@ def flows_in_words(beat: SteadyBeat, member: int) -> str:
     return f"PF {by_name['PF']:.2f}{native} L/min{suction}{filling}"
 
 
-def _differs(beat: SteadyBeat, other: SteadyBeat, member: int) -> bool:
+def _differs(beat: SteadyBeat, other: SteadyBeat) -> bool:
     """Whether another beat is unique and its pump flow differs."""
     if not other.determined[0]:
         return False
-    one, two = float(beat.output("PF")[member]), float(other.output("PF")[0])
+    one, two = float(beat.output("PF")[0]), float(other.output("PF")[0])
     return abs(one - two) > SAME_FLOW_SHARE * max(abs(one), abs(two))
 
 

@@ -58,10 +58,8 @@ class EffectLaw:
         return jnp.stack([jnp.asarray(acted[name]) for name in self.wanted])
 
 
-@lru_cache(maxsize=64)
-def effect_law(controls: tuple[Control, ...], parameters: tuple[str, ...]) -> EffectLaw:
-    """The law of given controllers; the same object each time, as compiled programs are cached by it."""
-    return EffectLaw(controls, parameters)
+effect_law = lru_cache(maxsize=64)(EffectLaw)
+"""The law of given controllers; the same object each time, as compiled programs are cached by it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,18 +71,11 @@ VAGAL = (0.59, 0.70, 1.0)
 """Onset, peak and end of the vagal branch of the period [s]."""
 
 
-def arterial_error(deviation: Number) -> Number:
-    """Effective deviation of arterial pressure from its set point [mmHg]."""
-    return ARTERIAL_SCALE * jnp.arctan(deviation / ARTERIAL_SCALE)
-
-
-def venous_error(deviation: Number) -> Number:
-    """Effective deviation of right atrial pressure from its set point [mmHg]."""
-    return VENOUS_SCALE * jnp.arctan(deviation / VENOUS_SCALE)
-
-
 def _drives(deviations: Sequence[Number]) -> list[Number]:
-    arterial, venous = arterial_error(deviations[0]), venous_error(deviations[1])
+    arterial, venous = (
+        scale * jnp.arctan(deviation / scale)
+        for deviation, scale in zip(deviations, (ARTERIAL_SCALE, VENOUS_SCALE), strict=True)
+    )
     return [arterial, arterial, venous, arterial, venous, arterial, arterial]
 
 

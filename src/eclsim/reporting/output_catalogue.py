@@ -5,35 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from eclsim.devices.description import GASES
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, named_output
-from eclsim.outputs.registry import Output, all_outputs, output
-from eclsim.parameters import dialysed_drug
-from eclsim.parameters import regulation as keys
-from eclsim.parameters.fluid import SOLUTES
+from eclsim.outputs.registry import PARTS, Output, all_outputs, output
 from eclsim.reporting.beat_values import naming_at, place_label_of
 
 EVERY_CASE = "every case"
-_REGIONS, _NO_REGIONS = "[physiology] regional = true", "no [physiology] regional"
-_VEINS = "[physiology] collapsible_veins = true"
-_REFLEX = "[regulation] baroreflex or chemoreflex"
-_LOCAL = "[regulation] hypoxic_vasodilation or carbon_dioxide_response"
-_PARTS = (
-    ("[gas]", (GASES, keys.LUNG_RESISTANCE)),
-    ("[dialysed_drug]", (dialysed_drug.SIEVING,)),
-    ("[solutes]", tuple(f"{SOLUTES}.{bed}tissue_pco2_mmHg" for bed in ("", "upper_", "lower_"))),
-    (_REGIONS, ("Qupper", "Qlower", "Pupper", "Plower", "Psvc", "Pivc", "Qarchupper", "Vtsvc", "Vtivc")),
-    (_NO_REGIONS, ("Qsart", "Psvn", "Vtvc")),
-    ("[physiology] bronchial_fraction", ("Qbronchial",)),
-    (_VEINS, ("Vtvc", "Vtsvc", "Vtivc")),
-    ("[physiology] pericardium = true", ("Ppericardium",)),
-    (f"{_REFLEX}, [drugs] or [fluid]", (keys.UNSTRESSED,)),
-    (_REFLEX, (keys.GAIN,)),
-    (_LOCAL, tuple(map(keys.local_resistance, keys.BEDS))),
-    ("[regulation] hypoxic_vasoconstriction", (keys.LUNG_RESISTANCE,)),
-)
-"""Parts of a case file of the patient, and the waveforms and parameters of outputs that only they provide."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +84,6 @@ def _needed_parts(entry: Output) -> Iterable[str]:
             if read & {naming.signal(brings), naming.parameter(brings)}
         ]
         yield " ".join([f"[{naming.key}]", *optional])
-    for part, brings in _PARTS:
+    for part, brings in PARTS:
         if not read.isdisjoint(brings):
             yield part
