@@ -308,7 +308,7 @@ def test_settings_take_numbers_of_other_libraries_and_refuse_mistakes_at_once():
     settings = eclsim.FitSettings(("Rmc",), bounds=bounds)
     bounds.clear()
     assert json.loads(json.dumps(settings.as_object()))["bounds"] == {"Rmc": [0.25, 2.0]}
-    with pytest.raises(ValueError, match="prior = 'x': allowed: log-uniform, log-normal"):
+    with pytest.raises(ValueError, match='prior = "x"; allowed: log-uniform, log-normal'):
         eclsim.TrackSettings(prior="x")  # pyright: ignore[reportArgumentType]
     with pytest.raises(TypeError, match=r'po2 = "90": a text; allowed: a number'):
         blood.gases(po2="90", pco2=40.0)  # pyright: ignore[reportArgumentType]

@@ -22,7 +22,7 @@ from eclsim.execution import (
     threads,
     using_threads,
 )
-from eclsim.execution.cluster import _client
+from eclsim.execution.distribution import _client
 
 
 @dataclass(frozen=True)

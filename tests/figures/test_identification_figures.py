@@ -70,10 +70,11 @@ def test_slices_mark_the_optimum_and_where_there_is_no_heartbeat(tmp_path):
     values = np.tile(np.logspace(-1, 1, 5), (4, 1))
     costs = np.ones((4, 5))
     costs[1, 0] = np.nan
-    result = SimpleNamespace(names=tuple("abcd"), values=values, costs=costs, optimum=np.ones(4), cost=0.5)
-    fig = plot_slices(result, {"a": "mmHg"})
+    names = ("Rmc", "b", "c", "d")
+    result = SimpleNamespace(names=names, values=values, costs=costs, optimum=np.ones(4), cost=0.5)
+    fig = plot_slices(result)
     assert len(fig.axes) == 4
-    assert fig.axes[0].get_xlabel() == "a [mmHg]"
+    assert [axes.get_xlabel() for axes in fig.axes] == ["Rmc [mmHg s/mL]", "b", "c", "d"]
     assert fig.axes[0].lines[1].get_xydata().tolist() == [[1.0, 0.5]]
     assert [len(axes.lines) for axes in fig.axes] == [2, 3, 2, 2]
     assert not fig.axes[1].lines[2].get_clip_on()  # a cross at the edge of its axes is drawn whole
@@ -86,7 +87,7 @@ def test_profiles_show_the_limit_of_the_interval():
     values = np.tile(np.logspace(-1, 1, 5), (2, 1))
     costs = np.array([[9.0, 3.0, 2.0, 3.0, 9.0], [2.0, 2.0, 2.0, 2.0, 2.0]])
     result = SimpleNamespace(names=("a", "b"), values=values, costs=costs, optimum=np.ones(2), cost=2.0)
-    fig = plot_profiles(result, result, {}, 2.7)
+    fig = plot_profiles(result, result, 2.7)
     for axes in fig.axes:
         (limit,) = (line for line in axes.lines if line.get_label() == "limit of the 90 % interval")
         assert limit.get_ydata() == pytest.approx([4.7, 4.7])

@@ -20,7 +20,7 @@ from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.files import fits_object, write_fit_figures, write_fits, write_fitted_case
 from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, checked_by_simulation, fit_cases
 from eclsim.identification.fit import fit as fit_case
-from eclsim.identification.multi_start import FitStatus, MultiStart, optimum_without_fit
+from eclsim.identification.multi_start import Exploration, FitStatus, MultiStart, optimum_without_fit
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.profiles import with_profiles
 from eclsim.identification.report import fits_text
@@ -118,11 +118,11 @@ def test_a_poor_fit_at_a_bound_says_that_alone(twin):
 
 def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determine(twin):
     fit = fit_case(twin, settings=replace(QUICK, weights="uncertainty"))
-    judged, profiled = with_profiles(fit)
+    judged, _ = with_profiles(fit)
     assert judged.verdict.level == "good"
     for name, p in judged.parameters.items():
         assert p.identifiable
-        lower, upper = profiled.intervals[name]
+        lower, upper = judged.profile[name]
         assert np.log(lower) == pytest.approx(np.log(p.lower), abs=0.15 * np.log(p.upper / p.lower))
         assert np.log(upper) == pytest.approx(np.log(p.upper), abs=0.15 * np.log(p.upper / p.lower))
         assert judged.as_object()["parameters"][name]["profile"] == [lower, upper]
@@ -301,7 +301,7 @@ def test_a_point_whose_fit_breaks_off_stops_no_other(points, tmp_path, monkeypat
 
 
 def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monkeypatch):
-    nothing = optimum_without_fit(2, 6, FitStatus.NO_STEADY_BEAT, (20, 20, 0, 0))
+    nothing = optimum_without_fit(2, 6, FitStatus.NO_STEADY_BEAT, Exploration(20, 20, 0, 0))
     monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
     (result,) = fitted(points[:1], tmp_path)
     assert result["status"] == "no_steady_beat"
@@ -327,7 +327,7 @@ def test_where_valves_stay_shut_at_all_explored_sets_the_fit_says_so(shut):
     settings = replace(QUICK, parameters=("Emaxlv",), bounds={"Emaxlv": (0.08, 0.18)})
     fit = fit_case(shut, settings=settings)
     assert fit.status is FitStatus.ONE_OF_MANY
-    assert fit.optimum.explored_one_of_many == fit.optimum.explored
+    assert fit.optimum.explored.one_of_many == fit.optimum.explored.points
     assert fit.verdict.level is Level.POOR
     assert "valves stay shut throughout the beat" in fit.verdict.reasons[0].sentence
     point = fits_object([fit.as_object()], settings.as_object())["points"][0]
@@ -464,7 +464,7 @@ def test_a_profile_finds_the_valley_that_no_start_of_the_search_ended_in():
     search = MultiStart.quick(24)
     found = fit_case(case, settings=FitSettings(tuple(BOUNDS), weights="uncertainty", multi_start=search))
     assert found.parameters["Csart"].upper < 2.0
-    judged, profiled = with_profiles(found)
-    assert profiled.intervals["Csart"][1] > 7.0
+    judged, _ = with_profiles(found)
+    assert judged.profile["Csart"][1] > 7.0
     assert not judged.parameters["Csart"].identifiable
     assert judged.parameters["Csart"].reason

@@ -29,7 +29,7 @@ def test_an_output_that_held_parameters_carry_is_left_open_as_far_as_the_measure
     at = derivatives(case, ("MAP", "CO"), ("Rmc", "Emaxlv"))["value"].to_numpy()
     found = undetermined_outputs(case, FREE, {"MAP": at[0]}, {"MAP": 2.0}, "as_published")
     assert found is not None
-    assert found.held == ("Emaxlv",)
+    assert found.why == "compensates for errors in Emaxlv, which is held"
     assert "Emaxlv is held at the usual value" in found.sentence
     ends = [
         flow

@@ -158,7 +158,7 @@ def test_points_are_fitted_as_if_alone():
 def test_nothing_to_start_from_is_a_status():
     (result,) = identify(FunctionObjective(lambda x: np.full_like(x, np.nan)), box(-1, 1), MultiStart(20))
     assert result.status == "no_steady_beat"
-    assert result.explored_without_beat == result.explored == 40
+    assert result.explored.without_beat == result.explored.points == 40
     assert "steady heartbeat" in result.status.message
 
 

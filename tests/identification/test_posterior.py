@@ -15,7 +15,7 @@ from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import Gas
 from eclsim.execution import using_threads
 from eclsim.identification.density import Prior
-from eclsim.identification.draws import away_from_fit, piled_up
+from eclsim.identification.draws import away_from_fit, doubts_of, piled_up, read_samples
 from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case
@@ -24,7 +24,6 @@ from eclsim.identification.nuts import MissingPackageError
 from eclsim.identification.objective import Box
 from eclsim.identification.posterior import PosteriorSettings, _predict_all, posterior, predict
 from eclsim.identification.report import posterior_text
-from eclsim.identification.samples import doubts_of, read_samples
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.inputs.mistakes import CaseError
@@ -284,7 +283,7 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     first, second = result.predictions
     few, many = replace(second, without_beat=0.004), replace(second, without_beat=0.05)
     assert not few.doubts
-    assert many.draws_without_beat == 50
+    assert many.number(many.without_beat) == 50
     doubted = replace(result, predictions=(first, many))
     table = posterior_text(doubted.as_object())
     assert [text.get_text() for text in plot_predictive(doubted).axes[0].get_yticklabels()] == [
@@ -319,22 +318,18 @@ def test_draws_that_no_patient_can_have_are_counted_and_in_no_interval():
     prediction = predict(model, draws, ("MAP",), "ecmo.speed_rpm=5500")
     beats = simulate_many(model, draws, ["MAP"])
     impossible = (beats["impossible"] == 1).to_numpy()
-    assert 0 < prediction.draws_impossible < 7
+    number, lost = (prediction.number(share) for share in (prediction.impossible, prediction.without_beat))
+    assert 0 < number < 7
     assert np.isnan(prediction.values[impossible]).all()
-    assert (
-        np.isfinite(prediction.values).sum()
-        == 7 - prediction.draws_impossible - prediction.draws_without_beat
-    )
-    assert f"{prediction.draws_impossible} of 7 draws are beats that no patient can have" in " ".join(
-        prediction.doubts
-    )
+    assert np.isfinite(prediction.values).sum() == 7 - number - lost
+    assert f"{number} of 7 draws are beats that no patient can have" in " ".join(prediction.doubts)
 
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"method": "NUTS"}, "method = 'NUTS': allowed: nuts, "),
-        ({"prior": "flat"}, "prior = 'flat': allowed: log-un"),
+        ({"method": "NUTS"}, 'method = "NUTS"; allowed: nuts, '),
+        ({"prior": "flat"}, 'prior = "flat"; allowed: log-un'),
     ],
 )
 def test_a_method_or_prior_that_there_is_not_is_refused(wrong, said):

@@ -9,7 +9,7 @@ import xarray as xr
 
 from eclsim.cases.case import Case, Patient
 from eclsim.cases.regulation import Regulation
-from eclsim.identification.samples import MOST_SAMPLES, SamplesError, doubts_of, read_samples, write_samples
+from eclsim.identification.draws import MOST_SAMPLES, SamplesError, doubts_of, read_samples, write_samples
 
 
 def test_samples_are_read_and_thinned(tmp_path):

@@ -15,9 +15,8 @@ from eclsim.files import whole_file
 from eclsim.sensitivity import runs as runs_module
 from eclsim.sensitivity.analysis import Analysis, SobolSettings, merge_shards, run_analysis, sensitivity
 from eclsim.sensitivity.design import Design
-from eclsim.sensitivity.failures import failed_region
 from eclsim.sensitivity.inputs import Categorical, Continuous
-from eclsim.sensitivity.results import SensitivityResult, indices_of_runs
+from eclsim.sensitivity.results import SensitivityResult, failed_region, indices_of_runs
 from eclsim.sensitivity.runs import DESIGN, SAMPLES, Runs, SteadyBeatEvaluator
 from eclsim.simulation.single import simulate_many
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model

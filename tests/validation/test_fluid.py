@@ -9,8 +9,8 @@ from eclsim.fluid.law import GIVEN, REMOVED
 from eclsim.regulation.attach import REFLEXES
 from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
 from eclsim.regulation.ursino1998 import URSINO_1998
-from eclsim.validation import bleeding, boluses, fluid, protein, refill
-from eclsim.validation.cardiopulmonary import joined
+from eclsim.validation import bleeding, boluses, fluid, refill
+from eclsim.validation.matching import joined
 
 
 @pytest.mark.slow
@@ -86,7 +86,7 @@ def test_refill_is_between_what_was_measured_by_haemoglobin_and_by_carbon_monoxi
 
 @pytest.mark.slow
 def test_protein_leaves_and_returns_as_measured_but_for_a_large_loss_of_blood():
-    check = protein.protein_check()
+    check = refill.protein_check()
     assert not check.required
     assert all(row.source for row in check.rows)
     assert [row.name.split(" ")[0] for row in check.rows if "(fit)" in row.name] == ["protein", "two"]

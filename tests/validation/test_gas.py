@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from eclsim.validation import gas, recirculation
+from eclsim.validation import gas, gas_bench
 from eclsim.validation.gas_bench import single_pass, veno_venous
 from eclsim.validation.reference_cases import DATA
 
@@ -20,7 +20,7 @@ def rows():
 def _bench_and_loss_of_blood_are_computed_once():
     """Numbers of their own that the whole check has, too."""
     with pytest.MonkeyPatch.context() as patch:
-        for module, name in ((gas, "_oxygenators"), (recirculation, "_loss_of_blood")):
+        for module, name in ((gas, "_oxygenators"), (gas_bench, "_loss_of_blood")):
             patch.setattr(module, name, cache(getattr(module, name)))
         yield
 
@@ -91,7 +91,7 @@ def test_all_fits_are_met_and_what_misses_has_a_reason():
 
 @pytest.mark.slow
 def test_recirculation_in_the_whole_circulation_is_that_of_the_mixed_blood():
-    beats = recirculation.beats(flow=[2.0, 4.0, 6.0], mixing=[0.2, 0.5, 1.0])
+    beats = gas_bench.beats(flow=[2.0, 4.0, 6.0], mixing=[0.2, 0.5, 1.0])
     drained = np.array([0.2, 0.5, 1.0]) * [2.0, 4.0, 6.0]
     expected = drained / (beats["CO"].values + drained)
     assert beats["recirculation_fraction"].values == pytest.approx(expected, rel=1e-5)
@@ -99,7 +99,7 @@ def test_recirculation_in_the_whole_circulation_is_that_of_the_mixed_blood():
 
 @pytest.mark.slow
 def test_blood_lost_on_vv_ecmo_recirculates_more_and_leaves_the_drainage_pressure():
-    numbers = recirculation._loss_of_blood()
+    numbers = gas_bench._loss_of_blood()
     assert numbers["bled"] > 20.0
     assert numbers["given back"] < -20.0
     assert abs(numbers["bled drainage"]) < 2.0

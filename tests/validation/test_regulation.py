@@ -3,7 +3,7 @@
 import pytest
 
 from eclsim.outputs.results import simulate
-from eclsim.validation import hypercapnia, regulation
+from eclsim.validation import regulation, ventilation
 from eclsim.validation.matching import UnreachableError, with_outputs
 
 
@@ -34,7 +34,7 @@ def test_with_filling_held_all_signs_of_the_left_ventricle_are_measured_ones():
 @pytest.mark.slow
 def test_nerves_that_answer_to_carbon_dioxide_have_the_wrong_signs_in_red_rows():
     """With the answer measured in patients in their place all but one are right."""
-    rows = {row.name.removeprefix("hypercapnia, "): row for row in hypercapnia.healthy_rows()}
+    rows = {row.name.removeprefix("hypercapnia, "): row for row in ventilation.healthy_rows()}
     wrong = {name for name, row in rows.items() if not row.holds}
     assert {
         f"chemoreflex: {of}: sign" for of in ("systemic resistance", "mean pulmonary artery pressure")
@@ -50,7 +50,7 @@ def test_nerves_that_answer_to_carbon_dioxide_have_the_wrong_signs_in_red_rows()
 
 @pytest.mark.slow
 def test_patients_whose_carbon_dioxide_rises_answer_as_measured():
-    rows = list(hypercapnia.patient_rows())
+    rows = list(ventilation.patient_rows())
     assert [row.name for row in rows if not row.holds] == []
     assert sum("(fit)" in row.name for row in rows) == 1
     assert len(rows) == 18

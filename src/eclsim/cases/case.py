@@ -146,6 +146,11 @@ class Case(PublishedDevices):
             k: label for instance in self.instances() for k, label in instance.site_words().items()
         } | patient
 
+    @property
+    def open_set_points(self) -> tuple[str, ...]:
+        """Parameters of the reflex set points that the case leaves open; none without reflexes."""
+        return () if self.regulation is None else self.regulation.open_set_points
+
     def at_rest(self) -> Case:
         """Return the case that open set points refer to: as written, without reflexes, [fluid] or events."""
         return (self.as_written or self).model_copy(

@@ -281,7 +281,7 @@ def _band(o: CourseOptions) -> bool:
     from eclsim.course import files
     from eclsim.course.band import band_object, course_band
     from eclsim.course.cohort import PRELOAD
-    from eclsim.identification.samples import doubts_of, read_samples
+    from eclsim.identification.draws import doubts_of, read_samples
 
     places, samples = _destinations(o), list[Mapping[str, Sequence[float]]]()
     places.mistakes += mistakes_in({"--posterior": lambda: samples.append(read_samples(o.posterior or ""))})

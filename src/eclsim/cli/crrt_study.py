@@ -173,7 +173,7 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
     """Return the JSON destination and the samples, after checking all options before any computation."""
     from eclsim.crrt_study import schemes as ways
     from eclsim.crrt_study.files import file_names
-    from eclsim.identification.samples import read_samples
+    from eclsim.identification.draws import read_samples
 
     samples: list[Mapping[str, Sequence[float]]] = []
     places = Destinations(force=o.force, inputs=[o.file, o.posterior])
@@ -196,7 +196,7 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
 def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[float]] | None) -> CrrtStudy:
     from eclsim.crrt_study.rule import RuleError
     from eclsim.crrt_study.study import crrt_study
-    from eclsim.identification.samples import doubts_of
+    from eclsim.identification.draws import doubts_of
 
     with refusing(RuleError, CaseError, at=o.posterior or o.file), Progress() as progress:
         study = crrt_study(case, **vars(_options(o)), samples=samples, progress=progress)

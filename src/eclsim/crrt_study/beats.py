@@ -82,7 +82,8 @@ class StudyCircuits:
             patient_volume_ml: stressed volume of the patient with `patient_held`; None takes the case's own.
             patients: parameters in which variants of the patient differ, each (variants,); all on one grid.
         """
-        values, places, patients = self._values(patient_volume_ml), self._places(), patients or {}
+        values, patients = self._values(patient_volume_ml), patients or {}
+        places = np.array([[self.nodes.index(n) for n in s.nodes] for s in self.schemes], dtype=float)
         variants = len(next(iter(patients.values()), [0.0]))
         per_scheme = len(speeds) * variants
         members = values | {
@@ -96,10 +97,6 @@ class StudyCircuits:
         finest = int(batch.resolutions().max()) if patients else None
         result = steady_beat(batch, waveforms=None, keep=keep, start=start, resolution=finest)
         return result.determined_only()
-
-    def _places(self) -> np.ndarray:
-        """Indices in `nodes` of access and return site, shape (schemes, 2)."""
-        return np.array([[self.nodes.index(node) for node in s.nodes] for s in self.schemes], dtype=float)
 
     def run_without(self, speeds: np.ndarray, policy: str) -> SteadyBeat:
         """Solve the steady beats of the patient on ECMO alone."""

@@ -265,16 +265,15 @@ def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
                 bool(min(most, default=0.0) == np.inf), _median(most) == np.inf,
             )
         )  # fmt: skip
-    return tuple(sorted(result, key=_order))
+
+    def order(one: SchemeSummary) -> tuple[float, ...]:
+        return -one.first, np.nan_to_num(one.median_rank, nan=np.inf), one.worst_rank or np.inf
+
+    return tuple(sorted(result, key=order))
 
 
 def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else np.nan
-
-
-def _order(summary: SchemeSummary) -> tuple[float, ...]:
-    median = np.inf if np.isnan(summary.median_rank) else summary.median_rank
-    return -summary.first, median, np.inf if summary.worst_rank is None else summary.worst_rank
 
 
 def conclusion(study: CohortStudy, policy: str) -> str:

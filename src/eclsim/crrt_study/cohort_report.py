@@ -152,6 +152,7 @@ def _figure(study: CohortStudy) -> Figure:
 
 def _page(study: CohortStudy, drawn: str) -> str:
     main, *others = study.policies
+    heads, numeric = _with_bound(_HEAD, study), range(2, len(_HEAD))
     answers = [f"Does one scheme win for all? {conclusion(study, main)}"]
     answers += [f"When the circuits are primed: {conclusion(study, policy)}" for policy in others]
     return render(
@@ -161,7 +162,9 @@ def _page(study: CohortStudy, drawn: str) -> str:
         schemes=len(study.schemes),
         answer=[*answers, _differences(study)],
         doubts=_doubts(study),
-        policy_summaries=[(POLICY_WORDS[policy], _schemes_table(study, policy)) for policy in study.policies],
+        policy_summaries=[
+            (POLICY_WORDS[p], Table(heads, _scheme_rows(study, p), numeric)) for p in study.policies
+        ],
         beats_missing=bool(study.unsettled),
         main=POLICY_WORDS[main],
         ranks=drawn,
@@ -170,10 +173,6 @@ def _page(study: CohortStudy, drawn: str) -> str:
         point_table=_points_table(study),
         parameters=study.fitted.description,
     )
-
-
-def _schemes_table(study: CohortStudy, policy: str) -> Table:
-    return Table(_with_bound(_HEAD, study), _scheme_rows(study, policy), numeric=range(2, len(_HEAD)))
 
 
 def _differences(study: CohortStudy) -> str:

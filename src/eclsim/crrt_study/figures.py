@@ -156,12 +156,6 @@ _PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
 
 def _finish_line(ax: Axes, line: str, ends: Ends, extremes: Extremes, rule_limits: tuple[Limit, ...]) -> None:
     """Add alarm limits, letters at the ends of the curves, and title to the panel of a line."""
-    _alarms(ax, line, rule_limits)
-    label_ends(ax, ends, extremes)
-    ax.set_title({"access": "c) Access line", "return": "d) Return line"}[line], loc="left")
-
-
-def _alarms(ax: Axes, line: str, rule_limits: tuple[Limit, ...]) -> None:
     bounds = {limit.name: (limit.low, limit.high) for limit in rule_limits}
     low, high = bounds[f"{line}_alarm"]
     limit_line(ax, high, f"high alarm {high:g}")
@@ -174,6 +168,8 @@ def _alarms(ax: Axes, line: str, rule_limits: tuple[Limit, ...]) -> None:
     bottom, top = min(bottom, *finite, np.inf), max(top, *finite, -np.inf)
     room = 0.10 * (top - bottom)
     ax.set_ylim(bottom - room, top + room)
+    label_ends(ax, ends, extremes)
+    ax.set_title({"access": "c) Access line", "return": "d) Return line"}[line], loc="left")
 
 
 @figure_style()
@@ -371,8 +367,8 @@ def limit_line(ax: Axes, value: float, text: str, *, dotted: bool = False, above
     )  # fmt: skip
 
 
-def mark_gaps(ax: Axes, x: np.ndarray, y: np.ndarray, colour: object) -> bool:
-    """Draw hollow circles where a curve ends at an unknown point; returns whether there are any.
+def mark_gaps(ax: Axes, x: np.ndarray, y: np.ndarray, colour: object) -> None:
+    """Draw hollow circles where a curve ends at an unknown point.
 
     Args:
         ax: axes of the curve.
@@ -384,7 +380,6 @@ def mark_gaps(ax: Axes, x: np.ndarray, y: np.ndarray, colour: object) -> bool:
     beside = np.r_[known[1:], True] & np.r_[True, known[:-1]]
     edge = known & ~beside
     ax.plot(x[edge], y[edge], "o", markersize=3.6, markerfacecolor="white", markeredgecolor=colour, zorder=6)
-    return bool(edge.any())
 
 
 GAP_LABEL = "not known beyond: no steady beat found"
@@ -416,18 +411,12 @@ def explain_colours(
         texts.append(GAP_LABEL)
     if missing:
         handles.append(Line2D([], [], linestyle="none"))
-        texts.append(f"no steady beat at the case's speed: {_few(missing)}")
+        few = ", ".join(missing) if len(missing) <= 6 else f"{len(missing)} schemes"
+        texts.append(f"no steady beat at the case's speed: {plain_text(few, 50)}")
     figure = ax.get_figure(root=True)
     if figure is not None:
         columns = 3 if len(texts) == 3 else 2
         figure.legend(handles, texts, loc="lower center", bbox_to_anchor=(0.5, 0.0), ncols=columns)
-
-
-def _few(letters: Sequence[str]) -> str:
-    """List up to six schemes by name; of more, give their number."""
-    if len(letters) > 6:
-        return f"{len(letters)} schemes"
-    return plain_text(", ".join(letters), 50)
 
 
 # --- the schemes as small drawings ------------------------------------------------------------------
@@ -471,7 +460,8 @@ def draw_scheme(ax: Axes, scheme: Scheme, place: str | None = None) -> None:
     ax.set_xlim(-0.4, 10.0)
     ax.set_ylim(-3.7, 2.2)
     ax.set_aspect("equal")
-    title = f"{plain_text(scheme.letter, 20)})" + _rank(place)
+    rank = "" if place is None else f"  rank {'not known' if place == '–' else place}"
+    title = f"{plain_text(scheme.letter, 20)}){rank}"
     ax.text(-0.3, 1.85, title, fontsize=8.5, fontweight="bold", va="center")
     ax.text(-0.3, 1.2, plain_text(scheme.name, 46), fontsize=6.4, va="center", color="black")
     arrow = {"arrowstyle": "->", "color": ECMO_COLOUR, "linewidth": 1.6}
@@ -484,12 +474,6 @@ def draw_scheme(ax: Axes, scheme: Scheme, place: str | None = None) -> None:
     for x, text in ((0.1, "DC"), (9.4, "RC")):
         ax.text(x, 0.3, text, ha="center", fontsize=6, color=ECMO_COLOUR)
     _draw_crrt(ax, scheme)
-
-
-def _rank(place: str | None) -> str:
-    if place is None:
-        return ""
-    return "  rank not known" if place == "–" else f"  rank {place}"
 
 
 def _draw_crrt(ax: Axes, scheme: Scheme) -> None:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 import xarray as xr
@@ -14,14 +13,11 @@ import xarray as xr
 from eclsim import files
 from eclsim.crrt_study.beats import SPLIT_QUANTITIES, SUMMARISED
 from eclsim.crrt_study.limits import Limit
-from eclsim.crrt_study.one_housing import compared_with_schemes
 from eclsim.crrt_study.ranking import choice_text, first_choice
 from eclsim.crrt_study.report import EXCHANGE_COLUMNS, drawings, study_page
+from eclsim.crrt_study.study import CrrtStudy, compared_with_schemes
 from eclsim.files import Json, finite, frame_text, json_text, write_texts
 from eclsim.orbit.model import AS_PUBLISHED, CASE, case_record
-
-if TYPE_CHECKING:
-    from eclsim.crrt_study.study import CrrtStudy
 
 FILES = ("report.html", "study.json", "study.nc")
 TABLES = ("means", "summary", "limits", "ranking", "uptake")

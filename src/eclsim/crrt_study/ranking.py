@@ -133,11 +133,6 @@ def ties(ranking: Sequence[Ranked]) -> list[str]:
     return first if len(first) > 1 else []
 
 
-def candidates(ranking: Sequence[Ranked]) -> list[Ranked]:
-    """Schemes that may be best, as far as known."""
-    return [r for r in ranking if r.places is not None and r.places[0] == 1]
-
-
 def _placed(scheme: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
     """Return the scheme with its best and worst possible rank, and with a rank if both are equal."""
     others = [other for other in known if other is not scheme]
@@ -285,7 +280,7 @@ def choice_text(study: CrrtStudy, policy: str) -> list[str]:
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
         share = f"schemes {joined_with_and(tied)} share its place: the rule does not tell them apart"
         return [answer, *[share] * bool(tied), *best.reasons, *left_out]
-    possible = candidates(ranking)
+    possible = [r for r in ranking if r.places is not None and r.places[0] == 1]  # as far as known
     if not possible:
         return ["No scheme can be ranked", *left_out]
     letters = joined_with_and([r.letter for r in possible])

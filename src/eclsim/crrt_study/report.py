@@ -10,8 +10,8 @@ import numpy as np
 
 from eclsim.crrt_study.beats import missing_beats_text
 from eclsim.crrt_study.limits import KEPT_TO_THE_END, limit_flow_text
-from eclsim.crrt_study.one_housing import compared_with_schemes
 from eclsim.crrt_study.ranking import choice_in_other_policy, choice_text, place
+from eclsim.crrt_study.study import CrrtStudy, compared_with_schemes
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
 from eclsim.reporting.html import Table, render, svg_text
@@ -19,8 +19,6 @@ from eclsim.reporting.numbers import number, show_table, show_text
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from eclsim.crrt_study.study import CrrtStudy
 
 PAGE = "crrt_study.html"
 """End of the file name of the page."""
@@ -291,9 +289,9 @@ def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
             spread.append(f"{middle} ({low} to {high})")
         shares = [_share(data.sel(limit=k)) for k in ("access_alarm", "return_alarm", "access_190", "crrt")]
         rows.append([ranked.letter, f"{percent(float(data['settled']))} %", *spread, *shares])
-    high = next(limit.high for limit in study.rule.limits if limit.name == "access_190")
     head = ["Scheme", "Beat found in", "Arterial [mmHg]", "Access [mmHg]", "Return [mmHg]"]
-    head += ["Access alarms kept", "Return alarms kept", f"Access ≤ {high:g} mmHg", "All of the CRRT lines"]
+    head += ["Access alarms kept", "Return alarms kept", f"Access ≤ {study.rule.access_mmhg:g} mmHg"]
+    head.append("All of the CRRT lines")
     return {
         "samples": result.attrs["samples"],
         "policy": POLICY_WORDS[result.attrs["blood_volume_policy"]],

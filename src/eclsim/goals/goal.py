@@ -17,7 +17,7 @@ from eclsim.devices.description import GASES, Knob, Limit
 from eclsim.devices.ecmo import is_clamped
 from eclsim.devices.products import LABEL_FLOWS
 from eclsim.devices.registry import named_output, parameter_of
-from eclsim.inputs.mistakes import CaseError
+from eclsim.inputs.mistakes import CaseError, ListedError
 from eclsim.inputs.numbers import suspected_unit
 from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
 from eclsim.outputs.registry import all_outputs, output, unavailable
@@ -42,12 +42,8 @@ LARGEST_FLOW_L_MIN = 30.0
 SMALLEST_OXYGEN_FLOW_ML_MIN = 10.0
 
 
-class GoalError(ValueError):
+class GoalError(ListedError):
     """Raised for impossible goals or settings; the message has one line for each mistake."""
-
-    def __init__(self, mistakes: Sequence[str]):
-        self.mistakes = tuple(mistakes)
-        super().__init__("\n".join(mistakes))
 
 
 @dataclass(frozen=True)

@@ -241,7 +241,8 @@ class _PatientModel:
         """Outputs and slopes at a point; None without a determined steady beat or without derivatives."""
         beat = self.beat(place[:, None], outputs)
         if not beat.determined[0]:
-            self.no_point_reason = _reason_without_point(beat)
+            shut = "valves stay shut throughout the beat, so that it is one of many"
+            self.no_point_reason = shut if beat.converged[0] else NO_BEAT
             return None
         try:
             values, slopes = self._linearised(beat, place, outputs)
@@ -264,11 +265,6 @@ class _PatientModel:
         return places, values, beat
 
 
-def _reason_without_point(beat: SteadyBeat) -> str:
-    """Reason why a search cannot continue from a beat."""
-    return "valves stay shut throughout the beat, so that it is one of many" if beat.converged[0] else NO_BEAT
-
-
 def _search_from_starts(
     patient: _PatientModel, goals: tuple[Goal, ...], giving_way: Sequence[Goal]
 ) -> Reached:
@@ -288,57 +284,37 @@ def _search_from_starts(
         ends, key=lambda e: (bool(e[0].unfinished), _merit(goals, e[0].at.place, e[0].at.values))
     )
     numbers = patient.numbers_at(end.place)
+    names, slopes = [setting.name for setting in patient.settings], (end.slopes / patient.span).tolist()
     results = tuple(
         GoalResult(
-            goal,
-            float(value),
-            goal.is_met(value),
-            goal.at_bound(value),
-            {s.name: float(d / span) for s, d, span in zip(patient.settings, row, patient.span, strict=True)},
+            goal, float(value), goal.is_met(value), goal.at_bound(value), dict(zip(names, row, strict=True))
         )
-        for goal, value, row in zip(goals, end.values, end.slopes, strict=True)
+        for goal, value, row in zip(goals, end.values, slopes, strict=True)
     )
     status = ReachStatus.REACHED if all(result.met for result in results) else ReachStatus.NOT_REACHED
-    status = ReachStatus.NOT_CONVERGED if unfinished else status
-    without = (
-        _settings_without_each_goal(patient, goals, results, start)
-        if status is ReachStatus.NOT_REACHED
-        else {}
-    )
+    status, without = (ReachStatus.NOT_CONVERGED if unfinished else status), {}
+    if status is ReachStatus.NOT_REACHED:
+        without = _settings_without_each_goal(patient, goals, results, start)
     beat = patient.beat(end.place[:, None], None)
     findings, outputs = tuple(beat.findings()), beat.outputs()
     alarms = tuple(gravest(broken_goals(outputs, [goal for goal in giving_way if goal not in goals])))
-    gaps = "" if status is ReachStatus.REACHED else scan_gaps_text(tried, without_beat)
-    named_outputs = {alarm.goal.output for alarm in alarms}
-    return Reached(
-        patient.model.name,
-        patient.settings,
-        tuple(numbers.values()),
-        tuple(result for result in results if not result.goal.because),
-        status,
+    asked = tuple(result for result in results if not result.goal.because)
+    named = {alarm.goal.output for alarm in alarms}
+    broken = (f.quantity for f in findings if f.kind in ALARM_KINDS and f.quantity not in named)
+    message = (
         message_of(patient.settings, numbers, results, without, unfinished)
-        + gaps
+        + ("" if status is ReachStatus.REACHED else scan_gaps_text(tried, without_beat))
         + "".join(f"; {alarm.sentence}" for alarm in alarms)
         + broken_alarms_text(
-            (
-                one.quantity
-                for one in findings
-                if one.kind in ALARM_KINDS and one.quantity not in named_outputs
-            ),
-            "with the settings found",
-            {result.goal.output: result.met for result in results if not result.goal.because},
-        ),
-        tuple(result for result in results if result.goal.because and result.binding),
-        without,
-        outputs,
-        findings,
-        patient.beats,
-        alarms,
-        tried,
-        without_beat,
-        patient.model.doubts,
-        kept_by_default(results, VENTILATED) if varies_ventilation(patient.settings) else (),
+            broken, "with the settings found", {result.goal.output: result.met for result in asked}
+        )
     )
+    return Reached(
+        patient.model.name, patient.settings, tuple(numbers.values()), asked, status, message,
+        tuple(result for result in results if result.goal.because and result.binding), without, outputs,
+        findings, patient.beats, alarms, tried, without_beat, patient.model.doubts,
+        kept_by_default(results, VENTILATED) if varies_ventilation(patient.settings) else (),
+    )  # fmt: skip
 
 
 def _settings_without_each_goal(

@@ -56,16 +56,12 @@ class FitGroup:
 
     def __call__(self, group: Group) -> list[StoredFit]:
         """Return the fits in the order of the points."""
-        return [
-            StoredFit(
-                numbers={
-                    **fit.as_object(),
-                    "patient_id": point.patient_id, "measurement": point.measurement, "line": point.line,
-                },
-                case=fitted_text(fit) if fit.simulated else None,
-            )
-            for point, fit in zip(group, self._fits([(p.name, p.case) for p in group]), strict=True)
-        ]  # fmt: skip
+        stored = []
+        for point, fit in zip(group, self._fits([(p.name, p.case) for p in group]), strict=True):
+            of_point = {name: getattr(point, name) for name in ("patient_id", "measurement", "line")}
+            text = fitted_text(fit) if fit.simulated else None
+            stored.append(StoredFit(fit.as_object() | of_point, text))
+        return stored
 
     def _fits(self, cases: Sequence[tuple[str, Case]]) -> list[FitResult]:
         """Fit cases; an error in one fit does not end the others, unless the cases share parameters.

@@ -34,6 +34,7 @@ from typing import Literal, get_args
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from eclsim.arguments import OneOf
 from eclsim.beat.heartbeat import beat_program
 from eclsim.identification.objective import Box, Explored, Tangent, execution_of
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
@@ -55,14 +56,8 @@ DENSITY_OPTIONS = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iter
 """Accuracy sufficient for a density: outputs differ from the exact orbit's by 1e-4 of their uncertainty."""
 
 
-def check_prior(kind: str) -> None:
-    """Raise an error for an unknown kind of prior, which would otherwise be treated as log-normal.
-
-    Raises:
-        ValueError: Unknown kind; the message lists the allowed ones.
-    """
-    if kind not in get_args(PriorKind):
-        raise ValueError(f"prior = {kind!r}: allowed: {', '.join(get_args(PriorKind))}")
+KNOWN_PRIOR = OneOf(get_args(PriorKind))
+"""Check for the kind of a prior; an unknown one would be treated as log-normal."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +74,6 @@ class Prior(Box):
     @classmethod
     def within(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
         """Return the prior of free parameters within their bounds."""
-        check_prior(kind)
         return cls(box.names, box.clip(box.start), box.lower, box.upper, kind)
 
     def values_of(self, z: np.ndarray) -> np.ndarray:
@@ -387,11 +381,7 @@ class Gaussian:
 
     def nearest(self, z: np.ndarray) -> np.ndarray:
         """Index of the solution nearest to latent variables (..., parameters), in its standard deviations."""
-        squares = []
-        for each in self.solutions:
-            away = z - each.centre
-            squares.append(np.sum(away @ np.linalg.inv(each.covariance) * away, axis=-1))
-        return np.argmin(squares, axis=0)
+        return np.argmin([each.rises(z, each.centre) for each in self.solutions], axis=0)
 
     def rises(self, z: np.ndarray, centre: np.ndarray) -> np.ndarray:
         """Rise of U from a centre to latent variables (..., parameters) by the curvature of this maximum."""

@@ -35,7 +35,6 @@ from eclsim.reporting.style import (
 
 if TYPE_CHECKING:
     from eclsim.identification.multi_start import Starts
-    from eclsim.identification.nuts import Diagnostics
     from eclsim.identification.posterior import PosteriorResult
     from eclsim.identification.profiles import CostCurves
 
@@ -50,24 +49,22 @@ LONGEST_BESIDE_UNIT = 12
 _DOT: dict[str, Any] = {"color": OKABE_ITO["vermillion"], "markersize": 4, "clip_on": False}
 
 
-def _parameter_panels(
-    curves: CostCurves, units: Mapping[str, str], label: str, margin_mm: float
-) -> tuple[Figure, list[Axes]]:
+def _parameter_panels(curves: CostCurves, label: str, margin_mm: float) -> tuple[Figure, list[Axes]]:
     """Create a figure with one panel per parameter from bound to bound, each axis scaled as in the search."""
     fig, panels = panel_grid(len(curves.names), 3, 46, margin_mm)
     for axes, name, values in zip(panels, curves.names, curves.values, strict=True):
         _scaled(axes.xaxis, name)
         axes.set_xlim(values[0], values[-1])
-        axes.set_xlabel(f"{name} [{unit}]" if (unit := units.get(name, "")) not in ("", "1") else name)
+        axes.set_xlabel(axis_label(name))
     for axes in panels[::3]:
         axes.set_ylabel(label)
     return fig, panels
 
 
-def plot_slices(slices: CostCurves, units: Mapping[str, str]) -> Figure:
+def plot_slices(slices: CostCurves) -> Figure:
     """Cost along each parameter from bound to bound, the others at the optimum."""
     with figure_style():
-        fig, panels = _parameter_panels(slices, units, "sum of squared residuals", 12)
+        fig, panels = _parameter_panels(slices, "sum of squared residuals", 12)
         for k, axes in enumerate(panels):
             values, costs = slices.values[k], slices.costs[k]
             axes.plot(values, costs, color="black")
@@ -81,18 +78,17 @@ def plot_slices(slices: CostCurves, units: Mapping[str, str]) -> Figure:
     return fig
 
 
-def plot_profiles(refitted: CostCurves, held: CostCurves, units: Mapping[str, str], rise: float) -> Figure:
+def plot_profiles(refitted: CostCurves, held: CostCurves, rise: float) -> Figure:
     """Chi-square along each parameter, with the others refitted and with the others held.
 
     Args:
         refitted: curves with the other parameters fitted again.
         held: curves through the same point with the other parameters held.
-        units: units of the parameters.
         rise: a value lies within the 90 % interval where the profile is at most this far above its minimum.
     """
     low = float(np.nanmin(refitted.costs))
     with figure_style():
-        fig, panels = _parameter_panels(refitted, units, "chi-square", 16)
+        fig, panels = _parameter_panels(refitted, "chi-square", 16)
         for k, axes in enumerate(panels):
             axes.plot(held.values[k], held.costs[k], color=GREY, label="others held")
             axes.plot(
@@ -296,8 +292,10 @@ def plot_traces(result: PosteriorResult) -> Figure:
             right.set_yticks([])
             for axis in (left.yaxis, right.xaxis):
                 _scaled(axis, name)
-            if result.diagnostics is not None:
-                right.set_title(_mixing(result.diagnostics, k), loc="right", fontsize=7, fontweight="normal")
+            if (d := result.diagnostics) is not None:
+                effective = min(d.effective_bulk[k], d.effective_tail[k])
+                mixing = f"R-hat {d.r_hat[k]:.3f}, {effective:.0f} effective draws"
+                right.set_title(mixing, loc="right", fontsize=7, fontweight="normal")
             if k == len(names) - 1:
                 left.set_xlabel("draw")
             else:
@@ -313,7 +311,9 @@ def plot_pairs(result: PosteriorResult) -> Figure:
     gaussian = result.gaussian_draws(4000)
     with figure_style():
         fig = new_figure(height_mm=175)
-        fig.suptitle(_title(result, _pair_axes(result)))
+        drawn = "draws (points); Gaussian approximation, 90 % (line)"
+        drawn = drawn if result.checked else "draws (points) and 90 % (line)"
+        fig.suptitle(_title(result, f"{result.kind}, {drawn}"))
         axes = fig.subplots(size, size, squeeze=False)
         for i in range(size):
             for j in range(size):
@@ -426,11 +426,6 @@ def _outer_labels(ax: Axes, names: Sequence[str], i: int, j: int, size: int) -> 
         ax.set_ylabel(_axis(names[i]), fontsize=6.5)
 
 
-def _mixing(diagnostics: Diagnostics, k: int) -> str:
-    effective = min(diagnostics.effective_bulk[k], diagnostics.effective_tail[k])
-    return f"R-hat {diagnostics.r_hat[k]:.3f}, {effective:.0f} effective draws"
-
-
 def _axis(name: str) -> str:
     return _with_line_break(axis_label(name).replace(" [", "\n["))
 
@@ -439,12 +434,6 @@ def _with_line_break(label: str) -> str:
     """Break a long label after the name of its section."""
     section, dot, key = label.rpartition(".")
     return f"{section}.\n{key}" if dot and len(label) > LONGEST_LABEL and "\n" not in section else label
-
-
-def _pair_axes(result: PosteriorResult) -> str:
-    if not result.checked:
-        return f"{result.kind}, draws (points) and 90 % (line)"
-    return f"{result.kind}, draws (points); Gaussian approximation, 90 % (line)"
 
 
 def _title(result: PosteriorResult, what: str) -> str:

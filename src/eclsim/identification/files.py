@@ -11,8 +11,9 @@ import numpy as np
 from eclsim.cases.fit_mark import DOUBTS
 from eclsim.files import csv_text, whole_file, write_json, write_text, write_texts
 from eclsim.identification.cohort import fitted_text, r_squared, stem
+from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
-from eclsim.identification.samples import write_samples
+from eclsim.identification.report import REPORT, differences_of, track_page
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE, Level, headline
 
 if TYPE_CHECKING:
@@ -43,7 +44,11 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_json(content, folder / SUMMARY)
     outputs = ("id", "output", "measured", "simulated", "standard_uncertainties_off", "status")
-    rows = (row for p in content["points"] for row in _output_rows(p))
+    rows = (
+        (p["id"], name, cell["measured"], cell["simulated"], differences_of(p).get(name), p["status"])
+        for p in content["points"]
+        for name, cell in p["outputs"].items()
+    )
     keys = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
     parameters = [
         (p["id"], name, *(q[key] for key in keys), *(q["profile"] or (None, None)))
@@ -63,15 +68,6 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
     })  # fmt: skip
 
 
-def _output_rows(point: Mapping[str, Any]) -> list[tuple[object, ...]]:
-    goodness = point["verdict"]["goodness"]
-    off = {} if goodness is None else goodness["differences"]
-    return [
-        (point["id"], name, cell["measured"], cell["simulated"], off.get(name), point["status"])
-        for name, cell in point["outputs"].items()
-    ]
-
-
 def write_fitted_case(folder: Path, fit: FitResult) -> Path:
     """Write the fitted case file, with the verdict on the fit; every command accepts it."""
     path = folder / f"{stem(fit.name)}.toml"
@@ -81,36 +77,28 @@ def write_fitted_case(folder: Path, fit: FitResult) -> Path:
 
 def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None) -> list[Path]:
     """Write slices, profiles, starts, residuals and correlation of one fit; None deletes earlier profiles."""
-    from eclsim.identification.figures import (
-        plot_correlation,
-        plot_profiles,
-        plot_residuals,
-        plot_slices,
-        plot_starts,
-    )
+    from eclsim.identification import figures as plots
     from eclsim.identification.profiles import slices
-    from eclsim.identification.quantities import unit_of_parameter
     from eclsim.reporting.style import save_figures
 
     if not len(fit.optimum.starts.agreeing):
         return []
-    units = {n: unit_of_parameter(n) for n in fit.box.names}
     along = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
     figures = {
-        "slices": plot_slices(along, units),
-        "starts": plot_starts(fit.optimum.starts, fit.box.names, fit.box.lower, fit.box.upper),
-        "residuals": plot_residuals(
+        "slices": plots.plot_slices(along),
+        "starts": plots.plot_starts(fit.optimum.starts, fit.box.names, fit.box.lower, fit.box.upper),
+        "residuals": plots.plot_residuals(
             fit.as_object()["outputs"],
             fit.uncertainties,
             {"doubtful": DOUBTFUL_DIFFERENCE, "poor": POOR_DIFFERENCE},
         ),
-        "correlation": plot_correlation(fit.box.names, fit.correlation),
+        "correlation": plots.plot_correlation(fit.box.names, fit.correlation),
     }
     if profiled is None:
         for earlier in folder.glob("profiles.*"):
             earlier.unlink()
         return save_figures(figures, folder)
-    figures["profiles"] = plot_profiles(profiled.refitted, profiled.held, units, RISE_90)
+    figures["profiles"] = plots.plot_profiles(profiled.refitted, profiled.held, RISE_90)
     written = save_figures(figures, folder)
     table, refitted = folder / "profiles.csv", profiled.refitted
     rows = [
@@ -154,7 +142,6 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
 def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     """Write track.json, report.html, parameters.csv, outputs.csv and figures; return the figures."""
     from eclsim.identification.figures import plot_outputs, plot_parameters
-    from eclsim.identification.report import REPORT, track_page
     from eclsim.reporting.style import save_figure
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -20,6 +20,7 @@ Control 10, 434).
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -357,20 +358,22 @@ class InnovationTest:
 
     def message(self, names: Sequence[str]) -> str:
         """State which outputs do not fit and whether they were used; empty if all fit."""
-        if self.left_out.any():
-            which = ", ".join(n for n, out in zip(names, self.left_out, strict=True) if out)
-            return f"{which} does not fit the forecast and the other measurements: not used; check it"
-        if self.persistent.any():
-            which = ", ".join(n for n, odd in zip(names, self.persistent, strict=True) if odd)
+        left_out, persistent, unusual = (
+            ", ".join(itertools.compress(names, chosen))
+            for chosen in (self.left_out, self.persistent, self.unusual)
+        )
+        if left_out:
+            return f"{left_out} does not fit the forecast and the other measurements: not used; check it"
+        if persistent:
             return (
-                f"{which} does not fit for the second time, while all others do: used now; a line, a device "
-                "or the patient has changed"
+                f"{persistent} does not fit for the second time, while all others do: used now; a line, a "
+                "device or the patient has changed"
             )
         if self.probability < UNUSUAL_SERIES:
             return "the measurements do not fit the patient so far: a sudden change, or a mistake in several"
-        if self.unusual.any():
-            which = ", ".join(n for n, odd in zip(names, self.unusual, strict=True) if odd)
-            return f"{which} is far from the forecast, although all measurements together fit: used; check it"
+        if unusual:
+            text = f"{unusual} is far from the forecast, although all measurements together fit"
+            return f"{text}: used; check it"
         return ""
 
 

@@ -12,8 +12,13 @@ import numpy as np
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
-from eclsim.identification.held_parameters import consumption_uncertainty, undetermined_outputs
+from eclsim.identification.held_parameters import (
+    Compensation,
+    consumption_uncertainty,
+    undetermined_outputs,
+)
 from eclsim.identification.multi_start import (
+    Exploration,
     FitStatus,
     Optimum,
     Progress,
@@ -31,11 +36,9 @@ from eclsim.identification.settings import (
     case_to_fit,
     checked_fit,
     common_policy,
-    consumption_is_from_formula,
+    remarks_on_assumptions,
     remarks_on_fixed_consumption,
-    remarks_on_fixed_volume,
     remarks_on_unfitted,
-    remarks_on_unmeasured_oxygenator,
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
@@ -43,14 +46,15 @@ from eclsim.identification.verdict import (
     FitVerdict,
     Level,
     Reason,
+    agreement,
     goodness_of,
     informative_but_fixed,
     intervals_differ,
-    misfits,
     plausibility,
     search,
     set_points_not_given,
     single_start,
+    stronger_membrane,
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CaseSource, as_case, model_of
@@ -206,7 +210,7 @@ class FitResult:
 
     def as_object(self) -> dict[str, Any]:
         """Plain data for JSON; null for unknown values."""
-        names = dict.fromkeys([*self.measured, *self.simulated])
+        names, explored = dict.fromkeys([*self.measured, *self.simulated]), self.optimum.explored
         return {
             "id": self.name,
             "verdict": self.verdict.as_object(),
@@ -238,10 +242,10 @@ class FitResult:
             },
             "starts_agreeing": self.optimum.agreeing,
             "starts_refined": len(self.optimum.starts.agreeing),
-            "explored": self.optimum.explored,
-            "explored_without_steady_beat": self.optimum.explored_without_beat,
-            "explored_one_of_many": self.optimum.explored_one_of_many,
-            "explored_without_steady_gases": self.optimum.explored_without_gases,
+            "explored": explored.points,
+            "explored_without_steady_beat": explored.without_beat,
+            "explored_one_of_many": explored.one_of_many,
+            "explored_without_steady_gases": explored.without_gases,
             "seconds": round(self.seconds, 3),
             "status": str(self.status),
             "message": self.status.message,
@@ -291,7 +295,7 @@ def fit_cases(
     if not cases:
         return []
     cases = [(name, case_to_fit(case, settings)) for name, case in cases]
-    objective, box = _problem([case for _, case in cases], settings)
+    objective, box = problem_of([case for _, case in cases], settings)
     optima = identify(objective, box, settings.multi_start, progress)
     if settings.shared and len(cases) > 1:
         errors = [measurement_errors(t.measured, settings.uncertainties) for t in objective.targets]
@@ -311,33 +315,26 @@ def fit_cases(
 def failed_fit(name: str, case: Case, settings: FitSettings, error: Exception) -> FitResult:
     """Return the result of a data point whose fit was ended by an error of the program."""
     case = case_to_fit(case, settings)
-    objective, box = _problem([case], settings)
-    optimum = optimum_without_fit(len(box.names), len(objective.outputs), FitStatus.BROKEN_OFF)
+    objective, box = problem_of([case], settings)
+    optimum = optimum_without_fit(len(box.names), len(objective.outputs), FitStatus.BROKEN_OFF, Exploration())
     result = _result(name, case, objective, 0, box, optimum, settings)
     about = f"{type(error).__name__}: {error}"
     return replace(result, verdict=FitVerdict(None, tuple(search(optimum.status, about))))
 
 
-def _problem(cases: Sequence[Case], settings: FitSettings) -> tuple[Objective, Box]:
+def problem_of(cases: Sequence[Case], settings: FitSettings) -> tuple[Objective, Box]:
     """Return the objective for cases prepared by `case_to_fit`, and the bounds."""
     targets, boxes = [], []
     for case in cases:
         checked = checked_fit(case, settings)
-        if checked.mistakes:
-            raise CaseError(checked.mistakes)
-        targets.append(_target(case, checked.targets, checked.fixed, settings))
+        checked.raise_mistakes()
+        errors = measurement_errors(checked.targets, settings.uncertainties)
+        if settings.weights == "relative":
+            errors = {n: relative_scale(n, v) or errors[n] for n, v in checked.targets.items()}
+        targets.append(Target(model_of(case).with_values(checked.fixed), checked.targets, errors))
         boxes.append(Box.of(checked.free))
     policy = common_policy(cases, settings.volume_policy)
     return Objective(targets, boxes[0].names, policy), boxes[0]
-
-
-def _target(
-    case: Case, measured: Mapping[str, float], fixed: Mapping[str, float], settings: FitSettings
-) -> Target:
-    errors = measurement_errors(measured, settings.uncertainties)
-    sizes = {n: relative_scale(n, v) for n, v in measured.items() if settings.weights == "relative"}
-    scales = {n: sizes.get(n) or error for n, error in errors.items()}
-    return Target(model_of(case).with_values(dict(fixed)), dict(measured), scales)
 
 
 def _result(
@@ -367,14 +364,12 @@ def _result(
     parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)), gains, as_good)
     fitted = {n: p.value for n, p in parameters.items()}
     fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
-    open_ones = () if case.regulation is None else case.regulation.open_set_points
-    set_points = {n: target.model.values[n] for n in open_ones}
+    set_points = {n: target.model.values[n] for n in case.open_set_points}
     changed = with_values(case, {**fixed, **fitted, **set_points})
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
-        *misfits(
-            target.measured, simulated, goodness, settings.weights, box.names, target.model.values
-        ),
+        *agreement(target.measured, simulated, goodness, settings.weights),
+        *stronger_membrane(target.measured, simulated, goodness, box.names, target.model.values),
         *search(optimum.status),
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
         *_doubts_of_bounds(parameters, gains), *informative_but_fixed(goodness, box.names),
@@ -448,25 +443,19 @@ def checked_by_simulation(result: FitResult) -> FitResult:
     result, consumption = _with_consumption_unknown(result)
     result, held_reasons = _with_held_parameters_free(result)
     reasons += held_reasons + consumption
-    for remarks in (remarks_on_fixed_volume, remarks_on_unmeasured_oxygenator):
-        for sentence in remarks(result.case, result.measured, result.parameters):
-            reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
+    for sentence in remarks_on_assumptions(result.case, result.measured, result.parameters):
+        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 
 def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason]]:
     """Return the fit with intervals that allow for an unknown oxygen consumption, and reasons."""
-    if not consumption_is_from_formula(result.case, result.measured, result.parameters):
-        return result, []
-    uncertain = consumption_uncertainty(*_as_fitted(result)) if result.optimum.shared is None else None
-    if uncertain is None:
-        sentences = remarks_on_fixed_consumption(result.case, result.measured, result.parameters)
-        level = Level.GOOD if result.optimum.shared is None else Level.DOUBTFUL
-        return result, [Reason(Aspect.HELD, level, "", sentence) for sentence in sentences]
-    why = "compensates for errors in the oxygen consumption, which is held at a formula's value"
-    return _widened(result, uncertain.intervals, why), [
-        Reason(Aspect.HELD, Level.DOUBTFUL, "", uncertain.sentence)
-    ]
+    sentences = remarks_on_fixed_consumption(result.case, result.measured, result.parameters)
+    alone = result.optimum.shared is None
+    if sentences and alone and (found := consumption_uncertainty(*_as_fitted(result))):
+        return _widened(result, found)
+    level = Level.GOOD if alone else Level.DOUBTFUL
+    return result, [Reason(Aspect.HELD, level, "", sentence) for sentence in sentences]
 
 
 def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reason]]:
@@ -474,19 +463,16 @@ def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reaso
     if result.optimum.shared is not None:
         return result, []
     case, free, errors, policy = _as_fitted(result)
-    undetermined = undetermined_outputs(case, free, result.measured, errors, policy)
-    if undetermined is None:
-        return result, []
-    held, are = undetermined.held, "are" if len(undetermined.held) > 1 else "is"
-    why = f"compensates for errors in {', '.join(held)}, which {are} held"
-    result = _widened(result, undetermined.parameters, why)
-    return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", undetermined.sentence)]
+    found = undetermined_outputs(case, free, result.measured, errors, policy)
+    return (result, []) if found is None else _widened(result, found)
 
 
-def _widened(result: FitResult, reaches: Mapping[str, tuple[float, float]], why: str) -> FitResult:
-    """Return the fit with wider intervals of some parameters, which are marked as not determined."""
-    result = replace(result, parameters=_wider(result.parameters, reaches))
-    return replace(result, parameters=result._undetermined(dict.fromkeys(reaches, why)))
+def _widened(result: FitResult, found: Compensation) -> tuple[FitResult, list[Reason]]:
+    """Return the fit with wider intervals of parameters, marked as not determined, and the reason."""
+    result = replace(result, parameters=_wider(result.parameters, found.intervals))
+    parameters = result._undetermined(dict.fromkeys(found.intervals, found.why))
+    reason = Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence)
+    return replace(result, parameters=parameters), [reason]
 
 
 def _wider(

@@ -14,7 +14,7 @@ alone depend on consumption and shunt together, so an error of the consumption c
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -70,61 +70,20 @@ class AdmissibleRange(NamedTuple):
 
 
 @dataclass(frozen=True)
-class UndeterminedOutputs:
-    """Consequences of held parameters.
+class Compensation:
+    """Free parameters that compensate for errors in what a fit holds, so that their intervals are too narrow.
 
     Attributes:
-        held: parameters that are held at their usual values.
-        outputs: 90 % range of each undetermined output, in its unit, with the held parameters free.
-        values: fitted values of these outputs.
-        parameters: lower and upper end of each free parameter whose range becomes wider, too.
+        sentence: the finding in words, with advice.
+        why: reason why these parameters are not determined.
+        intervals: 90 % interval of each of them with the held values unknown, in its unit.
+        outputs: 90 % range of each output that is undetermined as well, in its unit.
     """
 
-    held: tuple[str, ...]
-    outputs: Mapping[str, AdmissibleRange]
-    values: Mapping[str, float]
-    parameters: Mapping[str, tuple[float, float]]
-
-    @property
-    def sentence(self) -> str:
-        """The finding in words, with advice."""
-        held, are = ", ".join(self.held), "are" if len(self.held) > 1 else "is"
-        each = ", ".join(
-            f"{name} {reach} {unit_of(name)} (fitted: {self.values[name]:.3g})"
-            for name, reach in self.outputs.items()
-        )
-        return (
-            f"{held} {are} held at the usual value, on which outputs that were not measured depend; with "
-            f"all parameters free, the 90 % intervals are {each}: measure {' or '.join(self.outputs)}, free "
-            "what is held (--free), or give its value in [parameters] if it is known"
-        )
-
-
-@dataclass(frozen=True)
-class ConsumptionUncertainty:
-    """Free parameters that compensate for an error of an oxygen consumption computed by the formula.
-
-    Attributes:
-        value: oxygen consumption [mL/min].
-        gases: measured gases that depend on it.
-        intervals: 90 % interval of each such parameter, in its unit, with the consumption unknown.
-    """
-
-    value: float
-    gases: tuple[str, ...]
+    sentence: str
+    why: str
     intervals: Mapping[str, tuple[float, float]]
-
-    @property
-    def sentence(self) -> str:
-        """The finding in words, with advice."""
-        share, names = f"{100 * CONSUMPTION_SPREAD:.0f} %", ", ".join(self.intervals)
-        ends = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in self.intervals.items())
-        return (
-            f"the oxygen consumption is held at {self.value:.0f} mL/min, a formula's value, and {names} "
-            f"compensate{'s' if len(self.intervals) == 1 else ''} for errors in it, which "
-            f"{', '.join(self.gases)} alone cannot show: if it is known to {share}, these measurements give "
-            f"{ends} (90 %); measure SvO2 or SpreO2, or give {VO2}"
-        )
+    outputs: Mapping[str, AdmissibleRange] = field(default_factory=dict)
 
 
 def consumption_uncertainty(
@@ -132,7 +91,7 @@ def consumption_uncertainty(
     free: Mapping[str, tuple[float, float, float]],
     errors: Mapping[str, float],
     policy: str,
-) -> ConsumptionUncertainty | None:
+) -> Compensation | None:
     """Find free parameters whose intervals are too narrow because a consumption is the formula's.
 
     Returns None if there are no such parameters or the beat has no derivatives.
@@ -159,8 +118,18 @@ def consumption_uncertainty(
         for k, name in enumerate(own.names)
         if wide[k] > WIDENING_RATIO * narrow[k]
     }
-    gases = tuple(name for name in errors if name in MEASURED_GASES)
-    return ConsumptionUncertainty(consumed, gases, intervals) if intervals else None
+    if not intervals:
+        return None
+    gases, names = (", ".join(each) for each in ((n for n in errors if n in MEASURED_GASES), intervals))
+    ends = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
+    sentence = (
+        f"the oxygen consumption is held at {consumed:.0f} mL/min, a formula's value, and {names} "
+        f"compensate{'s' if len(intervals) == 1 else ''} for errors in it, which {gases} alone cannot show: "
+        f"if it is known to {100 * CONSUMPTION_SPREAD:.0f} %, these measurements give {ends} (90 %); measure "
+        f"SvO2 or SpreO2, or give {VO2}"
+    )
+    why = "compensates for errors in the oxygen consumption, which is held at a formula's value"
+    return Compensation(sentence, why, intervals)
 
 
 def undetermined_outputs(
@@ -169,7 +138,7 @@ def undetermined_outputs(
     measured: Mapping[str, float],
     errors: Mapping[str, float],
     policy: str,
-) -> UndeterminedOutputs | None:
+) -> Compensation | None:
     """Find outputs that are undetermined because a fit holds parameters; None if there are none.
 
     Args:
@@ -195,12 +164,17 @@ def undetermined_outputs(
     if next(iter(suspected), "") != KEY_OUTPUTS[0]:
         return None
     curves = _profile_outputs(suspected, Target(model, measured, errors), Box.of({**free, **held}), policy)
-    return UndeterminedOutputs(
-        tuple(held),
-        {name: curve.reach(name) for name, curve in zip(suspected, curves, strict=True)},
-        suspected,
-        _widened_intervals(np.concatenate([curve.x[curve.rises <= RISE_90] for curve in curves]), linear),
+    outputs = {name: curve.reach(name) for name, curve in zip(suspected, curves, strict=True)}
+    within = np.concatenate([curve.x[curve.rises <= RISE_90] for curve in curves])
+    names, are = ", ".join(held), "are" if len(held) > 1 else "is"
+    each = ", ".join(f"{n} {reach} {unit_of(n)} (fitted: {suspected[n]:.3g})" for n, reach in outputs.items())
+    sentence = (
+        f"{names} {are} held at the usual value, on which outputs that were not measured depend; with "
+        f"all parameters free, the 90 % intervals are {each}: measure {' or '.join(outputs)}, free "
+        "what is held (--free), or give its value in [parameters] if it is known"
     )
+    why = f"compensates for errors in {names}, which {are} held"
+    return Compensation(sentence, why, _widened_intervals(within, linear), outputs)
 
 
 def _widened_intervals(within: np.ndarray, linear: _LinearisedFit) -> dict[str, tuple[float, float]]:

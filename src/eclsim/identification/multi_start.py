@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -190,6 +191,22 @@ class SharedEstimate:
     excluded: Mapping[str, str]
 
 
+class Exploration(NamedTuple):
+    """Numbers of explored points, and of those without a usable beat.
+
+    Attributes:
+        points: points explored.
+        without_beat: points without a steady beat.
+        one_of_many: points whose beat is not unique, because valves stay shut.
+        without_gases: points with a steady beat but without a steady gas state, which measured gases need.
+    """
+
+    points: int = 0
+    without_beat: int = 0
+    one_of_many: int = 0
+    without_gases: int = 0
+
+
 @dataclass(frozen=True)
 class Optimum:
     """The best fit of one data point.
@@ -200,11 +217,7 @@ class Optimum:
         cost: sum of squared residuals.
         jacobian: d output / d coordinate, shape (outputs, parameters).
         starts: all starts that were refined.
-        explored: number of points explored.
-        explored_without_beat: number of these points without a steady beat.
-        explored_one_of_many: number of these points whose beat is not unique, because valves stay shut.
-        explored_without_gases: number of these points with a steady beat but without a steady gas state,
-            which measured gases need.
+        explored: numbers of explored points.
         status: how the search ended.
         best_explored: the best explored points, with all outputs.
         shared: estimate from a fit together with other data points; None if the point was fitted by itself.
@@ -215,10 +228,7 @@ class Optimum:
     cost: float
     jacobian: np.ndarray
     starts: Starts
-    explored: int
-    explored_without_beat: int
-    explored_one_of_many: int
-    explored_without_gases: int
+    explored: Exploration
     status: FitStatus
     best_explored: Explored
     shared: SharedEstimate | None = None
@@ -249,19 +259,16 @@ class _Candidates:
 
     x: np.ndarray
     costs: np.ndarray
-    explored: int
-    explored_without_beat: int
-    explored_one_of_many: int
-    explored_without_gases: int
+    explored: Exploration
     best_explored: Explored
     first_costs: list[float] = field(default_factory=list)
     refined: list[Refinement] = field(default_factory=list)
 
     def reason_without_fit(self) -> FitStatus:
         """Return the reason why there is no fit; of several, the one closest to a fit."""
-        if self.explored_without_gases:
+        if self.explored.without_gases:
             return FitStatus.NO_STEADY_GASES
-        return FitStatus.ONE_OF_MANY if self.explored_one_of_many else FitStatus.NO_STEADY_BEAT
+        return FitStatus.ONE_OF_MANY if self.explored.one_of_many else FitStatus.NO_STEADY_BEAT
 
     def all_refined(self) -> Refinement:
         """Return all refined starts."""
@@ -321,20 +328,11 @@ def _explore(
     ranked = np.argsort(costs, kind="stable")
     ranked = ranked[np.isfinite(costs[ranked])]
     order, kept = ranked[:count], ranked[:BEST_KEPT]
-    explored_one_of_many, explored_without_gases = (
-        int(evaluation.one_of_many.sum()),
-        int(evaluation.without_gases.sum()),
-    )
-    explored_without_beat = int((~np.isfinite(costs)).sum()) - explored_one_of_many - explored_without_gases
-    return _Candidates(
-        explored[order],
-        costs[order],
-        len(explored),
-        explored_without_beat,
-        explored_one_of_many,
-        explored_without_gases,
-        Explored(explored[kept], evaluation.outputs[kept]),
-    )
+    one_of_many, without_gases = int(evaluation.one_of_many.sum()), int(evaluation.without_gases.sum())
+    without_beat = int((~np.isfinite(costs)).sum()) - one_of_many - without_gases
+    counts = Exploration(len(explored), without_beat, one_of_many, without_gases)
+    best = Explored(explored[kept], evaluation.outputs[kept])
+    return _Candidates(explored[order], costs[order], counts, best)
 
 
 def mixing_weight(number: int, total: int) -> float:
@@ -385,15 +383,9 @@ def _best_optimum(
     problem: LeastSquaresProblem, box: Box, point: int, candidates: _Candidates, settings: MultiStart
 ) -> Optimum:
     """Refine the best start of a data point to convergence."""
-    size, count = len(box.names), len(problem.outputs)
-    explored = (
-        candidates.explored,
-        candidates.explored_without_beat,
-        candidates.explored_one_of_many,
-        candidates.explored_without_gases,
-    )
     if not candidates.refined or not np.isfinite((refined := candidates.all_refined()).costs).any():
-        return optimum_without_fit(size, count, candidates.reason_without_fit(), explored)
+        reason, size = candidates.reason_without_fit(), len(box.names)
+        return optimum_without_fit(size, len(problem.outputs), reason, candidates.explored)
     last = _refine_to_convergence(
         problem, point, refined.x[[np.argmin(refined.costs)]], box, settings.polishing
     )
@@ -401,28 +393,25 @@ def _best_optimum(
     starts = Starts(refined.x, first_costs, refined.costs, agreeing(refined), refined.outputs)
     settled = last.terminations[0] == Termination.SETTLED
     return Optimum(
-        last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, *explored,
+        last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, candidates.explored,
         FitStatus.FITTED if settled else FitStatus.NOT_SETTLED, candidates.best_explored,
     )  # fmt: skip
 
 
-def optimum_without_fit(
-    size: int, count: int, status: FitStatus, explored: tuple[int, int, int, int] = (0, 0, 0, 0)
-) -> Optimum:
+def optimum_without_fit(size: int, count: int, status: FitStatus, explored: Exploration) -> Optimum:
     """Return the optimum of a search that ended without a fit.
 
     Args:
         size: number of parameters.
         count: number of outputs.
         status: how the search ended.
-        explored: number of points explored, and of these without a beat, without a unique one, and without
-            gases (see `Optimum`).
+        explored: numbers of explored points.
     """
     none, flat = np.zeros((0, size)), np.zeros(0)
     starts = Starts(none, flat, flat, np.zeros(0, dtype=bool), np.zeros((0, count)))
     return Optimum(
         np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), starts,
-        *explored, status, Explored(none, np.zeros((0, count))),
+        explored, status, Explored(none, np.zeros((0, count))),
     )  # fmt: skip
 
 

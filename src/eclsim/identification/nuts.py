@@ -41,6 +41,9 @@ STATISTICS = (
 OVERDISPERSION = 1.5
 """Chains start from a standard normal distribution widened by this factor."""
 TRIES = 20
+DEEPEST_WARMUP, DEEPEST = 2, 3
+"""Largest depth of the tree of a trajectory, with at most 2^depth - 1 steps for a draw, in and after warm-up.
+Seven steps are about half way round a standard normal distribution, fifteen all the way."""
 FIRST_STEP = 0.7
 
 
@@ -58,9 +61,6 @@ class Sampling:
         draws: draws of each chain that are kept.
         seed: seed of the random numbers; the same seed gives the same draws.
         target_accept: mean acceptance probability to which the step size is tuned.
-        deepest: largest depth of the tree of a trajectory, with at most 2^deepest - 1 steps for a draw. Seven
-            steps are about half way round a standard normal distribution, fifteen all the way.
-        deepest_warmup: largest depth during warm-up.
     """
 
     chains: int = 4
@@ -68,8 +68,6 @@ class Sampling:
     draws: int = 1500
     seed: int = 0
     target_accept: float = 0.7
-    deepest: int = 3
-    deepest_warmup: int = 2
 
     def __post_init__(self) -> None:
         check_fields(
@@ -79,8 +77,6 @@ class Sampling:
             draws=WholeNumber(1),
             seed=WholeNumber(),
             target_accept=FiniteNumber(above=0.0, most=0.99),
-            deepest=WholeNumber(1),
-            deepest_warmup=WholeNumber(1),
         )
 
 
@@ -207,7 +203,7 @@ class _Sampler:
                 step_size=FIRST_STEP,
                 dense_mass=True,
                 target_accept_prob=settings.target_accept,
-                max_tree_depth=(settings.deepest_warmup, settings.deepest),
+                max_tree_depth=(DEEPEST_WARMUP, DEEPEST),
                 find_heuristic_step_size=False,
                 model_args=(chain,),
                 model_kwargs={},
@@ -220,12 +216,14 @@ class _Sampler:
             if k >= settings.warmup:
                 draws.append(self.transport.z_of(np.asarray(state.z))[0])
                 of_draw = {
-                    "jumped": state is not moved, "saturated": moved.num_steps >= 2**settings.deepest - 1,
+                    "jumped": state is not moved, "saturated": moved.num_steps >= 2**DEEPEST - 1,
                     "step_size": state.adapt_state.step_size,
                 }  # fmt: skip
                 for name, values in statistics.items():
                     values.append(np.asarray(of_draw[name] if name in of_draw else getattr(state, name)))
-            self._count()
+            with self.lock:
+                self.done += 1
+                self.report(self.done, settings.chains * (settings.warmup + settings.draws))
         return np.stack(draws), {name: np.array(values) for name, values in statistics.items()}
 
     def _jumped(self, state: HMCState, chain: int, draw: int) -> HMCState:
@@ -239,11 +237,6 @@ class _Sampler:
         if self.jumps.refused(chain, draw, ratio, float(potential + log_slope)):
             return state
         return state._replace(z=jax.numpy.asarray(u), potential_energy=potential, z_grad=gradient)
-
-    def _count(self) -> None:
-        with self.lock:
-            self.done += 1
-            self.report(self.done, self.settings.chains * (self.settings.warmup + self.settings.draws))
 
 
 def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.Array:
@@ -405,7 +398,8 @@ def _effective(draws: np.ndarray) -> float:
     chains, count = draws.shape
     if np.ptp(draws) == 0.0:
         return float(draws.size)
-    covariance = np.stack([_autocovariance(d) for d in draws])
+    spectrum = np.fft.rfft(draws - draws.mean(axis=1, keepdims=True), 2 * count, axis=1)
+    covariance = np.fft.irfft(spectrum * np.conj(spectrum), axis=1)[:, :count] / count
     within = np.mean(covariance[:, 0]) * count / (count - 1)
     variance = within * (count - 1) / count
     if chains > 1:
@@ -417,9 +411,3 @@ def _effective(draws: np.ndarray) -> float:
     pairs = np.minimum.accumulate(pairs[: negative[0] if len(negative) else len(pairs)])
     time = max(-1.0 + 2.0 * pairs.sum(), 1.0 / np.log10(draws.size))
     return float(draws.size / time)
-
-
-def _autocovariance(draws: np.ndarray) -> np.ndarray:
-    count = len(draws)
-    spectrum = np.fft.rfft(draws - draws.mean(), 2 * count)
-    return np.fft.irfft(spectrum * np.conj(spectrum))[:count] / count

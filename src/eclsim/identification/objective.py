@@ -217,13 +217,9 @@ class Objective:
         missing = measured - {*self.outputs}
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))}: no output of this circuit that can be fitted")
-        shape = (len(targets), len(self.outputs))
-        self.measured, self.weights = np.zeros(shape), np.zeros(shape)
-        for k, target in enumerate(targets):
-            for j, name in enumerate(self.outputs):
-                if name in target.measured:
-                    self.measured[k, j] = target.measured[name]
-                    self.weights[k, j] = 1.0 / target.scales[name]
+        self.measured = np.array([[float(t.measured.get(o, 0.0)) for o in self.outputs] for t in targets])
+        scales = [[t.scales[o] if o in t.measured else np.inf for o in self.outputs] for t in targets]
+        self.weights = 1.0 / np.array(scales, dtype=float)
 
     def evaluate(
         self,

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from eclsim.arguments import Kind, article, check_fields, written
+from eclsim.arguments import Kind, OneOf, article, check_fields, written
 from eclsim.cases.quantities import stated, with_values
 from eclsim.devices.description import GASES as VO2
 from eclsim.files import finite
 from eclsim.identification.density import (
+    KNOWN_PRIOR,
     Gaussian,
     PosteriorDensity,
     Prior,
     PriorKind,
     beats_of_members,
-    check_prior,
     gaussian_approximation,
 )
 from eclsim.identification.draws import away_from_fit, draws_as_tree, piled_up, several_solutions
@@ -32,8 +32,7 @@ from eclsim.identification.quantities import measurement_errors, predicted_outpu
 from eclsim.identification.settings import (
     avoidable_assumptions,
     measured_open_set_points,
-    remarks_on_fixed_volume,
-    remarks_on_unmeasured_oxygenator,
+    remarks_on_assumptions,
     without_measurement,
 )
 from eclsim.identification.verdict import Aspect, Level
@@ -91,10 +90,8 @@ class PosteriorSettings:
     volume_policy: VolumePolicy | None = None
 
     def __post_init__(self) -> None:
-        if self.method not in KINDS:
-            raise ValueError(f"method = {self.method!r}: allowed: {', '.join(KINDS)}")
-        check_prior(self.prior)
-        check_fields(self, sampling=Kind(Sampling, "eclsim.Sampling(...)"))
+        sampling = Kind(Sampling, "eclsim.Sampling(...)")
+        check_fields(self, method=OneOf(tuple(KINDS)), prior=KNOWN_PRIOR, sampling=sampling)
         if self.uncertainties is not None:
             as_uncertainties(self.uncertainties)
 
@@ -134,28 +131,17 @@ class Prediction:
         """Text that names the settings."""
         return self.settings or "as measured"
 
-    @property
-    def draws_without_beat(self) -> int:
-        """Number of draws without a steady beat."""
-        return round(self.without_beat * len(self.values))
-
-    @property
-    def draws_impossible(self) -> int:
-        """Number of draws with a beat that no patient can have."""
-        return round(self.impossible * len(self.values))
-
-    @property
-    def draws_without_gases(self) -> int:
-        """Number of draws with a steady beat but no steady gas state."""
-        return round(self.without_gases * len(self.values))
+    def number(self, share: float) -> int:
+        """Number of draws of a share, such as `without_beat`."""
+        return round(share * len(self.values))
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """Reasons not to trust the intervals however good the draws are; empty if there are none."""
         lost = (
-            ("have no steady heartbeat", self.draws_without_beat, "intervals"),
-            (f"are beats {IMPOSSIBLE_BEAT}", self.draws_impossible * bool(self.settings), "intervals"),
-            ("have no steady gas state", self.draws_without_gases, "intervals of gases"),
+            ("have no steady heartbeat", self.number(self.without_beat), "intervals"),
+            (f"are beats {IMPOSSIBLE_BEAT}", self.number(self.impossible) * bool(self.settings), "intervals"),
+            ("have no steady gas state", self.number(self.without_gases), "intervals of gases"),
         )
         return tuple(
             f"{draws} of {len(self.values)} draws {what} at these settings (at most "
@@ -170,10 +156,10 @@ class Prediction:
         """A warning if too many draws are beats that no patient can have, else empty."""
         if self.impossible <= LARGEST_LOST_SHARE:
             return ()
-        draws = f"{self.draws_impossible} of {len(self.values)} draws"
         return (
-            f"{draws} are beats {IMPOSSIBLE_BEAT}, more than {LARGEST_LOST_SHARE:.0%}: the parameters fit, "
-            "but no such patient exists; measure a filling pressure, or narrow the bounds",
+            f"{self.number(self.impossible)} of {len(self.values)} draws are beats {IMPOSSIBLE_BEAT}, "
+            f"more than {LARGEST_LOST_SHARE:.0%}: the parameters fit, but no such patient exists; measure a "
+            "filling pressure, or narrow the bounds",
         )
 
     @property
@@ -307,9 +293,9 @@ class PosteriorResult:
                 },
                 "without_steady_beat": p.without_beat,
                 "draws": len(p.values),
-                "draws_without_steady_beat": p.draws_without_beat,
-                "draws_impossible": p.draws_impossible,
-                "draws_without_steady_gases": p.draws_without_gases,
+                "draws_without_steady_beat": p.number(p.without_beat),
+                "draws_impossible": p.number(p.impossible),
+                "draws_without_steady_gases": p.number(p.without_gases),
                 "share_of_draws_starved": p.starved,
                 "doubts": [*self.doubts, *p.doubts],
                 "warnings": list(p.warnings),
@@ -401,7 +387,7 @@ def posterior(
     samples = density.prior.values_of(z)
     progress("predictions")
     draws = samples.reshape(-1, samples.shape[-1])
-    exact = _with_warnings(models, density, draws, _predict_all(models, density, draws))
+    exact = _predict_all(models, density, draws, warn=True)
     doubts = (*doubts, *exact[0].warning_of_impossible_beats, *exact[0].warning_of_starved_draws)
     by_gaussian = exact
     if settings.method != "gaussian":
@@ -412,8 +398,7 @@ def posterior(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
         (*several_solutions(density.prior, z, gaussian), *piled_up(density.prior, z),
-         *away_from_fit(density.prior, z, fit.optimum.x), *remarks_on_fixed_volume(*point),
-         *remarks_on_unmeasured_oxygenator(*point)),
+         *away_from_fit(density.prior, z, fit.optimum.x), *remarks_on_assumptions(*point)),
     )  # fmt: skip
 
 
@@ -501,41 +486,32 @@ def _fitted_model(fit: FitResult, case: Case) -> Model:
     measured, or else what the fitted patient has at rest.
     """
     fitted = {n: v for n in fit.settings.names if (v := stated(fit.case, n)) is not None}
-    left_open = () if case.regulation is None else case.regulation.open_set_points
     points = measured_open_set_points(case.model_copy(update={"measurements": fit.case.measurements}))
-    points |= {n: v for n in left_open if (v := stated(fit.case, n)) is not None}
+    points |= {n: v for n in case.open_set_points if (v := stated(fit.case, n)) is not None}
     changed = with_values(case, {**points, **fitted})
     rest = None if case.as_written is None else with_values(case.as_written, fitted)
     return model_of(changed.model_copy(update={"fit_mark": fit.case.fit_mark, "as_written": rest}))
 
 
 def _predict_all(
-    models: Sequence[tuple[str, Model]], density: PosteriorDensity, draws: np.ndarray
+    models: Sequence[tuple[str, Model]], density: PosteriorDensity, draws: np.ndarray, warn: bool = False
 ) -> tuple[Prediction, ...]:
+    """Predictions for each model; with `warn`, with warnings about the beat at the medians of the draws."""
+    from eclsim.outputs.results import beat_warnings
+
     count = min(len(draws), PREDICTED_DRAWS)
     chosen = draws[np.arange(count) * len(draws) // count]  # evenly, since one chain follows the other
     parameters = {n: chosen[:, k] for k, n in enumerate(density.prior.names)}
+    medians = dict(zip(density.prior.names, np.median(draws, axis=0).tolist(), strict=True))
     each = []
     for label, model in models:
         outputs = predicted_outputs(model.circuit)
-        each.append(predict(model, parameters, outputs, label, density.policy))
+        found = predict(model, parameters, outputs, label, density.policy)
+        if warn:
+            warnings = beat_warnings(model.with_values(medians), density.policy, outputs)
+            found = replace(found, warnings=warnings)
+        each.append(found)
     return tuple(each)
-
-
-def _with_warnings(
-    models: Sequence[tuple[str, Model]],
-    density: PosteriorDensity,
-    draws: np.ndarray,
-    predictions: Sequence[Prediction],
-) -> tuple[Prediction, ...]:
-    """Add to predictions the warnings about the beat at the medians of the draws."""
-    from eclsim.outputs.results import beat_warnings
-
-    medians = dict(zip(density.prior.names, np.median(draws, axis=0).tolist(), strict=True))
-    return tuple(
-        replace(p, warnings=beat_warnings(model.with_values(medians), density.policy, p.outputs))
-        for (_, model), p in zip(models, predictions, strict=True)
-    )
 
 
 def predict(

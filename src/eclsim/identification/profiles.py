@@ -10,9 +10,9 @@ not determined.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -357,22 +357,16 @@ def values_to_hold(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.n
     return np.array([k for k, _ in plan], dtype=int), np.array([value for _, value in plan])
 
 
-@dataclass(frozen=True)
-class FitProfiles:
+class FitProfiles(NamedTuple):
     """Chi-square (sum of squared differences in standard uncertainties) along each parameter.
 
-    Args:
+    Attributes:
         refitted: curves with the other parameters fitted again.
         held: curves through the same point with the other parameters held.
-        intervals: 90 % interval of each parameter in its unit, where chi-square is within `RISE_90` of its
-            minimum.
-        ends_without_beat: by parameter, the interval ends ("lower", "upper") with no steady beat beyond.
     """
 
     refitted: CostCurves
     held: CostCurves
-    intervals: Mapping[str, tuple[float, float]]
-    ends_without_beat: Mapping[str, tuple[str, ...]]
 
 
 def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
@@ -398,20 +392,19 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     other_optima = np.vstack([best.x, fit.optimum.starts.end])
     refitted = profiles(likelihood, fit.box, x, STEPS, further, other_optima, _explored(likelihood, fit))
     within = fit.box.scale.values(refitted.within).T
-    intervals = {
-        name: _interval_including(interval_90(values, costs, Scale.of([name])), points)
-        for name, values, costs, points in zip(
-            refitted.names, refitted.values, refitted.costs, within, strict=True
-        )
-    }
+    intervals, without_beat = {}, {}
+    for name, values, costs, points in zip(
+        refitted.names, refitted.values, refitted.costs, within, strict=True
+    ):
+        low, high = interval_90(values, costs, Scale.of([name]))
+        intervals[name] = min(low, float(points.min())), max(high, float(points.max()))
+        without_beat[name] = sides_without_beat(costs)
     other = {n: {"lower": low, "upper": high} for n, (low, high) in intervals.items()}
     ends = fit.box.scale.values(np.array([fit.box.lower, fit.box.upper])).T.tolist()
     bounds = dict(zip(fit.box.names, map(tuple, ends), strict=True))
-    curves = zip(refitted.names, refitted.costs, strict=True)
-    ends_without_beat = {name: sides_without_beat(costs) for name, costs in curves}
     gaussian = fit.as_object()["parameters"]
-    reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, ends_without_beat)
-    curves = FitProfiles(refitted, slices(likelihood, fit.box, x), intervals, ends_without_beat)
+    reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, without_beat)
+    curves = FitProfiles(refitted, slices(likelihood, fit.box, x))
     return replace(fit, profile=intervals).judged(reasons), curves
 
 
@@ -423,23 +416,16 @@ def _explored(likelihood: Objective, fit: FitResult) -> np.ndarray:
     return x[np.argsort(costs, kind="stable")[: int(np.isfinite(costs).sum())]]
 
 
-def _interval_including(interval: tuple[float, float], within: np.ndarray) -> tuple[float, float]:
-    """Extend an interval to include all values of points within the 90 % range."""
-    return min(interval[0], float(within.min())), max(interval[1], float(within.max()))
-
-
 def _doubts_without_profile(fit: FitResult) -> list[Reason]:
     """Doubts about a fit for which no profile can be computed; it then determines no parameter."""
     why = (
         "no profile likelihood could be computed around this fit, as it is at the edge of the region with a "
         "steady heartbeat: the Gaussian intervals are unchecked"
     )
-    determined = [name for name, p in fit.parameters.items() if p.identifiable]
-    about = [Reason(Aspect.INTERVALS, Level.DOUBTFUL, "", why)]
-    return about + [
-        Reason(Aspect.INTERVALS, Level.DOUBTFUL, name, f"{name}: not determined without a profile")
-        for name in determined
-    ]
+    sentences = {"": why} | {
+        n: f"{n}: not determined without a profile" for n, p in fit.parameters.items() if p.identifiable
+    }
+    return [Reason(Aspect.INTERVALS, Level.DOUBTFUL, *each) for each in sentences.items()]
 
 
 def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[float, float]:

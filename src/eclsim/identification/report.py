@@ -74,7 +74,8 @@ def _names(points: Sequence[Data], key: str) -> list[str]:
     return list(dict.fromkeys(name for point in points for name in point[key]))
 
 
-def _differences(point: Data) -> Mapping[str, float]:
+def differences_of(point: Data) -> Mapping[str, float]:
+    """Differences of a fit from its measurements, in standard uncertainties; empty without a fit."""
     goodness = point["verdict"]["goodness"]
     return {} if goodness is None else goodness["differences"]
 
@@ -104,7 +105,7 @@ def _about_r2(value: float) -> str:
 
 
 def _one_fit(point: Data) -> str:
-    off = _differences(point)
+    off = differences_of(point)
     outputs = [
         (n, _figures(c["measured"]), _figures(c["simulated"]), signed(off[n]) if n in off else "-")
         for n, c in point["outputs"].items()
@@ -346,7 +347,7 @@ def _written(value: object) -> str:
 
 
 def _outputs_table(point: Data) -> Table:
-    off, rows = _differences(point), []
+    off, rows = differences_of(point), []
     for name, cell in point["outputs"].items():
         known = point["uncertainties"].get(name)
         measured = "not measured" if known is None else f"{number(cell['measured'])} ± {known:.2g}"

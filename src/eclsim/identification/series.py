@@ -29,10 +29,9 @@ from eclsim.identification.settings import (
     measured_open_set_points,
     parameters_informed_by_gases,
     parameters_informed_by_pressures,
+    remarks_on_assumptions,
     remarks_on_fixed_consumption,
-    remarks_on_fixed_volume,
     remarks_on_undetermined_output,
-    remarks_on_unmeasured_oxygenator,
 )
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import circuit_of
@@ -92,8 +91,8 @@ class Series:
 
     def checked(self, case: Case) -> tuple[Case, CheckedFit]:
         """Return a case with the set points of the series, and what can be fitted to it."""
-        left_open = () if case.regulation is None else case.regulation.open_set_points
-        case = with_values(case, {key: v for key, v in self.set_points.items() if key in left_open})
+        points = {key: v for key, v in self.set_points.items() if key in case.open_set_points}
+        case = with_values(case, points)
         absent = (self.read & {*self.settings.names}) - self._read_by(case)
         row = replace(
             self.settings,
@@ -111,8 +110,7 @@ class Series:
 
     def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
         """Doubts about the estimate from a case: unknown values that are held, and set points still open."""
-        left_open = () if case.regulation is None else case.regulation.open_set_points
-        still_open = [str(w) for w in checked.warnings if w.key in left_open]
+        still_open = [str(w) for w in checked.warnings if w.key in case.open_set_points]
         free = self.settings.names
         held = (
             *avoidable_assumptions(case, checked.targets, free),
@@ -123,12 +121,7 @@ class Series:
 
     def remarks(self, case: Case) -> list[str]:
         """Remarks on values that are assumed at all times; `case` is one of the series."""
-        free = self.settings.names
-        return [
-            *self.notes,
-            *remarks_on_fixed_volume(case, self.measured, free),
-            *remarks_on_unmeasured_oxygenator(case, self.measured, free),
-        ]
+        return [*self.notes, *remarks_on_assumptions(case, self.measured, self.settings.names)]
 
     def _read_by(self, case: Case) -> set[str]:
         return {*parameters_read(circuit_of(case_to_fit(case, self.settings)))}
@@ -182,13 +175,9 @@ def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
 
     A fit leaves out parameters that it cannot determine; here these are free, too, with wide intervals.
     """
-    cases = [case for _, case in points]
-    informed = [key for case in cases for key in parameters_informed_by_gases(case)]
-    return tuple(
-        dict.fromkeys(
-            (*informed, *(key for case in cases for key in parameters_informed_by_pressures(case)), *usual)
-        )
-    )
+    kinds = (parameters_informed_by_gases, parameters_informed_by_pressures)
+    informed = (key for informed_by in kinds for _, case in points for key in informed_by(case))
+    return tuple(dict.fromkeys((*informed, *usual)))
 
 
 def falling_clotting(before: TrackedPoint, now: TrackedPoint) -> str:

@@ -17,7 +17,7 @@ from eclsim.devices.registry import example_setting, parameters
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale, measurement_errors, unit_of
-from eclsim.inputs.mistakes import CaseError, Mistake, as_names, shown
+from eclsim.inputs.mistakes import CaseError, Mistake, Remarks, as_names, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
@@ -136,28 +136,18 @@ def _pair(name: object, bounds: Any) -> tuple[float, float]:
 
 
 @dataclass(slots=True)
-class CheckedFit:
-    """Targets and free parameters of a fit, with mistakes, warnings and notes.
+class CheckedFit(Remarks):
+    """Targets and free parameters of a fit, with mistakes, doubts, and notes on what was left out or fixed.
 
     Attributes:
         targets: measured values by name [mmHg, L/min].
         free: start value, lower and upper bound of each free parameter.
         fixed: value of each parameter whose bounds are equal.
-        mistakes: errors that prevent a fit.
-        warnings: doubts.
-        notes: what was left out or fixed.
     """
 
     targets: dict[str, float] = field(default_factory=dict)
     free: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     fixed: dict[str, float] = field(default_factory=dict)
-    mistakes: list[Mistake] = field(default_factory=list)
-    warnings: list[Mistake] = field(default_factory=list)
-    notes: list[Mistake] = field(default_factory=list)
-
-    def add_mistake(self, key: str, message: str, value: str = "", allowed: str = "", hint: str = "") -> None:
-        """Add a mistake."""
-        self.mistakes.append(Mistake(key, message, value, allowed, hint))
 
 
 def case_to_fit(case: Case, settings: FitSettings) -> Case:
@@ -174,9 +164,7 @@ def case_to_fit(case: Case, settings: FitSettings) -> Case:
 
 def measured_open_set_points(case: Case) -> dict[str, float]:
     """Measurements that equal set points which a case leaves open, by key of the set point."""
-    if case.regulation is None:
-        return {}
-    open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
+    open_ones = MEASURED_AT_REST.keys() & case.open_set_points
     if case.physiology is not None and case.physiology.pericardium:
         open_ones -= {VENOUS_SET_POINT}  # transmural: the pressure around the heart is not measured
     measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in sorted(open_ones)}
@@ -186,6 +174,11 @@ def measured_open_set_points(case: Case) -> dict[str, float]:
 def measured_outputs(case: Case) -> list[str]:
     """Names of the measurements of a case that can be fitted."""
     return [name for name in OUTPUTS if getattr(case.measurements, name, None) is not None]
+
+
+def _computed_measurements(case: Case) -> list[str]:
+    available = output_names(circuit_of(case))
+    return [name for name in measured_outputs(case) if name in available]
 
 
 def free_parameters(
@@ -205,15 +198,13 @@ def free_parameters(
     from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.identifiability import identifiability, propose
 
-    available = output_names(circuit_of(case))
-    measured = [name for name in measured_outputs(case) if name in available]
-    informed = [key for key, gases in INFORMATIVE_GASES.items() if set(gases) & set(measured)]
-    unknown = [key for key in informed if key in _unknown_gas_parameters(case)]
+    unknown = parameters_informed_by_gases(case)
     if not unknown:
         return tuple(usual)
     candidates = tuple(dict.fromkeys((*unknown, *usual)))
     try:
-        about = identifiability(case, parameters=candidates, outputs=measured, volume_policy=policy)
+        outputs = _computed_measurements(case)
+        about = identifiability(case, parameters=candidates, outputs=outputs, volume_policy=policy)
     except NoDerivativesError:
         return candidates
     # An oxygenator counts as new unless the gases show otherwise, so its clotting has no priority.
@@ -227,19 +218,13 @@ def _unknown_gas_parameters(case: Case) -> set[str]:
         return set()
     circuit = circuit_of(case)
     mixing = {name for drained in drainages(circuit) for name in names_in(drained.mixing)}
-    return {
-        SHUNT,
-        *assumed_gas_parameters(case),
-        *mixing,
-        *([CLOTTED] if _oxygenator_is_fixed(case, ()) else []),
-    }
+    clotted = [CLOTTED] if _oxygenator_is_fixed(case, ()) else []
+    return {SHUNT, *assumed_gas_parameters(case), *mixing, *clotted}
 
 
 def parameters_informed_by_gases(case: Case) -> tuple[str, ...]:
     """Parameters of gas exchange that a case leaves open and that its measured gases inform on."""
-    available = output_names(circuit_of(case))
-    measured = {name for name in measured_outputs(case) if name in available}
-    unknown = _unknown_gas_parameters(case)
+    measured, unknown = {*_computed_measurements(case)}, _unknown_gas_parameters(case)
     return tuple(key for key, gases in INFORMATIVE_GASES.items() if key in unknown and {*gases} & measured)
 
 
@@ -261,9 +246,8 @@ def assumed_gas_parameters(case: Case) -> set[str]:
     """Shunt and oxygen consumption, as far as a case leaves them out and they are assumed."""
     if case.gas is None:
         return set()
-    given = case.gas.model_fields_set
-    assumed = {VO2: case.gas.vo2_ml_min is None, SHUNT: "shunt_fraction" not in given}
-    return {key for key, holds in assumed.items() if holds}
+    shunt = set() if "shunt_fraction" in case.gas.model_fields_set else {SHUNT}
+    return shunt | ({VO2} if case.gas.vo2_ml_min is None else set())
 
 
 def avoidable_assumptions(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
@@ -286,24 +270,15 @@ def avoidable_assumptions(case: Case, measured: Collection[str], free: Collectio
     return result
 
 
-def consumption_is_from_formula(case: Case, measured: Collection[str], free: Collection[str]) -> bool:
-    """Whether the oxygen consumption is computed by the formula and no measured gas determines it."""
-    gases = {*MEASURED_GASES} & {*measured}
-    return (
-        bool(gases)
-        and VO2 in assumed_gas_parameters(case) - {*free}
-        and not gases & {*INFORMATIVE_MEASUREMENTS[VO2][1]}
-    )
-
-
 def remarks_on_fixed_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A remark if the consumption is the formula's and no measured gas determines it, else empty."""
-    if not consumption_is_from_formula(case, measured, free):
+    """A remark if the oxygen consumption is the formula's and no measured gas determines it, else empty."""
+    gases = [name for name in MEASURED_GASES if name in measured]
+    determined = {*gases} & {*INFORMATIVE_MEASUREMENTS[VO2][1]}
+    if not gases or determined or VO2 not in assumed_gas_parameters(case) - {*free}:
         return []
-    gases = ", ".join(name for name in MEASURED_GASES if name in measured)
     return [
-        f"the oxygen consumption is held at a formula's value, on which {gases} depend: the shunt is only "
-        f"as good as that value; measure SvO2 or SpreO2, or give {VO2}"
+        f"the oxygen consumption is held at a formula's value, on which {', '.join(gases)} depend: the shunt "
+        f"is only as good as that value; measure SvO2 or SpreO2, or give {VO2}"
     ]
 
 
@@ -329,16 +304,30 @@ def remarks_on_undetermined_output(
     ]
 
 
-def remarks_on_fixed_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """A remark if the blood volume is assumed and no measurement determines it, else empty."""
-    if not _volume_is_fixed(case, free) or {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured}:
-        return []
-    return [
-        "the blood volume is held at that of a published patient of this size: "
-        f"{_volume_dependent(measured)} depend on it, and intervals do not include its uncertainty; measure "
-        "CVP and free "
-        f"{EXTRA_VOLUME}"
-    ]
+def remarks_on_assumptions(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """Remarks on what no measurement determines: an assumed blood volume, a clotted oxygenator."""
+    remarks = []
+    if _volume_is_fixed(case, free) and not {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured}:
+        remarks.append(
+            "the blood volume is held at that of a published patient of this size: "
+            f"{_volume_dependent(measured)} depend on it, and intervals do not include its uncertainty; "
+            f"measure CVP and free {EXTRA_VOLUME}"
+        )
+    behind, gases = INFORMATIVE_MEASUREMENTS[CLOTTED][1], [g for g in MEASURED_GASES if g in measured]
+    advice = f"measure a gas behind it ({', '.join(behind)}), or give {CLOTTED}"
+    if not gases or {*behind} & {*measured}:
+        return remarks
+    if {CLOTTED, SHUNT} <= {*free}:
+        remarks.append(
+            f"no gas behind the oxygenator was measured: {', '.join(gases)} hardly distinguish a clotted "
+            f"oxygenator from sicker lungs, and a change in one may be attributed to the other; {advice}"
+        )
+    elif _oxygenator_is_fixed(case, free):
+        remarks.append(
+            f"the oxygenator is assumed to be as new, and {', '.join(gases)} depend on it: a clotted one "
+            f"appears as sicker lungs; {advice}"
+        )
+    return remarks
 
 
 def remarks_on_unfitted(case: Case, fitted: Collection[str]) -> list[str]:
@@ -348,30 +337,6 @@ def remarks_on_unfitted(case: Case, fitted: Collection[str]) -> list[str]:
         return []
     why = unavailable(names[0], output_names(circuit_of(case)))
     return [f"{', '.join(names)}: measured and not fitted, since the case has no such output{why}"]
-
-
-def remarks_on_unmeasured_oxygenator(
-    case: Case, measured: Collection[str], free: Collection[str]
-) -> list[str]:
-    """A remark if the oxygenator is held as new, or free with the shunt, and no gas after it was measured."""
-    informative, gases = (
-        INFORMATIVE_MEASUREMENTS[CLOTTED][1],
-        [name for name in MEASURED_GASES if name in measured],
-    )
-    if not gases or {*informative} & {*measured}:
-        return []
-    advice = f"measure a gas behind it ({', '.join(informative)}), or give {CLOTTED}"
-    if {CLOTTED, SHUNT} <= {*free}:
-        return [
-            f"no gas behind the oxygenator was measured: {', '.join(gases)} hardly distinguish a clotted "
-            f"oxygenator from sicker lungs, and a change in one may be attributed to the other; {advice}"
-        ]
-    if not _oxygenator_is_fixed(case, free):
-        return []
-    return [
-        f"the oxygenator is assumed to be as new, and {', '.join(gases)} depend on it: a clotted one "
-        f"appears as sicker lungs; {advice}"
-    ]
 
 
 def _oxygenator_is_fixed(case: Case, free: Collection[str]) -> bool:
@@ -391,7 +356,7 @@ def _volume_dependent(measured: Collection[str]) -> str:
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Return checked targets and bounds of a case, with mistakes, warnings and notes."""
-    left_open = () if case.regulation is None else case.regulation.open_set_points
+    left_open = case.open_set_points
     without_fluid, case = case.fluid is None, case_to_fit(case, settings)
     # Quantities that a case leaves open and that follow from the patient's body surface area.
     defaults = {} if case.gas is None else {VO2: oxygen_consumption(*height_weight(case.patient))}
@@ -400,30 +365,27 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     read = parameters_read(circuit_of(case))
     for name in [*checked.free, *checked.fixed]:
         if name not in read:
-            checked.add_mistake(name, "not read by the circuit of this case, so it cannot be fitted")
+            checked.error(name, "not read by the circuit of this case, so it cannot be fitted")
         elif limits[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
-            checked.add_mistake(name, "is sought on a logarithmic scale: its lower bound must be above 0")
+            checked.error(name, "is sought on a logarithmic scale: its lower bound must be above 0")
     checked.warnings += _values_out_of_bounds(case, checked.free)
     _check_uncertainties(checked, settings.uncertainties)
     for name in settings.bounds:
         if name not in settings.names:
             hint, allowed = did_you_mean(name, settings.names), ", ".join(settings.names)
-            checked.add_mistake(name, "bounds of a parameter that is not free", "", allowed, hint)
-    still_open = () if case.regulation is None else case.regulation.open_set_points
+            checked.error(name, "bounds of a parameter that is not free", "", allowed, hint)
     for key in left_open:
-        if key in still_open:
-            message = f"left open, so the start value is used: give it, or fit without [{REGULATION}]"
-            checked.warnings.append(Mistake(key, message))
-        else:
-            message = (
-                f"left open, so the measured {MEASURED_AT_REST[key]} is used: reflexes are inactive there"
+        if key in case.open_set_points:
+            checked.warning(
+                key, f"left open, so the start value is used: give it, or fit without [{REGULATION}]"
             )
-            checked.notes.append(Mistake(key, message))
+        else:
+            measured = MEASURED_AT_REST[key]
+            checked.note(key, f"left open, so the measured {measured} is used: reflexes are inactive there")
     if without_fluid and EXTRA_VOLUME in checked.free:
-        message = "free, so the fitted case has the section [fluid]"
-        checked.notes.append(Mistake(EXTRA_VOLUME, message))
+        checked.note(EXTRA_VOLUME, "free, so the fitted case has the section [fluid]")
     if not checked.mistakes and not checked.free:
-        checked.add_mistake("parameters", "none is free")
+        checked.error("parameters", "none is free")
     return checked
 
 
@@ -434,7 +396,7 @@ def _check_uncertainties(checked: CheckedFit, stated_ones: Mapping[str, Uncertai
         errors = measurement_errors({name: checked.targets[name] for name in given}, given)
     except InputError as error:
         for sentence in error.mistakes:
-            checked.add_mistake("uncertainty", sentence.removeprefix("uncertainty of "))
+            checked.error("uncertainty", sentence.removeprefix("uncertainty of "))
         return
     for name, error in errors.items():
         usual, unit = DEFAULTS[name].at(checked.targets[name]), unit_of(name)
@@ -443,7 +405,7 @@ def _check_uncertainties(checked: CheckedFit, stated_ones: Mapping[str, Uncertai
                 f"uncertainty {error:.2g} {unit} at the measured {checked.targets[name]:g}: far below the "
                 f"usual {usual:.2g}, so the fit follows this measurement above all"
             )
-            checked.warnings.append(Mistake(f"measurements.{name}", message))
+            checked.warning(f"measurements.{name}", message)
 
 
 def _values_out_of_bounds(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:
@@ -471,24 +433,24 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         allowed = f"{instance.key}.{target.setting} instead; a measured pump flow is measurements.PF"
         message = "a target; a fit needs the speed at which the pump ran"
         value = shown(getattr(instance.section, target.key))
-        checked.add_mistake(f"{instance.key}.{target.key}", message, value, allowed)
+        checked.error(f"{instance.key}.{target.key}", message, value, allowed)
     known = output_names(circuit_of(case))
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
         if value is None and name in BEAT_OUTPUTS:
-            checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))
+            checked.note(f"measurements.{name}", "not measured, so not fitted")
         elif value is not None and name not in known:
             message = f"not fitted: the case has no such output{unavailable(name, known)}"
-            checked.warnings.append(Mistake(f"measurements.{name}", message, shown(value)))
+            checked.warning(f"measurements.{name}", message, shown(value))
         elif value is not None:
             checked.targets[name] = value
     if not checked.targets:
-        checked.add_mistake("measurements", "nothing to fit", allowed=f"at least one of {', '.join(OUTPUTS)}")
+        checked.error("measurements", "nothing to fit", allowed=f"at least one of {', '.join(OUTPUTS)}")
     for key, limits in bounds.items():
         _check_bounds(key, limits, checked)
     if 0 < len(checked.targets) < len(checked.free):
         counts = f"{len(checked.targets)} targets for {len(checked.free)} free parameters"
-        checked.warnings.append(Mistake("measurements", f"under-determined: {counts}"))
+        checked.warning("measurements", f"under-determined: {counts}")
     return checked
 
 
@@ -498,19 +460,19 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
     if parameter is None:
         allowed = f"names listed by eclsim parameters, or keys of sections such as {example_setting()}"
         hint = did_you_mean(key, parameters())
-        checked.add_mistake(key, "unknown parameter", allowed=allowed, hint=hint)
+        checked.error(key, "unknown parameter", allowed=allowed, suggestion=hint)
     elif not all(math.isfinite(number) for number in limits):
-        checked.add_mistake(key, "start and bounds must be finite", written, parameter.allowed)
+        checked.error(key, "start and bounds must be finite", written, parameter.allowed)
     elif lower > upper:
         hint = f"{upper:g} to {lower:g}"
-        checked.add_mistake(key, "lower bound above upper bound", written, parameter.allowed, hint)
+        checked.error(key, "lower bound above upper bound", written, parameter.allowed, hint)
     elif not lower <= start <= upper:
-        checked.add_mistake(key, "start value outside its bounds", written, parameter.allowed)
+        checked.error(key, "start value outside its bounds", written, parameter.allowed)
     elif not (parameter.accepts(lower) and parameter.accepts(upper)):
-        checked.add_mistake(key, "bounds outside the allowed range", written, parameter.allowed)
+        checked.error(key, "bounds outside the allowed range", written, parameter.allowed)
     elif lower == upper:
         checked.fixed[key] = start
-        checked.notes.append(Mistake(key, "bounds are equal: fixed, not fitted", shown(start)))
+        checked.note(key, "bounds are equal: fixed, not fitted", shown(start))
     else:
         checked.free[key] = (start, lower, upper)
 
@@ -557,10 +519,8 @@ def _bounds(
         start, lower, upper = float(known.value), known.minimum, known.maximum
     else:
         start = float(known.value)
-        lower, upper = (
-            max(start / DEFAULT_BOUND_FACTOR, known.minimum),
-            min(start * DEFAULT_BOUND_FACTOR, known.maximum),
-        )
+        lower = max(start / DEFAULT_BOUND_FACTOR, known.minimum)
+        upper = min(start * DEFAULT_BOUND_FACTOR, known.maximum)
     value = stated(case, name)
     value = defaults.get(name, start) if value is None else value
     if name in bounds:

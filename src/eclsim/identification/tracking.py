@@ -13,13 +13,13 @@ from scipy.stats import qmc
 from eclsim.arguments import FiniteNumber, Kind, WholeNumber, check_fields, number_of
 from eclsim.cases.cohort import plain_id
 from eclsim.identification.density import (
+    KNOWN_PRIOR,
     Gaussian,
     NoSteadyBeatError,
     PosteriorDensity,
     Prior,
     PriorKind,
     beats_of_members,
-    check_prior,
     gaussian_approximation,
 )
 from eclsim.identification.filtering import (
@@ -54,7 +54,15 @@ from eclsim.identification.series import (
     series_of,
 )
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, goodness_of, misfits
+from eclsim.identification.verdict import (
+    Aspect,
+    FitVerdict,
+    Level,
+    Reason,
+    agreement,
+    goodness_of,
+    stronger_membrane,
+)
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.outputs.signals import gas_dependent_outputs, output_names, parameters_read
@@ -96,9 +104,10 @@ class TrackSettings:
     interval_hours: float = HOURS_PER_DAY
 
     def __post_init__(self) -> None:
-        check_prior(self.prior)
-        check_fields(self, fit=Kind(FitSettings), drifts=as_drifts, seed=WholeNumber())
-        check_fields(self, interval_hours=number_of)
+        check_fields(
+            self, prior=KNOWN_PRIOR, fit=Kind(FitSettings), drifts=as_drifts, seed=WholeNumber(),
+            interval_hours=number_of,
+        )  # fmt: skip
         check_fields(self, interval_hours=FiniteNumber(least=0.0, unit="h"))
 
     def as_object(self) -> dict[str, Any]:
@@ -146,8 +155,7 @@ class TrackedPoint:
         innovations: comparison of each measurement with its forecast.
         parameters: parameters after the update.
         outputs: outputs of the model after the update.
-        drift: estimated standard deviation of the change of a latent variable over a day, from the
-            measurements so far.
+        drift: standard deviation of the change of a latent variable over a day, estimated so far.
         forecast: forecast outputs of the model; empty at the first point.
         expected: 90 % intervals of the expected measurements: the forecast with measurement noise.
         chi_square: chi-square of all innovations together; None at the first point.
@@ -191,8 +199,7 @@ class TrackedPoint:
         names = {"name": "id", "hours": "hours_since_last", "innovations": "measurements"}
         content = {names.get(name, name): value for name, value in asdict(self).items()}
         verdict = None if self.verdict is None else self.verdict.as_object()
-        seconds = round(self.seconds, 3)
-        return {**content, "doubtful": self.doubtful, "verdict": verdict, "seconds": seconds}
+        return {**content, "doubtful": self.doubtful, "verdict": verdict, "seconds": round(self.seconds, 3)}
 
 
 @dataclass(frozen=True)
@@ -373,10 +380,8 @@ class Tracker:
     def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float], tuple[str, ...]]:
         """Return prior, model, measurements and doubts for a case."""
         case, checked = self.series.checked(case)
-        if checked.mistakes:
-            raise CaseError(checked.mistakes)
-        if self._prior is None:
-            self._prior = Prior.within(Box.of(self.series.free()), self.settings.prior)
+        checked.raise_mistakes()
+        self._prior = self._prior or Prior.within(Box.of(self.series.free()), self.settings.prior)
         model, doubts = model_of(case).with_values(checked.fixed), self.series.doubts(case, checked)
         return self._prior, model, dict(checked.targets), doubts
 
@@ -387,10 +392,8 @@ class Tracker:
             new = [copied_measurements(self._before, point), falling_clotting(self._before, point), *new]
         self._before = point
         self._reported_doubts.update(new)
-        verdict = point.verdict
-        if verdict is not None:
-            reasons = [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", doubt) for doubt in doubts]
-            verdict = verdict.with_reasons(reasons)
+        reasons = [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", doubt) for doubt in doubts]
+        verdict = None if point.verdict is None else point.verdict.with_reasons(reasons)
         message = "; ".join(filter(None, (point.message, *new)))
         return replace(point, verdict=verdict, message=message, doubts=doubts)
 
@@ -415,9 +418,8 @@ class Tracker:
         covariance = ((u - mean).T * weights) @ (u - mean)
         gaussian_state = GaussianMixture(np.ones(1), mean[None], covariance[None])
         count = len(self.drifts)
-        state = GaussianMixture(
-            np.full(count, 1.0 / count), np.tile(mean, (count, 1)), np.tile(covariance, (count, 1, 1))
-        )
+        same = (np.repeat(each[None], count, axis=0) for each in (mean, covariance))
+        state = GaussianMixture(np.full(count, 1.0 / count), *same)
         self.estimate = _Estimate(prior, transport, state)
         self._starts[model.circuit] = density.numbers(transport.z_of(mean)[0])
         names, _, regression = self._regression(replace(self.estimate, state=gaussian_state), model)
@@ -544,15 +546,14 @@ def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
     simulated = dict(zip(density.outputs, gaussian.outputs.tolist(), strict=True))
     scaled = gaussian.jacobian / density.scale[:, None]
     goodness = goodness_of(density.measured, simulated, density.errors, scaled, gaussian.covariance)
-    known = simulated, goodness, "uncertainty", density.prior.names, density.model.values
-    return FitVerdict(goodness, ()).with_reasons(misfits(density.measured, *known))
+    known = density.measured, simulated, goodness
+    more = stronger_membrane(*known, density.prior.names, density.model.values)
+    return FitVerdict(goodness, ()).with_reasons([*agreement(*known, "uncertainty"), *more])
 
 
 def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
     """Doubts about the first estimate and how they were handled; empty if there are none."""
-    doubts = []
-    if verdict.doubts:
-        doubts += [f"first estimate: {verdict.headline}", *verdict.advice]
+    doubts = [f"first estimate: {verdict.headline}", *verdict.advice] if verdict.doubts else []
     if power < 1.0:
         doubts.append(
             f"the first estimate is itself uncertain: {'; '.join(weighted.reasons)}; its intervals are "
@@ -595,6 +596,5 @@ def track(
     for (name, case), passed in zip(cases, hours, strict=True):
         say("")
         done.append(tracker.update(name, case, passed))
-    interval = None if known else settings.interval_hours
     notes = (*series.remarks(cases[-1][1]), *notes_on_bounds(done))
-    return TrackResult(patient, tuple(done), interval, notes)
+    return TrackResult(patient, tuple(done), None if known else settings.interval_hours, notes)

@@ -256,36 +256,22 @@ def agreement(
     return reasons
 
 
-def misfits(
+def stronger_membrane(
     measured: Mapping[str, float],
     simulated: Mapping[str, float],
     goodness: Goodness,
-    weights: str,
     free: Collection[str],
     values: Mapping[str, float],
 ) -> list[Reason]:
-    """Reasons from the differences between fit and measurements, with advice where the cause is known.
+    """A reason, with advice, where a PO2 behind the oxygenator is higher than even a new membrane gives.
 
     Args:
         measured: measured values by output.
         simulated: values of the fitted model.
         goodness: agreement of the fit.
-        weights: weights of the fit, "relative" or "uncertainty".
         free: names of the fitted parameters.
         values: parameters of the model.
     """
-    reasons = agreement(measured, simulated, goodness, weights)
-    return reasons + _stronger_membrane(measured, simulated, goodness, free, values)
-
-
-def _stronger_membrane(
-    measured: Mapping[str, float],
-    simulated: Mapping[str, float],
-    goodness: Goodness,
-    free: Collection[str],
-    values: Mapping[str, float],
-) -> list[Reason]:
-    """A reason where a PO2 behind the oxygenator is higher than even a new membrane of the model gives."""
     missed = goodness.differences.get(PO2_BEHIND, 0.0)
     as_new = CLOTTED in free or values.get(CLOTTED, 0.0) == 0.0
     if missed >= -DOUBTFUL_DIFFERENCE or TRANSFER in free or TRANSFER not in values or not as_new:

@@ -54,6 +54,14 @@ class CaseError(ValueError):
         super().__init__("\n".join(str(mistake) for mistake in self.mistakes))
 
 
+class ListedError(ValueError):
+    """An input that cannot be used; the message has one line for each of its `mistakes`."""
+
+    def __init__(self, mistakes: Sequence[str]):
+        self.mistakes = tuple(mistakes)
+        super().__init__("\n".join(mistakes))
+
+
 @dataclass(slots=True)
 class Remarks:
     """Collection of errors, warnings and notes about an input, so that one error does not hide another.

@@ -17,12 +17,11 @@ import numpy as np
 from eclsim.cases.cohort import CohortPoint, CohortReading, read_cohort
 from eclsim.execution import Executor
 from eclsim.identification.cohort import fit_cohort, r_squared
+from eclsim.identification.fit import problem_of
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.profiles import CostCurves, slices
 from eclsim.identification.quantities import measured_and_simulated
-from eclsim.identification.settings import FitSettings, checked_fit
-from eclsim.orbit.model import model_of
+from eclsim.identification.settings import FitSettings, case_to_fit
 from eclsim.paper.comparison import Row, printed_number, statement
 from eclsim.paper.printed import FEMALE_POINTS, PATIENTS, POINTS, R2, TABLE_1
 
@@ -41,7 +40,6 @@ class CohortComparison:
         results: results of the data points, as in the JSON file of `eclsim identify`.
         r2: R2 of pressures and flows.
         slices: slices through the objective of one point.
-        sliced: name of this point.
         synthetic: whether the cohort is the synthetic one.
         explore: number of explored parameter sets for each free parameter.
     """
@@ -50,7 +48,6 @@ class CohortComparison:
     results: tuple[Mapping[str, Any], ...]
     r2: Mapping[str, float | None]
     slices: CostCurves
-    sliced: str
     synthetic: bool
     explore: int
 
@@ -81,9 +78,7 @@ def reproduce_cohort(
     chosen = next(k for k, result in enumerate(results) if result["cost"] is not None)
     curves = _slices(reading.points[chosen], results[chosen], settings)
     rows = (*_table_1(reading, cohort is None), *_fit_rows(reading, results, r2, cohort is None))
-    return CohortComparison(
-        rows, tuple(results), r2, curves, reading.points[chosen].name, cohort is None, explore
-    )
+    return CohortComparison(rows, tuple(results), r2, curves, cohort is None, explore)
 
 
 def _table_1(reading: CohortReading, synthetic: bool) -> list[Row]:
@@ -114,8 +109,7 @@ def _fit_rows(
         printed_number("2.1", f"number of {w}", "1", paper, ours, other_data=True)
         for w, paper, ours in counts
     ]
-    mean = [p.case.measurements.MAP for p in points if p.case.measurements is not None]
-    known = [value for value in mean if value is not None]
+    known = [v for p in points if (v := getattr(p.case.measurements, "MAP", None)) is not None]
     rows.append(
         statement("3.2", "hypotension (MAP below 65) and hypertension (above 92 mmHg) are among them",
                   bool(known) and min(known) < 65.0 and max(known) > 92.0)
@@ -141,10 +135,6 @@ def _fit_rows(
 
 def _slices(point: CohortPoint, result: Mapping[str, Any], settings: FitSettings) -> CostCurves:
     """Slices through the fit of a point, along every free parameter."""
-    checked = checked_fit(point.case, settings)
-    box = Box.of(checked.free)
-    measured = dict(checked.targets)
-    scales = {name: abs(value) for name, value in measured.items()}
-    target = Target(model_of(point.case).with_values(dict(checked.fixed)), measured, scales)
+    objective, box = problem_of([case_to_fit(point.case, settings)], settings)
     fitted = box.scale.coordinates(np.array([result["parameters"][name]["value"] for name in box.names]))
-    return slices(Objective([target], box.names), box, fitted)
+    return slices(objective, box, fitted)

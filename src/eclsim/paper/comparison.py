@@ -7,9 +7,10 @@ measurements.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import TypeVar
 
 YES_NO = "yes/no"
 """Unit of a statement: 1 if it holds."""
@@ -215,6 +216,21 @@ def statement(
     """Return a row for a statement of a paper's text: whether it holds for the computed results."""
     result = None if explained is None else float(explained)
     return printed_number(section, sentence, YES_NO, 1.0, float(holds), explained=result, reason=reason)
+
+
+Computed = TypeVar("Computed")
+Statement = tuple[str, str, Callable[[Computed], bool]] | tuple[str, str, Callable[[Computed], bool], str]
+"""Section and text of a statement, whether it holds for results, and the reason if it does not."""
+
+
+def statements(
+    known: Iterable[Statement[Computed]], got: Computed, explained: Computed, reason: str = ""
+) -> list[Row]:
+    """Return a row for each statement: whether it holds, and without the supposed cause of the difference."""
+    return [
+        statement(section, sentence, holds(got), own[0] if own else reason, holds(explained))
+        for section, sentence, holds, *own in known
+    ]
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from eclsim.crrt_study.schemes import select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.devices.registry import parameters
 from eclsim.orbit.model import AS_PUBLISHED
-from eclsim.paper.comparison import Row, Verdict, printed_number, statement
+from eclsim.paper.comparison import Row, Statement, Verdict, printed_number, statements
 from eclsim.paper.printed import (
     AT_CASE,
     HIGH,
@@ -187,9 +187,7 @@ def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtComp
         studies.append(crrt_study(case, volume_policy=AS_PUBLISHED))
     study, explained = studies
     rows = [_row(printed, study, explained, unprinted) for printed in TEXT]
-    rows += [
-        statement(s.section, s.sentence, s.holds(study), s.reason, s.holds(explained)) for s in STATEMENTS
-    ]
+    rows += statements(STATEMENTS, study, explained)
     return CrrtComparison(tuple(rows), unprinted, study, explained)
 
 
@@ -256,23 +254,6 @@ def table_rows() -> list[Row]:
 # --- statements of the text -----------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Statement:
-    """A statement of the text about the nine schemes.
-
-    Args:
-        section: section where the statement is printed.
-        sentence: text of the statement.
-        holds: whether the statement holds for a study.
-        reason: explanation if it does not hold.
-    """
-
-    section: str
-    sentence: str
-    holds: Callable[[CrrtStudy], bool]
-    reason: str = ""
-
-
 def _means(study: CrrtStudy) -> xr.Dataset:
     return study.means.sel(policy=AS_PUBLISHED)
 
@@ -291,14 +272,11 @@ def _extreme(study: CrrtStudy, name: str, word: str) -> str:
     return str(study.summary[f"{name}_{word}"].sel(policy=AS_PUBLISHED, speed=AT_CASE).item())
 
 
-def _largest_relative(study: CrrtStudy, names: tuple[str, ...]) -> dict[str, float]:
-    summary = study.summary.sel(policy=AS_PUBLISHED, speed=AT_CASE)
-    return {name: float(summary[f"{name}_variation_percent"]) for name in names}
-
-
 def _most_on_veins(study: CrrtStudy) -> bool:
-    result = _largest_relative(study, ("Psart", "Ppart", "Psvn"))
-    return max(result, key=lambda k: result[k]) == "Psvn" and min(result, key=lambda k: result[k]) == "Psart"
+    summary = study.summary.sel(policy=AS_PUBLISHED, speed=AT_CASE)
+    names = ("Psart", "Ppart", "Psvn")
+    ordered = sorted(names, key=lambda name: float(summary[f"{name}_variation_percent"]))
+    return (ordered[0], ordered[-1]) == ("Psart", "Psvn")
 
 
 def _loops_show_schemes_a_and_h(study: CrrtStudy) -> bool:
@@ -355,32 +333,32 @@ _ORDER = "the same schemes at all flows of the text"
 _LARGEST = "it grows up to 4750 rpm; at 5000 rpm it is 2 % less"
 _UNPRINTED = "the variation in the pulmonary artery is not printed"
 
-STATEMENTS = (
-    Statement(_AT_ITS_SPEED, "the scheme of the highest arterial pressure is h",
-              lambda s: _extreme(s, "Psart", "highest") == "h"),
-    Statement(_AT_ITS_SPEED, "the scheme of the lowest arterial pressure is a",
-              lambda s: _extreme(s, "Psart", "lowest") == "a"),
-    Statement(_AT_ITS_SPEED, "relative variation is largest in the veins, smallest in the arteries",
-              _most_on_veins, _UNPRINTED),
-    Statement(_AT_ITS_SPEED, "right ventricle: a smallest volumes and stroke volume, h largest volumes",
-              _loops_show_schemes_a_and_h),
-    Statement(_AT_ITS_SPEED, "all line pressures are within the usual alarms", _within_alarms),
-    Statement(_AT_ITS_SPEED, "a line pressure is negative in scheme h alone", _negative_only_in_h),
-    Statement(_ANY, "arterial pressure rises with flow in every scheme",
-              lambda s: _monotone(s, "Psart", 1.0)),
-    Statement(_ANY, "pulmonary arterial pressure falls with flow in every scheme",
-              lambda s: _monotone(s, "Ppart", -1.0)),
-    Statement(_ANY, "venous pressure falls with flow in every scheme", lambda s: _monotone(s, "Psvn", -1.0)),
-    Statement(_ANY, "the variation of the arterial pressure grows with speed", _grows_with_speed, _LARGEST),
-    Statement(_ANY, "which scheme has the highest or lowest arterial pressure depends on flow",
-              _order_changes, _ORDER),
-    Statement(_ANY, "return pressure falls with flow in b, c, h, i and rises in the others",
-              _falls_upstream_of_the_pump),
-    Statement("4", "return pressures are positive in all schemes at 3425 rpm",
-              lambda s: bool((_at_case(s)["Pcrrttuout"] > 0.0).all())),
-    Statement("4", "access is below 190 mmHg up to larger flows in g, d, c than in a, b, e, f, i",
-              _g_d_c_keep_access_limit),
-    Statement("4", "the ECMO flow lies between those of Wu et al., 3.1 and 4.4 L/min",
-              lambda s: 3.1 <= float(_at_case(s)["PF"].median()) <= 4.4),
+STATEMENTS: tuple[Statement[CrrtStudy], ...] = (
+    (_AT_ITS_SPEED, "the scheme of the highest arterial pressure is h",
+     lambda s: _extreme(s, "Psart", "highest") == "h"),
+    (_AT_ITS_SPEED, "the scheme of the lowest arterial pressure is a",
+     lambda s: _extreme(s, "Psart", "lowest") == "a"),
+    (_AT_ITS_SPEED, "relative variation is largest in the veins, smallest in the arteries",
+     _most_on_veins, _UNPRINTED),
+    (_AT_ITS_SPEED, "right ventricle: a smallest volumes and stroke volume, h largest volumes",
+     _loops_show_schemes_a_and_h),
+    (_AT_ITS_SPEED, "all line pressures are within the usual alarms", _within_alarms),
+    (_AT_ITS_SPEED, "a line pressure is negative in scheme h alone", _negative_only_in_h),
+    (_ANY, "arterial pressure rises with flow in every scheme",
+     lambda s: _monotone(s, "Psart", 1.0)),
+    (_ANY, "pulmonary arterial pressure falls with flow in every scheme",
+     lambda s: _monotone(s, "Ppart", -1.0)),
+    (_ANY, "venous pressure falls with flow in every scheme", lambda s: _monotone(s, "Psvn", -1.0)),
+    (_ANY, "the variation of the arterial pressure grows with speed", _grows_with_speed, _LARGEST),
+    (_ANY, "which scheme has the highest or lowest arterial pressure depends on flow",
+     _order_changes, _ORDER),
+    (_ANY, "return pressure falls with flow in b, c, h, i and rises in the others",
+     _falls_upstream_of_the_pump),
+    ("4", "return pressures are positive in all schemes at 3425 rpm",
+     lambda s: bool((_at_case(s)["Pcrrttuout"] > 0.0).all())),
+    ("4", "access is below 190 mmHg up to larger flows in g, d, c than in a, b, e, f, i",
+     _g_d_c_keep_access_limit),
+    ("4", "the ECMO flow lies between those of Wu et al., 3.1 and 4.4 L/min",
+     lambda s: 3.1 <= float(_at_case(s)["PF"].median()) <= 4.4),
 )  # fmt: skip
 """Statements of sections 3.3 and 4."""

@@ -14,7 +14,6 @@ from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import YES_NO, Row, Verdict
 from eclsim.paper.printed import TABLE_2
 from eclsim.paper.reproduction import INDEX, Item, Reproduction, items_of
-from eclsim.parameters.thiel2025 import PARAMETERS
 from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number
 
@@ -200,9 +199,9 @@ def _figure(part: str, name: str, result: Reproduction) -> Figure:
     if part == "cohort" and result.cohort is not None:
         return _cohort_figure(name, result.cohort)
     if part == "sensitivity" and result.sensitivity is not None:
-        return _sobol_figure(name, result.sensitivity.average)
+        return _sobol_figure(name, result.sensitivity.shown)
     if part == "positions" and result.positions is not None:
-        return _sobol_figure(name, _readable(result.positions.designed))
+        return _sobol_figure(name, _readable(result.positions.shown))
     return _circuit(result.crrt.explained)
 
 
@@ -241,7 +240,7 @@ def _cohort_figure(name: str, cohort: CohortComparison) -> Figure:
         return figures.plot_scatter(cohort.results, cohort.r2)
     if name == "boxes":
         return figures.plot_boxes(cohort.results)
-    return figures.plot_slices(cohort.slices, {n: PARAMETERS[n].unit for n in cohort.slices.names})
+    return figures.plot_slices(cohort.slices)
 
 
 def _circuit(study: CrrtStudy) -> Figure:

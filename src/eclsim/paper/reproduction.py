@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from eclsim.paper.cohort import CohortComparison
     from eclsim.paper.comparison import Row
     from eclsim.paper.crrt import CrrtComparison
-    from eclsim.paper.sensitivity import CirculationComparison, PositionsComparison
+    from eclsim.paper.sensitivity import SobolComparison
 
 PARTS = ("crrt", "sensitivity", "positions", "cohort")
 """Parts of the paper: the CRRT study; sensitivity of the circulation; positions of the CRRT lines as inputs
@@ -59,8 +59,8 @@ class Reproduction:
     """
 
     crrt: CrrtComparison
-    sensitivity: CirculationComparison | None
-    positions: PositionsComparison | None
+    sensitivity: SobolComparison | None
+    positions: SobolComparison | None
     cohort: CohortComparison | None
     tables: tuple[Row, ...]
 

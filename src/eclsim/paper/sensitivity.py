@@ -21,7 +21,7 @@ import numpy as np
 from eclsim.cases.case import Case
 from eclsim.execution import Executor
 from eclsim.orbit.model import model_of
-from eclsim.paper.comparison import Row, Verdict, printed_number, statement
+from eclsim.paper.comparison import Row, Verdict, printed_number, statement, statements
 from eclsim.paper.crrt import UnprintedValues, explained_case, paper_case
 from eclsim.paper.printed import RUNS, SAMPLES, TABLE_2
 from eclsim.sensitivity.analysis import (
@@ -48,21 +48,18 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class CirculationComparison:
-    """The analyses compared with the paper.
+class SobolComparison:
+    """Analyses compared with the paper.
 
     Args:
         rows: one row for each number and statement.
-        assumed: analysis of the assumed patient.
-        average: analysis of a man of average size, which the figures show.
-        states: analyses of his three states, by name.
+        shown: analysis that the figures show, of a man of average size or with the positions as inputs of the
+            design.
         samples: number of rows N of each design.
     """
 
     rows: tuple[Row, ...]
-    assumed: SensitivityResult
-    average: SensitivityResult
-    states: dict[str, SensitivityResult]
+    shown: SensitivityResult
     samples: int
 
 
@@ -79,7 +76,7 @@ def healthy_parameters_case(average: bool) -> Case:
 
 def reproduce_circulation(
     folder: Path, samples: int, executor: Executor, progress: Progress = lambda _: None
-) -> CirculationComparison:
+) -> SobolComparison:
     """Run the analyses and compare them with the paper.
 
     Args:
@@ -105,7 +102,7 @@ def reproduce_circulation(
     assumed, average, *others = executor.run_each(analyses)
     states = dict(zip(TARGETS, others, strict=True))
     rows = (*_table_2(assumed.indices, average.indices), *_statements(assumed, average, states))
-    return CirculationComparison(rows, assumed, average, states, samples)
+    return SobolComparison(rows, average, samples)
 
 
 def _table_2(assumed: Indices, average: Indices) -> list[Row]:
@@ -147,17 +144,15 @@ def _statements(
         ("3.1", "Rpmc acts on MPAP more than on the others", lambda i: "MPAP" in _top_outputs(i, "Rpmc", 1)),
         ("3.1", "the seven of Table 2 have the largest sums, in its order",
          lambda i: list(i.sums)[: len(TABLE_2)] == list(TABLE_2)),
-        ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)", _is_additive),
+        ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)",
+         lambda i: float(np.max(i.estimates.ST - i.estimates.S1)) < ADDITIVE),
     )  # fmt: skip
     reason, lacking = "start values are not printed", _outputs_without_rmc_or_emaxlv(first)
-    rows = [
-        statement(where, sentence, holds(first), reason, holds(second)) for where, sentence, holds in messages
-    ]
     return [
         printed_number("2.3", "runs at N = 2048 for 24 parameters", "1", RUNS, runs),
         statement("3.1", "Rmc and Emaxlv are among those that make up 90 % of every output", not lacking,
                   f"{lacking} is not", not _outputs_without_rmc_or_emaxlv(second)),
-        *rows,
+        *statements(messages, first, second, reason),
         statement("3.1", "the seven are selected over the three states", set(TABLE_2) <= union),
         printed_number("3.1", "number of parameters selected over the three states", "1", len(TABLE_2),
                        len(union), reason=f"besides the seven: {more}; {_CUT}" if more else ""),
@@ -186,10 +181,6 @@ def _edla_acts_on_wedge_pressure_only(indices: Indices) -> bool:
     )
 
 
-def _is_additive(indices: Indices) -> bool:
-    return float(np.max(indices.estimates.ST - indices.estimates.S1)) < ADDITIVE
-
-
 def _leading_precise(indices: Indices) -> bool:
     """Whether the leading total order of every output has a relative standard deviation below 5 %."""
     e = indices.estimates
@@ -199,23 +190,6 @@ def _leading_precise(indices: Indices) -> bool:
 
 
 # --- positions of the CRRT lines as inputs --------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class PositionsComparison:
-    """The analyses of positions compared with the paper.
-
-    Args:
-        rows: one row for each number and statement.
-        designed: analysis with the positions as inputs of the design, which the figures show.
-        drawn: analysis with positions drawn at random over the design, as in the published code.
-        samples: number of rows N of each design.
-    """
-
-    rows: tuple[Row, ...]
-    designed: SensitivityResult
-    drawn: SensitivityResult
-    samples: int
 
 
 @dataclass(frozen=True)
@@ -252,7 +226,7 @@ def reproduce_positions(
     samples: int,
     executor: Executor,
     progress: Progress = lambda _: None,
-) -> PositionsComparison:
+) -> SobolComparison:
     """Run both analyses and compare them with the paper.
 
     Args:
@@ -278,7 +252,7 @@ def reproduce_positions(
         partial(run, plan, "designed", "sensitivity to the CRRT's positions"),
         partial(run, redrawn, "drawn", "the same, positions drawn over the design"),
     ))  # fmt: skip
-    return PositionsComparison(tuple(position_rows(designed, drawn)), designed, drawn, samples)
+    return SobolComparison(tuple(position_rows(designed, drawn)), designed, samples)
 
 
 def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
@@ -289,32 +263,19 @@ def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list
         (seven, "pump speed has the largest sum of total orders", lambda i: next(iter(i.sums)) == SPEED),
         (seven, "the resistances come second", lambda i: list(i.sums)[1] == "R"),
         (seven, "on MPAP and CO, C and L matter at least half as much as the positions", _c_and_l_comparable),
-        (seven, "on MPAP and CO, E matters at most twice as much as the return position", _e_comparable),
-        (
-            five,
-            "the access position helps to make up 90 % of MPAP and CO",
-            lambda i: _is_selected_for_flow(i, ACCESS),
-        ),
-        (
-            five,
-            "the return position helps to make up 90 % of MPAP and CO",
-            lambda i: _is_selected_for_flow(i, RETURN),
-        ),
+        (seven, "on MPAP and CO, E matters at most twice as much as the return position",
+         lambda i: all(_total(i, o, "E") <= 2.0 * _total(i, o, RETURN) for o in ("MPAP", "CO"))),
+        (five, "the access position helps to make up 90 % of MPAP and CO",
+         lambda i: _is_selected_for_flow(i, ACCESS)),
+        (five, "the return position helps to make up 90 % of MPAP and CO",
+         lambda i: _is_selected_for_flow(i, RETURN)),
         ("4", "first orders of both positions are below 0.05 on MPAP and CO", _positions_have_no_first_order),
-        (
-            "4",
-            "the strongest pair is that of both positions, or resistances and pump speed",
-            _strongest_pair_is_expected,
-        ),
-        (
-            "4",
-            "that pair is beyond its 95 % interval and above 0.05 for MPAP or CO",
-            _strongest_pair_is_significant,
-        ),
-    )
-    rows = [
-        statement(where, sentence, holds(ours), _DRAWN, holds(theirs)) for where, sentence, holds in messages
-    ]
+        ("4", "the strongest pair is that of both positions, or resistances and pump speed",
+         lambda i: all(_pairs(i, output)[0][2] in _EXPECTED_PAIRS for output in ("MPAP", "CO"))),
+        ("4", "that pair is beyond its 95 % interval and above 0.05 for MPAP or CO",
+         _strongest_pair_is_significant),
+    )  # fmt: skip
+    rows = statements(messages, ours, theirs, _DRAWN)
     rows = [row.because(_NEITHER) if row.verdict is Verdict.DIFFERS else row for row in rows]
     return rows + _ranges(designed, drawn)
 
@@ -345,10 +306,6 @@ def _c_and_l_comparable(indices: Indices) -> bool:
     )
 
 
-def _e_comparable(indices: Indices) -> bool:
-    return all(_total(indices, o, "E") <= 2.0 * _total(indices, o, RETURN) for o in ("MPAP", "CO"))
-
-
 def _is_selected_for_flow(indices: Indices, factor: str) -> bool:
     return all(factor in indices.selected()[output] for output in ("MPAP", "CO"))
 
@@ -360,21 +317,15 @@ def _positions_have_no_first_order(indices: Indices) -> bool:
 
 
 def _pairs(indices: Indices, output: str) -> list[tuple[float, float, frozenset[str]]]:
-    e, k = indices.estimates, indices.outputs.index(output)
-    assert e.S2 is not None
-    assert e.S2_conf is not None
-    result = [
-        (float(e.S2[k, i, j]), float(e.S2_conf[k, i, j]), frozenset((indices.factors[i], indices.factors[j])))
-        for i, j in zip(*np.triu_indices(len(indices.factors), 1), strict=True)
-    ]
-    return sorted(result, key=lambda pair: -pair[0])
+    """Second order of each pair of factors, with half width; the largest first."""
+    table = indices.pairs
+    assert table is not None
+    rows = table.sort_values("S2", ascending=False, kind="stable").query("output == @output")
+    names = map(frozenset, zip(rows["factor"], rows["other_factor"], strict=True))
+    return list(zip(rows["S2"], rows["S2_conf"], names, strict=True))
 
 
 _EXPECTED_PAIRS = (frozenset((ACCESS, RETURN)), frozenset(("R", SPEED)))
-
-
-def _strongest_pair_is_expected(indices: Indices) -> bool:
-    return all(_pairs(indices, output)[0][2] in _EXPECTED_PAIRS for output in ("MPAP", "CO"))
 
 
 def _strongest_pair_is_significant(indices: Indices) -> bool:

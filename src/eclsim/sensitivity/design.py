@@ -14,7 +14,7 @@ once: a resample is a row of counts, so that the bootstrap is one matrix product
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -183,45 +183,32 @@ class Estimates:
     S2_conf: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
-class _Samples:
-    """Centred outputs: A and B (rows, outputs), AB and BA (rows, factors, outputs)."""
-
-    A: np.ndarray
-    B: np.ndarray
-    AB: np.ndarray
-    BA: np.ndarray | None
-
-
-def sobol_indices(
-    values: np.ndarray, factors: int, *, seed: int = 1, resamples: int = RESAMPLES, size: float = 0.0
-) -> Estimates:
+def sobol_indices(values: np.ndarray, factors: int, *, seed: int = 1, size: float = 0.0) -> Estimates:
     """Compute the indices of every output; zero for an output that does not vary.
 
     Args:
         values: outputs of all runs, shape (rows, runs per row, outputs), without any failed row.
         factors: number of factors.
         seed: seed of the resampling.
-        resamples: bootstrap resamples of the rows.
         size: smallest size of an output, in its unit, with which the standard deviation is compared.
     """
     from scipy.stats import norm
 
-    samples = _separated(values, factors, size)
-    rows = len(samples.A)
-    chosen = np.random.default_rng(seed).integers(rows, size=(rows, resamples))
-    counts = np.bincount((chosen + rows * np.arange(resamples)).ravel(), minlength=rows * resamples)
-    weights = np.concatenate([np.ones((1, rows)), counts.reshape(resamples, rows)]) / rows
-    variance = _variance(samples, weights)
-    first = _over(_means(weights, samples.B[:, None] * (samples.AB - samples.A[:, None])), variance)
-    total = _over(_means(weights, 0.5 * (samples.A[:, None] - samples.AB) ** 2), variance)
+    rows, scaled = len(values), _scaled(values, size)
+    a, b, ab = scaled[:, 0], scaled[:, -1], scaled[:, 1 : factors + 1]
+    chosen = np.random.default_rng(seed).integers(rows, size=(rows, RESAMPLES))
+    counts = np.bincount((chosen + rows * np.arange(RESAMPLES)).ravel(), minlength=rows * RESAMPLES)
+    weights = np.concatenate([np.ones((1, rows)), counts.reshape(RESAMPLES, rows)]) / rows
+    mean = 0.5 * _means(weights, a + b)
+    variance = 0.5 * _means(weights, a**2 + b**2) - mean**2  # of A and B together
+    first = _over(_means(weights, b[:, None] * (ab - a[:, None])), variance)
+    total = _over(_means(weights, 0.5 * (a[:, None] - ab) ** 2), variance)
     width = float(norm.ppf(0.5 + CONFIDENCE / 2))
-    pairs = None if samples.BA is None else _second_order(samples, weights, first, variance)
-    return Estimates(
-        *_with_width(first, width),
-        *_with_width(total, width),
-        *((None, None) if pairs is None else _with_width(pairs, width)),
-    )
+    estimates = Estimates(*_with_width(first, width), *_with_width(total, width))
+    if values.shape[1] < 2 * factors + 2:
+        return estimates
+    pairs, widths = _with_width(_second_order(scaled, weights, first, variance), width)
+    return replace(estimates, S2=pairs, S2_conf=widths)
 
 
 def varies(values: np.ndarray, size: float = 0.0) -> np.ndarray:
@@ -230,26 +217,17 @@ def varies(values: np.ndarray, size: float = 0.0) -> np.ndarray:
     return flat.std(axis=0) > ROUNDING * np.maximum(np.abs(flat.mean(axis=0)), size)
 
 
-def _separated(values: np.ndarray, factors: int, size: float) -> _Samples:
-    """Centre and scale each output over all runs and separate the points of a row."""
+def _scaled(values: np.ndarray, size: float) -> np.ndarray:
+    """Centre and scale each output over all runs."""
     flat = values.reshape(-1, values.shape[-1])
     spread = flat.std(axis=0)
     usable = varies(values, size)
-    scaled = np.where(usable, (values - flat.mean(axis=0)) / np.where(usable, spread, 1.0), 0.0)
-    second = values.shape[1] == 2 * factors + 2
-    exchanged, reverse = scaled[:, 1 : factors + 1], scaled[:, factors + 1 : 2 * factors + 1]
-    return _Samples(scaled[:, 0], scaled[:, -1], exchanged, reverse if second else None)
+    return np.where(usable, (values - flat.mean(axis=0)) / np.where(usable, spread, 1.0), 0.0)
 
 
 def _means(weights: np.ndarray, terms: np.ndarray) -> np.ndarray:
     """Weighted means over the rows, shape (1 + resamples, ...)."""
     return (weights @ terms.reshape(len(terms), -1)).reshape(len(weights), *terms.shape[1:])
-
-
-def _variance(samples: _Samples, weights: np.ndarray) -> np.ndarray:
-    """Variance of A and B together in each resample, shape (1 + resamples, outputs)."""
-    mean = 0.5 * _means(weights, samples.A + samples.B)
-    return 0.5 * _means(weights, samples.A**2 + samples.B**2) - mean**2
 
 
 def _over(means: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -261,15 +239,15 @@ def _over(means: np.ndarray, variance: np.ndarray) -> np.ndarray:
 
 
 def _second_order(
-    samples: _Samples, weights: np.ndarray, first: np.ndarray, variance: np.ndarray
+    scaled: np.ndarray, weights: np.ndarray, first: np.ndarray, variance: np.ndarray
 ) -> np.ndarray:
     """Closed second-order term less both first orders, shape (1 + resamples, factors, factors, outputs)."""
-    assert samples.BA is not None
-    factors = samples.AB.shape[1]
-    result = np.full((len(weights), factors, factors, samples.A.shape[-1]), np.nan)
-    products = samples.A * samples.B
+    factors = first.shape[1]
+    ab, ba = scaled[:, 1 : factors + 1], scaled[:, factors + 1 : 2 * factors + 1]
+    result = np.full((len(weights), factors, factors, scaled.shape[-1]), np.nan)
+    products = scaled[:, 0] * scaled[:, -1]
     for j in range(factors - 1):
-        terms = samples.BA[:, j, None] * samples.AB[:, j + 1 :] - products[:, None]
+        terms = ba[:, j, None] * ab[:, j + 1 :] - products[:, None]
         closed = _over(_means(weights, terms), variance)
         result[:, j, j + 1 :] = closed - first[:, j, None] - first[:, j + 1 :]
     return result

@@ -20,8 +20,7 @@ from matplotlib.lines import Line2D
 
 from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.registry import parameters
-from eclsim.outputs.registry import UnknownOutputError
-from eclsim.outputs.registry import output as registered_output
+from eclsim.outputs.registry import find_output
 from eclsim.reporting.style import (
     CURVES,
     GREY,
@@ -141,20 +140,15 @@ def by_sum(result: Indices) -> list[int]:
     return [result.factors.index(name) for name in result.sums]
 
 
-def is_grouped_by_kind(names: Sequence[str]) -> bool:
-    """Whether neighbouring parameters have the same kind, so that the paper's layout groups them."""
-    kinds = [key for key, _ in groupby(names, key=_kind)]
-    return len(names) > MOST_HORIZONTAL_NAMES and len(kinds) == len(set(kinds)) > 1
-
-
 def _kind(name: str) -> str:
     parameter = parameters().get(name)
     return f"{parameter.quantity}s" if parameter and parameter.quantity in GROUPS.values() else "others"
 
 
 def _mark_kinds(axes: Axes, names: Sequence[str]) -> None:
-    """Label the kinds above the columns and separate them by lines."""
-    if not is_grouped_by_kind(names):
+    """Label the kinds above the columns and separate them by lines, if neighbours have the same kind."""
+    kinds = [key for key, _ in groupby(names, key=_kind)]
+    if len(names) <= MOST_HORIZONTAL_NAMES or not len(kinds) == len(set(kinds)) > 1:
         return
     first = 0
     for kind, members in groupby(names, key=_kind):
@@ -293,11 +287,8 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
 
 def output_unit(name: str) -> str:
     """Unit of an output; empty if it is dimensionless or unknown."""
-    try:
-        unit = registered_output(name).unit
-    except UnknownOutputError:
-        return ""
-    return "" if unit == "1" else unit
+    known = find_output(name)
+    return "" if known is None or known.unit == "1" else known.unit
 
 
 def _legend(place: Axes, panel: Axes, note: str) -> None:

@@ -474,7 +474,6 @@ def _measured(case: Case, model: Model) -> tuple[str, ...]:
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:
-
     wrong = [
         f"no {kind} given" for kind, names in (("parameter", parameters), ("output", outputs)) if not names
     ]

@@ -19,6 +19,7 @@ from eclsim.arguments import number_of, written
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.dialysed_blood import follows_blood_hint
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
+from eclsim.inputs.mistakes import ListedError
 from eclsim.outputs.registry import find_output, unavailable
 from eclsim.spelling import spelling_hint
 
@@ -43,12 +44,8 @@ Description = dict[str, Any]
 """Plain data that describe a design or a model, stored in its file and compared with others."""
 
 
-class InputError(ValueError):
+class InputError(ListedError):
     """Raised for inputs that a case cannot have; the message has one line for each mistake."""
-
-    def __init__(self, mistakes: Sequence[str]):
-        self.mistakes = tuple(mistakes)
-        super().__init__("\n".join(mistakes))
 
 
 @dataclass(frozen=True)
@@ -272,9 +269,9 @@ def _make_input(name: str, case: Case, circuit: Circuit, base: Mapping[str, floa
     if device is not None and key == SCHEME:
         return _schemes(name, device, case)
     if name in choices:
-        labels = (
-            tuple(device.sites()) if (device := _device_of_line(case, choices[name])) else choices[name].sites
-        )
+        sites = choices[name].sites  # labelled by the device whose positions they are
+        labelled = (device.sites() for device in case.instances())
+        labels = next((tuple(own) for own in labelled if tuple(own.values()) == sites), sites)
         return Categorical(name, labels, ((name, tuple(float(k) for k in range(len(labels)))),))
     sizes = device.device.sizes(device.section, key) if device is not None else ()
     if sizes:
@@ -282,13 +279,6 @@ def _make_input(name: str, case: Case, circuit: Circuit, base: Mapping[str, floa
     if (parameter := parameters().get(name)) is not None:
         return Continuous(name, *parameter.varied(base[name], share))
     return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
-
-
-def _device_of_line(case: Case, choice: Choice) -> Instance | None:
-    """The device whose positions a line can be moved to."""
-    return next(
-        (device for device in case.instances() if tuple(device.sites().values()) == choice.sites), None
-    )
 
 
 def _schemes(name: str, device: Instance, case: Case) -> Categorical:

@@ -1,8 +1,15 @@
 """Results of an analysis: labelled indices of every output, quantities derived from them, and files.
 
 Convergence: an aligned part of 2^k rows of a scrambled Sobol sequence is itself a design of 2^k rows. A
-    design of N rows therefore contains N/n designs of n rows, which are repeats without additional runs (the
-    paper's Figure S-1).
+design of N rows therefore contains N/n designs of n rows, which are repeats without additional runs (the
+paper's Figure S-1).
+
+Failed runs: one or two inputs describe the region in which most of them lie. A condition is a threshold on
+one input beyond which most failed runs lie, but few others. It is placed where the two distribution functions
+differ most (the Kolmogorov-Smirnov statistic). A second condition is searched for among the runs that meet
+the first. Runs of a row share their values, so rows are counted, not runs. A difference is significant if
+chance exceeds it for any input in less than one of a hundred designs (Dvoretzky, Kiefer and Wolfowitz, with
+Massart's constant: 1990, doi 10.1214/aop/1176990746).
 """
 
 from __future__ import annotations
@@ -22,7 +29,6 @@ from eclsim.files import csv_text, write_json, write_text
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
-from eclsim.sensitivity.failures import FailedRegion, failed_region
 from eclsim.sensitivity.runs import Runs, status_word
 
 if TYPE_CHECKING:
@@ -36,6 +42,8 @@ FEWEST_ROWS = 64
 SMALLEST_SIZE = 1.0
 """Smallest size of an output, in its unit, with which its standard deviation is compared."""
 FIRST_CONVERGENCE_ROWS = 16
+CHANCE_LEVEL = 0.01
+MOST_CONDITIONS = 2
 MOST_PAIRS = 20
 SMALLEST_PAIR_INDEX = 0.005
 """Smaller second-order indices are rounding of the first orders and not shown."""
@@ -167,18 +175,10 @@ class Indices:
     @property
     def pairs(self) -> pd.DataFrame | None:
         """Table with one row for each output and pair of factors; None without second order."""
-        import pandas as pd
-
-        e = self.estimates
-        if e.S2 is None or e.S2_conf is None:
+        if self.estimates.S2 is None:
             return None
-        i, j = np.triu_indices(len(self.factors), 1)
-        names, count = np.array(self.factors), len(self.outputs)
-        return pd.DataFrame({
-            "output": np.repeat(self.outputs, len(i)), "factor": np.tile(names[i], count),
-            "other_factor": np.tile(names[j], count), "S2": e.S2[:, i, j].ravel(),
-            "S2_conf": e.S2_conf[:, i, j].ravel(),
-        })  # fmt: skip
+        table = self.dataset[["S2", "S2_conf"]].to_dataframe()
+        return table[table["S2"].notna()].reset_index()  # each pair of factors once
 
     def as_object(self, second_order: bool = False) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -236,8 +236,41 @@ class SensitivityResult:
 
     @cached_property
     def convergence(self) -> xr.Dataset:
-        """Indices at 16, 32, 64 ... rows; see the function `convergence`."""
-        return convergence(self)
+        """Indices at 16, 32, 64 ... up to all rows, by index, rows, output and factor.
+
+        `mean` and `spread` (standard deviation) are those over the repeats of a size, and `mean_conf` is the
+        mean half width of their bootstrap intervals.
+        """
+        import xarray as xr
+
+        design, outputs = self.design, self.indices.outputs
+        factors = len(design.factors)
+        values, good = self.runs.complete_rows(design)
+        # The BA points are used for second order only.
+        values = np.concatenate([values[:, : factors + 1], values[:, -1:]], axis=1)
+        least = min(FIRST_CONVERGENCE_ROWS, design.samples)
+        sizes = [design.samples >> k for k in range(20, -1, -1) if design.samples >> k >= least]
+        names = ("S1", "ST")
+        shape = (len(sizes), len(names), len(outputs), factors)
+        mean, spread, width = np.full((3, *shape), np.nan)
+        for s, size in enumerate(sizes):
+            pieces = [slice(k, k + size) for k in range(0, design.samples, size)]
+            repeats = [
+                sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SMALLEST_SIZE)
+                for p in pieces
+                if good[p].sum() > 1
+            ]
+            for k, name in enumerate(names if repeats else ()):
+                each = np.stack([getattr(r, name) for r in repeats])
+                mean[s, k] = each.mean(axis=0)
+                width[s, k] = np.mean([getattr(r, f"{name}_conf") for r in repeats], axis=0)
+                if len(each) > 1:
+                    spread[s, k] = each.std(axis=0, ddof=1)
+        dims = ("rows", "index", "output", "factor")
+        data = {"mean": (dims, mean), "spread": (dims, spread), "mean_conf": (dims, width)}
+        repeats = ("rows", design.samples // np.array(sizes))
+        labels = (sizes, list(names), list(outputs), list(design.factors))
+        return xr.Dataset({**data, "repeats": repeats}, dict(zip(dims, labels, strict=True)))
 
 
 def indices_of_runs(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
@@ -287,46 +320,6 @@ def point_name(design: Design, position: int) -> str:
     return f"{('AB', 'BA')[kind]} {design.factors[factor]}"
 
 
-def convergence(result: SensitivityResult, smallest: int = FIRST_CONVERGENCE_ROWS) -> xr.Dataset:
-    """Indices at `smallest`, twice that ... up to all rows, by index, rows, output and factor.
-
-    `mean` and `spread` (standard deviation) are those over the repeats of a size, and `mean_conf` is the mean
-    half width of their bootstrap intervals.
-    """
-    import xarray as xr
-
-    design, outputs = result.design, result.indices.outputs
-    factors = len(design.factors)
-    values, good = result.runs.complete_rows(design)
-    # The BA points are used for second order only.
-    values = np.concatenate([values[:, : factors + 1], values[:, -1:]], axis=1)
-    least = min(smallest, design.samples)
-    sizes = [design.samples >> k for k in range(20, -1, -1) if design.samples >> k >= least]
-    names = ("S1", "ST")
-    shape = (len(sizes), len(names), len(outputs), factors)
-    mean, spread, width = np.full((3, *shape), np.nan)
-    for s, size in enumerate(sizes):
-        pieces = [slice(k, k + size) for k in range(0, design.samples, size)]
-        repeats = [
-            sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SMALLEST_SIZE)
-            for p in pieces
-            if good[p].sum() > 1
-        ]
-        for k, name in enumerate(names if repeats else ()):
-            each = np.stack([getattr(r, name) for r in repeats])
-            mean[s, k] = each.mean(axis=0)
-            width[s, k] = np.mean([getattr(r, f"{name}_conf") for r in repeats], axis=0)
-            if len(each) > 1:
-                spread[s, k] = each.std(axis=0, ddof=1)
-    dims = ("rows", "index", "output", "factor")
-    data = {
-        name: (dims, values) for name, values in (("mean", mean), ("spread", spread), ("mean_conf", width))
-    }
-    repeats = ("rows", design.samples // np.array(sizes))
-    labels = {"rows": sizes, "index": list(names), "output": list(outputs), "factor": list(design.factors)}
-    return xr.Dataset({**data, "repeats": repeats}, labels)
-
-
 def write_results(folder: Path, result: SensitivityResult) -> None:
     """Write indices.json, indices.csv, second_order.csv, failed.csv and convergence.csv."""
     indices = result.indices
@@ -343,6 +336,117 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
     head = ("run", "row", "point", "status", *(indices.failed[0].inputs if indices.failed else ()))
     rows = ((f.run, f.row, f.point, f.status, *f.inputs.values()) for f in indices.failed)
     write_text(csv_text(head, rows, digits=None), folder / "failed.csv")
+
+
+# --- where runs fail --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A range of one input.
+
+    Args:
+        name: name of the input.
+        relation: ">", "<" or "=".
+        limit: threshold, or the choice.
+    """
+
+    name: str
+    relation: str
+    limit: float | str
+
+    def __str__(self) -> str:
+        limit = self.limit if isinstance(self.limit, str) else f"{self.limit:.3g}"
+        return f"{self.name} {self.relation} {limit}"
+
+
+@dataclass(frozen=True)
+class FailedRegion:
+    """Region that holds most of the failed runs.
+
+    Args:
+        conditions: conditions that define the region; the first is the most informative.
+        failed: number of failed runs in the region.
+        of_failed: number of all failed runs.
+        share: share of failed runs among the runs in the region.
+        share_elsewhere: share of failed runs among all others.
+    """
+
+    conditions: tuple[Condition, ...]
+    failed: int
+    of_failed: int
+    share: float
+    share_elsewhere: float
+
+    def __str__(self) -> str:
+        where = " and ".join(map(str, self.conditions))
+        return (
+            f"runs fail mostly where {where}: {self.failed} of the {self.of_failed} failed ones are there "
+            f"({100.0 * self.share:.2g} % of the runs there, {100.0 * self.share_elsewhere:.2g} % elsewhere)"
+        )
+
+    def as_object(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {**vars(self), "conditions": [vars(condition) for condition in self.conditions]}
+
+
+def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
+    """Find the region that holds most of the failed runs; None if no input separates them.
+
+    Args:
+        design: design of the runs.
+        failed: whether each run failed, shape (runs,).
+    """
+    unit = design.unit(0, len(failed) // design.runs_per_row)
+    columns = {chosen.name: chosen.table_column(unit[:, k]) for k, chosen in enumerate(design.inputs)}
+    rows = np.arange(len(failed)) // design.runs_per_row
+    in_region, conditions = np.ones(len(failed), dtype=bool), []
+    for _ in range(MOST_CONDITIONS):
+        best, best_condition, within = _least_by_chance(rows[in_region & failed], columns), None, in_region
+        for name, values in columns.items():
+            for condition, beyond in _conditions(name, values, in_region, failed):
+                difference = float(beyond[in_region & failed].mean() - beyond[in_region & ~failed].mean())
+                if difference > best:
+                    best, best_condition, within = difference, condition, in_region & beyond
+        if best_condition is None:
+            break
+        conditions.append(best_condition)
+        in_region = within
+        del columns[best_condition.name]
+        if failed[in_region].all():
+            break
+    if not conditions:
+        return None
+    return FailedRegion(
+        tuple(conditions), int(failed[in_region].sum()), int(failed.sum()), float(failed[in_region].mean()),
+        float(failed[~in_region].mean()),
+    )  # fmt: skip
+
+
+def _least_by_chance(failed_rows: np.ndarray, columns: dict[str, np.ndarray]) -> float:
+    """Difference that chance does not exceed for any input and side, at `CHANCE_LEVEL`."""
+    rows, sides = len(np.unique(failed_rows)), 2 * len(columns)
+    return float(np.sqrt(np.log(max(sides, 1) / CHANCE_LEVEL) / (2.0 * rows))) if rows else np.inf
+
+
+def _conditions(
+    name: str, values: np.ndarray, in_region: np.ndarray, failed: np.ndarray
+) -> Iterator[tuple[Condition, np.ndarray]]:
+    """Conditions on an input (each choice, or the best threshold on each side) and the runs meeting them."""
+    bad, good = values[in_region & failed], values[in_region & ~failed]
+    if not len(bad) or not len(good):
+        return
+    if values.dtype == object or values.dtype.kind in "US":
+        for choice in np.unique(bad.astype(str)):
+            yield Condition(name, "=", str(choice)), values == choice
+        return
+    bad, good = np.sort(bad), np.sort(good)
+    above = 1.0 - np.arange(len(bad)) / len(bad) - (1.0 - np.searchsorted(good, bad) / len(good))
+    least = bad[int(np.argmax(above))]
+    yield Condition(name, ">", float(least)), values >= least
+    below = np.arange(1, len(bad) + 1) / len(bad) - np.searchsorted(good, bad, side="right") / len(good)
+    most = bad[int(np.argmax(below))]
+    yield Condition(name, "<", float(most)), values <= most
 
 
 # --- terminal text ----------------------------------------------------------------------------------

@@ -191,6 +191,7 @@ class SampleFolder:
         warnings: tuple[str, ...] = (),
     ):
         self.path, self.design, self.outputs, self.warnings = folder, design, outputs, warnings
+        self.samples = folder / SAMPLES
         self.blocks: TaskFolder[Runs] = TaskFolder(
             folder / "blocks",
             {"design": design.description(), "outputs": list(outputs), "model": model},
@@ -213,11 +214,6 @@ class SampleFolder:
             made_by = f"version {recorded['version']} of eclsim; this is {__version__}"
             raise ExecutionError(f"{folder}: its analysis was made by {made_by}, or its {DESIGN} was changed")
         return store
-
-    @property
-    def samples(self) -> Path:
-        """Path of the file of all runs."""
-        return self.path / SAMPLES
 
     def open(self, executor: Executor) -> None:
         """Create the folder or check that it holds the same analysis, whatever the number of rows."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
-import numpy as np
-from scipy.optimize import brentq
 
 from eclsim.blood.acid_base import carbon_dioxide_solubility
 from eclsim.blood.gases import gases
@@ -16,7 +14,7 @@ from eclsim.components.dialysis import (
     clearance,
 )
 from eclsim.paper.comparison import Check, Explanation, Row, within
-from eclsim.validation.reference_cases import compared
+from eclsim.validation.reference_cases import compared, root
 
 TROYANOV = "Troyanov et al. 2003 (Nephrol Dial Transplant), AN69 filter M-100, abstract"
 MAY = "May et al. 2017 (10.1186/s40635-017-0132-7), scaled from the bench, abstract"
@@ -69,7 +67,7 @@ def antibiotics() -> list[Row]:
     def vancomycin(blood: float, area_product: float, dialysate: float, after: float) -> float:
         return _drug_cleared(blood, VANCOMYCIN_SIEVING, area_product, dialysate=dialysate, after=after)
 
-    fitted = float(np.asarray(brentq(lambda x: vancomycin(200.0, x, 1.0, 2.0) - 30.0, 5.0, 1000.0)))
+    fitted = root(lambda x: vancomycin(200.0, x, 1.0, 2.0) - 30.0, 5.0, 1000.0)
     half = {dose: 0.5e-3 * dose * RENAL_WEIGHT_KG for dose in (25.0, 40.0)}
     got = {dose: vancomycin(RENAL_BLOOD_ML_MIN, fitted, flow, flow) for dose, flow in half.items()}
     before, after, both = (
@@ -83,7 +81,7 @@ def antibiotics() -> list[Row]:
         (within(label, 3.5, both, 0.4, "L/h"),),
         undecided=True,
     )
-    rows = [
+    return [
         within(
             "vancomycin cleared, 1 L/h of dialysate and 2 L/h of filtrate (fit)", 30.0,
             vancomycin(200.0, fitted, 1.0, 2.0), 6.7, "mL/min", source=DELDOT,
@@ -95,7 +93,6 @@ def antibiotics() -> list[Row]:
         ),
         within(label, 3.5, after, 0.4, "L/h", source=BILGRAMI, explanation=unknown),
     ]  # fmt: skip
-    return rows
 
 
 def _drug_cleared(
@@ -162,5 +159,5 @@ def _dialysed(crosses: bool, base_excess: tuple[float, float] = (0.0, 0.0)) -> l
         dissolved = (free if crosses else cleared) * carbon_dioxide_solubility() * pco2
         return 1e-3 * CARBON_DIOXIDE_ML_PER_MMOL * float(cleared * bath.bicarbonate + dissolved)
 
-    fitted = float(np.asarray(brentq(lambda x: removal(MAY_POINTS[0], x) - 62.6, 5.0, 1000.0)))
+    fitted = root(lambda x: removal(MAY_POINTS[0], x) - 62.6, 5.0, 1000.0)
     return [removal(point, fitted) for point in MAY_POINTS]

@@ -29,9 +29,8 @@ from eclsim.parameters.regulation import EXTRA_VOLUME, SET_POINT, VENOUS_SET_POI
 from eclsim.regulation.attach import REFLEXES
 from eclsim.regulation.heldt import HELDT_2010
 from eclsim.slow import INFLOWS
-from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.gas import not_significant_in_five
-from eclsim.validation.matching import with_outputs
+from eclsim.validation.matching import with_cardiopulmonary, with_outputs
 from eclsim.validation.reference_cases import PROTOCOLS, compared, sign
 
 PIETRIBIASI = "Pietribiasi et al. 2016 (PMID 27483369), dialysis patients, abstract"

@@ -24,9 +24,16 @@ from eclsim.files import read_table
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
-from eclsim.validation import recirculation
 from eclsim.validation.dialysis import respiratory_dialysis
-from eclsim.validation.gas_bench import ADULT, Pass, VenoVenous, single_pass, veno_venous
+from eclsim.validation.gas_bench import (
+    ADULT,
+    Pass,
+    VenoVenous,
+    recirculation_numbers,
+    recirculation_reasons,
+    single_pass,
+    veno_venous,
+)
 from eclsim.validation.reference_cases import DATA, PROTOCOLS, compared, root
 
 BENCH_INLET = 0.60
@@ -62,8 +69,8 @@ BYPASS_FRACTIONS = (1.0, 0.8, 0.6)
 
 def gas_check() -> Check:
     """Compare all rows of the table `gas.csv`."""
-    numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions(), **recirculation.numbers()}
-    reasons = _reasons(numbers) | recirculation.reasons(numbers)
+    numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions(), **recirculation_numbers()}
+    reasons = _reasons(numbers) | recirculation_reasons(numbers)
     rows = (_row(entry, numbers, reasons) for entry in read_table(DATA / "gas.csv"))
     dialysis = (replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
     return compared("gas", (*rows, *dialysis))
@@ -142,9 +149,8 @@ def _slopes() -> dict[str, float]:
     }  # fmt: skip
     numbers = {}
     for key, (gas, name, at, step) in steps.items():
-        ends = [getattr(_pig(**{name: at + s}, vo2_percent_per_c=RISE), gas) for s in (-step, step)]
-        change = ends[1] - ends[0]
-        numbers[f"park {key}"] = change / (2.0 * step) / (100.0 if "shunt" in key else 1.0)
+        slope = _slope(lambda x, n=name: _pig(**{n: x}, vo2_percent_per_c=RISE), gas, at, step)
+        numbers[f"park {key}"] = slope / (100.0 if "shunt" in key else 1.0)
     falls = {flow: [_pig(flow, sweep_l_min=s).paco2 for s in (3.0, 5.5, 10.0)] for flow in (1.5, 3.5)}
     numbers["mendes 3.5"] = float(falls[3.5][0] > falls[3.5][1] > falls[3.5][2])
     numbers["mendes 1.5"] = falls[1.5][0] - falls[1.5][2]
@@ -176,10 +182,14 @@ def _park_2013(**changes: float) -> dict[str, float]:
     }  # fmt: skip
     numbers = {}
     for key, (gas, name, step) in steps.items():
-        ends = [getattr(single_pass(**(usual | {name: usual[name] + s})), gas) for s in (-step, step)]
-        scale = 100.0 if name == "saturation" else 1.0
-        numbers[f"park13 {key}"] = (ends[1] - ends[0]) / (2.0 * step) / scale
+        slope = _slope(lambda x, n=name: single_pass(**(usual | {n: x})), gas, usual[name], step)
+        numbers[f"park13 {key}"] = slope / (100.0 if name == "saturation" else 1.0)
     return numbers
+
+
+def _slope(at: Callable[[float], Pass | VenoVenous], gas: str, middle: float, step: float) -> float:
+    low, high = (getattr(at(middle + s), gas) for s in (-step, step))
+    return (high - low) / (2.0 * step)
 
 
 Arranged = Callable[[np.ndarray], tuple[float, float, float, float]]
@@ -205,20 +215,21 @@ def _joyce() -> dict[str, float]:
         "1": (10.0, (74.2, 53.5, 79.2), (270.0, 0.9, 3.0), lambda x: (x[0], x[2], x[1], 0.0)),
         "3": (6.0, (82.4, 50.8), (255.0, 0.3), lambda x: (x[0], 5.0, 1.0, x[1])),
     }
+
+    def pairs(x: np.ndarray, name: str) -> np.ndarray:
+        output, _, _, arranged = patients[name]
+        return np.append(pair(output, *arranged(x)), pair(LOWERED * output, *arranged(x)))
+
+    def errors(x: np.ndarray, name: str) -> np.ndarray:
+        target = np.array(patients[name][1])
+        return pairs(x, name)[: len(target)] - target
+
     numbers, fitted = {}, {}
-    for name, (output, target, start, arranged) in patients.items():
-
-        def pairs(x: np.ndarray, output: float = output, arranged: Arranged = arranged) -> np.ndarray:
-            return np.append(pair(output, *arranged(x)), pair(LOWERED * output, *arranged(x)))
-
-        def errors(
-            x: np.ndarray, target: tuple[float, ...] = target, pairs: Callable[..., np.ndarray] = pairs
-        ) -> np.ndarray:
-            return pairs(x)[: len(target)] - np.array(target)
-
-        fitted[name] = fsolve(errors, start, epsfcn=1e-6, xtol=1e-6)
+    for name, (_, _, start, _) in patients.items():
+        fitted[name] = fsolve(errors, start, args=(name,), epsfcn=1e-6, xtol=1e-6)
         keys = ("a before", "v before", "a after", "v after")
-        numbers |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, pairs(fitted[name]), strict=True)}
+        got = pairs(fitted[name], name)
+        numbers |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, got, strict=True)}
     consumed, mixing = fitted["3"]
     # Their model has recirculation as an input, and it rises in the third patient.
     raised = root(lambda m: pair(3.6, consumed, 5.0, 1.0, m)[1] - 25.5, mixing, 1.0)
@@ -355,7 +366,7 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         "differ",
         (Row("constant that 1.35 m2 needs over that of 0.8 m2", needed[1] / needed[0], 0.0, 1.0),),
     )
-    reasons = {
+    return {
         **{f"prisma {area}": by_area for area in (0.35, 0.8, 1.35)},
         "park13 co2 pressure": _ventilated(), **_outputs(numbers),
         "park13 co2 haemoglobin": haemoglobin, "park pco2 haemoglobin": haemoglobin,
@@ -373,7 +384,6 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
             (Row("with an upper body of 20 %", numbers["watershed 75 small"], 75.0, 100.0, "%"),),
         ),
     }  # fmt: skip
-    return reasons
 
 
 def _with_cells(share: float) -> tuple[float, float]:
@@ -414,10 +424,10 @@ def _diluted() -> Explanation:
 
 def _ventilated() -> Explanation:
     """Smaller effect of PCO2 before the oxygenator if gas flow limits removal."""
-    ends = [single_pass(3.0, 1.5, 0.65, pco2, 10.0).carbon_dioxide for pco2 in (44.0, 46.0)]
+    slope = _slope(lambda pco2: single_pass(3.0, 1.5, 0.65, pco2, 10.0), "carbon_dioxide", 45.0, 1.0)
     return Explanation(
         "the slope depends on the sweep at which it is taken, and the regression covers several",
-        (Row("at a sweep of 1.5 L/min", 0.5 * (ends[1] - ends[0]), 0.6, 2.4, "mL/min per mmHg"),),
+        (Row("at a sweep of 1.5 L/min", slope, 0.6, 2.4, "mL/min per mmHg"),),
         undecided=True,
     )
 
@@ -426,10 +436,10 @@ def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     """Slopes with an output that was not controlled: it differed between animals and over time."""
 
     def slope(output: float) -> float:
-        return (_pig(output=output + 0.1).pao2 - _pig(output=output - 0.1).pao2) / 0.2
+        return _slope(lambda q: _pig(output=q), "pao2", output, 0.1)
 
     steep = root(lambda output: slope(output) + 12.0, 3.6, 6.0)
-    by_consumption = (_pig(vo2_ml_min=205.0).paco2 - _pig(vo2_ml_min=195.0).paco2) / 10.0
+    by_consumption = _slope(lambda vo2: _pig(vo2_ml_min=vo2), "paco2", 200.0, 5.0)
     more = (3.6 - numbers["park pco2 output"]) / by_consumption
     return {
         "park po2 output": Explanation(

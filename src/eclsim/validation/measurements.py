@@ -216,17 +216,13 @@ def crrt_rows() -> list[Row]:
 
 def lvad_rows() -> list[Row]:
     """Rows for the mean change per step over the whole ramp."""
-    rows = []
+    case, rows = reference_case(PROTOCOLS["reference"]["assist"]), []
     for pump, (first, last, step) in EFFECTS["ramps"].items():
-        low, high = (_on_lvad(pump, speed) for speed in (first, last))
+        cases = (case.with_section(lvad.LVAD.key, pump=pump, speed_rpm=speed) for speed in (first, last))
+        low, high = (simulate(model_of(each)) for each in cases)
         for name, expected, spread in RAMP_EFFECTS:
             got = float(high[name] - low[name]) * step / (last - first)
             label, unit = f"{pump} +{step:g} rpm: {output(name).long_name}", output(name).unit
             rows.append(sign(label, expected, got, source=EFFECTS["ramp"]))
             rows.append(within(f"{label}, change", expected, got, spread, unit, source=EFFECTS["ramp"]))
     return rows
-
-
-def _on_lvad(pump: str, speed_rpm: float) -> xr.Dataset:
-    case = reference_case(PROTOCOLS["reference"]["assist"])
-    return simulate(model_of(case.with_section(lvad.LVAD.key, pump=pump, speed_rpm=speed_rpm)))

@@ -30,9 +30,8 @@ from eclsim.regulation.attach import REFLEXES
 from eclsim.validation import measurements
 from eclsim.validation.bleeding import BLED as EIGHT_MEN
 from eclsim.validation.bleeding import bled
-from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.fluid import SOFT, healthy
-from eclsim.validation.matching import with_outputs
+from eclsim.validation.matching import with_cardiopulmonary, with_outputs
 from eclsim.validation.reference_cases import DATA, PROTOCOLS, compared, sign
 
 RIGHT_ATRIUM = "right_atrial_pressure"

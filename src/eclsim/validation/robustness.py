@@ -8,7 +8,7 @@ appear steady by chance. Beats reported as converged are continued for ten more 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import TypeVar
 
@@ -159,18 +159,12 @@ Chunk = tuple[str, int, int]
 """A configuration, the index of its first point, and the index after its last one."""
 
 
-@dataclass(frozen=True)
-class SweepChunk:
-    """Solves some of the `count` points of a configuration."""
-
-    count: int
-
-    def __call__(self, chunk: Chunk) -> dict[str, list[float]]:
-        """Return the arrays of the sweep by name."""
-        name, first, last = chunk
-        points = {parameter: values[first:last] for parameter, values in sobol_points(self.count).items()}
-        done = sweep(name, points)
-        return {field: getattr(done, field).tolist() for field in SWEPT}
+def sweep_chunk(count: int, chunk: Chunk) -> dict[str, list[float]]:
+    """Solve some of the `count` points of a configuration, and return the arrays of the sweep by name."""
+    name, first, last = chunk
+    points = {parameter: values[first:last] for parameter, values in sobol_points(count).items()}
+    done = sweep(name, points)
+    return {field: getattr(done, field).tolist() for field in SWEPT}
 
 
 def sweeps(count: int, effort: Effort) -> list[Sweep]:
@@ -181,15 +175,15 @@ def sweeps(count: int, effort: Effort) -> list[Sweep]:
         for first in range(0, count, CHUNK)
     ]
     inputs = {"points": count, "chunks": chunks, "seed": SEED}
-    tasks = Tasks("robustness", "chunks of points", SweepChunk(count), chunks, inputs)
+    tasks = Tasks("robustness", "chunks of points", partial(sweep_chunk, count), chunks, inputs)
     results = effort.complete(tasks, json_format(dict[str, list[float]]))
     points = sobol_points(count)
     results_by_name = []
     for name in CONFIGURATIONS:
         pieces = [result for chunk, result in zip(chunks, results, strict=True) if chunk[0] == name]
         arrays = {field: np.concatenate([result[field] for result in pieces]) for field in SWEPT}
-        integers = {"status": arrays.pop("status").astype(int), "beats": arrays.pop("beats").astype(int)}
-        results_by_name.append(Sweep(name, points, **integers, **arrays))
+        arrays |= {field: arrays[field].astype(int) for field in ("status", "beats")}
+        results_by_name.append(Sweep(name, points, **arrays))
     return results_by_name
 
 

@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,9 +35,6 @@ from eclsim.validation.reference_cases import (
     waveform_statistics,
 )
 from eclsim.validation.robustness import CONFIGURATIONS, Effort, configuration_model
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 RELATIVE = 0.001
 ABSOLUTE = {"mmHg": 0.01, "L/min": 0.002, "mL": 0.05}
@@ -123,27 +117,17 @@ def shi_hose_check() -> Check:
     published traces to 0.005 mL and 0.003 mmHg. eclsim computes the periodic state. The model is not a
     healthy adult: its mean pulmonary arterial pressure is 40 mmHg.
     """
-    rows = []
+    values = {key: parameter.value for key, parameter in shi_hose2009.PARAMETERS.items()}
+    result, rows = simulate(Model(shi_hose_circulation(), values, "Shi and Hose 2009")), []
     for row in read_table(DATA / "shi_hose2009.csv"):
-        expected, got = float(row["value"]), _shi_hose_value(row["output"])
+        signal, _, kind = row["output"].partition(" ")  # an output, or mean, min or max of a waveform
+        got = waveform_statistics(result, signal)[kind] if kind else float(result[signal])
+        expected = float(row["value"])
         last_digit = 0.5 * 10.0 ** -len(row["value"].partition(".")[2])
         tolerance = max(RELATIVE * expected, last_digit)
         rows.append(within(row["output"], expected, got, tolerance, row["unit"], source=SHI_HOSE_SOURCE))
     title = "Shi and Hose 2009 (CellML) at the periodic state"
     return Check("shi-hose", title, "0.1 % of each scalar", tuple(rows))
-
-
-@lru_cache(maxsize=1)
-def _shi_hose_result() -> xr.Dataset:
-    values = {key: parameter.value for key, parameter in shi_hose2009.PARAMETERS.items()}
-    return simulate(Model(shi_hose_circulation(), values, "Shi and Hose 2009"))
-
-
-def _shi_hose_value(name: str) -> float:
-    """Value of an output of the registry, or of a waveform with "mean", "min" or "max"."""
-    signal, _, kind = name.partition(" ")
-    result = _shi_hose_result()
-    return waveform_statistics(result, signal)[kind] if kind else float(result[name])
 
 
 # --- derivatives ------------------------------------------------------------------------------------
@@ -169,36 +153,15 @@ GRID = (
 TIGHT = OrbitOptions(tolerance=1e-12, error_tolerance=1e-11, quasi_newton_beats=60)
 
 
-@dataclass(frozen=True)
-class Elasticities:
-    """Elasticities of the outputs, shape (outputs, parameters), on two grids and by differences."""
-
-    outputs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    exact: np.ndarray
-    finer: np.ndarray
-    published: np.ndarray
-    own_differences: np.ndarray
+Names = tuple[str, ...]
 
 
-def elasticities(key: str) -> Elasticities:
-    """Compute all elasticities for a case of `gradients.json`."""
-    published = json.loads((DATA / "gradients.json").read_text(encoding="utf-8"))[key]
-    model = reference_model(CASES[key])
-    outputs, parameters = tuple(published["outputs"]), tuple(published["params"])
-    exact, finer = (_exact(model, outputs, parameters, resolution) for resolution in (None, FINER))
-    differences = own_differences(model, outputs, parameters)
-    return Elasticities(outputs, parameters, exact, finer, np.array(published["elasticity_fd"]), differences)
-
-
-def _exact(
-    model: Model, outputs: tuple[str, ...], parameters: tuple[str, ...], resolution: int | None
-) -> np.ndarray:
+def _exact(model: Model, outputs: Names, parameters: Names, resolution: int | None) -> np.ndarray:
     slopes = derivatives(model, outputs, parameters, resolution=resolution)
     return slopes.values * slopes["parameter_value"].values
 
 
-def own_differences(model: Model, outputs: tuple[str, ...], parameters: tuple[str, ...]) -> np.ndarray:
+def own_differences(model: Model, outputs: Names, parameters: Names) -> np.ndarray:
     """Central differences of tightly solved orbits, extrapolated; shape (outputs, parameters)."""
     factors = (1.0 + STEP, 1.0 - STEP, 1.0 + STEP / 2, 1.0 - STEP / 2)
     count = len(factors) * len(parameters)
@@ -216,42 +179,42 @@ def own_differences(model: Model, outputs: tuple[str, ...], parameters: tuple[st
 
 def gradient_checks() -> list[Check]:
     """Compare the derivatives of both cases in all ways."""
-    published: list[Row] = []
-    finer: list[Row] = []
-    own_differences_rows: list[Row] = []
+    published, finer, own = list[Row](), list[Row](), list[Row]()
+    table = json.loads((DATA / "gradients.json").read_text(encoding="utf-8"))
     for key, case in CASES.items():
-        computed = elasticities(key)
-        half_step = _rows(case, computed, computed.finer, computed.published, SHARE_OF_LARGEST)
-        differences = _rows(
-            case, computed, computed.exact, computed.own_differences, SHARE_OF_LARGEST_DIFFERENCES
-        )
-        whys = [Explanation(GRID, evidence) for evidence in zip(half_step, differences, strict=True)]
-        published += _rows(case, computed, computed.exact, computed.published, SHARE_OF_LARGEST, whys)
+        model, printed = reference_model(case), np.array(table[key]["elasticity_fd"])
+        names = tuple(table[key]["outputs"]), tuple(table[key]["params"])
+        exact, half = (_exact(model, *names, resolution) for resolution in (None, FINER))
+        half_step = _rows(case, names, half, printed, SHARE_OF_LARGEST)
+        differences = own_differences(model, *names)
+        own_rows = _rows(case, names, exact, differences, SHARE_OF_LARGEST_DIFFERENCES)
+        whys = [Explanation(GRID, evidence) for evidence in zip(half_step, own_rows, strict=True)]
+        published += _rows(case, names, exact, printed, SHARE_OF_LARGEST, whys)
         finer += half_step
-        own_differences_rows += differences
+        own += own_rows
     title = "Derivatives against central differences of the published code"
     return [
         Check("gradients", f"{title}, default grid", BAR, tuple(published)),
         Check("gradients-finer", f"{title}, half the step", BAR, tuple(finer)),
         Check(
             "own-gradients", "Derivatives against own central differences of the converged orbit",
-            "1e-5 of the largest of each output", tuple(own_differences_rows),
+            "1e-5 of the largest of each output", tuple(own),
         ),
     ]  # fmt: skip
 
 
 def _rows(
     case: str,
-    computed: Elasticities,
+    names: tuple[Names, Names],
     got: np.ndarray,
     expected: np.ndarray,
     share: float,
     explanations: Sequence[Explanation] | None = None,
 ) -> list[Row]:
     rows: list[Row] = []
-    for i, name in enumerate(computed.outputs):
+    for i, name in enumerate(names[0]):
         tolerance = share * float(np.abs(expected[i]).max())
-        for k, parameter in enumerate(computed.parameters):
+        for k, parameter in enumerate(names[1]):
             label, unit = f"{case} d {name} / d ln {parameter}", output(name).unit
             explanation = explanations[len(rows)] if explanations else None
             rows.append(within(label, expected[i, k], got[i, k], tolerance, unit, explanation=explanation))

@@ -10,21 +10,19 @@ from dataclasses import replace
 from eclsim.paper.comparison import Check, Row, worst
 from eclsim.reporting.numbers import text_table
 from eclsim.validation import (
-    apnoea,
     bleeding,
     boluses,
     dialysis,
     drugs,
     fluid,
     gas,
-    hypercapnia,
     measurements,
-    protein,
     reference_cases,
     refill,
     regulation,
     robustness,
     solvers,
+    ventilation,
 )
 from eclsim.validation.robustness import Effort
 from eclsim.validation.timing import Measurement, machine
@@ -42,16 +40,16 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "paper": lambda _: [measurements.paper_check()],
     "devices": lambda _: [measurements.devices_check()],
     "dialysis": lambda _: [dialysis.dialysis_check()],
-    "gas": lambda _: [gas.gas_check(), apnoea.apnoea_check()],
+    "gas": lambda _: [gas.gas_check(), ventilation.apnoea_check()],
     "drugs": lambda _: [drugs.drugs_check()],
-    "regulation": lambda _: [*regulation.regulation_checks(), *hypercapnia.hypercapnia_checks()],
+    "regulation": lambda _: [*regulation.regulation_checks(), *ventilation.hypercapnia_checks()],
     "fluid": lambda _: [
         fluid.fluid_check(),
         bleeding.bleeding_check(),
         boluses.boluses_check(),
         refill.refill_check(),
         refill.pericapillary_check(),
-        protein.protein_check(),
+        refill.protein_check(),
     ],
     "suction": lambda _: [fluid.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
@@ -142,7 +140,8 @@ def validation_markdown(checks: Sequence[Check]) -> str:
     parts += [f"- {remark}" for check in checks for remark in check.remarks]
     missed = [(check.key, row) for check in checks for row in check.missed]
     if missed:
-        reasons = {text: number for number, text in enumerate(_reasons(missed), start=1)}
+        texts = dict.fromkeys(row.explained for _, row in missed if row.explained)
+        reasons = {text: number for number, text in enumerate(texts, start=1)}
         head = ("comparison", "quantity", "expected", "eclsim", "error", "verdict", "reason")
         parts += ["Rows that miss:", _table(head, (_miss(key, row, reasons) for key, row in missed))]
         parts += ["\n".join(f"{number}. {text}" for text, number in reasons.items())] if reasons else []
@@ -163,11 +162,6 @@ def _summary(checks: Iterable[Check]) -> str:
 
 def _rows_held(rows: Sequence[Row]) -> str:
     return f"{sum(row.holds for row in rows)} of {len(rows)}" if rows else ""
-
-
-def _reasons(missed: Iterable[tuple[str, Row]]) -> list[str]:
-    """Reasons of explained misses, without repetition."""
-    return list(dict.fromkeys(row.explained for _, row in missed if row.explained))
 
 
 def _miss(key: str, row: Row, reasons: Mapping[str, int]) -> tuple[str, ...]:
@@ -225,7 +219,11 @@ def check_text(check: Check, every_row: bool = False) -> str:
     """A check as text: all rows if there are few, else the misses and the worst row."""
     rows = _chosen(check, every_row)
     head = ("quantity", "expected", "got", "unit", "error", "verdict")
-    cells = [(r.name, _expected_text(r), _number(r.got), r.unit, _percent(r), _verdict(r)) for r in rows]
+    percent = ["" if row.percent is None else f"{row.percent:+.2f} %" for row in rows]
+    cells = [
+        (r.name, _expected_text(r), _number(r.got), r.unit, error, _verdict(r))
+        for r, error in zip(rows, percent, strict=True)
+    ]
     lines = [f"\n{check.title}", f"tolerance: {check.bar}", text_table(head, cells, numeric=(1, 2, 4))]
     if len(rows) < len(check.rows):
         lines.append(f"... and {len(check.rows) - len(rows)} rows within tolerance (--all shows them)")
@@ -274,10 +272,6 @@ def _expected_text(row: Row) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.5g}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:.1e}"
-
-
-def _percent(row: Row) -> str:
-    return "" if row.percent is None else f"{row.percent:+.2f} %"
 
 
 def _verdict(row: Row) -> str:

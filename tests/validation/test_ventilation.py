@@ -4,20 +4,20 @@ from functools import cache
 
 import pytest
 
-from eclsim.validation import apnoea
-from eclsim.validation.apnoea import AIR, OXYGEN, time_to
+from eclsim.validation import ventilation
+from eclsim.validation.ventilation import AIR, OXYGEN, time_to
 
 
 @pytest.fixture(scope="module")
 def breathless():
     """Beats of the patient, followed once."""
-    return cache(apnoea.apnoea)
+    return cache(ventilation.apnoea)
 
 
 @pytest.mark.slow
 def test_oxygen_lasts_and_carbon_dioxide_rises_as_was_measured(breathless, monkeypatch):
-    monkeypatch.setattr(apnoea, "apnoea", breathless)
-    check = apnoea.apnoea_check()
+    monkeypatch.setattr(ventilation, "apnoea", breathless)
+    check = ventilation.apnoea_check()
     assert not check.required
     assert [row.name for row in check.rows if not row.holds] == []
 
