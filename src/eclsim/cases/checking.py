@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from eclsim.cases.doubts import check_doubtful_units
 from eclsim.cases.events import check_events
 from eclsim.cases.quantities import PARAMETERS, section_and_key
 from eclsim.cases.resolve import blood_volume_ml
@@ -291,6 +292,7 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
     _check_rate_before_drugs(case, remarks)
     _check_blood(case, parameters, remarks)
     _check_blood_gases(case, remarks)
+    check_doubtful_units(case, remarks)
     _note_ventilation(case, remarks)
     stated = {Measurements.section: case.measurements, **case.physiology}
     for section in PATIENT_SECTIONS:
