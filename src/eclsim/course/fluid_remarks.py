@@ -79,6 +79,12 @@ _ULTRAFILTRATION = (
     "(fluid.pericapillary_share = 0.12), or with a wall of 1.6 mL/min/mmHg "
     "(fluid.filtration_ml_min_mmHg = 1.6), it falls as measured"
 )
+_ULTRAFILTRATION_WITHOUT_REFLEX = (
+    "fluid is removed without a reflex: with stiff veins and nothing that answers, pressure falls several "
+    "times too far for the blood that is lost (in the published patient by 24 mmHg for 160 mL of plasma, "
+    "with the reflex of Heldt 2010 by 12 for 390 mL), so that rates look harmful that are not; "
+    '[regulation] baroreflex = 1 with model = "heldt2010" answers'
+)
 NOTABLE_ESCAPE = 0.15
 """Share of the plasma's protein at the start; less that moves into a drier interstitium, about what dry cats
 lost (13.5 %, Schultze 1972), gives no remark."""
@@ -125,6 +131,8 @@ def remarks_on_fluids(timeline: Timeline) -> list[str]:
         result += [] if reflex else [_HAEMORRHAGE_WITHOUT_REFLEX]
     if refills and _removes_fluid_quickly(timeline):
         result.append(_ULTRAFILTRATION.format(own=_other_wall(wall)))
+    if not reflex and _removes_fluid(timeline):
+        result.append(_ULTRAFILTRATION_WITHOUT_REFLEX)
     if any(e.give.get("blood_ml", 0.0) > e.give.get("bleed_ml", 0.0) for e in case.events):
         result.append(_OWN_BLOOD)
     if given.get("red_cells_ml", 0.0) > 0.0 and case.solutes is not None:
@@ -198,15 +206,17 @@ def _loses_blood(timeline: Timeline) -> bool:
     return lost >= LOSS_SHARE * (values[BLOOD_VOLUME] + values[EXTRA_VOLUME])
 
 
+def _removes_fluid(timeline: Timeline) -> bool:
+    """Whether a filter removes fluid at the start or after an event."""
+    rates = [timeline.start[1], *(change.after for change in timeline.changes)]
+    return any(rate > 0.0 for one in rates for key, rate in one.items() if key.endswith(ULTRAFILTRATION_KEY))
+
+
 def _removes_fluid_quickly(timeline: Timeline) -> bool:
     """Whether fluid is removed from a patient whose capillary wall refills quickly."""
-    values = dict(timeline.start[1])
-    rates = [values, *(change.after for change in timeline.changes)]
-    removed = any(
-        rate > 0.0 for one in rates for key, rate in one.items() if key.endswith(ULTRAFILTRATION_KEY)
-    )
+    values = timeline.start[1]
     return (
-        removed
+        _removes_fluid(timeline)
         and values[_WALL_KEY] > LARGEST_DIALYSIS_WALL_ML_MIN_MMHG
         and values[PERICAPILLARY] > LARGEST_DIALYSIS_SHARE
     )
