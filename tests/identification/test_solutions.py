@@ -1,6 +1,7 @@
 """Further solutions of the measurements: sought, named, and part of the intervals where they fit as well."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from eclsim.identification.fit import fit, fit_cases
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.solutions import with_solutions_sought
+from eclsim.identification.solutions import with_solutions_sought, words_on_fit
 from eclsim.identification.verdict import Aspect, Level
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -84,3 +85,12 @@ def test_a_fit_from_python_and_one_of_a_cohort_name_the_second_solution_as_well(
     for verdict in (from_python.as_object()["verdict"], stored.numbers["verdict"]):
         assert any("the measurements fit another patient, too" in str(each) for each in verdict["reasons"])
     assert from_python.parameters["gas.vo2_ml_min"].lower == pytest.approx(156.0, abs=3.0)
+
+
+def test_the_probability_is_not_set_beside_a_fit_far_from_the_likeliest_patient():
+    """A solution of chi-square 23 had "10 % of the probability" beside a fit of 73: the rest was at 21."""
+    density = SimpleNamespace(target=np.array([68.0, 97.0]), scale=np.array([3.0, 1.5]))
+    likeliest = SimpleNamespace(outputs=np.array([68.0, 100.0]))
+    assert words_on_fit(density, likeliest, 4.5) == "4.5 of this fit"
+    said = words_on_fit(density, likeliest, 73.3)
+    assert said.startswith("4.0 of the likeliest patient near this fit (73.3 of the fit itself")

@@ -44,8 +44,8 @@ def with_solutions_sought(fit: FitResult) -> FitResult:
     parts = "; or ".join(_difference(density, own, each, fit) for each in others)
     them = "the other has" if len(others) == 1 else "the others have"
     sentence = (
-        f"the measurements fit another patient, too: {parts}, against {least:.1f} of this fit; {them} about "
-        f"{100.0 * share:.2g} % of the probability. A posterior (--posterior) covers all of them, and a "
+        f"the measurements fit another patient, too: {parts}, against {words_on_fit(density, own, least)}; {them} "
+        f"about {100.0 * share:.2g} % of the probability. A posterior (--posterior) covers all of them, and a "
         "further measurement may exclude one"
     )
     level = Level.DOUBTFUL if as_good or share > NOTABLE_SHARE else Level.GOOD
@@ -55,6 +55,26 @@ def with_solutions_sought(fit: FitResult) -> FitResult:
 def chi_square(density: PosteriorDensity, solution: Gaussian) -> float:
     """Sum of squared differences from the measurements at a solution, in standard uncertainties."""
     return float(np.sum(((solution.outputs - density.target) / density.scale) ** 2))
+
+
+def words_on_fit(density: PosteriorDensity, own: Gaussian, fitted: float) -> str:
+    """How well a fit meets the measurements, and the likeliest patient near it if that one does it better.
+
+    A fit that minimises relative differences may be far from the likeliest patient, to whom the probability
+    belongs.
+
+    Args:
+        density: posterior density of the fit.
+        own: solution nearest to the fit.
+        fitted: chi-square of the fit.
+    """
+    likeliest = chi_square(density, own)
+    if fitted - likeliest <= RISE_90:
+        return f"{fitted:.1f} of this fit"
+    return (
+        f"{likeliest:.1f} of the likeliest patient near this fit ({fitted:.1f} of the fit itself, which does "
+        "not weigh differences by uncertainty: --weights uncertainty does)"
+    )
 
 
 def _difference(density: PosteriorDensity, own: Gaussian, other: Gaussian, fit: FitResult) -> str:
