@@ -85,3 +85,11 @@ def test_only_an_ecmo_that_returns_to_arteries_opposes_an_lvad(site, opposed):
     }  # fmt: skip
     notes = [note.message for note in read_mapping(raw).notes]
     assert any("oppose each other" in note for note in notes) is opposed
+
+
+@pytest.mark.parametrize(("clamp", "said"), [(0.0, False), (0.97, True), (1.0, False)])
+def test_a_flow_below_the_label_is_said_of_a_kinked_return_line(clamp, said):
+    """At a clamp of 0.97 the flow of 0.2 L/min broke no limit; blood clots in it as without a clamp."""
+    case = eclsim.read_case(LOW_SWEEP).case.with_section("ecmo", return_clamp=clamp)
+    warnings = eclsim.simulate(case).attrs["warnings"]
+    assert any("below 0.5 L/min: outside the label" in one for one in warnings) == said

@@ -861,12 +861,17 @@ def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
     return values.get(names.parameter("ecmo.return_clamp"), 0.0) > 0.0
 
 
+def is_closed(names: Naming, values: Mapping[str, float]) -> bool:
+    """Whether the return line of a circuit is clamped off, so that its blood is meant to stand still."""
+    return values.get(names.parameter("ecmo.return_clamp"), 0.0) >= 1.0
+
+
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """Warning for a flow outside the oxygenator's label; backward and clamped flow are other findings."""
+    """Warning for a flow outside the oxygenator's label; not for backward flow or a circuit clamped off."""
     name = names.output("PF")
     flow = outputs.get(name, -1.0)
     low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
-    held = flow < low and is_clamped(names, values)
+    held = flow < low and is_closed(names, values)
     end = beyond_label(flow, low, high) if flow >= BACKWARD_L_MIN and not held else None
     if end is None:
         return []

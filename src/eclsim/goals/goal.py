@@ -14,7 +14,7 @@ from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import Measurements, section_of
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
-from eclsim.devices.ecmo import is_clamped
+from eclsim.devices.ecmo import is_closed
 from eclsim.devices.products import LABEL_FLOWS
 from eclsim.devices.registry import named_output, parameter_of
 from eclsim.inputs.mistakes import CaseError, ListedError
@@ -224,12 +224,12 @@ def requires_gases(name: str) -> bool:
 
 
 def _least_flow(limit: Limit, values: Mapping[str, float]) -> Limit:
-    """The limit with a value of 0, or for an unclamped oxygenator with the least flow of its label."""
+    """The limit with a value of 0, or with the least flow of an oxygenator's label unless it is clamped off."""
     known = named_output(limit.quantity)
     if known is not None and known[1].name == "PF":
         names = known[0]
         least = values.get(names.parameter(LABEL_FLOWS[0]), 0.0)
-        if math.isfinite(least) and not is_clamped(names, values):
+        if math.isfinite(least) and not is_closed(names, values):
             meaning = "blood clots in the oxygenator at lower flows; the lowest flow on its label"
             return replace(limit, value=least, meaning=meaning)
     return replace(limit, value=0.0)
