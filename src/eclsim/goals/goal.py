@@ -224,7 +224,7 @@ def requires_gases(name: str) -> bool:
 
 
 def _least_flow(limit: Limit, values: Mapping[str, float]) -> Limit:
-    """The limit with a value of 0, or with the least flow of an oxygenator's label unless it is clamped off."""
+    """The limit with a value of 0, or with the least flow of an oxygenator's label unless it is clamped."""
     known = named_output(limit.quantity)
     if known is not None and known[1].name == "PF":
         names = known[0]

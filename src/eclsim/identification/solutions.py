@@ -44,9 +44,9 @@ def with_solutions_sought(fit: FitResult) -> FitResult:
     parts = "; or ".join(_difference(density, own, each, fit) for each in others)
     them = "the other has" if len(others) == 1 else "the others have"
     sentence = (
-        f"the measurements fit another patient, too: {parts}, against {words_on_fit(density, own, least)}; {them} "
-        f"about {100.0 * share:.2g} % of the probability. A posterior (--posterior) covers all of them, and a "
-        "further measurement may exclude one"
+        f"the measurements fit another patient, too: {parts}, against {words_on_fit(density, own, least)}; "
+        f"{them} about {100.0 * share:.2g} % of the probability. A posterior (--posterior) covers all of "
+        "them, and a further measurement may exclude one"
     )
     level = Level.DOUBTFUL if as_good or share > NOTABLE_SHARE else Level.GOOD
     return fit.judged([Reason(Aspect.SEARCH, level, "", sentence)])
