@@ -180,3 +180,27 @@ def measurement_errors(
         uncertainties: uncertainties that differ from the defaults.
     """
     return standard_uncertainties(measured, {**DEFAULTS, **(uncertainties or {})})
+
+
+NOT_THE_MEASURED_PATIENT = 3.0
+"""Standard uncertainties beyond which a beat is not that of the patient who was measured."""
+
+
+def sentence_on_misses(measured: Mapping[str, float], beat: Mapping[str, float]) -> str:
+    """Sentence on measurements that a beat misses by more than measurement error; empty if there are none.
+
+    Args:
+        measured: measurements, in their units.
+        beat: outputs of the beat.
+    """
+    both = {name: value for name, value in measured.items() if math.isfinite(beat.get(name, math.nan))}
+    errors = measurement_errors(both)
+    off = {name: abs(beat[name] - value) / errors[name] for name, value in both.items()}
+    missed = sorted((n for n in off if off[n] > NOT_THE_MEASURED_PATIENT), key=off.__getitem__, reverse=True)
+    if not missed:
+        return ""
+    parts = "; ".join(f"{name} {number(both[name])} measured, {number(beat[name])} here" for name in missed)
+    return (
+        f"this beat is not that of the patient who was measured ({parts}): the case is simulated as it is "
+        "written; eclsim identify fits it to [measurements]"
+    )
