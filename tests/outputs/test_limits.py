@@ -201,3 +201,12 @@ def test_the_alarm_of_a_heart_rate_names_the_greatest_rate_of_the_age():
         "of reflex and drugs have no upper limit (greatest heart rate at 70 years: 208 - 0.7 age, Tanaka et "
         "al. 2001)"
     )
+
+
+@pytest.mark.parametrize(("height", "weight", "said"), [(142.0, 34.0, True), (180.0, 80.0, False)])
+def test_a_flow_too_large_for_the_patients_size_is_said(height, weight, said):
+    """A woman of 34 kg on V-A ECMO had 8 L/min, 7 L/min/m2, and no word on it."""
+    flows = {"CO": 5.56, "systemic_flow": 8.06, "DO2": 952.0}
+    sizes = dict(zip(SIZE, (height, weight), strict=True))
+    sentences = [one.sentence for one in findings(flows, {}, values=sizes)]
+    assert any("8.06 L/min, 7.0 L/min per m2 of this patient's surface" in one for one in sentences) == said

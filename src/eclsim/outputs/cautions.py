@@ -14,6 +14,7 @@ from eclsim.outputs.gas import STANDING_L_MIN
 from eclsim.outputs.limits import limits_of
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.gas import NORMAL_C, TEMPERATURE_DOUBT_C
+from eclsim.patient.anthropometry import SIZE, body_surface
 
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
 CONGESTION_MMHG = 12.0
@@ -36,6 +37,8 @@ BLOOD_PH = (6.8, 7.7)
 WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
 """Elevation of PaCO2 above the set point beyond which the published response has the wrong sign, and beyond
 which the response measured in patients, up to 19 mmHg, is extrapolated [mmHg]."""
+LARGEST_INDEX_L_MIN_M2 = 5.5
+"""Flow through the organs for each m2 of body surface above which few patients are, as for measured ones."""
 _DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
 """Outputs of arterial blood, and the side on which their alarms begin."""
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
@@ -72,6 +75,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
     )
     result += _unanswered_gases(outputs, values)
     result += _hypercapnia(outputs, values) + _at_another_temperature(outputs, values)
+    result += _more_than_of_this_size(outputs, values)
     return result + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
@@ -274,6 +278,23 @@ def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
         "blood gas laws were fitted: saturations and carbon dioxide are extrapolated"
     )
     return [Finding.without_limit(CAUTION, "pHa", ph, text, "SaO2", "PaCO2")]
+
+
+def _more_than_of_this_size(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Caution about a flow that is too large for the patient's size, which scales the blood volume alone."""
+    flow, (height, weight) = organ_flow(outputs), map(values.get, SIZE)
+    if flow is None or height is None or weight is None:
+        return []
+    index = flow / body_surface(height, weight)
+    if not index > LARGEST_INDEX_L_MIN_M2:
+        return []
+    text = (
+        f"the organs get {flow:.2f} L/min, {index:.1f} L/min per m2 of this patient's surface (at rest 2.5 "
+        "to 4, in sepsis up to 6): body size changes the blood volume alone, while resistances and "
+        "contractility are those of one adult; raise Rmc, or fit it. Oxygen delivery is too high likewise"
+    )
+    concerns = [name for name in ("CO", "LVO", "systemic_flow", "DO2", "O2ER", "SvO2") if name in outputs]
+    return [Finding.without_limit(CAUTION, concerns[0], flow, text, *concerns)]
 
 
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
