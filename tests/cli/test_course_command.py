@@ -283,6 +283,19 @@ def test_moments_that_no_patient_can_have_are_marked_in_table_and_json():
 )  # fmt: skip
 def test_weaning_says_at_which_speeds_the_goals_are_kept(reached, words):
     """With `--keep` alone a table without a word on the goals came out where all were kept."""
-    steps = [SimpleNamespace(speed_rpm=s, reached=r) for s, r in zip((3000.0, 2500.0), reached, strict=True)]
+    steps = [
+        SimpleNamespace(speed_rpm=s, reached=r, message="")
+        for s, r in zip((3000.0, 2500.0), reached, strict=True)
+    ]
     assert _kept_text(steps, "MAP > 65") == f"\n\nMAP > 65: {words}"
     assert _kept_text(steps, None) == ""
+
+
+def test_weaning_says_where_goals_are_kept_with_a_pump_that_stands_still():
+    """ "MAP > 60: kept at every speed" included one at which the pump carried nothing."""
+    steps = [
+        SimpleNamespace(speed_rpm=2000.0, reached=True, message=""),
+        SimpleNamespace(speed_rpm=1400.0, reached=True, message="PF > 0.5 is not kept there: -0.004 L/min"),
+    ]
+    words = "kept at every speed, but with an alarm at 1400 rpm (last column)"
+    assert _kept_text(steps, "MAP > 60") == f"\n\nMAP > 60: {words}"

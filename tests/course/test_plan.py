@@ -229,6 +229,16 @@ def test_a_speed_that_does_not_keep_a_goal_is_named_where_nothing_is_given_for_i
         plan_weaning(own, [3000.0], vary="Rmc")
 
 
+def test_a_flow_in_which_the_oxygenator_clots_is_said_where_the_goals_are_kept(own):
+    """A pressure was kept "at every speed" with a pump that carried nothing."""
+    (low,) = plan_weaning(own, [1000.0], keep="MAP > 20")
+    assert low.reached
+    assert low.outputs["PF"] < 0.5
+    assert low.message.startswith("PF > 0.5 (blood clots in the oxygenator at lower flows")
+    (stated,) = plan_weaning(own, [1000.0], keep="PF > 0.1, MAP > 20")
+    assert stated.message.startswith("PF > 0.1 is not kept there")
+
+
 @pytest.mark.slow
 def test_a_beat_that_is_one_of_many_keeps_no_goal(own):
     """Its pressures are where the search began: they met a goal that `vary` refused to judge."""

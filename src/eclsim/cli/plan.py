@@ -163,7 +163,9 @@ def _kept_text(steps: Sequence[WeaningStep], keep: str | None) -> str:
         where = "at no speed"
     else:
         where = f"at {', '.join(kept)} rpm, not at {', '.join(broken)} rpm"
-    return f"\n\n{keep}: kept {where}"
+    alarms = [f"{step.speed_rpm:g}" for step in steps if step.reached and step.message]
+    but = f", but with an alarm at {', '.join(alarms)} rpm (last column)" if alarms else ""
+    return f"\n\n{keep}: kept {where}{but}"
 
 
 def _warnings(steps: Sequence[WeaningStep], doubts: Sequence[str]) -> list[str]:

@@ -21,7 +21,7 @@ from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.devices.dialysed_blood import FEWER_SURVIVED_TEXT, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
-from eclsim.goals.goal import Goal, GoalError, implicit_goals, read_goals
+from eclsim.goals.goal import Goal, GoalError, implicit_goals, least_flow_goals, read_goals
 from eclsim.goals.result import ALARM_KINDS, broken_alarms_text, broken_goals
 from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
@@ -468,14 +468,18 @@ def _weaning_step(
     case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None
 ) -> WeaningStep:
     if keep is None or vary is None:
-        goals = () if keep is None else read_goals(keep, output_names(model_of(case).circuit))
+        names, values = output_names(model_of(case).circuit), model_of(case).values
+        goals = () if keep is None else read_goals(keep, names)
+        flows = () if keep is None else least_flow_goals(names, goals, values)
         result = simulate(case, policy)
         numbers = {name: float(result[name]) for name in scalars_of(result)}
         warnings, lost = tuple(result.attrs["warnings"]), not result.attrs["converged"]
         lost = lost or bool(goals and result.attrs["one_of_many"])
-        message = "; ".join(one.sentence for one in broken_goals(numbers, goals))
+        missed = list(broken_goals(numbers, goals))
+        message = "; ".join(one.sentence for one in (*missed, *broken_goals(numbers, flows)))
         message = str(result.attrs["message"]) if lost else message
-        return WeaningStep(speed, None, not message, _weaning_outputs(numbers), message, warnings)
+        reached = not missed and not lost
+        return WeaningStep(speed, None, reached, _weaning_outputs(numbers), message, warnings)
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
     message = alarms if result.reached else result.message

@@ -205,6 +205,25 @@ def implicit_goals(
     return tuple(goals.values())
 
 
+def least_flow_goals(
+    outputs: Sequence[str], asked: Sequence[Goal], values: Mapping[str, float]
+) -> tuple[Goal, ...]:
+    """Unstated goals for the flows of devices: forward, and not below the label of an oxygenator.
+
+    Args:
+        outputs: names of the outputs that the case has.
+        asked: goals of the user; one with a lower bound of a flow replaces the implicit one.
+        values: parameters of the case.
+    """
+    taken = {goal.output for goal in asked if math.isfinite(goal.low)}
+    bounds = (_least_flow(limit, values) for limit in backward_flow_bounds(outputs))
+    return tuple(
+        Goal(bound.quantity, low=bound.value, because=bound.meaning, gives_way=True)
+        for bound in bounds
+        if bound.quantity not in taken
+    )
+
+
 def varies_ventilation(settings: Iterable[Setting]) -> bool:
     """Whether a setting may be varied that removes carbon dioxide: a sweep, or the lungs' ventilation."""
     return any(setting.name.rpartition(".")[2] in VENTILATION for setting in settings)
