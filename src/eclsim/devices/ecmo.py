@@ -446,7 +446,8 @@ def ecmo(
     )
 
 
-_DRAINED_BLOOD, _RETURNED_BLOOD = ("drawn", "ecmodrain"), ("behind", "ecmooxy")
+_DRAINED_BLOOD, _RETURNED_BLOOD = ("in", "ecmodrain"), ("behind", "ecmooxy")
+"""Where blood is sampled: where both drainage cannulae and a vent meet, and behind the oxygenator."""
 
 
 def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str, sign: float) -> Output:

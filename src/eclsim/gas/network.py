@@ -289,6 +289,8 @@ def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLE_SITES]
     behind = [("behind", e.at) for e in gas_exchanges(circuit) if _analysed(e) or _stores(e)]
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
+    paths = {c.name: c for c in circuit.connections}
+    drained = dict.fromkeys(("in", site) for _, name in drawn for site in sites_of(paths[name].target))
     groups = {c.name: c.group for c in circuit.compartments}
     exchanging = {e.group for e in gas_exchanges(circuit) if _analysed(e)}
     returned = [
@@ -298,7 +300,7 @@ def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
         and all(groups[site] != PATIENT for site in sites_of(c.source))
         and all(groups[site] == PATIENT for site in sites_of(c.target))
     ]
-    return (*compartments, *drawn, *behind, *returned)
+    return (*compartments, *drawn, *behind, *returned, *drained)
 
 
 def _analysed(exchange: Exchange) -> bool:
