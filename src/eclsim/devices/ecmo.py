@@ -451,11 +451,30 @@ _DRAINED_BLOOD, _RETURNED_BLOOD = ("in", "ecmodrain"), ("behind", "ecmooxy")
 
 
 def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str, sign: float) -> Output:
-    where = ("drawn", "ecmodrain") if what == "recirculated" else ("at", "ecmooxy")
     return Output(
-        name, long_name, unit, definition, ("Qecmooxy",), lambda m: sign * m.gas(what, *where),
-        parameters=(GASES,), all_flows=True, read_at=f"Q{where[1]}",
+        name, long_name, unit, definition, ("Qecmooxy",), lambda m: sign * m.gas(what, "at", "ecmooxy"),
+        parameters=(GASES,), all_flows=True, read_at="Qecmooxy",
     )  # fmt: skip
+
+
+def _weighted_law(n: Array) -> Array:
+    """Mean of the first two numbers, weighted by the last two; the first where nothing flows."""
+    import jax.numpy as jnp
+
+    flow = n[2] + n[3]
+    flows = jnp.where(flow > 0.0, flow, 1.0)
+    return jnp.stack([jnp.where(flow > 0.0, (n[0] * n[2] + n[1] * n[3]) / flows, n[0])])
+
+
+def _recirculated(m: BeatMeasures) -> Numbers:
+    """Share of recirculated blood in what all drainage cannulae draw."""
+    cannulae = ("ecmodrain", "ecmodrain2")
+    first = m.gas("recirculated", "drawn", cannulae[0])
+    try:
+        second = m.gas("recirculated", "drawn", cannulae[1])
+    except KeyError:  # there is only one
+        return first
+    return m.apply(_weighted_law, [first, second, *map(m.forward, cannulae)])[0]
 
 
 def _exhaust_law(n: Array) -> Array:
@@ -504,10 +523,10 @@ GAS_OUTPUTS = (
         "of the sweep gas with what it has given off and taken up, with water vapour; NaN where none leaves",
         ("Qecmooxy",), _exhaust_pco2, parameters=(GASES,), all_flows=True,
     ),
-    _gas_output(
+    Output(
         "recirculation_fraction", "recirculated share of the drained blood", "1",
-        "share of the drained blood that came straight from the return cannula, as a tracer has it",
-        "recirculated", 1.0,
+        "share of the blood of all drainage cannulae that came straight from the return, as a tracer has it",
+        ("Qecmooxy",), _recirculated, parameters=(GASES,), all_flows=True, read_at="Qecmodrain",
     ),
 )  # fmt: skip
 
