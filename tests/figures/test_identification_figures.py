@@ -1,5 +1,6 @@
 """Figures of fits: what they draw, and that gaps and missing values do not stop them."""
 
+import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from eclsim.identification.figures import (
     plot_boxes,
     plot_correlation,
+    plot_outputs,
     plot_profiles,
     plot_residuals,
     plot_scatter,
@@ -122,3 +124,18 @@ def test_starts_are_told_apart_by_where_they_ended():
     assert drawn["refined, the optimum"] == [0.1, 0.1]
     assert drawn["refined, another end"] == [0.4]
     assert [line.get_ydata().tolist() for line in right.lines] == [[0.0, 0.75], [0.5, 1.0], [0.5, 1.0]]
+
+
+def test_labels_of_panels_below_each_other_do_not_overlap():
+    """Names such as pre_oxygenator_pressure ran over the panels above and below."""
+    names = (
+        "MAP", "CO", "drainage_pressure", "pump_inlet_pressure", "pre_oxygenator_pressure",
+        "post_oxygenator_pressure", "crrt_filter_pressure_drop", "crrt_return_pressure",
+    )  # fmt: skip
+    interval = {name: {"lower": 1.0, "median": 2.0, "upper": 3.0} for name in names}
+    one = {"id": "1", "hours_since_last": 4.0, "outputs": interval, "expected": interval, "measurements": {}}
+    figure = plot_outputs({"id": "P", "points": [one, one]})
+    FigureCanvasAgg(figure).draw()
+    boxes = [ax.yaxis.label.get_window_extent() for ax in figure.axes]
+    for first, second in itertools.combinations(boxes, 2):
+        assert not first.overlaps(second)

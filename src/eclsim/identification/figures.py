@@ -436,6 +436,15 @@ def _with_line_break(label: str) -> str:
     return f"{section}.\n{key}" if dot and len(label) > LONGEST_LABEL and "\n" not in section else label
 
 
+def _in_lines(label: str) -> str:
+    """Break a long label at the underscore nearest to its middle, so that it is no longer than its panel."""
+    breaks = [k + 1 for k, sign in enumerate(label) if sign == "_"]
+    if len(label) < LONGEST_LABEL or not breaks:
+        return label
+    middle = min(breaks, key=lambda k: abs(2 * k - len(label)))
+    return f"{label[:middle]}\n{label[middle:]}"
+
+
 def _title(result: PosteriorResult, what: str) -> str:
     first = plain_text(result.name) + (f": {result.verdict}" if result.verdict else "")
     return f"{first}\n{what}"
@@ -514,7 +523,7 @@ def plot_outputs(series: Series) -> Figure:
         _measured(ax, time, _values_of_points(series, "measurements", name))
         ax.yaxis.set_major_locator(MaxNLocator(4))
         doubtful = any(name in p.get("doubtful", ()) for p in series["points"])
-        ax.set_ylabel(f"{name} [{unit_of(name)}]" + "\ndoubtful" * doubtful)
+        ax.set_ylabel(_in_lines(f"{name} [{unit_of(name)}]") + "\ndoubtful" * doubtful)
 
     fig = _panels_over_time(series, "outputs", "outputs: expected beforehand, measured, and afterwards", draw)
     entries = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in fig.axes]
