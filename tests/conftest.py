@@ -3,6 +3,7 @@
 import ctypes
 import functools
 import gc
+import os
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -14,6 +15,9 @@ LARGEST_MB = 3000
 LONGEST_ID = 60
 GARBAGE_THRESHOLDS = (50_000, 20, 20)
 """As in the command line: with Python's own a tenth of the time and more goes into the search for garbage."""
+
+os.environ.setdefault("XLA_FLAGS", "--xla_disable_hlo_passes=while-loop-invariant-code-motion")
+"""As in all programs of eclsim (`beat.compilation`): plain ones compile in three quarters of the time."""
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -2,13 +2,14 @@
 
 import asyncio
 import re
+import time
 
 import numpy as np
 import pytest
 
 from eclsim.app.beat import POINTS, beat_of, compute_beat, page_circuit, plain
 from eclsim.app.display import display, named_specs, output_specs
-from eclsim.app.engine import Engine
+from eclsim.app.engine import Engine, _warm_states
 from eclsim.app.knobs import connect, turn
 from eclsim.app.session import BEATS_WORTH_A_CLOSER_START
 from eclsim.app.state import PageState, preset_state
@@ -197,6 +198,7 @@ def test_blood_that_stands_still_has_no_gases_on_the_page():
     assert "SO2" not in result["Ppas"].attrs, "nor in figures"
 
 
+@pytest.mark.slow
 def test_without_a_steady_gas_state_the_reason_stands_in_place_of_numbers():
     shown = plain(compute_beat(with_gas(gas__shunt_fraction=1.0, ecmo__sweep_l_min=0.0)), ())
     gas = shown["gas"]
@@ -220,6 +222,7 @@ def test_a_reflex_sets_the_length_of_the_beat():
     assert weak.outputs["MAP"] > unregulated.outputs["MAP"] + 3.0
 
 
+@pytest.mark.slow
 def test_sentences_of_the_page_have_a_minus():
     case = turn(connect(PRESETS["paper"].case(), "gas"), "ecmo.speed_rpm", 5000)
     shown = plain(compute_beat(PageState(case)), ())
@@ -259,6 +262,26 @@ def test_what_is_loaded_is_not_looked_through_again(paper, monkeypatch):
     asyncio.run(until(lambda: len(done) == 2))
     engine.stop()
     assert done == ["warm", "frozen"]
+
+
+def test_circuits_of_the_presets_are_compiled_while_no_knob_is_turned(paper, monkeypatch):
+    engine, done = Engine(workers=1), []
+    monkeypatch.setattr("eclsim.app.engine.FIRST_PAGE_GRACE_S", 0.0)
+    monkeypatch.setattr(engine, "_warm_one", done.append)
+    monkeypatch.setattr(engine.fits, "prepare", lambda: done.append("fits"))
+    monkeypatch.setattr("eclsim.app.engine.gc.freeze", lambda: None)
+    engine._wanted_at = float("inf")
+    engine.warm(paper)
+    asyncio.run(until(lambda: done))
+    time.sleep(0.3)
+    assert done == [paper], "a knob is being turned"
+    engine._wanted_at, states = float("-inf"), _warm_states()
+    asyncio.run(until(lambda: len(done) == len(states) + 2))
+    engine.stop()
+    half = len(states) // 2
+    assert done == [paper, *states[:half], "fits", *states[half:]]
+    warmed = [state.case for state in states]
+    assert all(preset.case() in warmed for preset in PRESETS.values())
 
 
 @pytest.mark.slow

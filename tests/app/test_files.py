@@ -26,6 +26,7 @@ def test_a_case_file_comes_back_as_it_was(key):
     assert opened.cases[0][1] == state.case
 
 
+@pytest.mark.slow
 def test_a_file_with_a_pump_flow_opens_at_the_speed_that_gives_it():
     name, content = export(PageState(PRESETS["paper"].case()), "case")
     text = re.sub(r"(?m)^speed_rpm = .*$", "flow_l_min = {}", content.decode())

@@ -475,6 +475,7 @@ def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measur
     assert "fluid.extra_volume_ml" not in usual.parameters
 
 
+@pytest.mark.slow
 def test_measured_gases_are_fitted_by_what_they_tell_of():
     raw = read_case(EXAMPLE).case.as_mapping()
     settings = prepared_for_fit(raw, "as_published")[1]

@@ -163,6 +163,7 @@ def test_the_oxygenator_wins_over_an_older_resistance_of_its_own():
     assert model_of(other).values["Recmooxy"] == pytest.approx(0.6312)
 
 
+@pytest.mark.slow
 def test_an_oxygenator_clots_by_a_knob_and_a_new_one_has_its_own_resistance():
     case = turn(connect(CASES["paper"], "gas"), "parameters.ecmo.oxygenator.clotted_fraction", 0.8)
     assert case.parameters["ecmo.oxygenator.clotted_fraction"] == 0.8

@@ -204,6 +204,7 @@ def test_diphosphoglycerate_moves_the_curve_of_dash_to_the_right():
     assert high < low - 0.05
 
 
+@pytest.mark.slow
 def test_little_carbon_dioxide_is_never_less_than_none():
     """The published factor for red cells has a pole at pH 8.142: contents were negative below 6 mmHg."""
     pressures = np.geomspace(0.05, 60.0, 60)

@@ -76,6 +76,7 @@ def mentions(warnings) -> bool:
     return any("a POOR fit of eclsim identify" in str(sentence) for sentence in warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["path", "case"])
 def test_every_result_of_it_says_so(tmp_path, source):
     """A path given in Python, or `read_case(path).case`, gave numbers of a poor fit without a word."""

@@ -165,6 +165,7 @@ def test_an_open_set_point_is_the_pressure_of_the_case_as_it_was_written(tmp_pat
     assert values_of(bled)[SET_POINT] == own[SET_POINT]
 
 
+@pytest.mark.slow
 def test_a_set_point_that_rest_does_not_determine_is_asked_for(tmp_path):
     """Valves that stay shut at rest leave the pressure open; a recovered heart was regulated to it unsaid."""
     ecmo = {"pump": "Rotaflow", "speed_rpm": 4200, "oxygenator": "Quadrox-i Adult", "mode": "VA"}

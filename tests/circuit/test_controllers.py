@@ -123,6 +123,7 @@ def test_a_controller_cannot_be_shifted_by_what_it_makes_up_for():
     assert abs(float(mean.sel(parameter="Rmc")) * patient.values["Rmc"]) < 0.05
 
 
+@pytest.mark.slow
 def test_a_batch_equals_each_patient_alone():
     patient = regulated(*CASES["resistance and heart rate"])
     points = np.array([39.0, 40.0, 41.5])

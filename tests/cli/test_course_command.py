@@ -124,6 +124,7 @@ def test_mistakes_of_case_and_options_are_reported_together(shell, command, wron
     assert "drainage_site: missing" not in done.stderr, "mode would fill it in"
 
 
+@pytest.mark.slow
 def test_a_patient_without_a_steady_gas_state_does_not_begin_and_says_why(shell):
     case = shell.case(more="[gas]\nalveolar_ventilation_l_min = 0\n")
     done = shell.run("course", case, "--until", "5", "--json", "-", "--figures", shell.folder / "figures")

@@ -16,6 +16,7 @@ CASE_OPTIONS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_merge_finishes_the_command_of_the_shards(shell):
     case, out = shell.case(), shell.folder / "out"
     assert shell.run("sensitivity", case, *CASE_OPTIONS, "--json", shell.folder / "one.json").exit_code == 0
@@ -56,14 +57,14 @@ def test_shards_of_the_paper_do_their_share_of_every_long_part(shell):
     lines = SYNTHETIC.read_text().splitlines()
     table = shell.folder / "two.csv"
     table.write_text("\n".join([lines[0], *lines[1:3]]) + "\n")
-    chosen = ("--parts", "sensitivity,cohort", "--samples", 8, "--cohort", table, "--explore", 8)
+    chosen = ("--parts", "sensitivity,cohort", "--samples", 4, "--cohort", table, "--explore", 8)
     for shard in ("1/2", "2/2"):
         result = shell.run("reproduce", out, *chosen, "--shard", shard)
         assert result.exit_code == 0, result.stderr
         assert f"when all shards are done: eclsim merge {out}" in result.stderr
         assert not (out / "index.html").exists()
     assert shell.run("merge", out, "--json", shell.folder / "merged.json").exit_code == 0
-    whole = reproduce(shell.folder / "one", ReproductionSettings(8, 8, table), ("sensitivity", "cohort"))
+    whole = reproduce(shell.folder / "one", ReproductionSettings(4, 8, table), ("sensitivity", "cohort"))
     assert (shell.folder / "merged.json").read_text() == json_text(as_object(whole))
     assert (out / "figure_3.svg").exists()
 

@@ -48,6 +48,7 @@ def test_r2_says_where_poor_fits_are_in_it():
     assert lines[-1].startswith("R2 of flows over all fits, the poor ones included: 0.9000 (")
 
 
+@pytest.mark.slow
 def test_identifiability_says_where_nothing_is_determined(shell):
     """It proposed an empty table with "collinearity index nan"."""
     result = shell.run("identifiability", shell.case(), "--parameters", "Rmc", "--outputs", "CVP")

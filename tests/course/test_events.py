@@ -199,6 +199,7 @@ def test_pressures_fall_in_wider_veins_with_steady_beats_as_beat_by_beat(tmp_pat
         assert end < 0.99 * float(steady[name][0])
 
 
+@pytest.mark.slow
 def test_what_is_solved_for_with_the_gases_is_changed_by_no_ramp(tmp_path):
     """Its parameter is NaN until then, and NaN is not itself: every event within a ramp was refused."""
     organs = "[gas]\n[regulation]\nhypoxic_vasodilation = 1.0\n"

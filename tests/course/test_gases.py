@@ -50,6 +50,7 @@ def at(result, minute, name):
     return float(np.interp(minute, result["time_min"], result[name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("oxygenator", OXYGENATORS)
 def test_blood_in_every_oxygenator_has_a_volume(oxygenator):
     """One that is not known was not a number, and courses with gases ended at the first event."""

@@ -107,6 +107,7 @@ def test_it_is_every_beat_all_along_and_steady_beats_alone_are_not(fast):
     assert worst(steady, shown, "MAP") > 0.3
 
 
+@pytest.mark.slow
 def test_slow_states_balance_over_the_handover(fast):
     _, result, _ = fast
 
@@ -178,6 +179,7 @@ def test_what_is_not_followed_is_said_with_its_reason(tmp_path):
     assert not any(one.startswith("not followed") for one in steady.attrs["warnings"])
 
 
+@pytest.mark.slow
 def test_a_heart_that_an_event_paces_is_followed_beat_by_beat(tmp_path):
     """The response of the heart rate was a part that the event added, and beats were not followed."""
     paced = """[[events]]

@@ -249,6 +249,7 @@ def test_a_beat_that_is_one_of_many_keeps_no_goal(own):
     assert read.outputs == asked.outputs
 
 
+@pytest.mark.slow
 def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
     steps = plan_weaning(own, [3000.0, 2000.0], keep="MAP > 75", vary="drugs.noradrenaline=0..1")
     assert all(step.reached for step in steps)

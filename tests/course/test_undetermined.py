@@ -53,6 +53,7 @@ def arrested():
     )
 
 
+@pytest.mark.slow
 def test_an_arrest_agrees_with_the_beats_one_after_the_other(arrest):
     """Steady beats are a minute ahead of the patient: the lungs fill as fluid returns to the blood."""
     names = ("MAP", "PCWP", "EDVLV", "venous_pressure", "PF")
@@ -86,6 +87,7 @@ def test_a_beat_in_which_the_pressure_falls_begins_at_its_systolic_pressure(arre
     assert (arrest["SP"].to_numpy() >= arrest["MAP"].to_numpy()).all()
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_beat_of_an_arrest_with_the_same_pressures(arrest):
     page = compute_course(PageState(read_mapping(ARREST).case), 60)
     minute = page.times[int(np.searchsorted(page.times, 12.0))]

@@ -61,6 +61,7 @@ def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     assert any("doubtful: its parameters are a DOUBTFUL fit" in line for line in _doubts(study))
 
 
+@pytest.mark.slow
 def test_every_point_is_ranked_at_its_own_speed(cohort):
     slow, fast, faster = cohort.points
     assert (slow.speed, fast.speed) == (3425.0, 4600.0)

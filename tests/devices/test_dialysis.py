@@ -127,6 +127,7 @@ def test_no_filter_takes_all_water_of_the_plasma(case):
     assert "96 % of the plasma would be filtered" in line
 
 
+@pytest.mark.slow
 def test_clearances_beside_another_filter_are_said_to_know_nothing_of_it(case):
     raw = case.as_mapping()
     dialysed = {"flow_ml_min": 200, "access_site": "svn", "return_site": "ra"} | FLUIDS
@@ -355,6 +356,7 @@ def test_keys_without_a_flow_are_pointed_out(tmp_path):
     assert not reading.case.crrt.dialyses
 
 
+@pytest.mark.slow
 def test_a_pump_that_stands_still_clears_nothing_and_its_fluids_stand_still_too():
     still = read_mapping(VV | {"crrt": ON_ECMO | FLUIDS | {"flow_ml_min": 0, "citrate_mmol_l": 3}}).case
     result = eclsim.simulate(still)
@@ -404,6 +406,7 @@ def test_no_flow_of_fluid_is_allowed():
     read_mapping(VV | {"crrt": ON_ECMO | {"dialysate_ml_h": 0, "net_ultrafiltration_ml_h": 1}})
 
 
+@pytest.mark.slow
 def test_a_circuit_that_is_clamped_brings_the_patient_neither_base_nor_citrate_and_gives_no_plasma():
     """Blood goes in a circle: what it is given and loses there, the patient is not given and cannot lose."""
     names = ("effective_clearance_urea", "base_gain", "citrate_load", "fresh_plasma_ml_h")
@@ -421,6 +424,7 @@ def test_a_circuit_that_is_clamped_brings_the_patient_neither_base_nor_citrate_a
     assert shares[3] < shares[0]
 
 
+@pytest.mark.slow
 def test_recirculation_takes_from_base_and_citrate_what_it_takes_from_clearances():
     lines = {
         "post": ON_ECMO,

@@ -66,6 +66,7 @@ def test_a_vent_that_feeds_the_drainage_cannula_backwards_is_an_alarm_and_a_boun
     assert "drainage_cannula_flow" in {limit.quantity for limit in backward_flow_bounds(names)}
 
 
+@pytest.mark.slow
 def test_a_hole_in_the_septum_parts_the_outputs_of_the_ventricles(alone):
     opened = eclsim.simulate(case(septostomy={"diameter_mm": 8}))
     assert opened.attrs["converged"]

@@ -64,6 +64,7 @@ def test_no_clearance_where_all_water_of_the_plasma_would_be_filtered() -> None:
     assert math.isnan(float(cleared))
 
 
+@pytest.mark.slow
 def test_clearance_is_differentiable_in_sieving_and_koa() -> None:
     numbers = jnp.array([150.0, 0.6, 60.0, 0.2, *_settings(dialysate=2000.0, after=1000.0)])
     slopes = jax.jacfwd(drug_clearance)(numbers)[0]
@@ -104,6 +105,7 @@ def test_the_effective_clearance_is_less_where_blood_recirculates() -> None:
     assert float(same["crrt_recirculated_fraction"]) > 0.01
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_effective_clearance_are_exact() -> None:
     key = "crrt.flow_ml_min"
     slope = derivatives(_case(crrt=CRRT | {"return_site": "svn"}), ("effective_clearance_drug",), (key,))

@@ -282,6 +282,7 @@ def test_what_cold_stores_hold_has_the_pressure_of_blood_that_is_closed_off():
         assert again == pytest.approx(start)
 
 
+@pytest.mark.slow
 def test_stores_change_no_steady_state():
     plain, stored = model(solutes=False), model()
     a, b = (steady_beat(Batch.of(one), ("PaCO2", "SaO2", "SvO2")).values for one in (plain, stored))

@@ -55,6 +55,7 @@ def test_low_sweeps_have_a_state_that_balances():
     assert {kinds.count(kind) > 5 for kind in ("steady", "no removal", "no oxygen")} == {True}
 
 
+@pytest.mark.slow
 def test_a_lung_that_nothing_ventilates_gives_no_gas_to_the_blood():
     """Carbon dioxide and oxygen of together 713 mmHg were a state: the lung gave 800 mL/min of nothing."""
     for sweep, oxygen in product((0.2, 0.5), (0.5, 0.9)):

@@ -171,6 +171,7 @@ def test_without_the_section_nothing_is_added():
     assert any("without effect" in warning.message for warning in reading.warnings)
 
 
+@pytest.mark.slow
 def test_shares_of_tissues_add_to_the_demand():
     circuit = model().circuit
     (tissue,) = (e for e in circuit.exchanges if isinstance(e.component, Tissue))
@@ -211,6 +212,7 @@ def test_derivatives_start_from_what_the_search_has_found(monkeypatch):
         jax.eval_shape(lambda x: function.compute(x), numbers)  # another function than the one traced above
 
 
+@pytest.mark.slow
 def test_consumption_follows_the_temperature_only_if_the_case_says_so():
     cold = {"gas_temperature_c": 34.0}
     assert float(eclsim.simulate(model(**cold)).VO2) == pytest.approx(250.0, rel=1e-8)
@@ -278,6 +280,7 @@ def test_consumption_follows_from_the_body_where_it_is_left_out():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OXYGENATORS)
 def test_an_oxygenator_saturates_blood_at_the_highest_flow_that_it_is_made_for(name):
     membrane = OXYGENATORS[name].membrane

@@ -192,6 +192,7 @@ def test_an_oxygenator_transfers_what_was_measured(flow, po2, transfer):
     assert po2 is None or reached == pytest.approx(po2, rel=0.03)
 
 
+@pytest.mark.slow
 def test_cells_of_the_bundle_suffice():
     coarse, fine = single_pass(4.0, 4.0), single_pass(4.0, 4.0, cells=12)
     np.testing.assert_allclose(coarse[1], fine[1], rtol=1.8e-3)  # as 2e-3 of 24 cells, in half the program

@@ -226,6 +226,7 @@ def test_a_search_that_runs_out_of_steps_presents_no_smallest_setting(monkeypatc
     assert (content["reached"], content["status"]) == (False, "not_converged")
 
 
+@pytest.mark.slow
 def test_a_search_that_ends_where_no_beat_is_steady_is_no_answer(flow, monkeypatch):
     point = search._PatientModel.point
     step = 5000.0 / (search.SCAN_VALUES[1] - 1)
@@ -258,6 +259,7 @@ def test_two_settings_meet_two_goals_and_the_first_is_the_dearest():
     assert not bool(both.any())
 
 
+@pytest.mark.slow
 def test_settings_are_tried_with_set_where_reflexes_act_around_the_case_as_written(tmp_path, capsys):
     """Nothing said that the speed found gives another pressure if it is written into the file."""
     file, out = tmp_path / "case.toml", tmp_path / "settings.json"
@@ -409,6 +411,7 @@ def test_of_a_warning_and_an_alarm_that_are_both_broken_only_the_alarm_is_named(
     assert said.startswith("PaCO2 < 80 is not reached: the best is 90 mmHg")
 
 
+@pytest.mark.slow
 def test_a_goal_that_nothing_moves_is_refused():
     case = read_case(VENO_VENOUS).case
     ecmo = case.as_mapping()["ecmo"] | {"pump": {"roller_l_min": 4.0}}
@@ -418,6 +421,7 @@ def test_a_goal_that_nothing_moves_is_refused():
         reach(rolled, "MAP > 65")
 
 
+@pytest.mark.slow
 def test_a_goal_is_looked_for_where_only_other_settings_move_it():
     # At its own speed the LVAD keeps the aortic valve shut: LVO is 0 with a slope of 0.
     patient = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}

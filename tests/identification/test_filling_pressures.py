@@ -154,6 +154,7 @@ def without_fluid(**values):
     return read_mapping({k: v for k, v in RAW.items() if k != "fluid"} | {"measurements": values}).case
 
 
+@pytest.mark.slow
 def test_the_blood_volume_can_be_free_without_its_section():
     """The advice of a fit that misses CVP is followed as it stands."""
     twin = measured(("MAP", "CO", "CVP"), **{"Rmc": 0.6, VOLUME: 450.0})
@@ -185,6 +186,7 @@ def test_a_held_blood_volume_is_said_with_what_follows_from_it():
         )
 
 
+@pytest.mark.slow
 def test_a_fit_that_holds_the_volume_says_so():
     settings = FitSettings(("Rmc",), multi_start=MultiStart.quick(20))
     given = {name: bounds.start for name, bounds in BOUNDS.items()}  # so that the volume alone is held

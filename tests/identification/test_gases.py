@@ -306,6 +306,7 @@ def test_a_wrong_shunt_that_is_held_is_not_hidden_in_the_cardiac_output():
     assert not any("assumed value" in reason.sentence for reason in sure.verdict.reasons)
 
 
+@pytest.mark.slow
 def test_a_shunt_is_assumed_where_it_was_left_out_and_not_where_it_has_the_usual_value():
     case, values = measured(with_values(CASE, {"gas.shunt_fraction": 0.4}), ("MAP", "SaO2"))
     assert avoidable_assumptions(case, values, ("Rmc",)) == []
@@ -323,6 +324,7 @@ def test_a_shunt_is_assumed_where_it_was_left_out_and_not_where_it_has_the_usual
     assert avoidable_assumptions(found, values, ("Rmc",)) == []
 
 
+@pytest.mark.slow
 def test_draws_that_extract_nearly_all_their_oxygen_are_a_doubt():
     """Above what is delivered a higher demand changes nothing, so that a flat prior reaches to its bound."""
     demands = {"gas.vo2_ml_min": np.array([240.0, 250.0, 260.0, 790.0])}

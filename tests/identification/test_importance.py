@@ -44,6 +44,7 @@ def test_moments_of_a_curved_posterior(curved):
     assert chosen.mean(axis=0) == pytest.approx(mean, abs=0.03)
 
 
+@pytest.mark.slow
 def test_both_of_two_narrow_solutions_are_sampled():
     """From the better one alone a tenth of the posterior was missing, and Pareto k raised no doubt."""
     posterior = TwoSolutions()

@@ -131,6 +131,7 @@ def test_draws_are_the_same_whatever_the_number_of_threads(fit, result):
         assert np.array_equal(again.predictions[0].values, result.predictions[0].values, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_surer_measurements_give_narrower_intervals(fit, result):
     sure = {n: Uncertainty(relative=0.01) for n in result.density.measured}
     narrow = posterior(fit, settings=PosteriorSettings(method="importance", uncertainties=sure))
@@ -178,6 +179,7 @@ def test_a_prediction_without_a_section_of_the_fitted_parameters_is_named(fit):
         posterior(blood, settings=PosteriorSettings(method="gaussian"), predictions=[("no gas", CASE)])
 
 
+@pytest.mark.slow
 def test_a_reflex_that_is_switched_on_for_a_prediction_has_the_set_point_of_the_patient(fit, tmp_path):
     """It had that of the case before the fit: a mean pressure of 88 fell to that of a healthy person."""
     write_case(CASE, tmp_path / "patient.toml")
@@ -198,6 +200,7 @@ def test_a_prediction_takes_its_draws_from_all_chains(fit, result):
     assert counts.tolist() == [500, 500]
 
 
+@pytest.mark.slow
 def test_draws_of_a_reflex_belong_to_the_fitted_case_only(tmp_path):
     """With the file that was fitted every draw got a set point of its own, and nothing said so."""
     reflex = CASE.model_copy(update={"regulation": Regulation(baroreflex=1.0)})

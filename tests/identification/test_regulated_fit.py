@@ -97,6 +97,7 @@ def test_an_open_set_point_is_said(twin):
     assert not any("set_point" in w.key for w in checked_fit(twin, FitSettings((GAIN,))).warnings)
 
 
+@pytest.mark.slow
 def test_a_set_point_that_nobody_measured_is_a_doubt_of_the_fit():
     blind = case(regulation={"baroreflex": 1.0}, measurements={"CO": 4})
     quick = MultiStart(2, 0.5, round_size=1, rediscoveries=1)

@@ -58,6 +58,7 @@ def test_a_set_point_that_a_case_gives_is_its_own():
     assert series.checked(given)[0].regulation.set_point_mmHg == 85
 
 
+@pytest.mark.slow
 def test_reflexes_do_nothing_in_the_patient_who_was_measured_at_rest():
     """A failing heart: with the set point of a healthy one it would be taken for a worse one."""
     truth = {"Emaxlv": 0.8, "Rmc": 0.45}

@@ -256,6 +256,7 @@ def test_equal_names_and_a_negative_interval_are_refused_at_once(series):
         TrackSettings(interval_hours=np.nan)
 
 
+@pytest.mark.slow
 def test_names_that_are_times_say_how_much_has_passed(series):
     cases = [case for case, _ in series[:3]]
     quick = ("2024-03-01T08:00", "2024-03-01T09:00", "2024-03-01T09:30")

@@ -23,6 +23,7 @@ OFF_ORBIT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("changes", "status", "reason"), OFF_ORBIT.values(), ids=OFF_ORBIT)
 def test_without_a_steady_beat_there_are_no_derivatives(changes, status, reason):
     patient = model("V-A", **changes)

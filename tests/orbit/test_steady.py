@@ -80,6 +80,7 @@ def test_a_result_depends_on_its_own_member_alone(many, width):
         np.testing.assert_array_equal(part.values, whole.values[:, members])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1, 32])
 def test_a_hopeless_neighbour_changes_no_bit(many, width):
     batch, execution = some_of(many.batch, np.arange(4)), Execution(width=width)
@@ -215,6 +216,7 @@ WILD = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("changes", "status", "reason"), WILD.values(), ids=WILD)
 def test_wild_parameters_give_the_reason(changes, status, reason):
     result = simulate(model("none", **changes))

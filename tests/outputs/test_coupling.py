@@ -71,6 +71,7 @@ def test_hypoxia_does_what_each_of_them_is_for(hypoxia):
     assert 0.0 < change["MAP"][everything] < change["MAP"][chemoreflex]
 
 
+@pytest.mark.slow
 def test_what_was_solved_for_equals_its_output(model):
     batch = Batch.of(model.with_values({"gas.fio2": 0.13}))
     beat = steady_beat(batch, [SOLVED_BY[n] for n in SOLVED_BY if n in model.circuit.parameter_names()])

@@ -36,6 +36,7 @@ def beat_of(given):
     return steady_beat(Batch.of(model), output_names(model.circuit))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "questions", "programs"),
     [
@@ -70,6 +71,7 @@ def test_a_question_of_one_parameter_and_one_of_eight_share_a_program(monkeypatc
     assert slopes[0] == pytest.approx(slopes[1], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [GIVEN, WITH_GAS])
 def test_sums_that_nobody_asked_for_change_no_derivative(given, monkeypatch):
     beat = beat_of(given)

@@ -35,6 +35,7 @@ def beat():
     return solved()
 
 
+@pytest.mark.slow
 def test_places_have_the_gases_of_samples_that_are_solved_for(beat):
     places = beat.gases[0].places
     for place, outputs in SAMPLES.items():
@@ -62,6 +63,7 @@ def test_no_steady_gas_state_has_no_numbers():
     assert solved(shunt_fraction=1.0).gases == {}
 
 
+@pytest.mark.slow
 def test_the_next_process_need_not_trace_them(monkeypatch, tmp_path):
     monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(_at_equilibrium, "_ready", {})

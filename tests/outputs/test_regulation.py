@@ -62,6 +62,7 @@ def test_derivatives_of_what_is_in_effect_match_central_differences(failing):
         np.testing.assert_allclose(exact.sel(parameter=name), numeric, rtol=1e-3, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_slopes_of_the_use_at_the_set_point_are_those_towards_lower_pressures_and_say_so(failing):
     """At rest, where its range is divided by another end on the other side, rounding must not choose."""
     at_rest, outputs = model_of(case(regulation={"baroreflex": 1})), ("reflex_use", "MAP")

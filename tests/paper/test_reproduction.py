@@ -14,6 +14,7 @@ def test_every_value_of_tables_s1_to_s4_is_used_as_printed():
     assert [row.name for row in rows if not row.holds] == []
 
 
+@pytest.mark.slow
 def test_every_printed_number_can_be_computed(study):
     needed = [p for p in TEXT if not isinstance(p.what, FlowAtLimit) or p.what.schemes]
     values = [compute(printed, study) for printed in needed]

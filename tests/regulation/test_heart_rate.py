@@ -24,6 +24,7 @@ def beat(response, **patient):
     return simulate(read_mapping(CASE | sections).case)
 
 
+@pytest.mark.slow
 def test_a_paced_heart_keeps_its_rate_while_contractility_and_resistance_respond():
     usual, paced = beat(None), beat(0.0)
     assert float(usual["heart_rate"]) > 90.0
@@ -39,6 +40,7 @@ def test_a_response_of_one_is_the_heart_without_the_key_and_a_half_is_between():
     assert 75.0 < float(half["heart_rate"]) < float(usual["heart_rate"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameter", [HEART_RATE_RESPONSE, HEART_RATE])
 def test_derivatives_with_respect_to_the_response_and_the_own_rate_are_exact(parameter):
     """The own rate was packed twice, and its derivatives were those of the entry that no beat reads: 0."""

@@ -91,6 +91,7 @@ def test_links_of_the_comparison_lead_somewhere(pages):
             assert (folder / link).is_file()
 
 
+@pytest.mark.slow
 def test_the_comparison_shows_bad_rows_with_their_reasons(pages):
     source = pages["reproduction"].read_text(encoding="utf-8")
     assert "differs: it does not" in source

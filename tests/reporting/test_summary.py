@@ -47,6 +47,7 @@ def test_what_clinicians_ask_first_stands_in_the_table(capsys, monkeypatch):
     assert "(PP)" in text
 
 
+@pytest.mark.slow
 def test_every_row_begins_with_the_name_that_goals_and_options_take(capsys, monkeypatch):
     """SaO2, PF of a second device, the pressures of the circuit: no name was shown beside these."""
     crrt = {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy", "dialysate_ml_h": 1500}

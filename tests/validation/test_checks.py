@@ -19,6 +19,7 @@ def test_shi_hose_scalars():
     assert check.missed == ()
 
 
+@pytest.mark.slow
 def test_derivatives_agree_with_the_published_code():
     default, finer, own = solvers.gradient_checks()
     assert len(default.rows) == len(finer.rows) == len(own.rows) == 98
