@@ -95,6 +95,19 @@ def test_a_flow_below_the_label_is_said_of_a_kinked_return_line(clamp, said):
     assert any("below 0.5 L/min: outside the label" in one for one in warnings) == said
 
 
+def test_a_kinked_drainage_line_has_the_resistance_of_its_open_area():
+    """Half of the area has four times the resistance; a kink could only be stated as a smaller cannula."""
+    whole = eclsim.read_case(LOW_SWEEP).case
+    results = [eclsim.simulate(whole.with_section("ecmo", drainage_clamp=c)) for c in (0.0, 0.5, 0.9)]
+    flows, inlets = ([float(r[name]) for r in results] for name in ("PF", "drainage_pressure"))
+    assert flows[0] == pytest.approx(float(eclsim.simulate(whole)["PF"]), rel=1e-7)
+    assert flows == sorted(flows, reverse=True)
+    assert inlets == sorted(inlets, reverse=True)
+    dropped = [float(r["right_atrial_pressure"] - r["drainage_pressure"]) for r in results]
+    resistances = np.array(dropped) / np.array(flows) ** 2  # flows hardly pulsate
+    assert resistances[1:] / resistances[0] == pytest.approx([4.0, 100.0], rel=0.05)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("circuit", "device"),

@@ -10,7 +10,7 @@ cannulae and oxygenators from the makers' data sheets, as published with the cod
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -261,7 +261,9 @@ MIXED_SITE = "ra"
 _GREAT_VEINS = frozenset((*VENOUS_SITES, *DRAINED.values()))
 SMALLEST_EXCESS_L_MIN = 0.1
 """Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
-_IF_OMITTED = {"drainage_mixing": 1.0, "return_clamp": 0.0}
+RETURN_CLAMP = "return_clamp"
+CLAMPS = (RETURN_CLAMP, "drainage_clamp")
+_IF_OMITTED = {"drainage_mixing": 1.0, **dict.fromkeys(CLAMPS, 0.0)}
 """Values shown by the knobs of keys that a case leaves out."""
 _MODES = {"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"}
 
@@ -341,12 +343,22 @@ class Ecmo(SecondCannulae):
     return_clamp: Annotated[
         float | None, number("Clamp on the return line: 0 open, 1 closed", "", 0, 1, 0, required=False)
     ] = None
+    drainage_clamp: Annotated[
+        float | None,
+        number("Clamp or kink of the drainage line: 0 open, 1 closed", "", 0, 1, 0, required=False),
+    ] = None
     sweep_l_min: float | None = None
     fdo2: float | None = None
     drainage_mixing: float | None = None
     mode: Annotated[
         Literal["VA", "VV"] | None, one_of("Fills in usual sites and cannulae", tuple(USUAL), required=False)
     ] = None
+
+    @property
+    def clamps(self) -> dict[str, float]:
+        """Closed share of each clamp that the case has, by key."""
+        given = {clamp: getattr(self, clamp) for clamp in CLAMPS}
+        return {clamp: closed for clamp, closed in given.items() if closed is not None}
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
@@ -394,7 +406,7 @@ def ecmo(
     return_cannula: str = "arterial",
     roller: bool = False,
     second: tuple[Connection, ...] = (),
-    clamped: bool = False,
+    clamped: Collection[str] = (),
 ) -> Circuit:
     """An ECMO circuit between two sites.
 
@@ -406,7 +418,7 @@ def ecmo(
         roller: True for a roller pump (`ecmo.roller_l_min`), else a rotary pump (`ecmo.speed_rpm`,
             `ecmo.pump.a` ...).
         second: connections of further cannulae.
-        clamped: whether the return line has a clamp (`ecmo.return_clamp`).
+        clamped: those of `CLAMPS` that the lines have; each is a parameter (`ecmo.return_clamp`).
     """
     from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
     from eclsim.components import (
@@ -428,9 +440,9 @@ def ecmo(
     pump: Path = (
         RollerPump("ecmo.roller_l_min", "l/min") if roller else RotaryPump("ecmo.speed_rpm", "ecmo.pump.")
     )
-    drainage = Cannula("ecmo.drainage_fr", CANNULAE[drainage_cannula].coefficients)
-    clamp = "ecmo.return_clamp" if clamped else 0.0
-    back = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients, clamp)
+    back_clamp, drainage_clamp = (f"ecmo.{clamp}" if clamp in clamped else 0.0 for clamp in CLAMPS)
+    drainage = Cannula("ecmo.drainage_fr", CANNULAE[drainage_cannula].coefficients, drainage_clamp)
+    back = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients, back_clamp)
     connections = (
         Connection("ecmodrain", drainage, drainage_site, "ecmodrain", GROUP, "ecmo.drainage_mixing"),
         Connection("ecmotudp", Tube("Lecmotudp", "Decmotudp"), "ecmodrain", "ecmotudp", GROUP),
@@ -610,7 +622,7 @@ class EcmoDevice(Device[Ecmo]):
     nominal = {
         "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
         "ecmo.roller_l_min": 3.0, "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
-        "ecmo.return_clamp": 0.0, **pump_values(GROUP, PUMPS["Rotaflow"]), **NOMINAL,
+        **{f"ecmo.{clamp}": 0.0 for clamp in CLAMPS}, **pump_values(GROUP, PUMPS["Rotaflow"]), **NOMINAL,
     }  # fmt: skip
     outputs = (
         mean_flow("PF", "ECMO pump flow", "Qecmopump", in_contract=True),
@@ -706,7 +718,7 @@ class EcmoDevice(Device[Ecmo]):
         roller = isinstance(section.pump, RollerPump)
         return ecmo(
             section.drainage_site, section.return_site, section.drainage_cannula, section.return_cannula,
-            roller, section.second_connections(), section.return_clamp is not None,
+            roller, section.second_connections(), section.clamps,
         )  # fmt: skip
 
     def values(self, section: Ecmo) -> dict[str, float]:
@@ -724,7 +736,7 @@ class EcmoDevice(Device[Ecmo]):
             **OXYGENATORS[section.oxygenator].gas_values(),
             **OXYGENATORS[section.oxygenator].label_values(),
             **section.second_values(),
-            **({} if section.return_clamp is None else {"ecmo.return_clamp": section.return_clamp}),
+            **{f"ecmo.{clamp}": closed for clamp, closed in section.clamps.items()},
         }
         if isinstance(section.pump, RollerPump):
             return values | {"ecmo.roller_l_min": section.pump.roller_l_min}
@@ -753,6 +765,7 @@ class EcmoDevice(Device[Ecmo]):
             sizes = CANNULAE[kind].sizes_fr
             result.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
         result.append(Knob("return_clamp", "Clamp on the return line", "", 0.0, 1.0, 0.01))
+        result.append(Knob("drainage_clamp", "Kink of the drainage line", "", 0.0, 1.0, 0.01))
         result.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
         others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
         result.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
@@ -878,12 +891,12 @@ def _exchanged(own: str, other: str) -> dict[str, str]:
 
 def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
     """Whether the return line of a circuit is at least partly clamped."""
-    return values.get(names.parameter("ecmo.return_clamp"), 0.0) > 0.0
+    return values.get(names.parameter(f"ecmo.{RETURN_CLAMP}"), 0.0) > 0.0
 
 
 def is_closed(names: Naming, values: Mapping[str, float]) -> bool:
-    """Whether the return line of a circuit is clamped off, so that its blood is meant to stand still."""
-    return values.get(names.parameter("ecmo.return_clamp"), 0.0) >= 1.0
+    """Whether a line of a circuit is clamped off, so that its blood is meant to stand still."""
+    return any(values.get(names.parameter(f"ecmo.{clamp}"), 0.0) >= 1.0 for clamp in CLAMPS)
 
 
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
