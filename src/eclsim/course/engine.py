@@ -423,7 +423,7 @@ class Engine:
             history.states.append(self.states[:, m].copy())
             history.rates.append(self.slopes[:, m].copy())
             history.points.append(self.predictors[m].point)
-            history.known.append(self.predictors[m].blood is not None)
+            history.blood.append(self.predictors[m].blood)
             self.snapshots[m] = self.predictors[m].snapshot()
 
     def _stop(self, active: np.ndarray) -> None:
@@ -549,8 +549,8 @@ class Engine:
             return beat, place
 
         def solve(batch: Batch, start: Anchor) -> SteadyBeat:
-            options = self.options.orbits
-            return steady_beat(batch, beat.names, options=options, start=start, execution=self.execution)
+            alone = replace(self.execution, width=1)
+            return steady_beat(batch, beat.names, options=self.options.orbits, start=start, execution=alone)
 
         blood, inverses = self.snapshots[member].blood, self.predictors[member].holding
         return with_blood_of(beat, place, blood, solve, inverses) or (beat, place)

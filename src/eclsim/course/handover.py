@@ -17,6 +17,7 @@ import numpy as np
 from eclsim.course.beats import BeatMarch, MarchState, RecordedBeat, ShownBeats, SteadyState
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE
+from eclsim.course.trapped import KnownBlood
 from eclsim.outputs.registry import output
 from eclsim.parameters.gas import LUNG_VOLUME
 
@@ -267,7 +268,7 @@ class History:
         states: slow states at these times, each of shape (states,).
         rates: rates of change at these times, per second, each of shape (states,).
         points: points of the steady beats at these times (`Predictor`); None if no law needs the beat.
-        known: whether it is known where the blood is in these beats (`KnownBlood`).
+        blood: where the blood is in these beats; None where it is not known.
         stopped: reason for an early end; empty if there was none.
         beats: number of beats computed.
         solves: number of searches for a steady beat.
@@ -280,7 +281,7 @@ class History:
     states: list[np.ndarray] = field(default_factory=list)
     rates: list[np.ndarray] = field(default_factory=list)
     points: list[np.ndarray | None] = field(default_factory=list)
-    known: list[bool] = field(default_factory=list)
+    blood: list[KnownBlood | None] = field(default_factory=list)
     stopped: str = ""
     beats: int = 0
     solves: int = 0

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.engine import SHORTEST_STEP_S, Engine
 from eclsim.course.handover import History, Span
 from eclsim.course.predictor import anchor_at
 from eclsim.course.rosenbrock import between
 from eclsim.course.timeline import BEFORE_S
-from eclsim.course.trapped import KnownBlood, with_blood_of
+from eclsim.course.trapped import KnownBlood, isolated_parts, with_blood_of
 from eclsim.devices.description import Finding
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
@@ -156,18 +155,16 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
         else:
             states[:, k] = history.states[left]
         points.append(_point(history, left, ahead, now))
-        blood.append(_known_blood(history, left, ahead, engine.circuits[member][segments[-1]]))
+        blood.append(_known_blood(history, left, ahead))
     return _Row(np.full(len(time), member), np.array(segments, dtype=int), time, states, points, blood)
 
 
-def _known_blood(history: History, left: int, ahead: int, circuit: Circuit) -> KnownBlood | None:
-    """Where the blood is between two steps; None if it is not known at their ends."""
-    ends = history.points[left], history.points[ahead]
-    if ends[0] is None or not history.known[left]:
-        return None
-    size = assemble(circuit).layout.size
-    later = ends[1][:size] if ends[1] is not None and history.known[ahead] else None
-    return KnownBlood(circuit, ends[0][:size], later)
+def _known_blood(history: History, left: int, ahead: int) -> KnownBlood | None:
+    """Where the blood is between two steps; None if it is not known at the first."""
+    first, second = history.blood[left], history.blood[ahead]
+    if first is None or second is None or first.isolated != second.isolated:
+        return first
+    return first._replace(later=second.state)
 
 
 def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
@@ -267,7 +264,7 @@ class _MomentSolver:
     engine: Engine
     outputs: Sequence[str] | None
     with_findings: bool
-    execution: Execution | None
+    execution: Execution
 
     def solve(
         self, chosen: np.ndarray, options: OrbitOptions | None, start: Mapping[str, float] | Anchor | None
@@ -310,8 +307,8 @@ class _MomentSolver:
             before = known[moment - 1]
 
         def solve(batch: Batch, start: Anchor) -> SteadyBeat:
-            signals = None if self.with_findings else ()
-            return steady_beat(batch, beat.names, waveforms=signals, start=start, execution=self.execution)
+            signals, alone = None if self.with_findings else (), replace(self.execution, width=1)
+            return steady_beat(batch, beat.names, waveforms=signals, start=start, execution=alone)
 
         inverses = self.engine.predictors[int(member[moment])].holding
         return with_blood_of(beat, place, before, solve, inverses) or (beat, place)
@@ -325,7 +322,8 @@ class _MomentSolver:
         moments.status[moment] = beat.status[place]
         circuit = self.engine.circuits[moments.member[moment]][moments.segment[moment]]
         state = beat.orbits.states[:, place]
-        moments.blood[moment] = KnownBlood(circuit, state) if beat.determined[place] else None
+        known = KnownBlood(circuit, state, isolated_parts(beat, place)) if beat.determined[place] else None
+        moments.blood[moment] = known
         if self.with_findings:
             moments.findings[moment] = beat.determined_findings(place)
 

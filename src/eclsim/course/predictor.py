@@ -101,7 +101,7 @@ class Predictor:
         """Store a beat and update the slope from it."""
         point, isolated = point_of(beat, member), isolated_parts(beat, member)
         state = beat.orbits.states[:, member]
-        self.blood = KnownBlood(circuit, state) if beat.determined[member] else None
+        self.blood = KnownBlood(circuit, state, isolated) if beat.determined[member] else None
         if not self.has_beat_of(circuit) or beat.coupled != self.coupled or isolated != self.isolated:
             self.circuit, self.isolated = circuit, isolated
             self.inverse = inverse_jacobian(beat.orbits, member, isolated)

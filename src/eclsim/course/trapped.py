@@ -34,7 +34,7 @@ finds that it does."""
 SETTLED = 0.05
 """Change of any state over `BEATS` beats, relative to its scale, below which the circulation has settled."""
 MOMENT_ML = 0.1
-"""Missing blood below which a state between two settled ones is settled itself [mL]."""
+"""Change of the blood volume below which a settled state remains settled [mL]."""
 HELD_ML = 0.25
 """Largest change of a trapped volume in a search that holds it, as some blood still passes [mL]."""
 GULP_ML, BEATS_PER_GULP = 25.0, 4
@@ -51,11 +51,14 @@ class KnownBlood(NamedTuple):
     Attributes:
         circuit: circuit of the beat.
         state: state at phase 0, shape (states,).
+        isolated: parts that closed valves isolated in that steady beat; none if blood passed, or if the beat
+            had not settled.
         later: state of a later beat, if the beat in question is between the two.
     """
 
     circuit: Circuit
     state: np.ndarray
+    isolated: Parts = ()
     later: np.ndarray | None = None
 
 
@@ -79,19 +82,21 @@ def with_blood_of(
         beat: a batch of steady beats.
         member: member whose beat is one of many.
         before: an earlier beat of the same patient; None if none is known.
-        solve: searches for the beat of a batch of one from a start.
+        solve: searches for the beat of a batch of one from a start, best with the program of a single member.
         inverses: known inverse Jacobians near the beat that hold the volumes of parts, by these.
     """
-    orbits = beat.orbits.take(np.array([member]))
+    orbits = replace(beat.orbits.take(np.array([member])), width=1)
     if before is None or before.circuit.canonical is not orbits.batch.circuit:
         return None
     parts = beat.undetermined[member].parts
     state, missing = _between(orbits, before)
-    if _differ_ml(orbits, orbits.states[:, 0], state, parts) < SAME_ML:
+    same = before.isolated == parts
+    if same and _differ_ml(orbits, orbits.states[:, 0], state, parts) < SAME_ML:
         return _determined(beat, member), member
     response = None if beat.response is None else beat.response[[member]]
     search = _Search(orbits, solve, beat.coupled, response)
-    found = search.beat_from(_with_blood_given(orbits, state, missing), missing, parts, inverses.get(parts))
+    state, settled = _with_blood_given(orbits, state, missing), same and abs(missing) < MOMENT_ML
+    found = search.beat_from(state, settled, parts, inverses.get(parts))
     return None if found is None else (found, 0)
 
 
@@ -112,20 +117,20 @@ class _Search:
     response: np.ndarray | None
 
     def beat_from(
-        self, state: np.ndarray, missing: float, parts: Parts, inverse: np.ndarray | None
+        self, state: np.ndarray, is_settled: bool, parts: Parts, inverse: np.ndarray | None
     ) -> SteadyBeat | None:
         """The beat in which a state settles; None if it is not found.
 
         Args:
             state: the state.
-            missing: blood that it was given [mL].
+            is_settled: whether it is expected to have settled already.
             parts: parts that are isolated as far as is known.
             inverse: inverse Jacobian that holds their volumes; None if it is not known.
         """
         for tries in range(SEARCHES):
             if inverse is None or len(inverse) != len(state) or tries == SEARCHES // 2:
                 inverse = inverse_jacobian(replace(self.orbits, states=state[:, None]), 0, parts)
-            if tries or abs(missing) > MOMENT_ML:
+            if tries or not is_settled:
                 settled = _settled(self.orbits, state, parts, inverse, STILL_ML * 0.5**tries)
                 if settled is None:
                     return None
