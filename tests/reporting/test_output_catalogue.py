@@ -89,7 +89,9 @@ def test_every_output_is_in_the_list_once_and_has_words():
 def test_an_output_of_a_named_device_has_its_section():
     assert describe("lvad.left.flow").needs == ("[lvad.left]",)
     assert describe("ecmo.femoral.SpreO2").needs == ("[ecmo.femoral]", "[gas]")
-    assert describe("ecmo.femoral.SpreO2").place == "drainage cannula femoral"
+    assert describe("ecmo.femoral.SpreO2").place == "after drainage cannula femoral", (
+        "of all cannulae and a vent"
+    )
 
 
 def test_keys_that_add_outputs_are_keys_of_their_section():
