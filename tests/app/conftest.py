@@ -10,7 +10,7 @@ import sys
 import time
 import urllib.parse
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,10 @@ from system_browser import LAPTOP, system_browser
 START_SECONDS = 180
 """Patience with a server that starts beside other tests on a small machine."""
 PROGRAM = (
-    "import eclsim.app.engine as engine; from eclsim.cli import main; engine._warm_states = list; main()"
+    "-c",
+    "import eclsim.app.engine as engine; from eclsim.cli import main; engine._warm_states = list; main()",
 )
-"""The command, which compiles in advance the first circuit alone: all of them, and what fits need, take
+"""`eclsim`, which compiles in advance the first circuit alone: all of them, and what fits need, take
 more than a minute of a processor. That they come in turn has a test of its own (`test_beat`)."""
 pytest.importorskip("nicegui", reason="the page needs the extra `app`")
 
@@ -45,9 +46,9 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def serve(*options: str, port: int | None = None) -> Served:
+def serve(*options: str, program: Sequence[str] = PROGRAM, port: int | None = None) -> Served:
     port = port or free_port()
-    command = [sys.executable, "-c", PROGRAM, "app", *options, "--port", str(port)]
+    command = [sys.executable, *program, "app", *options, "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     url = f"http://127.0.0.1:{port}"
     until = time.monotonic() + START_SECONDS
@@ -105,8 +106,8 @@ def _starting() -> Iterator[Callable[..., Served]]:
     """Starts servers for single tests, and stops them at the end."""
     started: list[Served] = []
 
-    def start(*options: str, port: int | None = None) -> Served:
-        started.append(serve(*options, port=port))
+    def start(*options: str, program: Sequence[str] = PROGRAM, port: int | None = None) -> Served:
+        started.append(serve(*options, program=program, port=port))
         return started[-1]
 
     yield start

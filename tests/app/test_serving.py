@@ -102,3 +102,13 @@ def test_a_place_is_free_again_after_a_page_was_closed(full):
             break
         time.sleep(1)
     full.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
+
+
+def test_the_page_as_users_start_it_shows_a_beat_while_it_prepares_presets_and_fits(browser, serving):
+    """Other servers of these tests compile what is asked for, and nothing in advance."""
+    served = serving(program=("-m", "eclsim"))
+    page = browser.new_page()
+    page.goto(served.url)
+    page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
+    page.close()
+    assert served.process.poll() is None
