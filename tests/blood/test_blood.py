@@ -53,8 +53,7 @@ def test_half_saturation_is_shifted_by_one_cause_as_dash_printed(pco2, cell_ph, 
 def test_oxygen_dissolves_more_in_cold_blood():
     def dissolved(temperature):
         high, higher = (
-            float(dash2016.oxygen_content(po2, 40.0, 7.4, Blood(temperature=temperature)))
-            for po2 in (1e5, 2e5)
+            float(dash2016.held(po2, 40.0, 7.4, Blood(temperature=temperature)).oxygen) for po2 in (1e5, 2e5)
         )
         return higher - high
 
@@ -66,18 +65,17 @@ def test_oxygen_dissolves_more_in_cold_blood():
 def test_contents_after_dash_are_those_of_its_authors():
     arterial = (100.0, 40.0, 7.40, Blood())
     venous = (40.0, 46.0, 7.37, Blood())
-    assert dash2016.oxygen_content(*arterial) == pytest.approx(20.72, abs=0.005)
-    assert dash2016.carbon_dioxide_content(*arterial) == pytest.approx(43.43, abs=0.005)
+    assert dash2016.held(*arterial).oxygen == pytest.approx(20.72, abs=0.005)
+    assert dash2016.held(*arterial).carbon_dioxide == pytest.approx(43.43, abs=0.005)
     assert dash2016.saturation(*venous) == pytest.approx(0.726, abs=5e-4)
-    assert dash2016.oxygen_content(*venous) == pytest.approx(15.33, abs=0.005)
-    assert dash2016.carbon_dioxide_content(*venous) == pytest.approx(47.20, abs=0.005)
+    assert dash2016.held(*venous).oxygen == pytest.approx(15.33, abs=0.005)
+    assert dash2016.held(*venous).carbon_dioxide == pytest.approx(47.20, abs=0.005)
     assert dash2016.half_saturation(46.0, 7.37 + np.log10(0.69), Blood()) == pytest.approx(28.06, abs=0.005)
 
 
 @pytest.mark.parametrize(("pco2", "ph", "saturation", "haemoglobin", "content"), DOUGLAS)
-def test_carbon_dioxide_after_douglas(pco2, ph, saturation, haemoglobin, content, monkeypatch):
-    monkeypatch.setattr(standard, "saturation", lambda *_: saturation)
-    result = standard.carbon_dioxide_content(100.0, pco2, ph, Blood(haemoglobin))
+def test_carbon_dioxide_after_douglas(pco2, ph, saturation, haemoglobin, content):
+    result = standard.carbon_dioxide_content(pco2, ph, saturation, Blood(haemoglobin))
     assert result == pytest.approx(content, abs=0.005)
 
 

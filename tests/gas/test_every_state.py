@@ -14,7 +14,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from eclsim.blood.acid_base import excess_of
-from eclsim.blood.standard import carbon_dioxide_content, oxygen_content, saturation, standard_pressure
+from eclsim.blood.standard import held as held_gases
+from eclsim.blood.standard import saturation, standard_pressure
 from eclsim.components.exchangers import Points
 from eclsim.gas.network import LARGEST_PCO2, SMALLEST_SUPPLY
 from eclsim.gas.steady import blood_of
@@ -90,8 +91,8 @@ def equations():
             return ph - jnp.clip(there / slope, -0.5, 0.5)
 
         ph = jax.lax.fori_loop(0, 12, nearer, jnp.full_like(po2, 7.2))  # written out it takes 30 s to compile
-        both = [law(po2, pco2, ph, blood) for law in (oxygen_content, carbon_dioxide_content)]
-        return jnp.stack(both), ph
+        gases = held_gases(po2, pco2, ph, blood)
+        return jnp.stack([gases.oxygen, gases.carbon_dioxide]), ph
 
     def rates(logs, gained, values):
         blood = blood_of(values)

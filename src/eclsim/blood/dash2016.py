@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-from eclsim.blood.types import Array, Blood
+from eclsim.blood.types import Array, Blood, HeldGases
 
 P50 = 26.8
 """PO2 at half saturation under standard conditions [mmHg]."""
@@ -50,47 +50,58 @@ def standard_pressure(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array
     return po2 * P50 / half_saturation(pco2, ph + jnp.log10(DONNAN), blood)
 
 
-def _bound_ratio(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+def _bound_ratio(po2: Array, standard: Array) -> Array:
     """Ratio of oxygenated to deoxygenated haemoglobin [-]."""
-    exponent = 2.8 - 1.2 * 10.0 ** (-po2 / 29.2)
-    return (standard_pressure(po2, pco2, ph, blood) / P50) ** exponent
+    return (standard / P50) ** (2.8 - 1.2 * 10.0 ** (-po2 / 29.2))
 
 
 def saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
     """Oxygen saturation of haemoglobin [-]; `ph` is that of plasma."""
-    ratio = _bound_ratio(po2, pco2, ph, blood)
+    ratio = _bound_ratio(po2, standard_pressure(po2, pco2, ph, blood))
     return ratio / (1.0 + ratio)
 
 
-def carbamino_saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
-    """Share of the carbon dioxide binding sites of haemoglobin that are occupied [-]."""
+def carbamino_saturation(ratio: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+    """Share of the carbon dioxide binding sites of haemoglobin that are occupied [-].
+
+    Args:
+        ratio: ratio of oxygenated to deoxygenated haemoglobin [-].
+        pco2: partial pressure of carbon dioxide [mmHg].
+        ph: pH of plasma.
+        blood: properties of the blood.
+    """
     carbon_dioxide = _carbon_dioxide_solubility(blood) * pco2
     acid = 10.0**-ph / DONNAN
     free, oxygenated = 21.5 * (1.0 + 1e-6 / acid), 11.3 * (1.0 + 1e-6 / acid)
     free_sites, oxygenated_sites = 1.0 + acid / 2.4e-8, 1.0 + acid / 1.2e-8
     # Oxygen bound for each free amino group, from the ratio of all forms of haemoglobin.
-    oxygen = _bound_ratio(po2, pco2, ph, blood) * (free * carbon_dioxide + free_sites)
+    oxygen = ratio * (free * carbon_dioxide + free_sites)
     oxygen = oxygen / (oxygenated * carbon_dioxide + oxygenated_sites)
     affinity = (free + oxygenated * oxygen) / (free_sites + oxygenated_sites * oxygen)
     return affinity * carbon_dioxide / (1.0 + affinity * carbon_dioxide)
 
 
-def oxygen_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
-    """Content of oxygen [mL/dL STPD]: four molecules per haemoglobin, and dissolved oxygen."""
+def held(po2: Array, pco2: Array, ph: Array, blood: Blood) -> HeldGases:
+    """Saturation and contents of both gases: oxygen as four molecules per haemoglobin, and dissolved."""
     warm = blood.temperature - 37.0
     solubility = 1.46e-6 * (1.0 - 0.01 * warm + 4.234e-4 * warm**2)
-    bound = 4.0 * _haemoglobin(blood) * saturation(po2, pco2, ph, blood)
-    return ML_DL_PER_MOL_L * (bound + _water(blood) * solubility * po2)
+    standard = standard_pressure(po2, pco2, ph, blood)
+    ratio = _bound_ratio(po2, standard)
+    saturated = ratio / (1.0 + ratio)
+    oxygen = 4.0 * _haemoglobin(blood) * saturated + _water(blood) * solubility * po2
+    carbamino = carbamino_saturation(ratio, pco2, ph, blood)
+    carbon_dioxide = _carbon_dioxide_content(pco2, ph, carbamino, blood)
+    return HeldGases(standard, saturated, ML_DL_PER_MOL_L * oxygen, carbon_dioxide)
 
 
-def carbon_dioxide_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+def _carbon_dioxide_content(pco2: Array, ph: Array, carbamino: Array, blood: Blood) -> Array:
     """Content of carbon dioxide [mL/dL STPD]: dissolved, as bicarbonate, and bound to haemoglobin."""
     dissolved = _carbon_dioxide_solubility(blood) * pco2
     cells = _haematocrit(blood)
     bicarbonate = 10.0 ** (ph - 6.12) * dissolved
     space = (1.0 - cells) * PLASMA_WATER + cells * CELL_WATER * DONNAN
-    carbamino = 4.0 * _haemoglobin(blood) * carbamino_saturation(po2, pco2, ph, blood)
-    return ML_DL_PER_MOL_L * (_water(blood) * dissolved + space * bicarbonate + carbamino)
+    bound = 4.0 * _haemoglobin(blood) * carbamino
+    return ML_DL_PER_MOL_L * (_water(blood) * dissolved + space * bicarbonate + bound)
 
 
 def _carbon_dioxide_solubility(blood: Blood) -> Array:

@@ -17,7 +17,7 @@ from eclsim.blood.acid_base import bicarbonate, ph_of
 from eclsim.blood.types import Array, Blood, Given, refuse_arguments
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
-"""Sets of equations by name: modules with `standard_pressure`, `saturation` and contents of both gases."""
+"""Sets of equations by name: modules with the functions `saturation` and `held`."""
 STEPS = 60
 """Largest number of damped Newton steps from contents to pressures; most need fewer than ten."""
 STEP_TOLERANCE = 1e-9
@@ -116,14 +116,15 @@ def equilibrium(po2: Array, pco2: Array, blood: Blood, law: str) -> BloodGases:
     """Saturation, pH and contents of `blood` at partial pressures [mmHg] of the same shape."""
     chosen = law_named(law)
     ph = ph_of(pco2, blood, lambda at: chosen.saturation(po2, pco2, at, blood))
+    held = chosen.held(po2, pco2, ph, blood)
     return BloodGases(
         jnp.asarray(po2),
         jnp.asarray(pco2),
         jnp.asarray(ph),
-        chosen.saturation(po2, pco2, ph, blood),
+        held.saturation,
         jnp.asarray(bicarbonate(pco2, ph, blood.temperature)),
-        chosen.oxygen_content(po2, pco2, ph, blood),
-        chosen.carbon_dioxide_content(po2, pco2, ph, blood),
+        held.oxygen,
+        held.carbon_dioxide,
     )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 
 from eclsim.blood.acid_base import carbon_dioxide_solubility
-from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
+from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood, HeldGases
 
 OXYGEN_SOLUBILITY = 0.0031
 """Solubility of oxygen in blood at 37 C [mL/dL/mmHg]."""
@@ -52,21 +52,22 @@ def saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
     return severinghaus(standard_pressure(po2, pco2, ph, blood))
 
 
-def oxygen_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
-    """Content of oxygen [mL/dL STPD]: bound and dissolved."""
-    bound = blood.oxygen_capacity * blood.haemoglobin * saturation(po2, pco2, ph, blood)
-    return bound + OXYGEN_SOLUBILITY * po2
+def held(po2: Array, pco2: Array, ph: Array, blood: Blood) -> HeldGases:
+    """Saturation and contents of both gases."""
+    standard = standard_pressure(po2, pco2, ph, blood)
+    saturated = severinghaus(standard)
+    oxygen = blood.oxygen_capacity * blood.haemoglobin * saturated + OXYGEN_SOLUBILITY * po2
+    return HeldGases(standard, saturated, oxygen, carbon_dioxide_content(pco2, ph, saturated, blood))
 
 
-def carbon_dioxide_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+def carbon_dioxide_content(pco2: Array, ph: Array, saturated: Array, blood: Blood) -> Array:
     """Content of carbon dioxide [mL/dL STPD]: that of plasma times a factor for the red cells."""
     temperature = blood.temperature
     cold = 37.0 - temperature
     pk = 6.086 + 0.042 * (7.4 - ph) + (38.0 - temperature) * (0.00472 + 0.00139 * (7.4 - ph))
     plasma = 2.226 * carbon_dioxide_solubility(temperature) * pco2 * (1.0 + 10.0 ** (ph - pk))
-    oxygenated = saturation(po2, pco2, ph, blood)
     at_37 = ph - NEUTRAL_PH_SLOPE * cold  # the distribution between plasma and cells follows neutral pH
-    cells = 0.0289 * blood.haemoglobin / (3.352 - 0.456 * oxygenated) * _term_of_ph(at_37)
+    cells = 0.0289 * blood.haemoglobin / (3.352 - 0.456 * saturated) * _term_of_ph(at_37)
     return plasma * (1.0 - cells)
 
 

@@ -45,6 +45,22 @@ class Blood(NamedTuple):
     dpg: Array = 4.65
 
 
+class HeldGases(NamedTuple):
+    """What blood holds at given partial pressures and pH.
+
+    Attributes:
+        standard_pressure: PO2 with the same saturation under standard conditions [mmHg].
+        saturation: oxygen saturation of haemoglobin [-].
+        oxygen: content of oxygen, bound and dissolved [mL/dL STPD].
+        carbon_dioxide: content of carbon dioxide [mL/dL STPD].
+    """
+
+    standard_pressure: Array
+    saturation: Array
+    oxygen: Array
+    carbon_dioxide: Array
+
+
 class Allowed(NamedTuple):
     """Allowed values of an argument.
 

@@ -277,14 +277,11 @@ def _derivative(
 
 def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:
     """Contents (2, points), PO2 under standard conditions, saturation, acid-base residual."""
-    chosen = law_named(law)
     po2, pco2 = jnp.exp(pressure[0]), jnp.exp(pressure[1])
-    saturated = chosen.saturation(po2, pco2, ph, blood)
-    content = jnp.stack(
-        [chosen.oxygen_content(po2, pco2, ph, blood), chosen.carbon_dioxide_content(po2, pco2, ph, blood)]
-    )
-    standard = chosen.standard_pressure(po2, pco2, ph, blood)
-    return content, standard, saturated, jnp.asarray(excess_of(pco2, ph, saturated, blood))
+    held = law_named(law).held(po2, pco2, ph, blood)
+    content = jnp.stack([held.oxygen, held.carbon_dioxide])
+    residual = excess_of(pco2, ph, held.saturation, blood)
+    return content, held.standard_pressure, held.saturation, jnp.asarray(residual)
 
 
 def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _LocalBlood:
@@ -364,9 +361,13 @@ def _residuals(
 
 def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
     """pH after one step towards the acid-base balance at given pressures."""
-    residual, slope = jax.jvp(
-        lambda at: _properties(law, blood, pressure, at)[3], (ph,), (jnp.ones_like(ph),)
-    )
+    po2, pco2 = jnp.exp(pressure)
+    saturation = law_named(law).saturation
+
+    def missing(at: Array) -> Array:
+        return jnp.asarray(excess_of(pco2, at, saturation(po2, pco2, at, blood), blood))
+
+    residual, slope = jax.jvp(missing, (ph,), (jnp.ones_like(ph),))
     return ph - jnp.clip(residual / slope, -0.5, 0.5)
 
 
