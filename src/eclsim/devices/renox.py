@@ -20,7 +20,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from eclsim.devices.crrt import Crrt, assumed_membrane, filter_limits
-from eclsim.devices.description import BeatMeasures, Control, Finding, Knob, Numbers, Output
+from eclsim.devices.description import BeatMeasures, Control, Finding, Housed, Knob, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.dialysed_blood import (
     FILTER_PARAMETERS,
@@ -80,6 +80,7 @@ class RenoxDevice(Device[Renox]):
 
     key, name, section = GROUP, "RenOx", Renox
     parameters = MEMBRANE
+    housed = Housed("effluent", (f"{GROUP}_effluent_ml_h", f"{GROUP}_effluent_pressure"))
     usual = {"dialysate_ml_h": 2000.0}
     assumptions = assumed_membrane(MEMBRANE, f"{GROUP}_")
     limits = filter_limits(f"{GROUP}_")
