@@ -170,7 +170,7 @@ def test_a_dialyzer_in_the_housing_of_the_oxygenator_is_drawn_below_it_with_its_
     inside = {text.get_text() for text, box in shown_texts(figure) if housing.contains(*box.min)}
     assert inside == {"RenOx: effluent", "9000 mL/h, −234 mmHg"}
     before, after = (boxes(figure)[name] for name in ("ecmooxy", "ecmotuor"))
-    start, end = device_line(figure, "renox").get_xydata()[[0, -1]]
+    start, *_, end = np.asarray(device_line(figure, "renox").get_xydata())
     assert before.x1 < figure.axes[0].transData.transform(start)[0] < after.x0, "at the oxygenator's symbol"
     assert ends_on(figure.axes[0].transData.transform(end), housing, figure)
     assert not any(housing.overlaps(box) for box in boxes(figure).values())
