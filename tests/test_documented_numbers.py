@@ -189,7 +189,9 @@ def test_the_sweep_that_fails_in_the_example():
     quick = quick.interp(time_min=np.arange(15.0))
     assert (round(float(quick["SaO2"][2])), round(float(quick["SaO2"][14]))) == (first, last)
     for name, most in zip(outputs, (points, mmhg, mmhg), strict=True):
-        apart = np.abs(quick[name].to_numpy() - every[name].to_numpy())[:14]  # beats end just before the last minute
+        apart = np.abs(quick[name].to_numpy() - every[name].to_numpy())[
+            :14
+        ]  # beats end just before the last minute
         assert 0.3 * most < apart.max() <= most
 
 
