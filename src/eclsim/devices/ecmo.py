@@ -930,8 +930,8 @@ def _standing_blood(names: Naming, outputs: Mapping[str, float]) -> list[Finding
     if not concerns or not abs(flow) < -BACKWARD_L_MIN:
         return []
     text = (
-        f"blood stands in the {names.label} circuit: before and behind the oxygenator it has met the sweep gas "
-        "for a long time, and its gases reach nobody"
+        f"blood stands in the {names.label} circuit: before and behind the oxygenator it has met the sweep "
+        "gas for a long time, and its gases reach nobody"
     )
     return [Finding.without_limit(CAUTION, concerns[0], outputs[concerns[0]], text, *concerns)]
 
