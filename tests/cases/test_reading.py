@@ -257,11 +257,14 @@ def test_a_key_given_twice_is_said_in_plain_words(tmp_path):
     [
         (
             "[dialysed_drug.vancomycin]\ndose_mg = 500\n",
-            "one [dialysed_drug] section, and for a further drug",
+            "one [dialysed_drug] section, and for a further",
         ),
         ("[[dialysed_drug]]\n[[dialysed_drug]]\n", "in single brackets, and for a further drug a case file"),
         ("[gas.left]\nfio2 = 0.5\n", "without a name; allowed: one [gas] section\n"),
-        ("[lvad]\n[lvad.left]\n", "did you mean [lvad.one] and [lvad.left], where two are connected?"),
+        (
+            "[lvad]\npump = 'HM3'\n[lvad.left]\n",
+            "did you mean [lvad.one] and [lvad.left], where two are connected?",
+        ),
     ],
 )
 def test_what_is_said_of_a_second_section_is_possible(tmp_path, text, said):
