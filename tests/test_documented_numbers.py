@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import eclsim
@@ -175,6 +176,23 @@ def test_the_antibiotic_of_the_example():
     assert words in page
     assert f"clears {cleared[1]:.0f}." in page
     assert f"leaves {plasma[3]:.0f} instead of {plasma[2]:.0f} mg/L" in page
+
+
+def test_the_sweep_that_fails_in_the_example():
+    """One beat stands for the next ones while nothing but gases changes; the page says how closely."""
+    sentence = r"sweep_failure.toml`, SaO2 (\d+) to (\d+) % in 12 minutes\) .* within (\S+) % and (\S+) mmHg"
+    ((first, last, points, mmhg),) = re.findall(sentence, " ".join(page("docs/course.md").split()))
+    first, last, points, mmhg = map(float, (first, last, points, mmhg))
+    example, outputs = EXAMPLES / "sweep_failure.toml", ("SaO2", "PaO2", "PaCO2")
+    quick = eclsim.course(example, minutes=14.0, every_min=1.0, outputs=outputs)
+    every = eclsim.course_beats(example, minutes=14.0, outputs=outputs).interp(time_min=np.arange(15.0))
+    quick = quick.interp(time_min=np.arange(15.0))
+    assert (round(float(quick["SaO2"][2])), round(float(quick["SaO2"][14]))) == (first, last)
+    for name, most in zip(outputs, (points, mmhg, mmhg), strict=True):
+        apart = np.abs(quick[name].to_numpy() - every[name].to_numpy())[
+            :14
+        ]  # beats end just before the last minute
+        assert 0.3 * most < apart.max() <= most
 
 
 def test_renox_beside_crrt():

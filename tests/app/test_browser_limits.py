@@ -112,6 +112,11 @@ def test_cautions_about_numbers_without_a_tile_have_a_heading(open_page, served)
     case = connect(PRESETS["vv-ecmo"].case(), "renox")
     page = open_page(url=f"{served.url}/#{link_of(PageState(case, origin='vv-ecmo'))}")
     expect(page.locator(".ecl-limits summary")).to_contain_text(text("cautions_further"))
+    housing = page.locator('.ecl-schematic [data-device="renox"]')
+    outputs = beat(page)["outputs"]
+    shown = [outputs["renox_effluent_ml_h"], outputs["renox_effluent_pressure"]]
+    expect(housing.locator(".name")).to_have_text("RenOx: effluent")
+    expect(housing.locator(".readings")).to_have_text("{:.0f} mL/h, {:.0f} mmHg".format(*shown))
 
 
 def test_a_new_alarm_is_in_sight_although_the_list_was_scrolled_down(open_page):

@@ -6,6 +6,7 @@ import io
 import json
 import re
 import zipfile
+from dataclasses import replace
 
 import pytest
 
@@ -156,6 +157,11 @@ def test_the_page_follows_the_minutes_of_a_course():
         shown = course.beat(found["time"][k])
         assert shown.converged
         assert shown.outputs["MAP"] == pytest.approx(rows["MAP"][k], rel=1e-3)
+    first = course.beat(0.0)
+    other = replace(first, outputs={**first.outputs, "MAP": first.outputs["MAP"] - 12.0})
+    said = plain_course(course, 60, other)["approximations"]
+    assert f"(Arterial {other.outputs['MAP']:.0f} mmHg) than one computed anew" in said[0]
+    assert plain_course(course, 60, first)["approximations"] == said[1:]
     name, content = export(PageState(state.case), "course")
     files = zipfile.ZipFile(io.BytesIO(content))
     assert name.endswith("_course.zip")

@@ -7,11 +7,16 @@ import zipfile
 
 import pytest
 
+import eclsim
+from collapsing_veins import TWO_BEATS, collapsible
+from eclsim.app.beat import compute_beat
+from eclsim.app.course import compute_course, with_event
 from eclsim.app.files import LARGEST_FILE, MOST_LINES, ExportError, export, parse_file, shortened, with_speeds
-from eclsim.app.knobs import turn
+from eclsim.app.knobs import connect, turn
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import case_text
+from eclsim.course.engine import CourseOptions
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.files import file_stem
 from eclsim.inputs.mistakes import CaseError
@@ -143,3 +148,50 @@ def test_what_was_changed_by_hand_is_called_so_in_every_file():
     again = PageState(case, origin="file").with_case(turn(case, "ecmo.speed_rpm", 2000))
     assert b"(changed) (changed)" not in export(again, "case")[1]
     assert export(state, "case")[0] == "Thiel_2025_section_3.3.toml"
+
+
+BLEEDING = {"at_min": 5, "give": {"bleed_ml": 400}, "over_min": 10}
+
+
+def test_an_exported_case_with_events_names_the_command_that_gives_the_course_of_the_page():
+    state = PageState(with_event(PRESETS["healthy"].case(), BLEEDING))
+    for minutes, how in ((0, "--until 360 --steady-only"), (30, "--until 30 --beats")):
+        name, content = export(state, "case", minutes)
+        line = content.decode().splitlines()[1]
+        assert line.endswith(f"eclsim course {name} {how} --out {name.removesuffix('.toml')}")
+        assert parse_file(name, content).cases[0][1].events == state.case.events
+    assert "eclsim course" not in export(PageState(PRESETS["healthy"].case()), "case")[1].decode()
+
+
+@pytest.mark.slow
+def test_the_exported_case_gives_the_course_of_the_page_to_the_last_bit(tmp_path):
+    state = preset_state("cardiogenic-shock")
+    state = state.with_case(connect(state.case, "regulation"))
+    state = state.with_case(turn(state.case, "parameters.Rmc", 0.8))  # after which set points are of the past
+    state = state.with_case(with_event(state.case, BLEEDING))
+    page = compute_course(state, 60).computed.result
+    _, content = export(state, "course", 60)
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        (name,) = (file for file in archive.namelist() if file.endswith(".toml"))
+        archive.extract(name, tmp_path)
+    again = eclsim.course(tmp_path / name, minutes=60, options=CourseOptions(hand_over=False))
+    for output in ("time_min", "MAP", "CO", "heart_rate", "fluid.plasma_ml"):
+        assert page[output].to_numpy().tolist() == again[output].to_numpy().tolist(), output
+
+
+@pytest.mark.slow
+def test_an_export_says_if_the_page_came_to_a_steady_beat_that_the_file_does_not_give():
+    """From a faster pump the page came to collapsed veins; the file of its knobs begins with full ones."""
+    state = PageState(with_event(collapsible(TWO_BEATS), BLEEDING), origin="file")
+    beat, speed = None, float(state.case.setting("ecmo", "speed_rpm"))
+    for share in (1.6, 1.3, 1.0):
+        case = turn(state.case, "ecmo.speed_rpm", share * speed)
+        beat = compute_beat(PageState(case, origin="file"), beat)
+    anew = compute_beat(state)
+    assert beat is not None
+    assert beat.outputs["PF"] < 0.9 * anew.outputs["PF"]
+    said = export(state, "case", 60, beat)[1].decode().splitlines()[2]
+    of_page, _, of_file = said.partition("than one computed anew")
+    assert f"ECMO {beat.outputs['PF']:.2f} L/min" in of_page
+    assert f"ECMO {anew.outputs['PF']:.2f} L/min" in of_file
+    assert "another steady beat" not in export(state, "case", 60, anew)[1].decode()

@@ -9,6 +9,7 @@ import eclsim.app
 from eclsim.app.files import KINDS
 from eclsim.app.page import VIEWS
 from eclsim.app.texts import ENGLISH, beside_field, in_page_words, with_minus
+from eclsim.course.gases import NOT_FOLLOWED
 from eclsim.inputs.mistakes import Mistake
 from eclsim.orbit.status import Status
 
@@ -73,3 +74,10 @@ def test_no_outcome_of_a_search_advises_what_only_the_command_line_can_do(status
     shown = in_page_words(status.message)
     assert shown.split(":")[0] == status.message.split(":")[0]
     assert not any(words in shown for words in ("--", "`", "an option of"))
+
+
+def test_the_page_names_its_own_way_to_steady_beats():
+    """An option of `eclsim course` was called one of eclsim identify."""
+    shown = in_page_words(NOT_FOLLOWED)
+    assert "identify" not in shown
+    assert "steady beats alone (those of a timeline of an hour or more)" in shown

@@ -250,3 +250,23 @@ def test_a_key_given_twice_is_said_in_plain_words(tmp_path):
     file.write_text('format = 1\n[patient]\nsex = "male"\nsex = "female"\n', encoding="utf-8")
     with pytest.raises(CaseError, match="this key already has a value"):
         read_case(file)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "[dialysed_drug.vancomycin]\ndose_mg = 500\n",
+            "one [dialysed_drug] section, and for a further",
+        ),
+        ("[[dialysed_drug]]\n[[dialysed_drug]]\n", "in single brackets, and for a further drug a case file"),
+        ("[gas.left]\nfio2 = 0.5\n", "without a name; allowed: one [gas] section\n"),
+        (
+            "[lvad]\npump = 'HM3'\n[lvad.left]\n",
+            "did you mean [lvad.one] and [lvad.left], where two are connected?",
+        ),
+    ],
+)
+def test_what_is_said_of_a_second_section_is_possible(tmp_path, text, said):
+    """[dialysed_drug.one] and [dialysed_drug.vancomycin] were proposed, which a case cannot have."""
+    assert said in refusal(tmp_path, (PATIENT + text).encode()) + "\n"

@@ -267,6 +267,30 @@ def test_courses_say_what_of_a_gift_they_do_not_hold(give, sections, said):
     assert [words in sentence for words, sentence in zip(said, found, strict=True)] == [True] * len(said)
 
 
+FRESH = {"dialysate_ml_h": 1000, "replacement_post_ml_h": 1000}
+DIALYSING = {**FILTERING, "net_ultrafiltration_ml_h": 0, **FRESH}
+
+
+@pytest.mark.parametrize(
+    ("solutes", "minutes", "crrt", "said"),
+    [
+        ({}, 720.0, DIALYSING, True),
+        ({}, 300.0, DIALYSING, False),
+        ({}, 720.0, {**DIALYSING, "flow_ml_min": 0}, False),
+        ({"acid_generation_mmol_h": 2.8}, 720.0, DIALYSING, False),
+        ({"kidney_clearance_ml_min": 20}, 720.0, DIALYSING, False),
+    ],
+)
+def test_a_long_dialysis_without_acid_is_said_to_end_too_alkaline(solutes, minutes, crrt, said):
+    """Left out, a day of 2 L/h with 32 mmol/L ended at 28.1 in place of 27.0 mmol/L, three days at 31.2."""
+    case = read_mapping(RAW | {"solutes": solutes, "crrt": crrt}).case
+    sentences = [one for one in remarks_on_fluids(Timeline(case, 60.0 * minutes)) if "bicarbonate" in one]
+    assert len(sentences) == said
+    assert not said or "by up to 0.5 mmol/L in the end (2.0 L/h of fluid)" in sentences[0]
+    without = {key: section for key, section in (RAW | {"crrt": crrt}).items() if key != "solutes"}
+    assert not remarks_on_fluids(Timeline(read_mapping(without).case, 60.0 * minutes))
+
+
 def test_a_reflex_that_an_event_switches_on_counts():
     events = [
         {"at_min": 1, "set": {"regulation.baroreflex": 1.0}},

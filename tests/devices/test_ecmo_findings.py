@@ -95,6 +95,22 @@ def test_a_flow_below_the_label_is_said_of_a_kinked_return_line(clamp, said):
     assert any("below 0.5 L/min: outside the label" in one for one in warnings) == said
 
 
+@pytest.mark.parametrize(("speed", "clamp"), [(0.0, 0.0), (0.0, 1.0), (1500.0, 0.0)])
+def test_a_veno_venous_pump_that_stands_still_is_said_to_supply_nobody(speed, clamp):
+    """A flow of -0.0005 L/min was "outside the label", and nothing was said of the 706 mmHg behind it."""
+    raw = eclsim.read_case(LOW_SWEEP).case.as_mapping()
+    reading = read_mapping(raw | {"ecmo": raw["ecmo"] | {"speed_rpm": speed, "return_clamp": clamp}})
+    beat = eclsim.simulate(reading.case)
+    read = [one.message for one in reading.warnings if "stands still" in one.message]
+    assert any("hardly any blood flows through it" in one for one in read) == (not speed and not clamp)
+    assert len(read) <= 1
+    warnings = beat.attrs["warnings"]
+    assert any("stands still, and 0.00 L/min pass its oxygenator" in one for one in warnings) == bool(read)
+    assert any("blood stands in the ECMO circuit" in one for one in warnings) == (speed == 0.0)
+    assert not any("outside the label" in one for one in warnings)
+    assert bool(float(beat["VO2_oxygenator"]) < 1.0) == (speed == 0.0)
+
+
 def test_a_kinked_drainage_line_has_the_resistance_of_its_open_area():
     """Half of the area has four times the resistance; a kink could only be stated as a smaller cannula."""
     whole = eclsim.read_case(LOW_SWEEP).case

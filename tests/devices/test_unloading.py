@@ -99,13 +99,15 @@ def test_renox_moves_no_blood_and_clears_as_its_fibres_do_at_the_flow_of_the_ecm
     assert float(result["renox_free_ultrafiltration_ml_h"]) == pytest.approx(37.0 * mean, rel=1e-6)
 
 
-def test_renox_says_what_is_not_computed_where_blood_runs_backwards():
-    slow = case(ecmo=ECMO | {"speed_rpm": 1000}, renox={"dialysate_ml_h": 2000}, parameters={})
+def test_renox_clears_blood_that_runs_backwards_and_says_how_it_was_computed():
+    """Nothing was computed, so that a course with solutes ended at a stopped pump."""
+    fluids = {"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 100}
+    slow = case(ecmo=ECMO | {"speed_rpm": 1000}, renox=fluids, parameters={})
     result = eclsim.simulate(slow)
     assert float(result["PF"]) < -0.1
-    assert np.isnan(result["renox_clearance_urea"])
-    assert result["renox_clearance_urea"].attrs["finding"] == "alarm"
-    assert any("its clearances and what it does" in sentence for sentence in result.attrs["warnings"])
+    assert float(result["renox_clearance_urea"]) == pytest.approx(2100.0 / 60.0, rel=0.05)
+    assert 0.0 < float(result["renox_filtration_fraction"]) < 0.1
+    assert any("RenOx: blood runs backwards through the housing" in one for one in result.attrs["warnings"])
 
 
 @pytest.mark.slow
@@ -171,3 +173,19 @@ def test_what_needs_an_ecmo_circuit_says_so(section):
     raw = {"format": 1, "patient": PATIENT}
     with pytest.raises(CaseError, match=r"the case has no \[ecmo\] section; allowed: one \[ecmo\] section"):
         read_mapping(raw | section)
+
+
+@pytest.mark.slow
+def test_a_course_goes_on_through_a_renox_in_which_blood_runs_backwards_and_ends_where_no_water_is_left():
+    """It ended at the backward flow, and beat by beat with "the gases could not be followed"."""
+    stop = {"at_min": 0.2, "set": {"ecmo.speed_rpm": 0}}
+    clamp = {"at_min": 0.5, "set": {"ecmo.return_clamp": 1}}
+    renox = {"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 100}
+    own = case(ecmo=ECMO, renox=renox, gas={}, solutes={}, parameters={}, events=[stop])
+    result = eclsim.course_beats(own, minutes=0.6, outputs=("PF", "renox_clearance_urea"))
+    assert not result.attrs["message"]
+    assert float(result["PF"][-1]) < -0.1
+    assert float(result["renox_clearance_urea"][-1]) > 30.0
+    own = case(ecmo=ECMO, renox=renox, gas={}, solutes={}, parameters={}, events=[stop, clamp])
+    result = eclsim.course_beats(own, minutes=0.7, outputs=("PF",))
+    assert "a filter takes as much water from its blood as the plasma holds" in result.attrs["message"]

@@ -16,6 +16,7 @@ from eclsim.components import ElasticVessel, Resistance
 from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import POSITIONS, Ecmo, ecmo
 from eclsim.devices.lvad import lvad
+from eclsim.devices.renox import RENOX, Renox
 from eclsim.patient.circulation import Anatomy, circulation
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import save_figure
@@ -69,6 +70,7 @@ CIRCUITS = {
     "bronchial return, all": circulation(Anatomy(bronchial=True)) + ecmo("ra", "ao") + lvad(),
     "V-AV": VA_SECOND,
     "regions, bicaval": REGIONS + ecmo("ivc", "lower", second=second("drainage", "svc")),
+    "V-A, RenOx": VA + RENOX.circuit(Renox(dialysate_ml_h=2000.0)),
     "all at part": PATIENT + ecmo("part", "part") + crrt("part", "part") + lvad("sart", "part"),
 }
 
@@ -82,6 +84,7 @@ def constant_result(circuit: Circuit, pressure: float = -234.5, flow: float = -1
     curves = {name: ("phase", np.full_like(phase, value)) for name, value in names.items()}
     scalars = {"SP": 188.0, "DP": 142.0, "MAP": 161.0, "MPAP": 34.5, "PCWP": 22.5, "CO": 12.34, "PF": 5.67}
     scalars["crrt_recirculated_fraction"] = 0.375
+    scalars |= {"renox_effluent_ml_h": 9000.0, "renox_effluent_pressure": -234.5}
     coordinates = {"phase": phase, "time": ("phase", 0.5 * phase)}
     attributes = {"id": "P" * 60, "converged": 0, "blood_volume_policy": "patient_volume_held"}
     return xr.Dataset({**curves, **scalars}, coordinates, attributes)
@@ -159,6 +162,18 @@ def test_labels_of_a_box_stay_inside_it(name: str):
         inside = [text for _, text in shown_texts(drawn(name)) if box.overlaps(text)]
         assert len(inside) == 3
         assert all(box.x0 < text.x0 and text.x1 < box.x1 for text in inside)
+
+
+def test_a_dialyzer_in_the_housing_of_the_oxygenator_is_drawn_below_it_with_its_readings():
+    figure = drawn("V-A, RenOx")
+    housing = {str(p.get_gid()): p.get_window_extent() for p in figure.axes[0].patches}["housed-renox"]
+    inside = {text.get_text() for text, box in shown_texts(figure) if housing.contains(*box.min)}
+    assert inside == {"RenOx: effluent", "9000 mL/h, −234 mmHg"}
+    before, after = (boxes(figure)[name] for name in ("ecmooxy", "ecmotuor"))
+    start, *_, end = np.asarray(device_line(figure, "renox").get_xydata())
+    assert before.x1 < figure.axes[0].transData.transform(start)[0] < after.x0, "at the oxygenator's symbol"
+    assert ends_on(figure.axes[0].transData.transform(end), housing, figure)
+    assert not any(housing.overlaps(box) for box in boxes(figure).values())
 
 
 @pytest.mark.slow

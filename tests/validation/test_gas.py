@@ -52,6 +52,19 @@ def test_oxygen_transfer_in_bypass_is_as_measured_with_pure_oxygen_and_with_less
 
 
 @pytest.mark.slow
+def test_the_line_through_the_origin_of_the_bypass_study_is_that_of_the_models_transfers():
+    """The study has no other form: its 60 % is a point of the line, where transfer ends at the PO2 of air."""
+    fractions = np.array([0.5, 0.6, 0.8, 1.0])
+    found = np.array([gas._bypass(f) for f in fractions.tolist()])
+    slope, offset = np.polyfit(fractions, found, 1)
+    assert np.abs(slope * fractions + offset - found).max() < 1.0
+    assert -offset / slope == pytest.approx(gas.BYPASS_PO2 / 713.0, abs=0.06)
+    through_origin = float(fractions @ found / (fractions @ fractions))
+    assert through_origin == pytest.approx(284.34, rel=0.03)
+    assert 0.6 * through_origin == pytest.approx(170.6, rel=0.03)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("saturation", [0.2, 0.3, 0.4, 0.5, 0.6])
 def test_poor_blood_and_thin_gas_leave_less_saturated_but_take_up_more(saturation):
     poor = single_pass(3.9, 4.0, saturation, hb=9.0, fdo2=0.8)

@@ -61,6 +61,8 @@ LENGTHS = (*BEATS, *HOURS)
 MOST_EVENTS = 60
 MOST_ALARMS = 40
 MOST_LATE_EVENTS = 4
+SAME_FIGURE, MOST_FIGURES = 0.01, 4
+"""Relative difference up to which two beats have the same key figure, and the most that are named."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +116,51 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
     return PageCourse(state, compute(state.computed_case, minutes, state.policy))
 
 
-def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
+def replay_command(case: Case, stem: str, minutes: int) -> str:
+    """Return the command that computes the course of the page from its exported case file."""
+    how = "--beats" if minutes in BEATS else "--steady-only"
+    return f"eclsim course {stem}.toml --until {minutes or usual_length(case)} {how} --out {stem}"
+
+
+def another_start(case: Case, shown: Beat | None, outputs: Mapping[str, float]) -> str:
+    """Return a sentence if the page shows another beat than one computed anew at the same settings.
+
+    Args:
+        case: case of both.
+        shown: beat of the page, whose search started from that of earlier settings; None if there is none.
+        outputs: outputs of the beat computed anew.
+    """
+    if shown is None or not shown.converged:
+        return ""
+    figures = [one for one in figures_of(case) if {one.output} <= outputs.keys() & shown.outputs.keys()]
+    both = [(one, shown.outputs[one.output], outputs[one.output]) for one in figures]
+    apart = [trio for trio in both if abs(trio[1] - trio[2]) > SAME_FIGURE * max(map(abs, trio[1:]))]
+    if not any(one.unit in ("mmHg", "L/min") for one, *_ in apart):
+        return ""
+
+    def words(which: int) -> str:
+        return ", ".join(f"{t[0].label} {t[which]:.{t[0].digits}f} {t[0].unit}" for t in apart[:MOST_FIGURES])
+
+    return with_minus(text("another_start", shown=words(1), anew=words(2)))
+
+
+def first_outputs(result: xr.Dataset) -> dict[str, float]:
+    """Return the outputs of the first moment of a course."""
+    return {
+        str(name): float(column[0]) for name, column in result.items()
+        if column.dims == ("time_min",) and column.dtype.kind == "f" and column.size
+    }  # fmt: skip
+
+
+def plain_course(course: PageCourse, minutes: float, shown: Beat | None = None) -> dict[str, Any]:
     """Return a course for the browser: key figures over time, alarms, balance; null for non-finite numbers.
 
     Curves shown by default have gaps where the beat is impossible in a patient.
+
+    Args:
+        course: the course.
+        minutes: its length [min].
+        shown: the beat of the page at the start.
     """
     result = course.computed.result
     alarms = json.loads(result.attrs["alarms"])
@@ -134,7 +177,8 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
         "drug": drug_in_words(result),
         "approximations": [
-            with_minus(str(s)) for kind in ("approximations", "cautions") for s in result.attrs[kind]
+            *filter(None, [another_start(course.state.case, shown, first_outputs(result))]),
+            *(with_minus(str(s)) for kind in ("approximations", "cautions") for s in result.attrs[kind]),
         ],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip

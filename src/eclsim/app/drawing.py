@@ -13,9 +13,10 @@ from eclsim.cases.case import Case
 from eclsim.cases.resolve import circuit_of
 from eclsim.circuit import Circuit
 from eclsim.devices.registry import instances_in, naming_of
+from eclsim.outputs.registry import all_outputs
 from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
-from eclsim.reporting.schematic_layout import Attachment, Bridge, Layout, Plan, Wire
+from eclsim.reporting.schematic_layout import Attachment, Bridge, HousedBox, Layout, Plan, Wire
 from eclsim.reporting.schematic_routes import Path
 
 BOX_MARGIN_MM = 1.5
@@ -59,6 +60,7 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, plan, page),
+        "housed": [_housed(plan, page, box) for box in plan.housed],
         "wires": [_wire(wire, plan, groups[wire.name], page) for wire in plan.wires],
         "lines": lines + [_bridge(bridge, plan, groups[bridge.name], page) for bridge in plan.bridges],
     }  # fmt: skip
@@ -143,6 +145,23 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
             "x": left - BOX_MARGIN_MM, "y": -top, "w": right - left + 2 * BOX_MARGIN_MM, "h": top - bottom,
         })  # fmt: skip
     return result
+
+
+def _housed(plan: Plan, page: Layout, box: HousedBox) -> dict[str, Any]:
+    """Return the box of a device in the housing of another one's part, and its line to that part's symbol."""
+    left, bottom, right, top = layout.housed_box(plan, page, box)
+    names, outputs = naming_of(box.group), all_outputs()
+    limited = () if names is None else tuple(names.output(limit.quantity) for limit in names.device.limits)
+    return {
+        "name": box.group, "text": box.label, "ink": ink(box.group),
+        "x": left, "y": -top, "w": right - left, "h": top - bottom,
+        "path": [_down(p) for p in layout.housed_path(plan, page, box)],
+        "readings": [
+            {"output": name, "unit": outputs[name].unit, "text": outputs[name].long_name}
+            for name in box.readings
+        ],
+        "limited": list(dict.fromkeys(limited)),
+    }  # fmt: skip
 
 
 def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from eclsim.orbit.model import values_of
 if TYPE_CHECKING:
     import xarray as xr
 
+    from eclsim.app.beat import Beat
     from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.state import PageState
 
@@ -240,13 +241,14 @@ def _plain(kind: str, name: str, content: bytes) -> Mapping[str, Any]:
 # --- to take away --------------------------------------------------------------------------------
 
 
-def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
+def export(state: PageState, kind: str, minutes: int = 0, shown: Beat | None = None) -> tuple[str, bytes]:
     """Return name and content of an exported file.
 
     Args:
         state: state of the page.
         kind: one of `KINDS`.
         minutes: duration of the course [min]; 0 for that of `usual_length`.
+        shown: beat of the page at the start, with which that of the exported case is compared.
 
     Raises:
         ExportError: There is no such file for the state.
@@ -255,7 +257,7 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
     state = replace(state, case=_as_shown(state))
     (stem,) = file_stems([state.case.patient.id])
     if kind == "case":
-        return f"{stem}.toml", f"# {about}\n{case_text(state.case)}".encode()
+        return f"{stem}.toml", _case_with_origin(state, about, stem, minutes, shown).encode()
     if kind in ("outputs", "waveforms"):
         return _table(state, kind, stem)
     if kind in ("svg", "png"):
@@ -263,8 +265,23 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
     if kind == "study":
         return _study(state, stem)
     if kind == "course":
-        return _course(state, stem, minutes)
+        return _course(state, stem, minutes, shown)
     raise ExportError(f"no such file: {kind[:20]}")
+
+
+def _case_with_origin(state: PageState, about: str, stem: str, minutes: int, shown: Beat | None) -> str:
+    """Return a case file that begins with the origin of its numbers and how to get the page's from it."""
+    from eclsim.app.course import another_start, replay_command
+
+    lines = [about]
+    if state.case.events:
+        lines.append(f"{text('export_replay')} {replay_command(state.case, stem, minutes)}")
+    if shown is not None:
+        from eclsim.app.beat import compute_beat
+
+        anew = compute_beat(state)
+        lines.append(another_start(state.case, shown, anew.outputs if anew.converged else {}))
+    return "".join(f"# {line}\n" for line in lines if line) + case_text(state.case)
 
 
 def _as_shown(state: PageState) -> Case:
@@ -284,7 +301,7 @@ def _with_set_points(case: Case) -> Case:
     if case.as_written is None or case.regulation is None:
         return case
 
-    return case.with_set_points({key: round(value, 3) for key, value in values_of(case).items()})
+    return case.with_set_points(values_of(case))
 
 
 def _table(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
@@ -316,8 +333,8 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
     return f"{stem}_{PAGE}", study_page(study, drawings(study)).encode()
 
 
-def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
-    from eclsim.app.course import BEATS, compute_course, usual_length
+def _course(state: PageState, stem: str, minutes: int, shown: Beat | None) -> tuple[str, bytes]:
+    from eclsim.app.course import another_start, compute_course, first_outputs, replay_command, usual_length
     from eclsim.course.files import course_object, write_figure, write_tables
 
     try:
@@ -327,9 +344,11 @@ def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
         raise ExportError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="eclsim-") as place:
         folder = Path(place)
-        how = "--beats" if minutes in BEATS else "--steady-only"
-        command = f"# eclsim course {stem}.toml --until {minutes} {how} --out {stem}\n"
-        (folder / f"{stem}.toml").write_text(command + case_text(state.case), encoding="utf-8")
+        lines = (
+            replay_command(state.case, stem, minutes), another_start(state.case, shown, first_outputs(result))
+        )  # fmt: skip
+        header = "".join(f"# {line}\n" for line in lines if line)
+        (folder / f"{stem}.toml").write_text(header + case_text(state.case), encoding="utf-8")
         write_json(course_object(result), folder / f"{stem}_course.json")
         write_tables(result, folder)
         write_figure(result, folder)

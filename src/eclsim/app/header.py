@@ -249,10 +249,12 @@ class Header:
 
     async def _export(self, kind: str) -> None:
         state, minutes = self.session.state, self.session.minutes
+        shown = self.session.shown
+        beat = shown[1] if shown is not None and shown[0] == state else None
         of_start = self.session.minute > 0.0 and kind not in ("case", "course")
         notify(text("exporting_start" if of_start else "exporting"), "info")
         try:
-            name, content = await self.session.engine.study(lambda: export(state, kind, minutes))
+            name, content = await self.session.engine.study(lambda: export(state, kind, minutes, beat))
         except ExportError as error:
             notify(text("export_failed", reason=in_page_words(str(error))), "negative")
         except Exception:  # the page continues; the error is in the log

@@ -43,6 +43,7 @@ _ADVICE = (
     ("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
     (" (--weights uncertainty)", "fit_weighted"),
     ("--bounds", "fit_bounds_elsewhere"),
+    ("(--steady-only)", "timeline_steady_only"),
     (" (--posterior)", "fit_posterior_here"),
     (": see the figure pairs", "fit_loops_here"),
 )

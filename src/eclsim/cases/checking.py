@@ -123,7 +123,7 @@ def _check_devices(raw: Raw, checked: Checked) -> dict[str, Raw]:
             allowed = f"letters, digits, _ and -, such as [{device.key}.left]"
             checked.error(short(key), "not a valid name for one of several devices", allowed=allowed)
             continue
-        values = check_section(device.section, section, key, checked, other_place)
+        values = check_section(device.section, section, key, checked, other_place, several=True)
         connected[key] = values
         if name:
             checked.values.setdefault(device.key, {})[name] = values

@@ -219,6 +219,7 @@ class DialysedDrug(Section):
 
     section = keys.SECTION
     parameters = keys.PARAMETERS
+    second = ", and for a further drug a case file of its own (eclsim course one.toml other.toml)"
     name: Annotated[str | None, Field("Name of the drug", "text", required=False)] = None
     dose_mg: Annotated[float, _given("dose_mg", 1000.0)] = 0.0
     every_h: float = 8.0

@@ -306,8 +306,12 @@ def drug_clearance(numbers: Array) -> Array:
 
 
 def _moving(blood: Array) -> Array:
-    """Blood flow [mL/min], hardly any where it stands still, so that shares of it are defined."""
-    return jnp.where(blood == 0.0, STANDING_ML_MIN, blood)
+    """Blood flow [mL/min] in either direction, hardly any where it stands, so that shares of it are defined.
+
+    Dialysate then flows with blood that runs backwards, not against it. Where blood flows much faster than
+    dialysate, the effluent is saturated either way.
+    """
+    return jnp.where(blood == 0.0, STANDING_ML_MIN, jnp.abs(blood))
 
 
 def _losses(blood: Array, settings: Settings, own: PlasmaCarbonDioxide) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms, alarms_text, not_survived
 from eclsim.course.gases import GasDynamics, Gases
-from eclsim.course.laws import Laws, laws_of
+from eclsim.course.laws import Laws, laws_of, message_without_rates
 from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
 from eclsim.course.timeline import MINUTE, START, Timeline, refuse_reconnection
 from eclsim.devices.description import GASES
@@ -416,6 +416,9 @@ class BeatMarch:
         read = self._measured(self.reads, [beat], program)
         inflows = {kind: np.array([ml / duration]) for kind, ml in self._amounts(at.time, end).items()}
         slow = at.slow + duration * self.laws.rates(at.slow, settings, read, inflows)
+        if not np.isfinite(slow).all():
+            self.stopped = message_without_rates([n for n in self.laws.reads if not np.isfinite(read[n][0])])
+            return at
         if alike > 1:  # the last repetition is shown, since the gases are those at its end
             beat = beat._replace(time=end - period, slow=(slow - (slow - at.slow) / alike)[:, 0])
         shown.add_if_due(beat.time, beat)

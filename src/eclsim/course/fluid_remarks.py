@@ -10,7 +10,7 @@ from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import clock_time
 from eclsim.course.timeline import Timeline
 from eclsim.fluid.law import INTERSTITIAL_PROTEIN, INTERSTITIUM, PLASMA, PROTEIN, REMOVED
-from eclsim.parameters.fluid import PERICAPILLARY
+from eclsim.parameters.fluid import ACID, KIDNEY, PERICAPILLARY
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN
 
 _CRYSTALLOID = (
@@ -54,6 +54,15 @@ LOSS_SHARE = 0.05
 RETAINED_FLUIDS = ("blood_ml", "red_cells_ml", "albumin_ml")
 _WALL_KEY = "fluid.filtration_ml_min_mmHg"
 ULTRAFILTRATION_KEY = ".net_ultrafiltration_ml_h"
+FLUID_KEYS = (".dialysate_ml_h", ".replacement_pre_ml_h", ".replacement_post_ml_h")
+LONG_DIALYSIS_S = 6.0 * 3600.0
+"""Duration of a course from which on acid that is left out is named."""
+_WITHOUT_ACID = (
+    f"bicarbonate rises too far: no acid is produced ({ACID} = 0), although no kidney excretes it "
+    "(solutes.kidney_clearance_ml_min = 0). Haemodialysis patients made 1.2 mmol/h (Uribarri 1998); 2.8 "
+    "is usual for 70 kg (1 mmol/kg in a day), and patients in acidosis seem to make 10 and more. Each "
+    "mmol/h lowers bicarbonate by up to {each:.1f} mmol/L in the end ({litres:.1f} L/h of fluid)"
+)
 _HAEMORRHAGE = (
     "of blood that is lost, two thirds come back from the tissues within an hour with the default wall "
     "and no reflex, two fifths to a half with the reflex of Heldt 2010; measurements found nothing right "
@@ -140,7 +149,7 @@ def remarks_on_fluids(timeline: Timeline) -> list[str]:
             "red cells are given without the potassium (20 to 50 mmol/L of the fluid of stored blood) and "
             "the citrate that they bring: potassium falls by dilution where it may rise"
         )
-    return result
+    return [*result, *_without_acid(timeline)]
 
 
 def remarks_on_protein(minutes: np.ndarray, states: Mapping[str, np.ndarray]) -> list[str]:
@@ -187,6 +196,17 @@ def _falling_after_removal(minutes: np.ndarray, states: Mapping[str, np.ndarray]
         "pressure fell for 2 to 3 h after the end and then stayed (ambulatory recording, abstract), but "
         "they drink; of patients who take nothing in, no measurement was found"
     ]
+
+
+def _without_acid(timeline: Timeline) -> list[str]:
+    """Sentence on a long dialysis without the acid that no kidney excretes; empty if it is set."""
+    start = timeline.start[1]
+    settings = [start, *({**start, **change.after} for change in timeline.changes)]
+    balanced = any(one.get(key, 0.0) != 0.0 for one in settings for key in (ACID, KIDNEY))
+    flows = [sum(v for k, v in one.items() if k.endswith(FLUID_KEYS)) for one in settings]
+    if timeline.case.solutes is None or balanced or timeline.end < LONG_DIALYSIS_S or not max(flows) > 0.0:
+        return []
+    return [_WITHOUT_ACID.format(litres=1e-3 * max(flows), each=1e3 / max(flows))]
 
 
 def _other_wall(wall: float) -> str:

@@ -100,7 +100,7 @@ def message_without_rates(lacking: Sequence[str]) -> str:
     """Reason why slow states have no rates although a steady beat was found."""
     if not lacking:
         return "a slowly changing quantity has no finite rate of change"
-    reason = f"the steady beat has no value of {', '.join(lacking)}, which the course needs to go on"
+    reason = f"the beat has no value of {', '.join(lacking)}, which the course needs to go on"
     if any("clearance" in name for name in lacking):
         reason += ": a filter takes as much water from its blood as the plasma holds, or gets no blood"
     return reason

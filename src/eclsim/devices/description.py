@@ -288,6 +288,19 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Housed:
+    """Box in the drawing of a device without compartments that lies in the housing of another device's part.
+
+    Args:
+        label: what the readings describe, after the name of the device.
+        readings: outputs whose numbers are in the box, with their units.
+    """
+
+    label: str
+    readings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Panel:
     """One panel of a figure: waveforms over two beats, or outputs over the values of a sweep.
 

@@ -24,6 +24,7 @@ from eclsim.devices.description import (
     Columns,
     Control,
     Finding,
+    Housed,
     Limit,
     Look,
     Mark,
@@ -75,6 +76,8 @@ class Device(ABC, Generic[S]):
     """Boxes of its compartments in the drawing; by default in flow direction."""
     marks: ClassVar[Mapping[str, Mark]] = _EMPTY
     """Symbols of its connections in the drawing; by default from their laws and `connections`."""
+    housed: ClassVar[Housed | None] = None
+    """Its box in the drawing, if it has no compartments and lies in the housing of another device's part."""
     look: ClassVar[Look] = Look("#7A4A72", "#F8F2F6", 1.3, (0, (1.5, 1.2)), "v")
     """Its colours and line style in figures."""
     panels: ClassVar[Sequence[Panel]] = ()

@@ -261,6 +261,7 @@ MIXED_SITE = "ra"
 _GREAT_VEINS = frozenset((*VENOUS_SITES, *DRAINED.values()))
 SMALLEST_EXCESS_L_MIN = 0.1
 """Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
+_CIRCUIT_GASES = ("SpreO2", "SpostO2", "PpostO2", "PpostCO2", "PexhaustCO2", "recirculation_fraction")
 RETURN_CLAMP = "return_clamp"
 CLAMPS = (RETURN_CLAMP, "drainage_clamp")
 _IF_OMITTED = {"drainage_mixing": 1.0, **dict.fromkeys(CLAMPS, 0.0)}
@@ -866,6 +867,7 @@ class EcmoDevice(Device[Ecmo]):
         """Findings on flow outside the label, exhausted sweep gas, recirculation, reading of ventricles."""
         return [
             *_outside_label(names, outputs, values),
+            *_standing_blood(names, outputs),
             *_without_exhaust_gas(names, outputs, values),
             *_more_than_venous_return(names, outputs, circuit),
             *_caution_on_left_ventricle(names, outputs, circuit),
@@ -912,7 +914,26 @@ def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[
         f"{names.label} flow {flow:.3g} L/min is {'below' if end == low else 'above'} {end:g} L/min: outside "
         f"the label of its oxygenator, {low:g} to {high:g} L/min"
     )
+    if values.get(names.parameter("ecmo.speed_rpm")) == 0.0:
+        sentence = (
+            f"the pump of the {names.label} stands still, and {max(flow, 0.0):.2f} L/min pass its "
+            "oxygenator: it hardly supplies the patient, and blood that stands in it clots (not modelled): "
+            "raise the speed, or clamp it"
+        )
     return [Finding("warning", name, flow, end, sentence, concerns=(name,))]
+
+
+def _standing_blood(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+    """Caution on blood gases in a circuit in which blood hardly moves: they say nothing of the patient."""
+    flow = outputs.get(names.output("PF"), math.nan)
+    concerns = [name for one in _CIRCUIT_GASES if (name := names.output(one)) in outputs]
+    if not concerns or not abs(flow) < -BACKWARD_L_MIN:
+        return []
+    text = (
+        f"blood stands in the {names.label} circuit: before and behind the oxygenator it has met the sweep "
+        "gas for a long time, and its gases reach nobody"
+    )
+    return [Finding.without_limit(CAUTION, concerns[0], outputs[concerns[0]], text, *concerns)]
 
 
 def _without_exhaust_gas(

@@ -10,7 +10,7 @@ from eclsim.devices.device import Naming
 from eclsim.devices.products import CannulaType, PumpCurve
 from eclsim.inputs.fields import Field, one_of
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.inputs.numbers import suspected_unit
+from eclsim.inputs.numbers import is_number, suspected_unit
 from eclsim.inputs.sections import Raw
 from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
 
@@ -60,8 +60,12 @@ def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: 
     if speed > high * SPEED_LIMIT:
         remarks.error(f"{key}.speed_rpm", f"far above the speed of a {name}", shown(speed), span)
     elif speed == 0:
-        message = "the pump stands still in an open circuit: blood flows back through it"
-        remarks.warning(f"{key}.speed_rpm", message, "0")
+        closed = any(v >= 1.0 for k, v in values.items() if k.endswith("_clamp") and is_number(v))
+        venous = {values.get("drainage_site"), values.get("return_site")} <= set(VENOUS_SITES)
+        what = "hardly any blood flows through it" if venous else "blood flows back through it"
+        message = f"the pump stands still in an open circuit: {what}"
+        if not closed:
+            remarks.warning(f"{key}.speed_rpm", message, "0")
     elif not low <= speed <= high:
         message = f"outside the usual speed of a {name}, {span}"
         remarks.warning(f"{key}.speed_rpm", message, shown(speed))

@@ -14,13 +14,13 @@ development: Martins Costa et al. 2022, doi 10.3389/fmedt.2022.909990.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
+from eclsim.devices.cannulae import BACKWARD_L_MIN
 from eclsim.devices.crrt import Crrt, assumed_membrane, filter_limits
-from eclsim.devices.description import BeatMeasures, Control, Finding, Knob, Numbers, Output
+from eclsim.devices.description import CAUTION, BeatMeasures, Control, Finding, Housed, Knob, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.dialysed_blood import (
     FILTER_PARAMETERS,
@@ -72,7 +72,7 @@ def _free_filtration(m: BeatMeasures) -> Numbers:
 
 _BY_FLOW = (*(f"{GROUP}_clearance_{name}" for name in SOLUTES), f"{GROUP}_base_gain",
             f"{GROUP}_carbon_dioxide_removal")  # fmt: skip
-"""Outputs that the law of the fibres has only for blood that runs forwards."""
+"""Outputs that depend on the direction in which blood runs past the dialysate."""
 
 
 class RenoxDevice(Device[Renox]):
@@ -80,6 +80,7 @@ class RenoxDevice(Device[Renox]):
 
     key, name, section = GROUP, "RenOx", Renox
     parameters = MEMBRANE
+    housed = Housed("effluent", (f"{GROUP}_effluent_ml_h", f"{GROUP}_effluent_pressure"))
     usual = {"dialysate_ml_h": 2000.0}
     assumptions = assumed_membrane(MEMBRANE, f"{GROUP}_")
     limits = filter_limits(f"{GROUP}_")
@@ -174,7 +175,7 @@ class RenoxDevice(Device[Renox]):
     ) -> list[Finding]:
         """Blood that runs backwards; how much water leaves where nothing holds the effluent's pressure."""
         result = no_plasma_water(names, outputs, f"{GROUP}_filtration_fraction", _BY_FLOW)
-        result = result or _backwards(names, outputs)
+        result += _backwards(names, outputs)
         name = f"{GROUP}_free_ultrafiltration_ml_h"
         free, net = outputs.get(name), values.get(f"{GROUP}.net_ultrafiltration_ml_h")
         if free is None or net is None or not free > 1.1 * max(net, 10.0):
@@ -189,16 +190,15 @@ class RenoxDevice(Device[Renox]):
 
 
 def _backwards(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
-    """What is not computed where blood meets the fibres from their other end."""
-    name, fraction = f"{GROUP}_filtration_fraction", outputs.get(f"{GROUP}_filtration_fraction", math.inf)
-    if fraction > 1.0 or not math.isnan(outputs.get(_BY_FLOW[0], 0.0)):
+    """Caution on blood that meets the fibres from their other end, where dialysate flows with it."""
+    flow, concerns = outputs.get("PF", 0.0), tuple(one for one in _BY_FLOW if one in outputs)
+    if not flow < BACKWARD_L_MIN or not concerns:
         return []
     text = (
-        f"{names.label}: no blood runs forwards through the housing: its clearances and what it does to "
-        "bicarbonate and carbon dioxide are not computed; raise the pump speed"
+        f"{names.label}: blood runs backwards through the housing ({flow:.2f} L/min), so that dialysate "
+        "flows with it, not against it; clearances are those of the other direction, a few percent too high"
     )
-    concerns = tuple(one for one in (name, *_BY_FLOW) if one in outputs)
-    return [Finding("alarm", name, fraction, 0.0, text, concerns=concerns)]
+    return [Finding.without_limit(CAUTION, concerns[0], outputs[concerns[0]], text, *concerns)]
 
 
 RENOX = RenoxDevice()

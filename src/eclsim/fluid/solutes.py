@@ -28,7 +28,14 @@ from eclsim.components.dialysis import (
 )
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, TEMPERATURE, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, blood_at_start
-from eclsim.parameters.fluid import CARBON_DIOXIDE_STORES_HOLD, FCELLS, HAEMATOCRIT, SOLUTES
+from eclsim.parameters.fluid import (
+    ACID,
+    CARBON_DIOXIDE_STORES_HOLD,
+    FCELLS,
+    HAEMATOCRIT,
+    KIDNEY,
+    SOLUTES,
+)
 from eclsim.parameters.gas import NORMAL_C
 from eclsim.slow import DerivedQuantity, Named, SlowLaw, SlowState
 
@@ -178,7 +185,7 @@ class SolutesLaw(SlowLaw):
             concentration = 1e3 * states[_state(solute)] / outside
             within = 1e3 * states[_state(solute, "inside")] / inside
             cleared = sum((f.cleared(beat, solute) for f in self.filters), np.zeros_like(outside))
-            cleared = cleared + settings[_key_of("kidney_clearance_ml_min")] / _MINUTE
+            cleared = cleared + settings[KIDNEY] / _MINUTE
             cells = UREA_RED_CELL_WATER if solute == "urea" else 0.0
             cleared = cleared - blood * (plasma + cells * (1.0 - plasma))
             removed = 1e-3 * cleared * concentration
@@ -197,7 +204,7 @@ class SolutesLaw(SlowLaw):
         held = states[_state("potassium", "mobilised")] / settings[_key_of("potassium_store_l")]
         missing = _concentration_at_start(settings, "potassium") - held - potassium
         moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _generation(settings, "potassium")
-        acid = settings[_key_of("acid_generation_mmol_h")] / _HOUR
+        acid = settings[ACID] / _HOUR
         gain = self.net_bicarbonate_gain(settings, beat) + acid
         return result | {
             _state("potassium"): made + moved - removed, _state("potassium", "mobilised"): moved,
@@ -208,7 +215,7 @@ class SolutesLaw(SlowLaw):
 
     def net_bicarbonate_gain(self, settings: Named, beat: Named) -> np.ndarray:
         """Bicarbonate gained from filters minus acid generation [mmol/s]."""
-        acid = settings[_key_of("acid_generation_mmol_h")] / _HOUR
+        acid = settings[ACID] / _HOUR
         return sum((one.gained(beat) for one in self.filters), -acid)
 
     def carbon_of_citrate(self, settings: Named, beat: Named) -> np.ndarray:

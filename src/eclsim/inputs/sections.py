@@ -49,6 +49,8 @@ class Section(BaseModel):
     """Parameters that describe the attributes without a `Field`, by key."""
     exclusive: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Pairs of mutually exclusive keys: setting one removes the other."""
+    second: ClassVar[str] = ""
+    """What to do for a second one where a case has one at most, after "one such section"; may be empty."""
 
     @classmethod
     def fields(cls) -> Mapping[str, Field]:
@@ -117,6 +119,7 @@ def check_section(
     key: str,
     remarks: Remarks,
     other_place: Callable[[str], str] = lambda key: "",
+    several: bool = False,
 ) -> dict[str, Any]:
     """Check the fields of one section one by one, then fill in values that follow from others.
 
@@ -126,18 +129,22 @@ def check_section(
         key: key of the section in the case file.
         remarks: collects errors, warnings and notes.
         other_place: returns the other sections in which a key belongs, as text; empty for none.
+        several: whether a case may have several of these sections, each with a name.
 
     Returns:
         The valid values.
     """
     values: dict[str, Any] = {}
     if not isinstance(raw, Mapping):
-        _refuse_section(key, raw, remarks)
+        _refuse_section(key, raw, section.second, remarks)
         return values
     fields = section.fields()
     for name, value in raw.items():
         if name in fields:
             check_field(f"{key}.{name}", value, fields[name], values, remarks)
+        elif isinstance(value, Mapping) and not several:
+            message, allowed = "a case has one such section at most, without a name", f"one [{key}] section"
+            remarks.error(f"{key}.{short(name)}", message, shown(value), allowed + section.second)
         else:
             hint = did_you_mean(str(name), fields) or other_place(str(name))
             if isinstance(value, Mapping):
@@ -247,10 +254,10 @@ def short(key: object) -> str:
     return text if len(text) <= 64 else text[:60] + "..."
 
 
-def _refuse_section(key: str, raw: object, remarks: Remarks) -> None:
+def _refuse_section(key: str, raw: object, second: str, remarks: Remarks) -> None:
     if isinstance(raw, (list, tuple)):
         times = f"given {len(raw)} times" if len(raw) != 1 else "written as an element of a list"
-        allowed = f"one [{key}] section, in single brackets"
+        allowed = f"one [{key}] section, in single brackets{second if len(raw) > 1 else ''}"
         remarks.error(key, f"{times}; a case has one at most", allowed=allowed)
     else:
         remarks.error(key, "a section belongs here", shown(raw), f"[{key}] and its keys on the lines below")

@@ -20,6 +20,7 @@ TISSUES = ("tissue", "upper_tissue", "lower_tissue")
 """Names of the exchanges of tissues that a circuit may have."""
 PERICAPILLARY, LYMPH_PUMP = f"{SECTION}.pericapillary_share", f"{SECTION}.lymph_pump"
 SOLUTES_FOLLOWED, CARBON_DIOXIDE_STORES_HOLD = f"{SOLUTES}.followed", f"{SOLUTES}.stores_hold"
+ACID, KIDNEY = f"{SOLUTES}.acid_generation_mmol_h", f"{SOLUTES}.kidney_clearance_ml_min"
 PARAMETERS = read_parameters(__file__)
 """All parameters of [fluid] and [solutes] of a case file, by key."""
 USUAL_HAEMATOCRIT = PARAMETERS[HAEMATOCRIT].value

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from eclsim.arguments import Kind
 from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import device_of, naming_of
+from eclsim.outputs.registry import all_outputs
 from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
-from eclsim.reporting.beat_values import beat_mean, case_name, check_beat, in_unit, summary_lines
+from eclsim.reporting.beat_values import beat_mean, case_name, check_beat, in_unit, scalar, summary_lines
 from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic_layout import Layout, Plan
 from eclsim.reporting.schematic_pen import Pen, look_of
@@ -68,6 +69,7 @@ def draw_circuit(
     _draw_lines(pen, plan, page, labels, paths)
     _draw_bridges(pen, plan, page, labels)
     _draw_boxes(pen, plan, page, labels)
+    _draw_housed(pen, plan, page, labels)
     _draw_others(pen, plan, page, labels, circuit)
     _note_undrawn(pen, page, plan.undrawn)
     if with_gas:
@@ -138,6 +140,12 @@ class Labels:
         """Yield the main outputs, one per line."""
         return iter(()) if self.result is None else iter(summary_lines(self.result))
 
+    def readings(self, names: Sequence[str]) -> str:
+        """Return outputs with their units; empty without a result."""
+        known = {} if self.result is None else {name: scalar(self.result, name) for name in names}
+        units = {name: all_outputs()[name].unit for name in names}
+        return ", ".join(f"{number(v, 0)} {units[name]}" for name, v in known.items() if v is not None)
+
     def _mean(self, name: str, unit: str, digits: int) -> str:
         if self.result is None or name not in self.result:
             return ""
@@ -190,7 +198,8 @@ def _title_place(plan: Plan, page: Layout, frame: str) -> tuple[float, float, st
     """Return position and alignment of a frame's title: in its second row if there is room, else top left."""
     second = [place.x for place in plan.places.values() if place.row == (frame, 1)]
     if frame != layout.PATIENT and second and all(abs(x - layout.MIDDLE) > 30.0 for x in second):
-        return layout.MIDDLE, page.rows[frame, 1], "center"
+        beside = any(plan.places[housed.wire.source].row[0] == frame for housed in plan.housed)
+        return layout.MIDDLE - 24.0 * beside, page.rows[frame, 1], "center"
     return 15.5, page.frames[frame][1] - 4.2, "left"
 
 
@@ -210,6 +219,18 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
             pen.text(x - layout.BOX_WIDTH / 2 + 0.9, height, text, ha="left", **style | {"size": 6.3})
             right = x + layout.BOX_WIDTH / 2 - _SATURATION_WIDTH / 2 - 0.7
             pen.saturation((right, height), saturation, _SATURATION_WIDTH)
+
+
+def _draw_housed(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
+    """Draw the boxes of devices that lie in the housing of another device's part."""
+    for housed in plan.housed:
+        look, box = look_of(housed.group), layout.housed_box(plan, page, housed)
+        pen.line(layout.housed_path(plan, page, housed), look, gid=f"line-{housed.group}")
+        pen.box(box, look, gid=f"housed-{housed.group}")
+        x, y = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+        readings = labels.readings(housed.readings)
+        pen.text(x, y + 1.75 * bool(readings), plain_text(housed.label, 40), size=7)
+        pen.text(x, y - 1.75, readings, size=7, weight="bold")
 
 
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 
 from eclsim.devices.description import Box, Mark
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import instances_in
+from eclsim.devices.registry import instances_in, naming_of
 from eclsim.patient.sites import DRAINED
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ Row = tuple[str, int]
 
 BOX_WIDTH = 28.5
 BOX_HEIGHT = 12.0
+HOUSED_WIDTH = 48.0
 LANE_PITCH = 3.8
 COLUMNS = (30.0, 70.0, 110.0, 150.0)
 MIDDLE = 90.0
@@ -104,6 +105,23 @@ class Bridge:
     mark: Mark
 
 
+@dataclass(frozen=True)
+class HousedBox:
+    """Box of a device that lies in the housing of a connection of another device.
+
+    Args:
+        group: group of the device.
+        label: text in the box.
+        wire: the connection.
+        readings: outputs whose numbers are in the box.
+    """
+
+    group: str
+    label: str
+    wire: Wire
+    readings: tuple[str, ...]
+
+
 PATIENT_PLACES: Mapping[str, BoxPosition] = {
     "pas": BoxPosition(LUNGS, 30, "Pulmonary sinus", "left"),
     "part": BoxPosition(LUNGS, 90, "Pulmonary arteries", "up"),
@@ -167,6 +185,7 @@ class Plan:
         wires: connections between neighbours.
         lines: connections in lanes.
         bridges: connections inside the patient's ring.
+        housed: devices in the housing of a connection between neighbours.
         others: names of connections drawn as arcs.
         undrawn: names of connections whose site is chosen by a parameter.
     """
@@ -177,6 +196,7 @@ class Plan:
     wires: list[Wire] = field(default_factory=list)
     lines: list[Attachment] = field(default_factory=list)
     bridges: list[Bridge] = field(default_factory=list)
+    housed: list[HousedBox] = field(default_factory=list)
     others: list[str] = field(default_factory=list)
     undrawn: list[str] = field(default_factory=list)
 
@@ -236,6 +256,7 @@ def plan_of(circuit: Circuit) -> Plan:
     by_group = {names.key: names for names in instances}
     for connection in circuit.connections:
         _add(plan, connection, by_group.get(connection.group), groups)
+    plan.housed = _housed(plan, circuit)
     return plan
 
 
@@ -290,6 +311,19 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
         plan.bridges.append(Bridge(name, source, target, mark))
     else:
         plan.others.append(name)
+
+
+def _housed(plan: Plan, circuit: Circuit) -> list[HousedBox]:
+    """Return the boxes of devices in the housing of a connection, the first along which they exchange."""
+    wires = {wire.name: wire for wire in plan.wires}
+    result: dict[str, HousedBox] = {}
+    for exchange in circuit.exchanges:
+        names, wire = naming_of(exchange.group), wires.get(exchange.at)
+        if names is None or wire is None or (box := names.device.housed) is None or names.key in result:
+            continue
+        readings = tuple(map(names.output, box.readings))
+        result[names.key] = HousedBox(names.key, f"{names.label}: {box.label}", wire, readings)
+    return list(result.values())
 
 
 def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, BoxPosition]:
@@ -372,6 +406,25 @@ class Layout:
         if abs(0.5 * (b2 + t2) - y) < 0.5:
             return ((r1, y), (l2, y)) if l2 > r1 else ((l1, y), (r2, y))
         return ((x, t1), (x, b2)) if b2 > t1 else ((x, b1), (x, t2))
+
+
+def housed_path(plan: Plan, page: Layout, box: HousedBox) -> list[tuple[float, float]]:
+    """Return the line from the symbol of a connection to the box of a device in its housing [mm].
+
+    The box is in the next row of the frame, beside which this row has boxes at both ends alone.
+    """
+    (x0, y), (x1, _) = page.between(box.wire.source, box.wire.target)
+    frame, row = plan.places[box.wire.source].row
+    below = page.rows.get((frame, row + 1), y - BOX_HEIGHT - 10.0)
+    x, bend = 0.5 * (x0 + x1), y - BOX_HEIGHT / 2 - 1.5
+    aside = x - 6.0  # clear of the label beside the next connection
+    return [(x, y - 3.0), (x, bend), (aside, bend), (aside, below + BOX_HEIGHT / 2)]
+
+
+def housed_box(plan: Plan, page: Layout, box: HousedBox) -> tuple[float, float, float, float]:
+    """Return left, bottom, right and top of the box of a device in the housing of a connection [mm]."""
+    *_, (x, top) = housed_path(plan, page, box)
+    return x + 8.0 - HOUSED_WIDTH, top - BOX_HEIGHT, x + 8.0, top
 
 
 def arrange(plan: Plan, heights: Mapping[Row, tuple[float, float]] | None = None) -> Layout:

@@ -20,10 +20,11 @@ const FONTS = {
   name: { size: LETTER_HEIGHT, weight: 400 },
   saturation: { size: LETTER_HEIGHT, weight: 700 },
   pressure: { size: 5.4, weight: 700 },
+  readings: { size: 4.3, weight: 600 },
 };
 const LEAST_LETTER = 11; // px: with smaller letters the circuit does not fit its pane
 const WHOLE_LETTER = 8.5; // px: down to this size the whole circuit is shown by default
-const EMPTY = { view: [0, 0, 180, 120], frames: [], boxes: [], wires: [], lines: [] };
+const EMPTY = { view: [0, 0, 180, 120], frames: [], boxes: [], housed: [], wires: [], lines: [] };
 const SYMBOLS = {
   valve: '<path d="M-2.4-2.2 2.4 0-2.4 2.2Z"/><path d="M2.4-2.2V2.2"/>',
   pump: '<circle r="3.4"/><path d="M-1.7-2.9 3.4 0-1.7 2.9Z"/>',
@@ -33,6 +34,7 @@ const SYMBOLS = {
   resistance: '<rect x="-3.3" y="-1.3" width="6.6" height="2.6"/>',
   tube: '<path d="M-1.6-1.7 1.6 0-1.6 1.7Z"/>',
 };
+const LEVELS = ["collapse", "alarm", "warning"]; // the gravest first
 const STEPS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 export default {
@@ -68,6 +70,16 @@ export default {
           <text :x="b.x + b.w - 8" :y="b.y + 10.2" :style="{ fill: gases[b.name].letters }"
             v-bind="squeezed(saturation(b), fonts.saturation, 13)">{{ saturation(b) }}</text>
         </g>
+      </g>
+      <g v-for="d in drawing.housed" :key="d.name" class="box housed" :data-device="d.name" :style="ink(d)"
+        :class="worst(d.limited)">
+        <title>{{ aboutHoused(d) }}</title>
+        <polyline :points="polyline(d.path)" class="wire" />
+        <rect :x="d.x" :y="d.y" :width="d.w" :height="d.h" rx="1.6" />
+        <text :x="d.x + d.w / 2" :y="d.y + 4.6" class="name"
+          v-bind="squeezed(d.text, fonts.name, d.w - 2)">{{ d.text }}</text>
+        <text :x="d.x + d.w / 2" :y="d.y + 10.4" class="readings"
+          v-bind="squeezed(readings(d), fonts.readings, d.w - 2)">{{ readings(d) }}</text>
       </g>
       <g v-for="l in movable" :key="l.moves" class="handle" tabindex="0" role="slider" :data-line="l.moves"
         :style="ink(l)" :aria-label="about(l)" :aria-valuetext="l.site"
@@ -105,14 +117,15 @@ export default {
       display(display) {
         this.stops = display.saturations;
       },
-      beat({ means, places, levels, gas, undetermined }) {
-        Object.assign(this, { means, places, levels, undetermined, gases: gas?.places ?? {} });
+      beat({ means, outputs, places, levels, gas, undetermined }) {
+        Object.assign(this, { means, outputs, places, levels, undetermined, gases: gas?.places ?? {} });
       },
     }),
   ],
   data: () => ({
     drawing: EMPTY,
     means: {},
+    outputs: {},
     places: {},
     levels: {},
     undetermined: [],
@@ -215,6 +228,21 @@ export default {
     },
     pressure(box) {
       return (this.undetermined.length ? UNDETERMINED : "") + fixed(this.means[`P${box.name}`], 0);
+    },
+    // Numbers of a device in the housing of another one's part, with the sign of its gravest limit.
+    readings({ readings, limited }) {
+      return this.signs[this.worst(limited)] + readings.map((one) => this.reading(one)).join(", ");
+    },
+    reading({ output, unit }) {
+      const about = this.undetermined.includes(output) ? UNDETERMINED : "";
+      return `${about}${fixed(this.outputs[output], 0)} ${unit}`;
+    },
+    aboutHoused(device) {
+      const lines = device.readings.map((one) => `${one.text}: ${this.reading(one)}`);
+      return [device.text, ...lines].join("\n");
+    },
+    worst(outputs) {
+      return LEVELS.find((level) => outputs.some((name) => this.levels[name] === level)) ?? "ok";
     },
     level(box) {
       return this.places[box.name] ?? "ok";
