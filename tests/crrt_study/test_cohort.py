@@ -40,6 +40,9 @@ def cohort() -> CohortStudy:
 def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohort):
     assert [point.name for point in cohort.points] == ["slow", "fast", "faster"]
     assert "[ecmo]" in cohort.lost["roller"]
+    unreachable = case("flow", speed_rpm=None, flow_l_min=9.5)
+    with pytest.raises(StudyError, match=r"can be studied: flow: ecmo\.flow_l_min = 9\.5 cannot be"):
+        crrt_cohort(cases_as_given([unreachable], "tests"))
     with pytest.raises(StudyError, match="no data point can be studied"):
         crrt_cohort(cases_as_given([case("x").model_copy(update={"ecmo": None})], "tests"))
 
@@ -59,6 +62,18 @@ def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     (row,) = json.loads(cohort_json(study))["points"]
     assert "a DOUBTFUL fit" in row["doubts"]
     assert any("doubtful: its parameters are a DOUBTFUL fit" in line for line in _doubts(study))
+
+
+def test_case_files_of_one_id_are_told_apart(tmp_path):
+    """Two days of one patient in a folder: only the last was studied, and nothing said so."""
+    files = [tmp_path / "monday.toml", tmp_path / "tuesday.toml"]
+    for file in files:
+        file.write_text(case_text(case("P01")))
+    lost = [(case("P01"), "not reached")]
+    fitted = cases_as_given([*map(read_case, files), case("P02")], "case files", lost)
+    assert list(fitted.cases) == ["P01 (monday.toml)", "P01 (tuesday.toml)", "P02"]
+    assert fitted.not_fitted == {"P01 (4)": "not reached"}
+    assert fitted.groups == (("P01 (monday.toml)",), ("P01 (tuesday.toml)",), ("P02",))
 
 
 @pytest.mark.slow

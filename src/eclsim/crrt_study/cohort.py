@@ -16,6 +16,7 @@ from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, StudyError, policy_of_cases, select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
+from eclsim.simulation.target_flow import FlowNotReachedError
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -180,7 +181,7 @@ class StudyOptions:
             try:
                 study = _point(name, crrt_study(case, **vars(self)))
                 outcomes.append(PointOutcome(name, study))
-            except (StudyError, RuleError) as error:
+            except (StudyError, RuleError, FlowNotReachedError) as error:
                 outcomes.append(PointOutcome(name, None, str(error)))
         return outcomes
 
