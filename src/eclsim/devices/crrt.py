@@ -449,8 +449,8 @@ def _pump_stopped(names: Naming, outputs: Mapping[str, float], values: Mapping[s
         return []
     text = (
         f"{names.label}: pump and fluids stand still, so nothing is cleared or removed, and its lines raise "
-        "no alarms of pressure; the blood in the filter clots within minutes (not modelled), and is lost if it "
-        "cannot be given back: bleed_ml"
+        "no alarms of pressure; the blood in the filter clots within minutes (not modelled), and is lost if "
+        "it cannot be given back: bleed_ml"
     )
     return [Finding.without_limit("warning", flow, outputs[flow], text, flow)]
 

@@ -27,6 +27,7 @@ from eclsim.devices.cannulae import (
     caution_on_chart,
     check_lumens,
     check_second,
+    check_vessels,
     fits_line,
     second_controls,
     with_second,
@@ -845,6 +846,7 @@ class EcmoDevice(Device[Ecmo]):
             kind, size = values.get(f"{line}_cannula"), values.get(f"{line}_fr")
             if kind is not None and size is not None:
                 check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
+        check_vessels(key, values, remarks)
         check_lumens(key, values, remarks)
         check_second(key, values, remarks)
         check_speed(key, values, PUMPS, remarks)
