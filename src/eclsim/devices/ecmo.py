@@ -862,6 +862,18 @@ class EcmoDevice(Device[Ecmo]):
             return ""
         return "against the clamp on its return line the pump holds blood in the circuit: lower its speed"
 
+    def narrowed(self, names: Naming, values: Mapping[str, float]) -> tuple[float, str]:
+        """The line whose clamp or kink leaves least of its area open."""
+        shares = {clamp: values.get(names.parameter(f"ecmo.{clamp}"), 0.0) for clamp in CLAMPS}
+        clamp = max(shares, key=lambda one: shares[one])
+        if not (closed := shares[clamp]) > 0.0:
+            return 0.0, ""
+        line, share = clamp.partition("_")[0], "" if closed >= 1.0 else f"{100.0 * closed:.3g} % "
+        return (
+            closed,
+            f"the {line} line of the {names.label} is {share}closed ({names.key}.{clamp} = {closed:g})",
+        )
+
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
