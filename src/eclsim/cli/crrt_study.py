@@ -236,6 +236,7 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     of = cohort_report
     if _write(o, target, lambda folder: of.write_cohort(study, folder), lambda: of.cohort_json(study)):
         of.show(study)
+    warn(of.impossible_points(study))
     failures = [f"{name}: {reason}" for name, reason in study.lost.items()]
     return failures + [f"{point.name}: {line}" for point in study.unsettled for line in point.unsettled]
 
