@@ -138,7 +138,10 @@ ROWS = [
         27, FULL, {"drainage_site": '"svn"', "return_site": '"ra"'}, "W",
         ("measurements.CO = 1.4: below the pump flow 3.5 L/min", "before the lungs"),
     ),
-    Row(27, FULL, {"return_site": '"la"'}, "OK", ("measurements.CO = 1.4", "the organs get 4.9 L/min")),
+    Row(
+        27, FULL, {"return_site": '"la"'}, "W",
+        ("measurements.CO = 1.4", "the organs get 4.9 L/min", "returns to left atrium", 'did you mean "ra"?'),
+    ),
     Row(51, FULL, parameter("Csart", "0"), "E", ("parameters.Csart = 0", "above 0", "0.02 to 20")),
     Row(51, FULL, parameter("Csart", "-0.9"), "E", ("above 0", "0.02 to 20 mL/mmHg")),
     Row(51, FULL, parameter("Csart", "1e-12"), "E", ("0.02 to 20 mL/mmHg",)),

@@ -82,3 +82,73 @@ def test_a_circuit_that_drains_an_artery_has_no_suction():
     del ecmo["mode"]
     case = RAW | {"ecmo": ecmo, "measurements": {"drainage_pressure": 60}}
     assert not [w for w in read_mapping(case).warnings if w.key == "measurements.drainage_pressure"]
+
+
+SITES = ("drainage_site", "return_site", "second_drainage_site", "second_return_site", "return_cannula")
+
+
+def doubted_sites(**ecmo):
+    """Warnings about sites and cannulae, by key, of a case on ECMO."""
+    raw = {k: v for k, v in RAW["ecmo"].items() if k != "mode"}
+    cannulae = {"drainage_cannula": "venous", "return_cannula": "arterial"}
+    case = RAW | {"ecmo": raw | cannulae | ecmo}
+    warnings = read_mapping(case).warnings
+    return {w.key.partition(".")[2]: str(w) for w in warnings if w.key in {f"ecmo.{s}" for s in SITES}}
+
+
+@pytest.mark.parametrize(
+    ("key", "ecmo", "words"),
+    [
+        ("drainage_site", {"drainage_site": "sart", "return_site": "ao"}, "drains systemic artery: "),
+        ("return_site", {"drainage_site": "svn", "return_site": "pvn"}, "returns to pulmonary vein: "),
+        ("return_site", {"drainage_site": "ra", "return_site": "rv"}, "returns to right ventricle: "),
+        ("return_site", {"drainage_site": "la", "return_site": "ra"}, "a shunt from the left to"),
+        ("return_site", {"drainage_site": "ao", "return_site": "pas"}, "an arterio-venous shunt"),
+        ("return_site", {"drainage_site": "pas", "return_site": "ra"}, "against the heart's own flow"),
+        (
+            "second_drainage_site",
+            {
+                "drainage_site": "ra", "return_site": "ao", "second_drainage_site": "sart",
+                "second_drainage_fr": 19,
+            },
+            "drains systemic artery",
+        ),
+        (
+            "second_return_site",
+            {"drainage_site": "ra", "return_site": "ao", "second_return_site": "lv", "second_return_fr": 15},
+            "returns to left ventricle",
+        ),
+        (
+            "return_cannula", {"drainage_site": "ra", "return_site": "ao", "return_cannula": "venous"},
+            "a Getinge HLS venous cannula in aorta: arterial ones return to arteries; did you mean",
+        ),
+    ],
+)  # fmt: skip
+def test_a_cannula_in_a_vessel_where_none_is_put_is_doubted(key, ecmo, words):
+    """A venous cannula in an artery, and a return to the pulmonary veins, were taken without a word."""
+    doubted = doubted_sites(**ecmo)
+    assert set(doubted) == {key}
+    assert words in doubted[key]
+
+
+@pytest.mark.parametrize(
+    "ecmo",
+    [
+        {"drainage_site": "ra", "return_site": "ao"},
+        {"drainage_site": "svn", "return_site": "ra"},
+        {"drainage_site": "ra", "return_site": "svn"},
+        {"drainage_site": "svn", "return_site": "ra", "return_cannula": "venous"},
+        {"drainage_site": "ra", "return_site": "pas"},
+        {"drainage_site": "la", "return_site": "ao"},
+        {
+            "drainage_site": "ra",
+            "return_site": "sart",
+            "second_drainage_site": "la",
+            "second_drainage_fr": 15,
+        },
+        {"drainage_site": "ra", "return_site": "ao", "second_return_site": "svn", "second_return_fr": 17},
+        {"drainage_site": "svn", "return_site": "ra", "second_return_site": "ao", "second_return_fr": 17},
+    ],
+)
+def test_usual_modes_are_not_doubted(ecmo):
+    assert doubted_sites(**ecmo) == {}

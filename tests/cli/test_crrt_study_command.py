@@ -150,6 +150,25 @@ def test_a_folder_of_cases_is_a_cohort(shell):
     assert "--force" in shell.run("crrt-study", folder, *options, "--out", shell.folder / "out").stderr
 
 
+@pytest.mark.slow
+def test_a_case_whose_flow_no_speed_gives_is_named_and_the_others_are_studied(shell):
+    """One such case file among many, and none was studied."""
+    import json
+
+    (shell.folder / "cases").mkdir()
+    shell.case("cases/one.toml", more=shell.ecmo)
+    flow = shell.ecmo.replace("speed_rpm = 3425", "flow_l_min = 9.5")
+    shell.case("cases/two.toml", "P02", more=flow)
+    options = ("--schemes", "g,h", "--speeds", "3000", "--volume-policy", "as_published", "--json")
+    result = shell.run("crrt-study", shell.folder / "cases", *options, shell.folder / "out.json")
+    assert result.exit_code == 1
+    assert "is first in all 1 data points" in result.stdout
+    reason = "ecmo.flow_l_min = 9.5 cannot be reached: the highest flow reached is "
+    assert f"P02: {reason}" in result.stderr
+    assert json.loads((shell.folder / "out.json").read_text())["lost"]["P02"].startswith(reason)
+    assert shell.run("crrt-study", shell.folder / "cases" / "two.toml", *options, "-").exit_code == 2
+
+
 def test_a_flow_in_l_min_is_refused_as_in_a_case_file(shell):
     result = run(shell, shell.case(more=shell.ecmo), "--crrt-flow", "0.2")
     assert result.exit_code == 2

@@ -17,6 +17,7 @@ from eclsim.course.plan import (
     _bracketing_rates,
     _broken_goals,
     _fastest,
+    _first_rates,
     _removal_courses,
     _removal_result,
     _with_afterwards,
@@ -48,7 +49,7 @@ def test_the_rate_found_keeps_the_goal_and_a_faster_one_does_not(own, removal):
     (limit,) = removal.limits
     assert limit.goal == "MAP > 62"
     for factor, kept in ((1.0, True), (1.1, False)):
-        rate = factor * removal.rate_ml_h
+        rate = factor * removal.fastest_ml_h
         case = apply_settings(own, [f"crrt.net_ultrafiltration_ml_h={rate!r}"])
         result = course(case, minutes=60.0 * 300.0 / rate, outputs=("MAP",))
         assert (float(result["MAP"].min()) > 62.0) is kept
@@ -56,7 +57,7 @@ def test_the_rate_found_keeps_the_goal_and_a_faster_one_does_not(own, removal):
 
 @pytest.mark.slow
 def test_the_result_says_it_in_words_and_data(removal):
-    assert f"300 mL can be removed at {removal.rate_ml_h:.0f} mL/h" in removal.message
+    assert removal.message.startswith(f"300 mL can be removed at {removal.rate_ml_h:.0f} mL/h")
     assert removal.hours == pytest.approx(300.0 / removal.rate_ml_h)
     assert removal.as_object()["limits"][0]["goal"] == "MAP > 62"
 
@@ -66,16 +67,17 @@ def test_a_filter_that_clots_removes_nothing_so_its_limit_holds_unasked(own):
     """A goal of one's own for it takes its place; what the rate means for the patient is said beside it."""
     found = plan_removal(own, 300.0, "MAP > 20", hours=10.0)
     assert found.limits[0].goal.startswith("filtration_fraction < 0.25 (blood thickens")
-    case = apply_settings(own, [f"crrt.net_ultrafiltration_ml_h={found.rate_ml_h!r}"])
-    fraction = float(course(case, minutes=60.0 * found.hours)["filtration_fraction"].max())
+    case = apply_settings(own, [f"crrt.net_ultrafiltration_ml_h={found.fastest_ml_h!r}"])
+    minutes = 60.0 * 300.0 / found.fastest_ml_h
+    fraction = float(course(case, minutes=minutes)["filtration_fraction"].max())
     assert fraction == pytest.approx(0.25, rel=0.02)
     assert fraction <= 0.25
-    assert "mL/kg/h" in found.warnings[0]
+    assert found.rate_ml_h == 1.75 * 80.0
+    assert not any("fewer critically ill patients" in line for line in found.warnings)
     assert any("refill is too quick" in line for line in found.warnings)
     assert "fluid is removed without a reflex" in found.warnings[-1]
     freer = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.4", hours=10.0)
-    assert freer.rate_ml_h > 1.3 * found.rate_ml_h
-    assert any("filtration fraction above 0.25" in line for line in freer.warnings)
+    assert freer.fastest_ml_h > 1.3 * found.fastest_ml_h
 
 
 @pytest.mark.slow
@@ -135,6 +137,35 @@ def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not(
     )
 
 
+@pytest.mark.parametrize(
+    ("harmful", "rate", "begin"),
+    [
+        (1e9, 400.0, "2500 mL can be removed at 400 mL/h, in 6.2 h; at 1000 mL/h MAP > 65 breaks"),
+        (140.0, 140.0, "2500 mL can be removed at 140 mL/h (1.75 mL/kg/h), in 17.9 h; above 1.75 mL/kg/h "),
+        (15.0, 30.0, "2500 mL in 83.3 h need 30 mL/h (3.5 mL/kg/h); above 1.75 mL/kg/h fewer "),
+    ],
+)
+def test_the_rate_first_named_is_one_that_did_not_harm_patients(harmful, rate, begin):
+    """13 mL/kg/h were the answer, with the rate at which patients survive after it, and a warning."""
+    tried = {30.0: True, 60.0: True, 140.0: True, 400.0: True, 1000.0: False}
+    broken = {1000.0: [BrokenGoal("MAP > 65", 60.0, 30.0, "mmHg")]}
+    found = _removal_result("P", 2500.0, [Goal("MAP", low=65.0)], tried, broken, harmful)
+    assert found.message.startswith(begin)
+    assert (found.rate_ml_h, found.fastest_ml_h) == (rate, 400.0)
+    assert found.as_object()["fastest_ml_h"] == 400.0
+    assert found.hours == pytest.approx(2500.0 / rate)
+    assert ("the goals alone would allow 400 mL/h, 6.2 h; at 1000" in found.message) is (harmful < 400.0)
+    assert ("allow 166.7 h or more (15 mL/h)" in found.message) is (harmful < 30.0)
+
+
+def test_the_harmful_rate_is_tried_where_the_time_allows_it():
+    rates = _first_rates(34.7, 2000.0, 140.0)
+    assert 140.0 in rates
+    assert (rates[0], rates[-1], len(rates)) == (pytest.approx(34.7), pytest.approx(2000.0), 8)
+    assert (np.diff(rates) > 0.0).all()
+    assert 140.0 not in _first_rates(312.0, 2000.0, 140.0)
+
+
 def test_a_pump_that_stands_still_removes_nothing(own):
     stopped = apply_settings(own, ["crrt.flow_ml_min=0"])
     with pytest.raises(GoalError, match=r"crrt\.flow_ml_min = 0: the pump stands still"):
@@ -144,14 +175,16 @@ def test_a_pump_that_stands_still_removes_nothing(own):
 @pytest.mark.slow
 def test_a_rate_that_harmed_patients_is_named_in_the_first_words(own):
     found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
-    assert "mL/kg/h are above 1.75 (" in found.message
-    assert any("fewer critically ill patients survived" in line for line in found.warnings)
+    assert found.message.startswith("300 mL in 1.0 h need 300 mL/h (3.75 mL/kg/h); above 1.75 mL/kg/h fewer")
+    assert "allow 2.1 h or more (140 mL/h)" in found.message
+    assert "fewer critically ill patients survived" in found.warnings[0]
 
 
 @pytest.mark.slow
 def test_alarms_on_the_way_stand_in_the_first_words(own):
     """ "can be removed" stood there alone, with a pressure of 4 mmHg on the way among the warnings."""
-    found = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
+    dilated = apply_settings(own, ["Rmc=0.35", "fluid.extra_volume_ml=-100"])
+    found = plan_removal(dilated, 300.0, "MAP > 20, filtration_fraction < 0.9", hours=1.0)
     alarms = [line for line in found.warnings if "mean arterial pressure below 55 mmHg" in line]
     assert bool(alarms) == ("on the way MAP" in found.message)
     assert alarms

@@ -6,9 +6,10 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.cases.fit_mark import with_mark
+from eclsim.cases.fluid import Fluid
 from eclsim.cases.reading import case_text
 from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, conclusion, crrt_cohort, summaries
-from eclsim.crrt_study.cohort_report import _doubts, cohort_json
+from eclsim.crrt_study.cohort_report import _doubts, cohort_json, impossible_points
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.identification.cohort import cases_as_given, with_fitted_parameters
@@ -40,6 +41,9 @@ def cohort() -> CohortStudy:
 def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohort):
     assert [point.name for point in cohort.points] == ["slow", "fast", "faster"]
     assert "[ecmo]" in cohort.lost["roller"]
+    unreachable = case("flow", speed_rpm=None, flow_l_min=9.5)
+    with pytest.raises(StudyError, match=r"can be studied: flow: ecmo\.flow_l_min = 9\.5 cannot be"):
+        crrt_cohort(cases_as_given([unreachable], "tests"))
     with pytest.raises(StudyError, match="no data point can be studied"):
         crrt_cohort(cases_as_given([case("x").model_copy(update={"ecmo": None})], "tests"))
 
@@ -59,6 +63,18 @@ def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     (row,) = json.loads(cohort_json(study))["points"]
     assert "a DOUBTFUL fit" in row["doubts"]
     assert any("doubtful: its parameters are a DOUBTFUL fit" in line for line in _doubts(study))
+
+
+def test_case_files_of_one_id_are_told_apart(tmp_path):
+    """Two days of one patient in a folder: only the last was studied, and nothing said so."""
+    files = [tmp_path / "monday.toml", tmp_path / "tuesday.toml"]
+    for file in files:
+        file.write_text(case_text(case("P01")))
+    lost = [(case("P01"), "not reached")]
+    fitted = cases_as_given([*map(read_case, files), case("P02")], "case files", lost)
+    assert list(fitted.cases) == ["P01 (monday.toml)", "P01 (tuesday.toml)", "P02"]
+    assert fitted.not_fitted == {"P01 (4)": "not reached"}
+    assert fitted.groups == (("P01 (monday.toml)",), ("P01 (tuesday.toml)",), ("P02",))
 
 
 @pytest.mark.slow
@@ -168,6 +184,24 @@ def test_fitted_parameters_win_over_those_of_the_case():
     assert "a DOUBTFUL fit" in changed.doubts[0]
     assert changed.parameters["Rmc"] == 0.4
     assert changed.parameters["Csart"] == paper_case().parameters["Csart"]
+
+
+@pytest.mark.slow
+def test_a_point_that_no_patient_can_be_is_named(tmp_path):
+    """A right heart pumped empty, with an ejection fraction of -150 %, was ranked without a word."""
+    small = paper_case().patient.model_copy(update={"id": "dry", "height_cm": 150.0, "weight_kg": 40.0})
+    fluid = Fluid(extra_volume_ml=-600.0)
+    dry = case("dry", speed_rpm=4600.0).model_copy(update={"patient": small, "fluid": fluid})
+    options = StudyOptions(schemes="d", speeds="4600", volume_policy="as_published")
+    study = crrt_cohort(cases_as_given([case("wet"), dry], "tests"), options)
+    wet, point = study.points
+    assert wet.impossible == ()
+    assert point.impossible
+    assert all(one.startswith("impossible: ") for one in point.impossible)
+    (line,) = impossible_points(study)
+    assert line.startswith("dry: no patient can have its beats, so do not use its order: impossible: ")
+    assert line in _doubts(study)
+    assert [bool(row["impossible"]) for row in json.loads(cohort_json(study))["points"]] == [False, True]
 
 
 def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):

@@ -366,6 +366,7 @@ def test_a_pump_that_stands_still_clears_nothing_and_its_fluids_stand_still_too(
         assert float(result[f"crrt_{line}_pressure"] - result[f"{site}_pressure"]) == pytest.approx(0, abs=1)
     (said,) = [line for line in result.attrs["warnings"] if "pump and fluids stand still" in line]
     assert "is lost if it cannot be given back: bleed_ml" in said
+    assert "its lines raise no alarms of pressure" in said
     with pytest.raises(CaseError, match=r"allowed: 0, or 10 to 600 mL/min; did you mean 0\.2 L/min"):
         read_mapping(VV | {"crrt": ON_ECMO | {"flow_ml_min": 0.2}})
 

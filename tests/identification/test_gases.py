@@ -27,6 +27,7 @@ from eclsim.identification.settings import (
     checked_fit,
     free_parameters,
     remarks_on_assumptions,
+    returns_to_arteries,
 )
 from eclsim.identification.tracking import Tracker, TrackSettings
 from eclsim.identification.verdict import Aspect, Level
@@ -183,6 +184,19 @@ def test_measured_gases_free_what_they_tell_of():
     assert "Emaxrv, Rpmc, Rsvn are held at the usual value" in doubt.sentence
     assert doubt.sentence in posterior(found, settings=PosteriorSettings(method="gaussian")).doubts
     assert {name: found.simulated[name] for name in values} == pytest.approx(values, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_on_veno_arterial_support_the_left_ventricle_is_free():
+    """Held at a healthy value, it made a wedge pressure of 3 mmHg certain in patients with 18 and 24."""
+    arterial = {"drainage_site": "ra", "return_site": "ao", "return_cannula": "arterial", "return_fr": 17.0}
+    case, _ = measured(CASE.with_section("ecmo", **arterial), ("SP", "DP", "MAP", "CVP", "PF", "SaO2"))
+    assert returns_to_arteries(case)
+    assert not returns_to_arteries(CASE)
+    free = free_parameters(case)
+    assert "Emaxlv" in free
+    assert len(free) <= 6
+    assert "Emaxlv" not in free_parameters(case, ("Rmc",))
 
 
 def _about_oxygenator(*known):

@@ -117,6 +117,22 @@ def test_a_compartment_takes_the_worst_of_its_outputs():
     assert gravest(["ok", "alarm", "warning"]) == "alarm"
 
 
+@pytest.mark.parametrize("key", ["crrt", "crrt.b"])
+def test_a_stopped_pump_has_no_alarms_of_its_lines(key):
+    """At a CRRT that stood still, alarms of pressures were raised that no machine shows."""
+    names = ("crrt_access_pressure", "crrt_return_pressure", "crrt_flow")
+    access, back, flow = (n if key == "crrt" else n.replace("crrt_", "crrt.b.", 1) for n in names)
+    pressures = {access: 460.0, back: -85.0, "post_pump_pressure": 460.0}
+    for running in (pressures, pressures | {flow: 0.2}):
+        assert {limit.quantity for limit in broken_limits(running)} == set(pressures)
+        assert levels(running)[access] == "alarm"
+        assert place_levels(running)["crrttuin" if key == "crrt" else "crrt.b.crrttuin"] == "alarm"
+    stopped = pressures | {flow: 0.0}
+    assert [limit.quantity for limit in broken_limits(stopped)] == ["post_pump_pressure"]
+    assert levels(stopped)[access] == levels(stopped)[back] == "ok"
+    assert "alarm" not in marks(findings(stopped, {}), stopped).get(access, "")
+
+
 def test_gases_of_the_lower_body_have_limits_and_are_said_once():
     outputs = {"PaO2": 90.0, "PaO2_lower": 420.0, "PaCO2": 66.0, "PaCO2_lower": 85.0}
     broken = broken_limits(outputs)

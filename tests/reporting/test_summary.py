@@ -116,3 +116,15 @@ def test_a_mark_is_explained_only_where_the_table_has_it(capsys):
     assert result["post_pump_pressure"].attrs["finding"] == "alarm"
     assert "! beyond a limit" in shown(capsys, [result])
     assert "! beyond a limit" not in shown(capsys, [result] * 4)
+
+
+@pytest.mark.slow
+def test_given_fluid_alone_is_no_regulation(capsys):
+    """Factors of 1.00 stood below "Regulation" in a patient without reflexes or drugs."""
+    fluid = {"extra_volume_ml": 300.0}
+    given = simulated(fluid=fluid)
+    assert "systemic_resistance_factor" in given
+    assert "Regulation" not in shown(capsys, [given])
+    for sections in ({"regulation": {"baroreflex": 1.0}}, {"drugs": {"noradrenaline": 0.1}}):
+        regulated = simulated(fluid=fluid, **sections)
+        assert "Regulation" in shown(capsys, [given, regulated])

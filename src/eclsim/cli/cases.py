@@ -108,23 +108,31 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
     The flow is reached under `policy`, or else under the policy of each case. Exit with status 2 if a flow
     cannot be reached.
     """
+    solved, reasons = with_reachable_speeds(readings, policy)
+    refuse([f"{reading.file}: {reason}" for reading, reason in reasons])
+    return solved
+
+
+def with_reachable_speeds(
+    readings: Sequence[CaseReading], policy: str | None = None
+) -> tuple[list[CaseReading], list[tuple[CaseReading, str]]]:
+    """As `with_speeds`, with the cases whose flow cannot be reached beside the others, and the reasons."""
     if not any(reading.case.targets() for reading in readings):
-        return list(readings)
+        return list(readings), []
 
     from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
 
-    solved, wrong = [], []
+    solved, reasons = [], []
     for reading in readings:
         try:
             case, speed = with_speed(reading.case, policy)
         except FlowNotReachedError as error:
-            wrong.append(f"{reading.file}: {error}")
+            reasons.append((reading, str(error)))
             continue
         solved.append(replace(reading, case=case))
         if speed is not None:
             note([f"{reading.file}: {speed} ({policy or case.volume_policy}); this speed is held"])
-    refuse(wrong)
-    return solved
+    return solved, reasons
 
 
 def warn_of_new_findings(reading: CaseReading, lines: Iterable[object], at: str = "") -> None:

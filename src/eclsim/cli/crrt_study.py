@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.cases import case_files_in, is_table, read_all, read_table, warn_of_new_findings, with_speeds
+from eclsim.cli.cases import (
+    case_files_in,
+    is_table,
+    read_all,
+    read_table,
+    warn_of_new_findings,
+    with_reachable_speeds,
+    with_speeds,
+)
 from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, mistakes_in, refuse, refusing, say, warn
 from eclsim.cli.destination import Destinations, Target, explaining_resume, reporting_write_errors
 from eclsim.cli.options import Distributed, argument, option
@@ -228,6 +236,7 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     of = cohort_report
     if _write(o, target, lambda folder: of.write_cohort(study, folder), lambda: of.cohort_json(study)):
         of.show(study)
+    warn(of.impossible_points(study))
     failures = [f"{name}: {reason}" for name, reason in study.lost.items()]
     return failures + [f"{point.name}: {line}" for point in study.unsettled for line in point.unsettled]
 
@@ -254,8 +263,9 @@ def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
 def _cases_of_folder(o: CrrtStudyOptions) -> FittedCases:
     from eclsim.identification.cohort import cases_as_given
 
-    readings = with_speeds(read_all(case_files_in(o.file), []), _first_policy(o))
-    return cases_as_given(readings, "case files")
+    readings = read_all(case_files_in(o.file), [])
+    solved, reasons = with_reachable_speeds(readings, _first_policy(o))
+    return cases_as_given(solved, "case files", reasons)
 
 
 def _fitted(

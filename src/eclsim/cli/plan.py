@@ -49,9 +49,9 @@ class PlanOptions(CaseChanges, Json):
 def plan(options: PlanOptions) -> None:
     """Plan fluid removal or weaning.
 
-    --remove-ml: how fast can fluid be removed without breaking a goal? --wean: what will the bedside readings
-    be while the pump is turned down, and which dose keeps the goals? For research, not for treatment. Exit
-    status: 0 goals are kept, 1 not, 2 bad input.
+    --remove-ml: how fast can fluid be removed without breaking a goal, up to 1.75 mL/kg/h? --wean: what will
+    the bedside readings be while the pump is turned down, and which dose keeps the goals? For research, not
+    for treatment. Exit status: 0 goals are kept, 1 not, 2 bad input.
     """
     mistakes = broken_rules({
         "--remove-ml, --wean: give exactly one": (options.remove_ml is None) == (options.wean is None),

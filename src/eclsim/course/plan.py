@@ -77,12 +77,14 @@ class Removal:
         id: id of the case.
         remove_ml: volume to remove [mL].
         keep: goals that must hold at all times.
-        rate_ml_h: fastest rate that keeps the goals [mL/h]; NaN if the slowest rate does not.
+        rate_ml_h: fastest rate [mL/h] up to `HARMFUL_ML_KG_H` that keeps the goals; where the time allowed
+            needs more than that, the slowest that keeps them; NaN if none does.
         hours: duration of the removal [h].
         possible: whether any rate keeps the goals.
-        limits: goals that the next faster rate tried violates.
+        limits: goals that the next rate tried above `fastest_ml_h` violates.
         afterwards: goals that are violated after the removal, though nothing more is removed, with the time
             from its end.
+        fastest_ml_h: fastest rate that keeps the goals, whatever it is per kg of body weight [mL/h].
         message: result in words.
         tried: by rate, whether all goals were kept.
         warnings: limits that the patient violates at the rate found, and cautions.
@@ -99,6 +101,7 @@ class Removal:
     tried: dict[float, bool] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     afterwards: tuple[BrokenGoal, ...] = ()
+    fastest_ml_h: float = math.nan
 
     def as_object(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -120,6 +123,9 @@ def plan_removal(
     volume_policy: str | None = None,
 ) -> Removal:
     """Find the fastest constant net ultrafiltration that removes a volume without violating a goal.
+
+    A rate above `HARMFUL_ML_KG_H`, above which fewer patients survived, is the answer only if the removal
+    takes longer than `hours` without it; what the goals alone would allow is said beside the answer.
 
     Rates from the slowest, which takes `hours`, to the fastest that the filter allows are computed side by
     side. The interval between the last rate that keeps all goals and the first that does not is then divided
@@ -156,7 +162,8 @@ def plan_removal(
     outputs = output_names(model_of(slow).circuit)
     asked = read_goals(keep, outputs)
     goals = (*asked, *_implied_goals(slow, outputs, asked, volume_policy))
-    rates = np.geomspace(slowest, fastest, RATES_PER_ROUND)
+    harmful = HARMFUL_ML_KG_H * height_weight(solved.patient)[1]
+    rates = _first_rates(slowest, fastest, harmful)
     tried, broken = dict[float, bool](), dict[float, list[BrokenGoal]]()
     for _ in range(ROUNDS):
         fresh = [float(rate) for rate in rates if float(rate) not in tried]
@@ -169,7 +176,7 @@ def plan_removal(
         if below is None or above is None:
             break
         rates = np.linspace(below, above, RATES_PER_ROUND + 2)[1:-1]
-    removal = _removal_result(solved.patient.id, remove_ml, goals, tried, broken)
+    removal = _removal_result(solved.patient.id, remove_ml, goals, tried, broken, harmful)
     if not removal.possible:
         return removal
     below = (found for rate, found in broken.items() if rate < removal.rate_ml_h)
@@ -235,16 +242,21 @@ def _with_warnings(
         "on the way",
         {goal.output: True for goal in asked},
     )
-    per_kg = removal.rate_ml_h / height_weight(case.patient)[1]
-    if per_kg > HARMFUL_ML_KG_H:
-        tolerated = removal.rate_ml_h * HARMFUL_ML_KG_H / per_kg
-        message += (
-            f"; {per_kg:.1f} mL/kg/h are above {HARMFUL_ML_KG_H:g} ({tolerated:.0f} mL/h, "
-            f"{removal.rate_ml_h * removal.hours / tolerated:.0f} h): see the warning"
-        )
+    weight = height_weight(case.patient)[1]
+    if removal.rate_ml_h > HARMFUL_ML_KG_H * weight:
+        per_kg = removal.rate_ml_h / weight
         sentences.insert(0, f"{removal.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED_TEXT}")
     sentences += [labelled_sentence(CAUTION, text) for text in result.attrs["cautions"]]
     return replace(removal, message=message, warnings=tuple(sentences))
+
+
+def _first_rates(slowest: float, fastest: float, harmful: float) -> np.ndarray:
+    """Rates from the slowest to the fastest; the harmful rate is one of them where it lies between."""
+    rates = np.geomspace(slowest, fastest, RATES_PER_ROUND)
+    if slowest < harmful < fastest:
+        inner = 1 + int(np.argmin(np.abs(np.log(rates[1:-1] / harmful))))
+        rates[inner] = harmful
+    return rates
 
 
 def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | None]:
@@ -354,25 +366,52 @@ def _removal_result(
     goals: Sequence[Goal],
     tried: dict[float, bool],
     broken: dict[float, list[BrokenGoal]],
+    harmful: float = math.inf,
 ) -> Removal:
-    best, above = _bracketing_rates(tried)
+    """The result for the rates tried; `harmful` is the rate above which fewer patients survived [mL/h]."""
+    fastest, above = _bracketing_rates(tried)
     limits = tuple(broken[above]) if above is not None else ()
     sentence = " and ".join(_break_sentence(limit) for limit in limits)
-    if best is None:
+    rate = math.nan
+    if fastest is None:
         assert above is not None
         until = above * min(limit.at_min for limit in limits) / 60.0
         text = f"{remove_ml:g} mL cannot be removed: at {above:.0f} mL/h, the slowest, {sentence}"
         text += f"; {until:.0f} mL are removed by then" if until else ""
     else:
-        text = f"{remove_ml:g} mL can be removed at {best:.0f} mL/h, in {remove_ml / best:.1f} h"
+        kept = [rate for rate, keeps in tried.items() if keeps and rate <= fastest]
+        rate = max((one for one in kept if one <= harmful), default=min(kept))
+        text = _rate_sentence(remove_ml, rate, fastest, harmful)
         text += f"; at {above:.0f} mL/h {sentence}" if above is not None else ", the fastest of the device"
-        slower = [rate for rate, kept in tried.items() if not kept and rate < best]
+        slower = [one for one, keeps in tried.items() if not keeps and one < rate]
         if slower:
             reason = " and ".join(map(_break_sentence, broken[max(slower)]))
             text += f"; of the slower rates, {max(slower):.0f} mL/h does not keep the goals: {reason}"
-    rate = math.nan if best is None else best
-    keep = tuple(str(goal) for goal in goals)
-    return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)
+    return Removal(
+        name, remove_ml, tuple(map(str, goals)), rate, remove_ml / rate, fastest is not None, limits, text,
+        tried, fastest_ml_h=math.nan if fastest is None else fastest,
+    )  # fmt: skip
+
+
+def _rate_sentence(remove_ml: float, rate: float, fastest: float, harmful: float) -> str:
+    """The rate found, and what the goals alone would allow where that harmed patients."""
+    found, alone, least = (_hours(remove_ml / one) for one in (rate, fastest, harmful))
+    if fastest <= harmful:
+        return f"{remove_ml:g} mL can be removed at {fastest:.0f} mL/h, in {alone}"
+    per_kg = f"{HARMFUL_ML_KG_H * rate / harmful:.3g} mL/kg/h"
+    if rate <= harmful:
+        text = f"{remove_ml:g} mL can be removed at {rate:.0f} mL/h ({per_kg}), in {found}"
+        text += f"; {FEWER_SURVIVED_TEXT}"
+    else:
+        text = (
+            f"{remove_ml:g} mL in {found} need {rate:.0f} mL/h ({per_kg}); "
+            f"{FEWER_SURVIVED_TEXT}: allow {least} or more ({harmful:.0f} mL/h)"
+        )
+    return f"{text}; the goals alone would allow {fastest:.0f} mL/h, {alone}"
+
+
+def _hours(hours: float) -> str:
+    return f"{hours:.1f} h" if hours >= 1.0 else f"{hours:.2g} h"
 
 
 def _break_sentence(limit: BrokenGoal) -> str:

@@ -15,7 +15,9 @@ from eclsim.crrt_study.ranking import Ranked, first_choice, ties
 from eclsim.crrt_study.rule import DEFAULT_RULE, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, StudyError, policy_of_cases, select_schemes
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
+from eclsim.devices.description import LABELS
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
+from eclsim.simulation.target_flow import FlowNotReachedError
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -42,6 +44,7 @@ class PointResult:
             or unless the beats of all schemes and of the patient without CRRT were found.
         unsettled: one sentence for each scheme, policy and reason with steady beats that were not found.
         beats_not_found: number of these beats.
+        impossible: sentences on beats at the point's speed that no patient can have.
     """
 
     name: str
@@ -53,6 +56,7 @@ class PointResult:
     taken_up: float
     unsettled: tuple[str, ...]
     beats_not_found: int
+    impossible: tuple[str, ...] = ()
 
     def ranked(self, policy: str, letter: str) -> Ranked:
         """Rank of a scheme with the numbers it is based on."""
@@ -180,7 +184,7 @@ class StudyOptions:
             try:
                 study = _point(name, crrt_study(case, **vars(self)))
                 outcomes.append(PointOutcome(name, study))
-            except (StudyError, RuleError) as error:
+            except (StudyError, RuleError, FlowNotReachedError) as error:
                 outcomes.append(PointOutcome(name, None, str(error)))
         return outcomes
 
@@ -242,6 +246,7 @@ def _point(name: str, study: CrrtStudy) -> PointResult:
         name, float(without_crrt["PF"]), float(without_crrt["MAP"]), speed, study.ranking, variation,
         taken_up, tuple(f"{beat.policy}, {beat.sentence}" for beat in missing),
         sum(len(beat.speeds) for beat in missing),
+        tuple(sentence for sentence in study.warnings if sentence.startswith(f"{LABELS['collapse']}: ")),
     )  # fmt: skip
 
 

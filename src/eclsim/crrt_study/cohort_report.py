@@ -114,6 +114,7 @@ def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
             "id": point.name, "speed_rpm": point.speed, "ecmo_flow_l_min": point.flow,
             "MAP_mmhg": point.pressure, "blood_taken_up_ml": point.taken_up,
             "unsettled": point.beats_not_found, "not_known": "; ".join(point.unsettled),
+            "impossible": "; ".join(point.impossible),
             "relative_misfit": study.fitted.misfits.get(point.name),
             DOUBTS: "; ".join(study.doubts.get(point.name, ())),
         }  # fmt: skip
@@ -191,6 +192,7 @@ def _differences(study: CohortStudy) -> str:
 
 def _doubts(study: CohortStudy) -> list[str]:
     lines = [f"{name}: {reason}" for name, reason in study.lost.items()]
+    lines += impossible_points(study)
     lines += [f"{name}: {doubt}" for name, doubts in study.doubts.items() for doubt in doubts]
     for point in study.unsettled:
         lines.append(f"{point.name}: {'; '.join(point.unsettled)}")
@@ -201,6 +203,19 @@ def _doubts(study: CohortStudy) -> list[str]:
             lines.append(f"Which scheme is first is not known, {policy_label}: {', '.join(names[:40])}")
     if len(lines) > 40:
         lines = [*lines[:40], f"and {len(lines) - 40} more, see cohort.json"]
+    return lines
+
+
+def impossible_points(study: CohortStudy) -> list[str]:
+    """A line for each data point whose beats no patient can have; its order of schemes means nothing."""
+    lines = []
+    for point in study.points:
+        if point.impossible:
+            first, more = point.impossible[0], len(point.impossible) - 1
+            also = f" (and {more} more)" if more else ""
+            lines.append(
+                f"{point.name}: no patient can have its beats, so do not use its order: {first}{also}"
+            )
     return lines
 
 

@@ -21,12 +21,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import CAUTION, Control, Finding, Knob, Limit, Mark, mean_flow, picker
 from eclsim.devices.device import Naming
-from eclsim.devices.plausibility import check_cannula, patient_site
+from eclsim.devices.plausibility import check_cannula, patient_site, pumps_back
 from eclsim.devices.products import CannulaType, by_key
 from eclsim.inputs.fields import number
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section
-from eclsim.patient.sites import PATIENT_SITES
+from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Connection
@@ -109,6 +109,34 @@ def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
     elif values.get("drainage_fr") != values.get("return_fr"):
         message = f"both lumens of a {back.dual_lumen} have one size; drainage_fr is another"
         remarks.warning(f"{key}.return_fr", message, shown(values.get("return_fr")))
+
+
+_NOT_RETURNED_TO = ("rv", *LEFT_HEART)
+"""Sites to which no usual mode of ECMO returns blood."""
+
+
+def check_vessels(key: str, values: Raw, remarks: Remarks) -> None:
+    """Warn of cannulae in vessels into which they are not put: topology is free, but a slip is likely.
+
+    Nothing is said of two sites that `check_sites` doubts already.
+    """
+    drained, given = (values.get(f"{line}_site") for line in ("drainage", "return"))
+    for prefix in ("", "second_") if not pumps_back(drained, given) else ("second_",):
+        site = values.get(name := f"{prefix}drainage_site")
+        if site in ARTERIAL_SITES:
+            message = f"drains {PATIENT_SITES[site]}: drainage cannulae lie in a vein or in the heart"
+            remarks.warning(f"{key}.{name}", message, shown(site), shown("ra"))
+        site = values.get(name := f"{prefix}return_site")
+        if site in _NOT_RETURNED_TO:
+            message = (
+                f"returns to {PATIENT_SITES[site]}: blood is usually returned to an artery (V-A), to a vein "
+                "or the right atrium (V-V), or to the pulmonary artery"
+            )
+            remarks.warning(f"{key}.{name}", message, shown(site), shown("ra") if site == "la" else "")
+    kind = CANNULAE.get(values.get("return_cannula", ""))
+    if given in ARTERIAL_SITES and kind is not None and kind.key != "arterial":
+        message = f"a {kind.name} cannula in {PATIENT_SITES[given]}: arterial ones return to arteries"
+        remarks.warning(f"{key}.return_cannula", message, shown(kind.key), shown("arterial"))
 
 
 def caution_on_chart(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:

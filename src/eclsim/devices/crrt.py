@@ -341,13 +341,15 @@ class CrrtDevice(Device[Crrt]):
     optional = {"dialysate_ml_h or another flow of fluid": f"{GROUP}.{FLUIDS[0]}"}
     limits = (
         *(
-            Limit(f"crrt_{line}_pressure", "alarm", side, value, "machine alarm", _MACHINE)
+            Limit(
+                f"crrt_{line}_pressure", "alarm", side, value, "machine alarm", _MACHINE, running="crrt_flow"
+            )
             for line, bounds in ALARMS_MMHG.items()
             for side, value in zip(("below", "above"), bounds, strict=True)
         ),
         Limit(
             "crrt_access_pressure", "warning", "above", SANSOM_ACCESS_MMHG,
-            "early circuit failure is more likely", "Sansom et al. 2023",
+            "early circuit failure is more likely", "Sansom et al. 2023", running="crrt_flow",
         ),
         *filter_limits(),
     )  # fmt: skip
@@ -446,8 +448,9 @@ def _pump_stopped(names: Naming, outputs: Mapping[str, float], values: Mapping[s
     if flow not in outputs or values.get(names.parameter(f"{GROUP}.flow_ml_min")) != 0.0:
         return []
     text = (
-        f"{names.label}: pump and fluids stand still, so nothing is cleared or removed; the blood in the "
-        "filter clots within minutes (not modelled), and is lost if it cannot be given back: bleed_ml"
+        f"{names.label}: pump and fluids stand still, so nothing is cleared or removed, and its lines raise "
+        "no alarms of pressure; the blood in the filter clots within minutes (not modelled), and is lost if "
+        "it cannot be given back: bleed_ml"
     )
     return [Finding.without_limit("warning", flow, outputs[flow], text, flow)]
 

@@ -174,6 +174,7 @@ class Limit:
         source: Source of the limit.
         unassisted: Whether it applies only without a pump that drains the left ventricle.
         without: Outputs; the limit does not apply if any of them is present.
+        running: Flow of the device; the limit does not apply while its pump stands still. Empty: always.
     """
 
     quantity: str
@@ -184,6 +185,7 @@ class Limit:
     source: str
     unassisted: bool = False
     without: tuple[str, ...] = ()
+    running: str = ""
 
     def broken_by(self, value: float) -> bool:
         """Whether a value exceeds the limit (NaN does not)."""

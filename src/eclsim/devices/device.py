@@ -213,6 +213,13 @@ class Device(ABC, Generic[S]):
         """
         return ""
 
+    def narrowed(self, names: Naming, values: Mapping[str, float]) -> tuple[float, str]:
+        """Closed share of its most narrowed line, and which line that is in words; (0, "") if all are open.
+
+        It is said before settings that are to reach a flow through the line.
+        """
+        return 0.0, ""
+
     def __repr__(self) -> str:
         return f"<device {self.key}>"
 

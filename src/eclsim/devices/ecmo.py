@@ -27,6 +27,7 @@ from eclsim.devices.cannulae import (
     caution_on_chart,
     check_lumens,
     check_second,
+    check_vessels,
     fits_line,
     second_controls,
     with_second,
@@ -846,6 +847,7 @@ class EcmoDevice(Device[Ecmo]):
             kind, size = values.get(f"{line}_cannula"), values.get(f"{line}_fr")
             if kind is not None and size is not None:
                 check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
+        check_vessels(key, values, remarks)
         check_lumens(key, values, remarks)
         check_second(key, values, remarks)
         check_speed(key, values, PUMPS, remarks)
@@ -860,6 +862,18 @@ class EcmoDevice(Device[Ecmo]):
         if not is_clamped(names, values):
             return ""
         return "against the clamp on its return line the pump holds blood in the circuit: lower its speed"
+
+    def narrowed(self, names: Naming, values: Mapping[str, float]) -> tuple[float, str]:
+        """The line whose clamp or kink leaves least of its area open."""
+        shares = {clamp: values.get(names.parameter(f"ecmo.{clamp}"), 0.0) for clamp in CLAMPS}
+        clamp = max(shares, key=lambda one: shares[one])
+        if not (closed := shares[clamp]) > 0.0:
+            return 0.0, ""
+        line, share = clamp.partition("_")[0], "" if closed >= 1.0 else f"{100.0 * closed:.3g} % "
+        return (
+            closed,
+            f"the {line} line of the {names.label} is {share}closed ({names.key}.{clamp} = {closed:g})",
+        )
 
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
 
+_IN_FLOW_DIRECTION = (VENOUS_SITES, ("rv",), ("pas", "part"), ("pvn",), ("la",), ("lv",), ARTERIAL_SITES)
+_PLACES = {site: place for place, sites in enumerate(_IN_FLOW_DIRECTION) for site in sites}
+_AFTER_LUNGS = (*LEFT_HEART, *ARTERIAL_SITES)
 # Multiple of the highest usual speed up to which a pump curve is valid.
 SPEED_LIMIT = 1.25
 
@@ -28,7 +32,7 @@ def patient_site(description: str, *, required: bool = True) -> Field:
 
 
 def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remarks) -> None:
-    """Report a device that pumps in a circle, or from an artery to an implausible site.
+    """Report a device that pumps in a circle, or back to a site that the heart's flow passes earlier.
 
     Args:
         key: key of the section.
@@ -43,11 +47,19 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
     if taken_from == given_to:
         message = f"the same as {source}: the device would pump in a circle"
         remarks.error(f"{key}.{target}", message, shown(given_to), "a compartment other than " + source)
-    elif taken_from in ARTERIAL_SITES and given_to in (*VENOUS_SITES, *LEFT_HEART):
-        reason = "against the heart's own flow" if given_to in LEFT_HEART else "an arterio-venous shunt"
+    elif pumps_back(taken_from, given_to):
+        reason = "against the heart's own flow"
+        if taken_from in _AFTER_LUNGS and given_to not in _AFTER_LUNGS:
+            arterial = taken_from in ARTERIAL_SITES
+            reason = "an arterio-venous shunt" if arterial else "a shunt from the left to the right heart"
         message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: {reason}"
         hint = f"{source} = {shown(given_to)} and {target} = {shown(taken_from)} (reversed)"
         remarks.warning(f"{key}.{target}", message, shown(given_to), hint)
+
+
+def pumps_back(taken_from: str | None, given_to: str | None) -> bool:
+    """Whether blood is returned to a site that it passes before the one from which it is drained."""
+    return _PLACES.get(given_to or "", math.inf) < _PLACES.get(taken_from or "", -math.inf)
 
 
 def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: Remarks) -> None:

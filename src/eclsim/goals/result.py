@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -14,6 +14,11 @@ from eclsim.outputs.registry import output
 
 ALARM_KINDS = ("alarm", "collapse")
 """Kinds of findings that the message names first."""
+
+
+NARROW_SHARE = 0.5
+"""Closed share of a line from which it is named before settings: its resistance is four times that of an
+open one."""
 
 
 class ReachStatus(StrEnum):
@@ -138,6 +143,27 @@ class Reached:
             "tried": self.tried,
             "without_beat": self.without_beat,
         }  # fmt: skip
+
+
+def led_by_narrow_lines(result: Reached, lines: Iterable[tuple[float, str]]) -> Reached:
+    """The result whose message begins with nearly closed lines; it ends with others where a goal is missed.
+
+    Args:
+        result: result of the search.
+        lines: closed share of the most narrowed line of each device, and which line that is in words.
+    """
+    first: list[str] = []
+    last: list[str] = []
+    for closed, text in lines:
+        if closed >= NARROW_SHARE:
+            first.append(text)
+        elif closed > 0.0 and not result.reached:
+            last.append(text)
+    message = "; ".join((result.message, *last))
+    if first:
+        opened = "open it first" if len(first) == 1 else "open them first"
+        message = f"{' and '.join(first)}: {opened}; as it is, {message}"
+    return replace(result, message=message)
 
 
 def broken_goals(outputs: Mapping[str, float], goals: Iterable[Goal]) -> Iterator[GoalResult]:

@@ -52,6 +52,7 @@ from eclsim.goals.result import (
     broken_goals,
     gravest,
     kept_by_default,
+    led_by_narrow_lines,
     message_of,
     scan_gaps_text,
 )
@@ -123,7 +124,9 @@ def reach(
         implicit = implicit_goals(names, parsed, present, model.values, settings)
     held = [goal for goal in implicit if is_kept_by_settings(goal, settings)]
     giving_way = [goal for goal in implicit if goal.gives_way]
-    return _search_from_starts(_PatientModel(model, settings, volume_policy), (*parsed, *held), giving_way)
+    result = _search_from_starts(_PatientModel(model, settings, volume_policy), (*parsed, *held), giving_way)
+    unvaried = {k: v for k, v in model.values.items() if k not in {one.name for one in settings}}
+    return led_by_narrow_lines(result, (one.device.narrowed(one, unvaried) for one in known.instances()))
 
 
 def _settings_with_effect(

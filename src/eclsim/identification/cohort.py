@@ -239,15 +239,37 @@ def with_fitted_parameters(case: Case, result: Mapping[str, Any]) -> Case:
     return case.model_copy(update={"parameters": {**case.parameters, **fitted}, "fit_mark": mark})
 
 
-def cases_as_given(cases: Sequence[CaseSource], where: str) -> FittedCases:
-    """Return cases that already have their parameters; cases marked as poor fits are left out."""
-    by_name = {case.patient.id: case for case in map(as_case, cases)}
+def cases_as_given(
+    cases: Sequence[CaseSource], where: str, lost: Sequence[tuple[CaseSource, str]] = ()
+) -> FittedCases:
+    """Return cases that already have their parameters; cases marked as poor fits are left out.
+
+    Args:
+        cases: the cases; those with the id of another one are told apart by file or number.
+        where: where they come from, in words.
+        lost: further cases that cannot be studied, each with the reason.
+    """
+    names = _names_of([*cases, *(case for case, _ in lost)])
+    by_name = dict(zip(names, map(as_case, cases), strict=False))
     poor = {name: case.refusal for name, case in by_name.items() if case.refusal}
     inputs: dict[str, object] = {"cases": {name: case_text(case) for name, case in by_name.items()}}
     inputs |= digests_of_own_files() | ({"poor fits": poor} if poor else {})
     groups = tuple((name,) for name in by_name)
     kept = {name: case for name, case in by_name.items() if name not in poor}
-    return FittedCases(kept, {}, poor, f"read from {where}", groups, inputs)
+    not_fitted = poor | {name: reason for name, (_, reason) in zip(names[len(cases) :], lost, strict=True)}
+    return FittedCases(kept, {}, not_fitted, f"read from {where}", groups, inputs)
+
+
+def _names_of(cases: Sequence[CaseSource]) -> list[str]:
+    """Ids of cases; one that several cases have is followed by the file of each, else by a number."""
+    ids = [as_case(case).patient.id for case in cases]
+    names: list[str] = []
+    for k, (case, name) in enumerate(zip(cases, ids, strict=True)):
+        if ids.count(name) > 1:
+            file = getattr(case, "file", case if isinstance(case, (str, Path)) else "")
+            name = f"{name} ({Path(file).name or k + 1})"
+        names.append(name if name not in names else f"{name} ({k + 1})")
+    return names
 
 
 # --- goodness of fit of a cohort -----------------------------------------------------------------------

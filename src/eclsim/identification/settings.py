@@ -13,6 +13,7 @@ from eclsim.cases.resolve import height_weight
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.components.base import names_in
 from eclsim.devices.description import GASES as VO2
+from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import example_setting, parameters
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
@@ -31,6 +32,7 @@ from eclsim.parameters.regulation import (
 )
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
+from eclsim.patient.sites import ARTERIAL_SITES
 from eclsim.sensitivity.inputs import DEFAULTS, InputError, Uncertainty, as_uncertainties
 from eclsim.spelling import did_you_mean
 
@@ -41,6 +43,7 @@ DEFAULT_BOUND_FACTOR = 10.0
 """Default bounds of a parameter: its value divided and multiplied by this factor."""
 SMALLEST_USUAL_SHARE = 0.05
 """Stated uncertainties below this share of the default one are warned of, such as 10 % of a CVP near 0."""
+LEFT_VENTRICLE = "Emaxlv"
 SHUNT = "gas.shunt_fraction"
 CLOTTED = "ecmo.oxygenator.clotted_fraction"
 INFORMATIVE_MEASUREMENTS = {
@@ -189,6 +192,8 @@ def free_parameters(
     If a wrong shunt or oxygen consumption is held, the fitted cardiac output compensates for it. Both, and
     the mixing where drained blood is recirculated, therefore come first, followed by the usual parameters
     whose effects differ from theirs at the values of the case. A consumption that the case gives is held.
+    On V-A ECMO the contractility of the left ventricle is free as well, even if its effect is like that of
+    others: held at a healthy value, it makes a wedge pressure of 3 mmHg certain where it may be 20.
 
     Args:
         case: case with measurements.
@@ -209,7 +214,16 @@ def free_parameters(
         return candidates
     # An oxygenator counts as new unless the gases show otherwise, so its clotting has no priority.
     chosen = propose(about.scaled, first=[key for key in unknown if key != CLOTTED]).chosen
+    if returns_to_arteries(case) and 0 < len(chosen) < len(outputs):
+        chosen = (*chosen, LEFT_VENTRICLE)
     return tuple(name for name in candidates if name in chosen) or candidates
+
+
+def returns_to_arteries(case: Case) -> bool:
+    """Whether an ECMO circuit of a case returns blood to the arteries, beside a left ventricle that fails."""
+    sections = [one.section for one in case.instances() if one.device.key == ECMO.key]
+    sites = {getattr(section, name) for section in sections for name in ("return_site", "second_return_site")}
+    return bool(sites & {*ARTERIAL_SITES})
 
 
 def _unknown_gas_parameters(case: Case) -> set[str]:

@@ -21,6 +21,8 @@ from eclsim.patient.anthropometry import AGE, SIZE, body_surface, delivery_limit
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
 CLOSED_L_MIN = 0.02
 """Mean flow below which a valve counts as closed during the whole beat."""
+STOPPED_L_MIN = 1e-6
+"""Mean flow up to which a roller pump counts as stopped."""
 _GREATEST_RATE_SPREAD = 10.0
 """Standard deviation of the greatest heart rate of one age [bpm] (9 and 11, Christou and Seals 2008)."""
 HEART_RATE, SAME_RATE = "heart_rate_bpm", 1e-6
@@ -260,11 +262,17 @@ def consecutive_runs(places: Sequence[int]) -> list[list[int]]:
 
 def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:
     """Limits of a beat's outputs by severity; the heart rate is included if it is not the patient's own."""
-    limits = of_patient(_in_order(outputs), values)
+    limits = [limit for limit in of_patient(_in_order(outputs), values) if _runs(limit, outputs)]
     rate, own = outputs.get("heart_rate"), values.get(HEART_RATE)
     if rate is None or own is None or abs(rate - own) > SAME_RATE * own:
         return limits
     return [limit for limit in limits if limit.quantity != "heart_rate"]
+
+
+def _runs(limit: Limit, outputs: Mapping[str, float]) -> bool:
+    """Whether the pump on which a limit depends runs; nobody sees alarms of a machine that is stopped."""
+    known = named_output(limit.quantity) if limit.running else None
+    return known is None or abs(outputs.get(known[0].output(limit.running), 1.0)) > STOPPED_L_MIN
 
 
 @cached_by_devices(256)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.description import placed_sentence
 from eclsim.devices.registry import devices, named_output
-from eclsim.outputs.regulation import REGULATED
+from eclsim.outputs.regulation import FACTORS, REGULATED
 from eclsim.reporting.numbers import text_table
 from eclsim.simulation.target_flow import solved_speed_of
 
@@ -28,6 +28,7 @@ _OUTPUTS_OF_ROWS = (
     "ejection_fraction_lv",
 )  # fmt: skip
 _WIDTH_WITHOUT_TERMINAL = 120
+_REGULATION = "Regulation"
 _GROUPS = (
     ("Arteries", ("SP", "DP", "MAP", "pulse_pressure")),
     ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO", "bronchial_flow")),
@@ -60,7 +61,7 @@ _GROUPS = (
             "VO2_lung", "VCO2_lung", "DO2", "O2ER",
         ),
     ),
-    ("Regulation", tuple(one.name for one in REGULATED)),
+    (_REGULATION, tuple(one.name for one in REGULATED)),
 )  # fmt: skip
 """Main outputs in clinical order, without those that no case has; devices add their own."""
 _LONG_NAMES = {
@@ -149,8 +150,16 @@ def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     order = list(devices())
     instances = sorted(instances, key=lambda instance: order.index(instance.device.key))
     flows = tuple(name for instance in instances for name in instance.flows())
-    of_patient = [(title, names + flows if title == "Flows" else names) for title, names in _GROUPS]
+    groups = [one for one in _GROUPS if one[0] != _REGULATION or any(map(_is_regulated, results))]
+    of_patient = [(title, names + flows if title == "Flows" else names) for title, names in groups]
     return [*of_patient, *(group for instance in instances for group in instance.tabled())]
+
+
+def _is_regulated(result: xr.Dataset) -> bool:
+    """Whether a case has reflexes or responses, or drugs that act; given fluid alone regulates nothing."""
+    neutral = dict.fromkeys(FACTORS, 1.0) | {"unstressed_volume": 0.0}
+    present = [one.name for one in REGULATED if one.name in result and one.name != "heart_rate"]
+    return any(float(result[name]) != neutral.get(name) for name in present)
 
 
 def _is_shown(name: str, results: Sequence[xr.Dataset]) -> bool:

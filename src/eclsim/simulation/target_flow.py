@@ -198,11 +198,20 @@ def solve_speeds(
         beats = simulate_many(model, varied, (blank.output,), policy, options, execution)
         return beats[blank.output].to_numpy(), [str(text) for text in beats["message"].to_numpy()]
 
+    def narrowed_at(member: int) -> str:
+        own = {name: float(column[member]) for name, column in columns.items()}
+        _, line = instance.device.narrowed(instance, {**model.values, **own})
+        return f"; {line}" if line else ""
+
     speeds, reasons = speeds_for_flows(flow_at, flows, (sweep.low, sweep.high))
     messages = tuple(
         reason
         and f"{flow_key} = {flows[k]:g} "
-        + (f"cannot be reached: {reason}" if np.isfinite(flows[k]) else "is not a finite number")
+        + (
+            f"cannot be reached: {reason}{narrowed_at(k)}"
+            if np.isfinite(flows[k])
+            else "is not a finite number"
+        )
         for k, reason in enumerate(reasons)
     )
     return SolvedSpeeds(shared, instance, target, varied_keys, flows, speeds, messages)
