@@ -199,7 +199,7 @@ def test_a_point_that_no_patient_can_be_is_named(tmp_path):
     assert point.impossible
     assert all(one.startswith("impossible: ") for one in point.impossible)
     (line,) = impossible_points(study)
-    assert line.startswith("dry: no patient can have its beats, so do not use its order: impossible: ")
+    assert line.startswith("dry: no patient can have its beats, so its schemes have no order: impossible: ")
     assert line in _doubts(study)
     assert [bool(row["impossible"]) for row in json.loads(cohort_json(study))["points"]] == [False, True]
 

@@ -44,11 +44,8 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.stages import Compiled, Lowered, Wrapped
 from numpy.typing import ArrayLike
 
-from eclsim.runtime import (
-    SETTINGS,
-    cache_folder,
-    on_cpu,
-)  # its import sets double precision, before the first array
+# Its import sets double precision, before the first array.
+from eclsim.runtime import SETTINGS, cache_folder, on_cpu
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")

@@ -63,8 +63,8 @@ class PointResult:
         return next(ranked for ranked in self.ranking[policy] if ranked.letter == letter)
 
     def first(self, policy: str) -> str | None:
-        """Letter of the best scheme; None if the known numbers do not determine it."""
-        best = first_choice(self.ranking[policy])
+        """Letter of the best scheme; None if known numbers do not determine it, or beats are impossible."""
+        best = None if self.impossible else first_choice(self.ranking[policy])
         return None if best is None else best.letter
 
 
@@ -95,6 +95,11 @@ class CohortStudy:
     def doubts(self) -> dict[str, tuple[str, ...]]:
         """Doubts about fits that are not good, by data point."""
         return {name: case.doubts for name, case in self.fitted.cases.items() if case.doubts}
+
+    @property
+    def counted(self) -> tuple[PointResult, ...]:
+        """Data points whose ranks count: those whose beats a patient can have."""
+        return tuple(point for point in self.points if not point.impossible)
 
     @property
     def unsettled(self) -> tuple[PointResult, ...]:
@@ -255,7 +260,7 @@ def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
     winners = study.winners(policy)
     result = []
     for scheme in study.schemes:
-        rankings = [point.ranked(policy, scheme.letter) for point in study.points]
+        rankings = [point.ranked(policy, scheme.letter) for point in study.counted]
         ranks, known = [r.rank for r in rankings if r.rank is not None], [r for r in rankings if r.known]
         of_flow = [r for r in rankings if r.flow_known]
         flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in of_flow]
@@ -303,7 +308,7 @@ def conclusion(study: CohortStudy, policy: str) -> str:
 
 def _reasons_in_other_points(study: CohortStudy, policy: str, letter: str) -> str:
     """Reasons why the scheme that is most often best is not best in the other points."""
-    rankings = [point.ranked(policy, letter) for point in study.points if point.first(policy) != letter]
+    rankings = [point.ranked(policy, letter) for point in study.counted if point.first(policy) != letter]
     not_first = [
         ranked for ranked in rankings if ranked.known and ranked.places is not None and ranked.places[0] > 1
     ]

@@ -127,8 +127,8 @@ def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
 
 
 def _order(point: PointResult, policy: str) -> str:
-    """Schemes from best to worst, with ranks that are not certain in brackets."""
-    return " ".join(
+    """Schemes from best to worst, with ranks that are not certain in brackets; empty if beats are impossible."""
+    return "" if point.impossible else " ".join(
         ranked.letter if ranked.rank is not None else f"{ranked.letter}({place(ranked)})"
         for ranked in point.ranking[policy]
     )
@@ -143,6 +143,8 @@ def _figure(study: CohortStudy) -> Figure:
     letters = [ranked.letter for ranked in summaries(study, policy)]
     places, limits = np.full((2, len(study.points), len(letters)), np.nan)
     for (row, column), _ in np.ndenumerate(places):
+        if study.points[row].impossible:
+            continue
         ranked = study.points[row].ranked(policy, letters[column])
         places[row, column] = np.nan if ranked.rank is None else ranked.rank
         if ranked.flow_known:
@@ -207,14 +209,14 @@ def _doubts(study: CohortStudy) -> list[str]:
 
 
 def impossible_points(study: CohortStudy) -> list[str]:
-    """A line for each data point whose beats no patient can have; its order of schemes means nothing."""
+    """A line for each data point whose beats no patient can have, so that its ranks do not count."""
     lines = []
     for point in study.points:
         if point.impossible:
             first, more = point.impossible[0], len(point.impossible) - 1
             also = f" (and {more} more)" if more else ""
             lines.append(
-                f"{point.name}: no patient can have its beats, so do not use its order: {first}{also}"
+                f"{point.name}: no patient can have its beats, so its schemes have no order: {first}{also}"
             )
     return lines
 
