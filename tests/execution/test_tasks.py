@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from eclsim.execution import (
     Shard,
     ShardDone,
     TaskFolder,
+    TaskProgress,
     Tasks,
     announce,
     json_format,
@@ -115,6 +117,8 @@ def test_a_merge_computes_nothing_and_names_what_is_missing(tmp_path):
         complete(tmp_path, shard=Shard(2, 3))
     with pytest.raises(ExecutionError, match=r"roots: 8 of 12 numbers are missing \(0, 1, 2, 3, 8"):
         complete(tmp_path, merge=True)
+    with pytest.raises(ExecutionError, match=r"8 of 12 .* missing \(--shard 1/3, --shard 3/3\); run"):
+        complete(tmp_path, merge=True, merged_shards=3)
 
 
 @pytest.mark.parametrize("side_by_side", [False, True])
@@ -141,6 +145,29 @@ def test_stopped_at_any_moment_and_resumed_gives_the_same_files_and_repeats_noth
     seen.clear()
     complete(tmp_path / "broken", tasks, stop_at(99), resume=True)
     assert seen == [(12, 12)]
+
+
+def test_a_stop_does_not_wait_for_what_is_running(tmp_path):
+    """Nobody would store it: a command went on for two minutes after Ctrl-C."""
+    released = threading.Event()
+
+    def held(number: int) -> Answer:
+        if number > 1:
+            released.wait(20.0)
+        return answer(number)
+
+    def stop(progress: TaskProgress) -> None:
+        if progress.done == 2:
+            raise Stopped
+
+    started = time.monotonic()
+    try:
+        with pytest.raises(Stopped):
+            complete(tmp_path, replace(TASKS, compute=held, side_by_side=True), stop, workers=3)
+        assert time.monotonic() - started < 10.0
+    finally:
+        released.set()
+    assert files(tmp_path).keys() == {"inputs.json", "00000.json", "00001.json"}
 
 
 def test_resuming_with_other_inputs_names_what_differs(tmp_path):

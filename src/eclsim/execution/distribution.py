@@ -90,6 +90,7 @@ class Distribution:
         merge: run nothing and combine the results that the shards left.
         resume: continue from the results in the folder.
         force: delete the results in the folder first.
+        merged_shards: number of shards that a merge combines, to name those that are missing.
     """
 
     workers: int | None = None
@@ -98,11 +99,13 @@ class Distribution:
     merge: bool = False
     resume: bool = False
     force: bool = False
+    merged_shards: int | None = None
 
     def __post_init__(self) -> None:
         check_fields(
-            self, workers=WholeNumber(None), shard=Kind(Shard, "eclsim.Shard(1, 16), the first of 16")
-        )
+            self, workers=WholeNumber(None), shard=Kind(Shard, "eclsim.Shard(1, 16), the first of 16"),
+            merged_shards=WholeNumber(1),
+        )  # fmt: skip
         if self.force and self.resume:
             raise ExecutionError("--resume keeps what is there and --force throws it away: give one of them")
         if self.force and self.shard is not None:
@@ -132,7 +135,7 @@ class Distribution:
         """
         with using_threads(self.workers):
             if self.dask is None or self.merge:
-                yield Executor(self, _run_nothing if self.merge else in_process)
+                yield Executor(self, partial(_run_nothing, self.merged_shards) if self.merge else in_process)
                 return
             with on_dask(self.dask, preload) as run:
                 yield Executor(self, run)
@@ -236,11 +239,17 @@ def as_executor(given: Executor | None) -> Executor | None:
     return given
 
 
-def _run_nothing(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
-    """Run nothing, for a merge: raise an error that names the missing tasks."""
+def _run_nothing(
+    shards: int | None, tasks: Tasks[Argument, Result], numbers: Sequence[int]
+) -> Results[Result]:
+    """Run nothing, for a merge: raise an error that names the missing tasks, or their shards if known."""
     if numbers:
-        names = ", ".join(map(str, numbers[:_MOST_NAMED])) + (" ..." if len(numbers) > _MOST_NAMED else "")
-        text = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({names})"
+        total = len(tasks.arguments)
+        each = [Shard(k, shards) for k in range(1, shards + 1)] if shards else []
+        those = [str(shard) for shard in each if {*shard.numbers(total)} & {*numbers}]
+        names = list(map(str, numbers)) if not those else [f"--shard {shard}" for shard in those]
+        named = ", ".join(names[:_MOST_NAMED]) + (" ..." if len(names) > _MOST_NAMED else "")
+        text = f"{len(numbers)} of {total} {tasks.unit} are missing ({named})"
         raise ExecutionError(f"{tasks.title}: {text}; run their shards, or --resume without --shard")
     yield from ()
 
