@@ -318,7 +318,7 @@ def _run(
     if not numbers:
         return
     from dask.distributed import CancelledError, as_completed
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
     from distributed.scheduler import KilledWorker
 
     with _without_tracebacks(), _client(cluster()) as client:
