@@ -322,6 +322,15 @@ class Diagnostics:
         return tuple(doubts)
 
 
+def remarks_on_divergence(diagnostics: Diagnostics) -> tuple[str, ...]:
+    """Sentence on divergent draws that are few enough for the draws to be trusted; none without any."""
+    number, total = diagnostics.divergent, diagnostics.draws
+    if not 0 < number <= LARGEST_DIVERGENT_SHARE * total:
+        return ()
+    share = f"{100.0 * number / total:.2g} %, at most {100.0 * LARGEST_DIVERGENT_SHARE:.2g} % are allowed"
+    return (f"{number} of {total} draws diverged ({share}): trajectories left the posterior at a steep edge",)
+
+
 def diagnose(names: Sequence[str], draws: np.ndarray, statistics: Mapping[str, np.ndarray]) -> Diagnostics:
     """Compute the diagnostics of draws.
 
