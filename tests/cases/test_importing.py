@@ -247,6 +247,18 @@ def test_values_that_were_withdrawn_are_left_out(tmp_path):
     assert any("entered-in-error" in str(n) for n in result.notes)
 
 
+def test_a_value_that_is_absent_for_a_reason_is_named(tmp_path):
+    """Only one inside a panel was; a heart rate of its own was dropped without a word."""
+    reason = {"dataAbsentReason": {"coding": [{"code": "unknown"}]}}
+    absent = observation("8867-4", 0, "") | reason
+    del absent["valueQuantity"]
+    unread = observation("59408-5", 0, "") | reason
+    del unread["valueQuantity"]
+    result = import_cohort(bundle(tmp_path, PATIENT, panel(), absent, unread))
+    assert "heart_rate_bpm: absent, with a reason: treated as missing" in "\n".join(map(str, result.notes))
+    assert result.rows[0].get("heart_rate_bpm", "") == ""
+
+
 def test_what_a_patient_leaves_out_is_that_of_the_base_case(tmp_path):
     """It was an error, although the base case gives sex and age where the data have none."""
     bare = {key: value for key, value in PATIENT.items() if key not in ("gender", "birthDate")}

@@ -3,6 +3,7 @@ import pytest
 from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.model import values_of
 
 ECMO = {
     "pump": "Rotaflow", "speed_rpm": 3300, "oxygenator": "Quadrox-i Adult", "mode": "VV", "drainage_fr": 25,
@@ -36,6 +37,19 @@ def test_every_number_goes_back_to_where_a_case_file_holds_it(case):
     again = read_mapping(changed).case
     assert {name: stated(again, name) for name in values} == values
     assert stated(case, "gas.vo2_ml_min") is None
+
+
+def test_a_fitted_haemoglobin_leaves_the_base_excess_of_its_beats(case):
+    """A fitted file had another base excess than its fit where only the bicarbonate was given."""
+    acidotic = read_mapping(RAW | {"solutes": {"bicarbonate_mmol_l": 14.0}}).case
+    base = values_of(acidotic)["gas.base_excess_mmol_l"]
+    assert base == pytest.approx(-14.3, abs=0.1)
+    changed = with_values(acidotic, {"gas.haemoglobin_g_dl": 7.0})
+    assert values_of(read_mapping(changed.as_mapping()).case)["gas.base_excess_mmol_l"] == base
+    for given in ({"gas.base_excess_mmol_l": -5.0}, {}):
+        values = {"gas.haemoglobin_g_dl": 7.0} | given
+        of_gas_alone = with_values(case, values)
+        assert values_of(of_gas_alone)["gas.base_excess_mmol_l"] == given.get("gas.base_excess_mmol_l", 0.0)
 
 
 def test_a_number_of_an_instance_is_what_its_device_says():

@@ -10,6 +10,7 @@ from eclsim.files import json_text
 from eclsim.paper.cohort import SYNTHETIC
 from eclsim.paper.report import as_object
 from eclsim.paper.reproduction import ReproductionSettings, reproduce
+from eclsim.sensitivity.runs import SteadyBeatEvaluator
 
 CASE_OPTIONS = (
     "--samples", 256, "--parameters", "Rmc", "--outputs", "MAP", "--no-second-order", "--no-figures",
@@ -47,8 +48,38 @@ def test_merge_names_what_is_missing(shell):
     assert shell.run("sensitivity", case, *CASE_OPTIONS, "--out", out, "--shard", "1/2").exit_code == 0
     result = shell.run("merge", out)
     assert result.exit_code == 2
-    assert "blocks are missing" in result.stderr
+    assert "1 of 1 blocks are missing (--shard 2/2); run their shards" in result.stderr
     assert (out / "command.json").exists(), "the missing shard may still come"
+
+
+@pytest.mark.parametrize("stopped", [KeyboardInterrupt(), SystemExit(143)])
+def test_a_shard_that_was_stopped_leaves_what_a_merge_needs(shell, monkeypatch, stopped):
+    """Only a shard that ended left its command, so a merge said that no shard had been run."""
+    case, out = shell.case(), shell.folder / "out"
+    evaluate = SteadyBeatEvaluator.__call__
+
+    def stop_in_the_second_block(evaluator, settings, count):
+        if list(out.glob("blocks/*.parquet")):
+            raise stopped
+        return evaluate(evaluator, settings, count)
+
+    monkeypatch.setattr("eclsim.sensitivity.design.RUNS_PER_BLOCK", 384)
+    monkeypatch.setattr(SteadyBeatEvaluator, "__call__", stop_in_the_second_block)
+    shard = ("sensitivity", case, *CASE_OPTIONS, "--workers", 1, "--out", out, "--shard", "1/1")
+    result = shell.run(*shard)
+    assert result.exit_code != 0
+    assert "the same command with --resume goes on" in result.stderr
+    assert "1 of 2 blocks are missing (--shard 1/1)" in shell.run("merge", out).stderr
+    monkeypatch.setattr(SteadyBeatEvaluator, "__call__", evaluate)
+    assert shell.run(*shard, "--resume").exit_code == 0
+    assert shell.run("merge", out).exit_code == 0
+    assert not (out / "command.json").exists()
+
+
+def test_a_refused_shard_leaves_no_command(shell):
+    out = shell.folder / "out"
+    assert shell.run("sensitivity", shell.case(), "--out", out, "--shard", "3/2").exit_code == 2
+    assert not (out / "command.json").exists()
 
 
 @pytest.mark.slow

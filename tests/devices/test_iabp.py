@@ -12,8 +12,12 @@ from eclsim.cases.reading import read_mapping
 from eclsim.circuit.assembly import assemble
 from eclsim.components import Resistance
 from eclsim.devices import iabp
+from eclsim.identification.density import GradientEvaluator, PosteriorDensity, Prior
+from eclsim.identification.objective import Box, Objective, Target
 from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import simulate_adaptive
+from eclsim.outputs.steady_beat import steady_beat
 
 PATIENT = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
 FAILING = {"Emaxlv": 0.5, "Emaxrv": 0.5, "Rmc": 0.8}
@@ -265,3 +269,30 @@ def test_settings_that_reach_a_goal_take_the_same_slopes():
     assert found.reached, found.message
     assert found.outputs["iabp_augmented_pressure"] == pytest.approx(89.0, abs=0.05)
     assert 0.38 < found.values[0] < 0.46
+
+
+@pytest.mark.slow
+def test_fits_that_free_the_phase_of_inflation_take_the_same_slopes():
+    """On the usual grid that of SP, the peak made by the balloon, had the wrong sign: 1.4 for -18.7."""
+    outputs, names, step = ("SP", "DP", "MAP"), ("iabp.inflation_phase",), 1e-3
+    model = model_of(balloon(inflation_phase=0.35))
+    phases = 0.35 + np.array([-step, step])
+    ends = steady_beat(
+        Batch(model.circuit, {**model.values, "iabp.inflation_phase": phases}, 2, model.policy), outputs,
+        resolution=16,
+    ).values  # fmt: skip
+    slopes = (ends[:, 1] - ends[:, 0]) / (2.0 * step)
+    measured = dict.fromkeys(outputs, 80.0)
+    objective = Objective([Target(model, measured, measured)], names, model.policy)
+    x = objective.scale.coordinates(np.array([[0.35]]))
+    found = objective.linearise(objective.evaluate(np.zeros(1, dtype=int), x), [0], x)[0][0]
+    rows = [objective.outputs.index(name) for name in outputs]
+    np.testing.assert_allclose(found[rows, 0] / objective.scale.slopes(x)[0, 0], slopes, rtol=0.05)
+    prior = Prior.within(Box.of({names[0]: (0.35, 0.15, 0.6)}))
+    density = PosteriorDensity(model, measured, dict.fromkeys(outputs, 4.0), prior, model.policy)
+    z = prior.z_of(x[0])
+    linear = GradientEvaluator(density, z).linear(z)
+    assert linear is not None
+    np.testing.assert_allclose(
+        linear[1][:, 0] / (prior.scale.slopes(x[0]) * prior.slopes(z)), slopes, rtol=0.05
+    )

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from eclsim.execution import (
     Shard,
     ShardDone,
     TaskFolder,
+    TaskProgress,
     Tasks,
     announce,
     json_format,
@@ -36,6 +38,24 @@ def answer(number: int) -> Answer:
     announce(f"looking at {number}")
     time.sleep(0.001 * (number % 3))
     return Answer(number, number**0.5 if number != 7 else float("nan"), (str(number), "ü"))
+
+
+def slow_answer(number: int) -> Answer:
+    time.sleep(0.2)
+    return answer(number)
+
+
+@dataclass(frozen=True)
+class DyingOnce:
+    """Computes answers; the process that computes the sixth ends once."""
+
+    mark: Path
+
+    def __call__(self, number: int) -> Answer:
+        if number == 5 and not self.mark.exists():
+            self.mark.touch()
+            os._exit(1)
+        return answer(number)
 
 
 def thread_count(_: int) -> int:
@@ -90,6 +110,59 @@ def test_an_address_without_a_scheduler_says_what_is_allowed():
         complete(None, dask="nonsense")
 
 
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
+def test_a_scheduler_without_workers_says_how_to_start_one(tmp_path, monkeypatch):
+    """Dask's time-out was called a folder that cannot be written."""
+    pytest.importorskip("dask.distributed")
+    from dask.distributed import LocalCluster
+
+    monkeypatch.setattr("eclsim.execution.distribution.FIRST_WORKER_SECONDS", 0.2)
+    with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        with pytest.raises(ExecutionError, match=f"no workers after 0.2 s: .*dask worker {address}"):
+            complete(tmp_path, dask=address)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
+def test_a_scheduler_that_ends_is_named_and_what_was_done_is_kept(tmp_path):
+    pytest.importorskip("dask.distributed")
+    from dask import config
+    from dask.distributed import LocalCluster
+
+    with (
+        config.set({"distributed.comm.timeouts.connect": "1s"}),
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+    ):
+
+        def end(progress: TaskProgress) -> None:
+            if progress.done == 2:
+                cluster.sync(cluster.scheduler.close)
+
+        slow = replace(TASKS, compute=slow_answer)
+        with pytest.raises(ExecutionError, match="the scheduler ended, or its connection was lost"):
+            complete(tmp_path / "kept", slow, end, dask=cluster.scheduler_address)
+    assert len(files(tmp_path / "kept")) >= 3
+    complete(tmp_path / "kept", resume=True)
+    complete(tmp_path / "whole")
+    assert files(tmp_path / "kept") == files(tmp_path / "whole")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
+def test_a_worker_that_dies_is_replaced(tmp_path):
+    """What was scattered to the only worker died with it, and the run ended."""
+    pytest.importorskip("dask.distributed")
+    from dask.distributed import LocalCluster
+
+    complete(tmp_path / "here")
+    tasks = replace(TASKS, compute=DyingOnce(tmp_path / "died"))
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        complete(tmp_path / "there", tasks, dask=cluster.scheduler_address)
+    assert (tmp_path / "died").exists()
+    assert files(tmp_path / "here") == files(tmp_path / "there")
+
+
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ExecutionError, match=r"pip install 'eclsim\[dask\]'"):
@@ -115,6 +188,8 @@ def test_a_merge_computes_nothing_and_names_what_is_missing(tmp_path):
         complete(tmp_path, shard=Shard(2, 3))
     with pytest.raises(ExecutionError, match=r"roots: 8 of 12 numbers are missing \(0, 1, 2, 3, 8"):
         complete(tmp_path, merge=True)
+    with pytest.raises(ExecutionError, match=r"8 of 12 .* missing \(--shard 1/3, --shard 3/3\); run"):
+        complete(tmp_path, merge=True, merged_shards=3)
 
 
 @pytest.mark.parametrize("side_by_side", [False, True])
@@ -141,6 +216,29 @@ def test_stopped_at_any_moment_and_resumed_gives_the_same_files_and_repeats_noth
     seen.clear()
     complete(tmp_path / "broken", tasks, stop_at(99), resume=True)
     assert seen == [(12, 12)]
+
+
+def test_a_stop_does_not_wait_for_what_is_running(tmp_path):
+    """Nobody would store it: a command went on for two minutes after Ctrl-C."""
+    released = threading.Event()
+
+    def held(number: int) -> Answer:
+        if number > 1:
+            released.wait(20.0)
+        return answer(number)
+
+    def stop(progress: TaskProgress) -> None:
+        if progress.done == 2:
+            raise Stopped
+
+    started = time.monotonic()
+    try:
+        with pytest.raises(Stopped):
+            complete(tmp_path, replace(TASKS, compute=held, side_by_side=True), stop, workers=3)
+        assert time.monotonic() - started < 10.0
+    finally:
+        released.set()
+    assert files(tmp_path).keys() == {"inputs.json", "00000.json", "00001.json"}
 
 
 def test_resuming_with_other_inputs_names_what_differs(tmp_path):

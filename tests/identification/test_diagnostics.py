@@ -11,6 +11,7 @@ from eclsim.identification.nuts import (
     effective_tail,
     energy_fraction,
     r_hat,
+    remarks_on_divergence,
 )
 
 
@@ -101,3 +102,14 @@ def test_trajectories_that_are_cut_are_counted_and_named_where_draws_are_too_few
     assert not diagnosed(chains(), saturated=500).doubts
     (doubt,) = (d for d in diagnosed(chains(0.995), saturated=500).doubts if "effective" in d)
     assert "2000 of 4000 trajectories were cut" in doubt
+
+
+def test_divergent_draws_are_named_also_where_they_are_few():
+    """Only from 1 % on were they said; below, one had to look for them in the JSON."""
+    draws = chains()
+    assert remarks_on_divergence(diagnosed(draws)) == ()
+    (remark,) = remarks_on_divergence(diagnosed(draws, diverging=30))
+    assert remark.startswith("30 of 4000 draws diverged (0.75 %, at most 1 % are allowed)")
+    many = diagnosed(draws, diverging=41)
+    assert remarks_on_divergence(many) == ()
+    assert any(doubt.startswith("41 of 4000 draws diverged") for doubt in many.doubts)

@@ -86,10 +86,20 @@ def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
 
 def resolution_for_derivatives(assembly: Assembly, values: Values, parameters: Collection[str]) -> int | None:
     """Resolution for derivatives of one patient's beat; None if the usual one will do."""
-    switching = {n for c in assembly.circuit.compartments for n in c.component.switching_times()}
-    if switching.isdisjoint(parameters):
+    if not include_switching_times(assembly, parameters):
         return None
-    return min(REFINED_FOR_SWITCHING_TIMES * int(needed_resolution(assembly, values)), FINEST)
+    return refined_for_switching_times(int(needed_resolution(assembly, values)))
+
+
+def include_switching_times(assembly: Assembly, parameters: Collection[str]) -> bool:
+    """Whether parameters include a switching time, so that their derivatives need a refined grid."""
+    switching = {n for c in assembly.circuit.compartments for n in c.component.switching_times()}
+    return not switching.isdisjoint(parameters)
+
+
+def refined_for_switching_times(resolution: int) -> int:
+    """Resolution on which derivatives by a switching time are right, from the usual one."""
+    return min(REFINED_FOR_SWITCHING_TIMES * resolution, FINEST)
 
 
 def _driven(assembly: Assembly, values: Values) -> list[np.ndarray]:

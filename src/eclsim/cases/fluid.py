@@ -191,6 +191,13 @@ def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
     return {"gas.base_excess_mmol_l": float(excess)}
 
 
+def base_excess_of_bicarbonate(case: Case) -> dict[str, float]:
+    """Return the base excess that follows from the case's bicarbonate and haemoglobin; empty if none does."""
+    if case.solutes is None or case.gas is None or case.solutes.bicarbonate_mmol_l is None:
+        return {}
+    return _same_start(case, case.solutes.bicarbonate_mmol_l)
+
+
 def haemoglobin(case: Case) -> float | None:
     """Return the haemoglobin [g/dL] of [gas], or that of the haematocrit of [fluid]; None without both."""
     if case.gas is not None:

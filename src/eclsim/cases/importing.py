@@ -335,10 +335,12 @@ def _observations(
     if wrong := _misshapen(resource):
         result.error(place, wrong)
         return []
-    parts = [resource, *(resource.get("component") or [])]
-    values = [(code_of(part), part) for part in parts if "valueQuantity" in part or part is not resource]
-    if not values and "dataAbsentReason" not in resource:
-        if code_of(resource) in BY_CODE:
+    own, components = code_of(resource), resource.get("component") or []
+    absent = "dataAbsentReason" in resource and own in BY_CODE
+    parts = [resource] * ("valueQuantity" in resource or absent) + components
+    values = [(code_of(part), part) for part in parts]
+    if not values:
+        if own in BY_CODE:
             result.error(place, "no valueQuantity: a number with a unit is needed")
         return []
     read = []

@@ -11,8 +11,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, S
 from typing import TYPE_CHECKING
 
 from eclsim.arguments import written
-from eclsim.cases.fluid import Fluid
+from eclsim.cases.fluid import Fluid, base_excess_of_bicarbonate
 from eclsim.cases.sections import Patient, is_instance_name, section_of
+from eclsim.devices.dialysed_blood import HAEMOGLOBIN
 from eclsim.devices.registry import devices, parameters
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
@@ -82,6 +83,9 @@ def stated(case: Case, name: str) -> float | None:
 def with_values(case: Case, values: Mapping[str, float]) -> Case:
     """Return the case with new values of some numbers, each stored where a case file has it.
 
+    A base excess that the case leaves to its bicarbonate stays the one at its own haemoglobin, as in the
+    beats in which haemoglobin varied.
+
     Args:
         case: case that has the sections of these numbers; only [fluid] is added if missing.
         values: values by name, within their allowed ranges.
@@ -90,7 +94,8 @@ def with_values(case: Case, values: Mapping[str, float]) -> Case:
         ValueError: No case contains the number, or this case lacks its section.
     """
     changes: dict[str, dict[str, float]] = {}
-    for name, value in values.items():
+    held = base_excess_of_bicarbonate(case) if HAEMOGLOBIN in values else {}
+    for name, value in {**held, **values}.items():
         place = section_and_key(name)
         if place is None:
             raise ValueError(f"{name}: not a numeric quantity of a case")

@@ -55,9 +55,14 @@ def merge(options: MergeOptions) -> None:
         fail(error)
     name, own_options = (recorded or {}).get("command"), (recorded or {}).get("options")
     if not isinstance(own_options, dict) or name not in _COMMANDS:
-        reason = f"holds no shards ({COMMAND} is missing): they are merged already, or not yet run"
+        reason = (
+            f"holds no shards ({COMMAND} is missing): they are merged already, not yet run, or ended before "
+            "they stored anything"
+        )
         fail(f"{options.folder}: {reason}; allowed: a folder filled with --shard k/n")
-    where = {"out": options.folder, "json": options.json, "shard": MERGE}
+    shards = (recorded or {}).get("shards")
+    merged = f"{MERGE}/{shards}" if isinstance(shards, int) else MERGE
+    where = {"out": options.folder, "json": options.json, "shard": merged}
     local_options = {"workers": None, "dask": None, "resume": False, "force": False}
     as_command(_COMMANDS[str(name)])(**own_options, **where, **local_options)
 

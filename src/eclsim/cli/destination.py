@@ -166,10 +166,20 @@ def explaining_resume(folder: str | os.PathLike[str] | None) -> Iterator[None]:
     except ExecutionError as error:
         fail(error)
     except (KeyboardInterrupt, SystemExit) as stopped:
-        signalled = isinstance(stopped, KeyboardInterrupt) or stopped.code in (130, 143)
-        if folder is not None and signalled:
+        if folder is not None and is_signal(stopped):
             say(f"{folder}: finished results are kept; the same command with --resume goes on")
         raise
+
+
+def is_signal(stopped: KeyboardInterrupt | SystemExit) -> bool:
+    """Whether Ctrl-C or SIGTERM ended a command."""
+    return isinstance(stopped, KeyboardInterrupt) or stopped.code in (130, 143)
+
+
+def holds_results(folder: str | os.PathLike[str]) -> bool:
+    """Whether a folder holds more than the locks of running commands."""
+    place = Path(folder)
+    return place.is_dir() and any(not item.name.startswith(LOCK) for item in place.iterdir())
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from typer import Context
 from typer.core import TyperCommand, TyperOption
 
 from eclsim.cli.console import say
-from eclsim.cli.destination import locked
+from eclsim.cli.destination import holds_results, is_signal, locked
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.files import write_json
 
@@ -108,6 +108,10 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
                 function(options)
             except ShardDone as done:
                 say(f"{done}; when all shards are done: eclsim merge {options.locked_folder[0]}")
+            except (KeyboardInterrupt, SystemExit) as stopped:
+                if is_signal(stopped) and not options.merges:
+                    options.record(function.__name__)
+                raise
             options.record(function.__name__)
 
     only = inspect.Parameter.KEYWORD_ONLY
@@ -215,7 +219,7 @@ class Distributed(Json, ResultsFolder):
     @property
     def merges(self) -> bool:
         """Whether the command only merges results of shards; set by `eclsim merge`."""
-        return self.shard == MERGE
+        return self.shard is not None and self.shard.partition("/")[0] == MERGE
 
     @property
     def continues(self) -> bool:
@@ -227,8 +231,9 @@ class Distributed(Json, ResultsFolder):
         if self.locked_folder[0] is None and self.continues:
             mistakes.append("--resume and --shard need --out DIR")
         try:
-            if self.merges:
-                return Distribution(merge=True)
+            if self.merges and self.shard is not None:
+                count = self.shard.partition("/")[2]
+                return Distribution(merge=True, merged_shards=int(count) if count.isdigit() else None)
             shard = Shard.parse(self.shard) if self.shard else None
             return Distribution(
                 workers=self.workers, dask=self.dask, shard=shard, resume=self.resume, force=self.force
@@ -238,13 +243,17 @@ class Distributed(Json, ResultsFolder):
             return Distribution()
 
     def record(self, command: str) -> None:
-        """Record a shard's command beside its results for `eclsim merge`, which removes the record again."""
+        """Record a shard's command beside its results for `eclsim merge`, which removes the record again.
+
+        A shard that was stopped before it stored anything leaves no record.
+        """
         folder, _ = self.locked_folder
-        if folder is None or self.shard is None:
+        if folder is None or self.shard is None or not holds_results(folder):
             return
         file = Path(folder) / COMMAND
         if self.merges:
             file.unlink(missing_ok=True)
             return
         own_options = {name: value for name, value in asdict(self).items() if name not in EXECUTION_OPTIONS}
-        write_json({"command": command, "options": own_options}, file)
+        shards = int(self.shard.partition("/")[2])
+        write_json({"command": command, "options": own_options, "shards": shards}, file)

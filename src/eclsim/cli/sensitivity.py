@@ -82,12 +82,15 @@ def sensitivity(options: SensitivityOptions) -> None:
     Ctrl-C keeps finished runs; --resume continues. Exit status: 0 done, 1 some runs failed (listed in
     failed.csv; their rows are left out), 2 bad input.
     """
-    merges = MERGE in (options.case_file, options.shard)
+    merges = options.case_file == MERGE or options.merges
     target, distribution, reading = _checked(options, merges)
     if options.case_file == MERGE:
         warn([f"eclsim sensitivity merge will be removed: use eclsim merge {options.out}"])
     with _refuse_mistakes(options), explaining_resume(options.out):
-        results, reported = _analysed(options, distribution, reading) if reading else (_merged(options), ())
+        if reading:
+            results, reported = _analysed(options, distribution, reading)
+        else:
+            results, reported = _merged(options, distribution.merged_shards), ()
     pairs = bool(options.second_order)
     states = {state: indices.as_object(pairs) for state, indices in results.items()}
     union = list(dict.fromkeys(name for indices in results.values() for name in indices.union()))
@@ -152,12 +155,12 @@ def _analysed(
     return results, reading.case.doubts
 
 
-def _merged(o: SensitivityOptions) -> Mapping[str, Indices]:
+def _merged(o: SensitivityOptions, shards: int | None) -> Mapping[str, Indices]:
     """Return the indices of an analysis whose shards are complete."""
     from eclsim.sensitivity.analysis import merge_shards
 
     folder = Path(o.out or "")
-    result = merge_shards(folder)
+    result = merge_shards(folder, shards)
     _write_files(o, folder, result)
     return {"": result.indices}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -36,6 +37,8 @@ Result = TypeVar("Result")
 Combined = TypeVar("Combined")
 _MOST_NAMED = 10
 LOCAL = "local"
+FIRST_WORKER_SECONDS = 60.0
+"""Time that a scheduler without workers has to get the first."""
 
 
 class ShardDone(Exception):  # noqa: N818 - no error: the work of one shard ends here
@@ -90,6 +93,7 @@ class Distribution:
         merge: run nothing and combine the results that the shards left.
         resume: continue from the results in the folder.
         force: delete the results in the folder first.
+        merged_shards: number of shards that a merge combines, to name those that are missing.
     """
 
     workers: int | None = None
@@ -98,11 +102,13 @@ class Distribution:
     merge: bool = False
     resume: bool = False
     force: bool = False
+    merged_shards: int | None = None
 
     def __post_init__(self) -> None:
         check_fields(
-            self, workers=WholeNumber(None), shard=Kind(Shard, "eclsim.Shard(1, 16), the first of 16")
-        )
+            self, workers=WholeNumber(None), shard=Kind(Shard, "eclsim.Shard(1, 16), the first of 16"),
+            merged_shards=WholeNumber(1),
+        )  # fmt: skip
         if self.force and self.resume:
             raise ExecutionError("--resume keeps what is there and --force throws it away: give one of them")
         if self.force and self.shard is not None:
@@ -132,7 +138,7 @@ class Distribution:
         """
         with using_threads(self.workers):
             if self.dask is None or self.merge:
-                yield Executor(self, _run_nothing if self.merge else in_process)
+                yield Executor(self, partial(_run_nothing, self.merged_shards) if self.merge else in_process)
                 return
             with on_dask(self.dask, preload) as run:
                 yield Executor(self, run)
@@ -236,11 +242,17 @@ def as_executor(given: Executor | None) -> Executor | None:
     return given
 
 
-def _run_nothing(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
-    """Run nothing, for a merge: raise an error that names the missing tasks."""
+def _run_nothing(
+    shards: int | None, tasks: Tasks[Argument, Result], numbers: Sequence[int]
+) -> Results[Result]:
+    """Run nothing, for a merge: raise an error that names the missing tasks, or their shards if known."""
     if numbers:
-        names = ", ".join(map(str, numbers[:_MOST_NAMED])) + (" ..." if len(numbers) > _MOST_NAMED else "")
-        text = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({names})"
+        total = len(tasks.arguments)
+        each = [Shard(k, shards) for k in range(1, shards + 1)] if shards else []
+        those = [str(shard) for shard in each if {*shard.numbers(total)} & {*numbers}]
+        names = list(map(str, numbers)) if not those else [f"--shard {shard}" for shard in those]
+        named = ", ".join(names[:_MOST_NAMED]) + (" ..." if len(names) > _MOST_NAMED else "")
+        text = f"{len(numbers)} of {total} {tasks.unit} are missing ({named})"
         raise ExecutionError(f"{tasks.title}: {text}; run their shards, or --resume without --shard")
     yield from ()
 
@@ -263,6 +275,7 @@ def on_dask(address: str, preload: Iterable[str] = ()) -> Iterator[Callable[...,
     if importlib.util.find_spec("distributed") is None:
         raise ExecutionError("--dask needs Dask: pip install 'eclsim[dask]'")
     if address != LOCAL:
+        _client(address).close()  # before minutes of planning, not after them
         yield partial(_run, lambda: address)
         return
     method = _start_fork_server(["distributed", *preload])
@@ -304,30 +317,64 @@ def _run(
 ) -> Results[Result]:
     if not numbers:
         return
-    from dask.distributed import as_completed
+    from dask.distributed import CancelledError, as_completed
+    from distributed.comm.core import CommClosedError
     from distributed.scheduler import KilledWorker
 
-    with _client(cluster()) as client:
-        shared = client.scatter(tasks.compute, broadcast=True)
+    with _without_tracebacks(), _client(cluster()) as client:
+        _wait_for_workers(client)
+        # The function travels with each task: scattered, it would be lost with the worker that holds it.
         # A shared scheduler returns a stored result for a key it knows, so each run has its own keys.
         run = uuid4().hex
         # In order of number, so that a run stopped early has completed the first tasks.
         futures = [
             client.submit(
-                _on_worker, shared, tasks.arguments[number], number, __version__,
+                _on_worker, tasks.compute, tasks.arguments[number], number, __version__,
                 key=f"{tasks.title}-{run}-{number}", pure=False, priority=-number,
             )
             for number in numbers
         ]  # fmt: skip
         try:
             for _, result in as_completed(futures, loop=client.loop, with_results=True):  # pyright: ignore[reportGeneralTypeIssues] - Dask's own types
+                if isinstance(result, CancelledError):  # Dask returns it instead of raising it
+                    raise result
                 yield result
         except KilledWorker as error:
             raise ExecutionError(
                 f"{tasks.title}: a worker died, perhaps for lack of memory: {error}"
             ) from None
+        except (CancelledError, CommClosedError):
+            raise ExecutionError(
+                f"{tasks.title}: the scheduler ended, or its connection was lost; finished {tasks.unit} are "
+                "kept in --out: start it again, and repeat the command with --resume"
+            ) from None
         finally:
-            client.cancel(futures, force=True)
+            if client.status == "running":
+                client.cancel(futures, force=True)
+
+
+@contextmanager
+def _without_tracebacks() -> Iterator[None]:
+    """Silence Dask's own traceback of a lost connection, which ends in a message of ours."""
+    logger = logging.getLogger("distributed.client")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def _wait_for_workers(client: Client) -> None:
+    """Wait until there is a worker; without this, Dask waits as long and then reports a write error."""
+    try:
+        client.wait_for_workers(1, timeout=FIRST_WORKER_SECONDS)
+    except TimeoutError:
+        address = client.scheduler.address if client.scheduler else "ADDRESS"
+        raise ExecutionError(
+            f"--dask {address}: the scheduler has no workers after {FIRST_WORKER_SECONDS:g} s: start some "
+            f"(dask worker {address}), or --dask local"
+        ) from None
 
 
 def _client(cluster: str | LocalCluster) -> Client:
@@ -338,8 +385,11 @@ def _client(cluster: str | LocalCluster) -> Client:
         return Client(cluster, set_as_default=False)
     except (OSError, ValueError) as error:
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
+        wanted = "start one (dask scheduler, dask worker tcp://HOST:PORT), or correct the address"
         allowed = "allowed: local, tcp://HOST:PORT"
-        raise ExecutionError(f"--dask {cluster}: no scheduler answers ({text}); {allowed}") from error
+        raise ExecutionError(
+            f"--dask {cluster}: no scheduler answers ({text}): {wanted}; {allowed}"
+        ) from error
 
 
 def _on_worker(

@@ -185,16 +185,18 @@ def _in_threads(tasks: Tasks[Argument, Result], numbers: Sequence[int], count: i
         with using_threads(1):
             return number, tasks.compute(tasks.arguments[number])
 
-    with ThreadPoolExecutor(count, thread_name_prefix=tasks.title) as pool:
-        queue = iter(numbers)
-        waiting: set[Future[tuple[int, Result] | None]] = set()
-        try:
-            waiting |= {pool.submit(job, number) for number in islice(queue, 2 * count)}
-            while waiting:
-                ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                waiting |= {pool.submit(job, number) for number in islice(queue, len(ready))}
-                for future in ready:
-                    if (result := future.result()) is not None:
-                        yield result
-        finally:
-            stopped.set()
+    pool = ThreadPoolExecutor(count, thread_name_prefix=tasks.title)
+    queue = iter(numbers)
+    waiting: set[Future[tuple[int, Result] | None]] = set()
+    try:
+        waiting |= {pool.submit(job, number) for number in islice(queue, 2 * count)}
+        while waiting:
+            ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            waiting |= {pool.submit(job, number) for number in islice(queue, len(ready))}
+            for future in ready:
+                if (result := future.result()) is not None:
+                    yield result
+    finally:
+        stopped.set()
+        # After Ctrl-C nobody stores what is still running, and a block may take minutes.
+        pool.shutdown(wait=False, cancel_futures=True)

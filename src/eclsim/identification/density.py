@@ -35,7 +35,9 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from eclsim.arguments import OneOf
+from eclsim.beat.grid import include_switching_times, refined_for_switching_times
 from eclsim.beat.heartbeat import beat_program
+from eclsim.circuit.assembly import assemble
 from eclsim.identification.objective import Box, Explored, Tangent, execution_of
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.model import AS_PUBLISHED, Model
@@ -273,6 +275,8 @@ class GradientEvaluator:
             )
             raise NoSteadyBeatError(message + "use the method importance")
         level = int(batch.resolutions()[0])
+        if include_switching_times(assemble(batch.circuit), posterior.prior.names):
+            level = refined_for_switching_times(level)
         self.program = beat_program(batch.circuit, level)
         self.centre = anchor(batch, level, batch.member(0))
         self.last: Tangent | None = None

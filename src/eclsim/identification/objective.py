@@ -12,6 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
+from eclsim.beat.grid import include_switching_times, refined_for_switching_times
+from eclsim.circuit.assembly import assemble
 from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
@@ -212,6 +214,7 @@ class Objective:
         self.names = tuple(names)
         self.policy = policy
         self.scale = Scale.of(self.names)
+        self.has_switching_times = include_switching_times(assemble(self.circuit), self.names)
         known, measured = output_names(self.circuit), {o for t in targets for o in t.measured}
         self.outputs = tuple(o for o in OUTPUTS if o in known and (o in BEAT_OUTPUTS or o in measured))
         missing = measured - {*self.outputs}
@@ -231,6 +234,8 @@ class Objective:
     ) -> Evaluation:
         """Evaluate the model for several members.
 
+        If a switching time is free, the grid is finer than asked for, or the slopes by it would be wrong.
+
         Args:
             points: data point of each member, shape (members,).
             x: coordinates of the parameters, shape (members, parameters).
@@ -239,6 +244,9 @@ class Objective:
                 outputs jump by a thousandth where this changes.
             tangents: tangents at solved beats close to each member, from which the searches start.
         """
+        if self.has_switching_times:
+            usual = int(self.resolutions(points, x).max()) if resolution is None else resolution
+            resolution = refined_for_switching_times(usual)
         start = None if tangents is None else _extrapolated([t for (t,) in tangents], x)
         steady = steady_beat(
             self._batch(points, x), self.outputs, options=options, start=start, resolution=resolution,

@@ -26,7 +26,15 @@ from eclsim.identification.draws import away_from_fit, draws_as_tree, piled_up, 
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent
-from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, numpyro_hmc, sample
+from eclsim.identification.nuts import (
+    Chains,
+    Diagnostics,
+    Sampling,
+    diagnose,
+    numpyro_hmc,
+    remarks_on_divergence,
+    sample,
+)
 from eclsim.identification.objective import Explored
 from eclsim.identification.quantities import measurement_errors, predicted_outputs
 from eclsim.identification.settings import (
@@ -398,7 +406,8 @@ def posterior(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
         (*several_solutions(density.prior, z, gaussian), *piled_up(density.prior, z),
-         *away_from_fit(density.prior, z, fit.optimum.x), *remarks_on_assumptions(*point)),
+         *away_from_fit(density.prior, z, fit.optimum.x), *remarks_on_assumptions(*point),
+         *(() if diagnostics is None else remarks_on_divergence(diagnostics))),
     )  # fmt: skip
 
 

@@ -212,14 +212,18 @@ def run_analysis(
     return replace(result, indices=known)
 
 
-def merge_shards(folder: Path) -> SensitivityResult:
+def merge_shards(folder: Path, shards: int | None = None) -> SensitivityResult:
     """Finish the analysis whose shards a folder holds, without its case.
+
+    Args:
+        folder: folder of the shards.
+        shards: their number, to name those that are missing.
 
     Raises:
         ExecutionError: A shard is missing, or the folder holds no analysis.
     """
     store = SampleFolder.of_folder(folder)
-    with Distribution(merge=True).running() as executor:
+    with Distribution(merge=True, merged_shards=shards).running() as executor:
         blocks = range(store.design.blocks)
         tasks = Tasks("sensitivity", "blocks", store.blocks.load, blocks)
         run_tasks(tasks, store, blocks, executor.run)
