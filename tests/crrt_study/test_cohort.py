@@ -201,7 +201,11 @@ def test_a_point_that_no_patient_can_be_is_named(tmp_path):
     (line,) = impossible_points(study)
     assert line.startswith("dry: no patient can have its beats, so its schemes have no order: impossible: ")
     assert line in _doubts(study)
-    assert [bool(row["impossible"]) for row in json.loads(cohort_json(study))["points"]] == [False, True]
+    rows = json.loads(cohort_json(study))["points"]
+    assert [bool(row["impossible"]) for row in rows] == [False, True]
+    assert [row["first_as_published"] for row in rows] == ["d", None]
+    assert [row["order_as_published"] for row in rows] == ["d", ""]
+    assert study.winners("as_published") == {"d": 1}
 
 
 def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):

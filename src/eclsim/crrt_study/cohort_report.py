@@ -127,8 +127,10 @@ def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
 
 
 def _order(point: PointResult, policy: str) -> str:
-    """Schemes from best to worst, with ranks that are not certain in brackets; empty if beats are impossible."""
-    return "" if point.impossible else " ".join(
+    """Schemes from best to worst, with ranks that are not certain in brackets; empty without an order."""
+    if point.impossible:
+        return ""
+    return " ".join(
         ranked.letter if ranked.rank is not None else f"{ranked.letter}({place(ranked)})"
         for ranked in point.ranking[policy]
     )
