@@ -5,8 +5,8 @@ circuit has hundreds, so a beat of one patient would take 17 ms. With the loop m
 compiles it into one function, which takes 0.4 ms; a batch is five times faster as well (docs, page Numerics).
 The optimiser's first level compiles such a function three times faster than its last level, and the code is
 as fast. Vectors of 512 bits make a batch 1.5 times faster on processors that have them. With JAX's own switch
-`JAX_DISABLE_MOST_OPTIMIZATIONS=1` programs are compiled at level 0, in half the time, and run up to three
-times as long: for tests, which run most programs once.
+`JAX_DISABLE_MOST_OPTIMIZATIONS=1` programs are compiled at level 0, in half the time, and run 1.4 to 3 times as
+long: for tests, which run most programs once.
 
 A new process neither traces nor lowers a function that an earlier process compiled. JAX's own cache is looked
 up only after tracing, which takes 0.4 s for a beat and 3 s for its tangents. Here the key is known before
