@@ -3,7 +3,6 @@
 import ctypes
 import functools
 import gc
-import importlib
 import os
 import sys
 from collections import Counter
@@ -13,16 +12,12 @@ from pathlib import Path
 import pytest
 
 LARGEST_MB = 3000
-NO_OPTIMISATION = "jax_disable_most_optimizations"
 LONGEST_ID = 60
 GARBAGE_THRESHOLDS = (50_000, 20, 20)
 """As in the command line: with Python's own a tenth of the time and more goes into the search for garbage."""
 
 os.environ.setdefault("XLA_FLAGS", "--xla_disable_hlo_passes=while-loop-invariant-code-motion")
 """As in all programs of eclsim (`beat.compilation`): plain ones compile in three quarters of the time."""
-
-os.environ.setdefault(NO_OPTIMISATION.upper(), "1")
-"""Most programs run once or twice: they compile in half the time, and run up to three times as long."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -62,32 +57,15 @@ def resident_mb() -> int:
     return next(int(line.split()[1]) // 1024 for line in lines if line.startswith("VmRSS"))
 
 
-def drop_compiled_programs() -> None:
-    """Programs in memory go; the cache on disk keeps them cheap."""
-    sys.modules["jax"].clear_caches()
-    for cache in gc.get_objects():
-        if isinstance(cache, functools._lru_cache_wrapper) and cache.__module__.startswith("eclsim."):
-            cache.cache_clear()
-
-
 @pytest.fixture(autouse=True, scope="module")
 def _compiled_programs_are_dropped() -> Iterator[None]:
-    """Compiled programs and the compiler's memory go back where they have become many."""
+    """Compiled programs and the compiler's memory go back; the cache on disk keeps them cheap."""
     yield
     if "jax" in sys.modules and resident_mb() > LARGEST_MB:
-        drop_compiled_programs()
+        sys.modules["jax"].clear_caches()
+        for cache in gc.get_objects():
+            if isinstance(cache, functools._lru_cache_wrapper) and cache.__module__.startswith("eclsim."):
+                cache.cache_clear()
         gc.collect()
         if sys.platform == "linux":
             ctypes.CDLL(None).malloc_trim(0)
-
-
-@pytest.fixture(scope="module")
-def compiled_as_for_users() -> Iterator[None]:
-    """Programs of a module are compiled with the optimisation that users have."""
-    config = importlib.import_module("jax").config
-    usual = config.read(NO_OPTIMISATION)
-    drop_compiled_programs()
-    config.update(NO_OPTIMISATION, False)
-    yield
-    drop_compiled_programs()
-    config.update(NO_OPTIMISATION, usual)

@@ -112,20 +112,6 @@ def test_functions_that_differ_in_anything_are_other_programs(one, other, folder
     assert len(programs_in(folder)) == 2
 
 
-def test_a_program_of_other_options_is_not_taken_for_this_one(folder):
-    """Tests compile at the lowest level; a user who ran them has those programs on disk too."""
-    StoredProgram(jax.jit(lambda x: 2.0 * x), KEY, options="{'level': 0}")(X)
-    with pytest.raises(AssertionError, match="traced again"):
-        StoredProgram(jax.jit(never), KEY, options="{'level': 1}")(X)
-
-
-@pytest.mark.parametrize(("off", "level"), [(True, 0), (False, 1)])
-def test_jax_s_switch_chooses_the_lowest_level(off, level, monkeypatch):
-    monkeypatch.setattr(jax.config, "read", {"jax_disable_most_optimizations": off}.__getitem__)
-    program = compilation.compiled(lambda x: 2.0 * x, KEY)
-    assert f"'xla_backend_optimization_level': {level}" in program.options
-
-
 def test_other_options_of_the_compiler_make_another_program(folder, monkeypatch):
     for options in ("", "{'level': 3}"):
         StoredProgram(jax.jit(lambda x: 2.0 * x), ("doubled", options), options=options)(X)

@@ -4,7 +4,6 @@ import pytest
 
 from eclsim.validation.reference_cases import QUICK, case_names, output_rows, reference_result, waveform_rows
 
-pytestmark = pytest.mark.usefixtures("compiled_as_for_users")
 CASES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in case_names()]
 
 

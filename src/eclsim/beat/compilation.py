@@ -4,9 +4,7 @@ On the CPU, XLA runs a loop as a sequence of small functions at a cost of about 
 circuit has hundreds, so a beat of one patient would take 17 ms. With the loop marked as a small call, XLA
 compiles it into one function, which takes 0.4 ms; a batch is five times faster as well (docs, page Numerics).
 The optimiser's first level compiles such a function three times faster than its last level, and the code is
-as fast. Vectors of 512 bits make a batch 1.5 times faster on processors that have them. With JAX's own switch
-`JAX_DISABLE_MOST_OPTIMIZATIONS=1` programs are compiled at level 0, in half the time, and run 1.4 to 3 times as
-long: for tests, which run most programs once.
+as fast. Vectors of 512 bits make a batch 1.5 times faster on processors that have them.
 
 A new process neither traces nor lowers a function that an earlier process compiled. JAX's own cache is looked
 up only after tracing, which takes 0.4 s for a beat and 3 s for its tangents. Here the key is known before
@@ -44,8 +42,7 @@ from jax.experimental.xla_metadata import set_xla_metadata
 from jax.stages import Compiled, Lowered, Wrapped
 from numpy.typing import ArrayLike
 
-# Its import sets double precision, before the first array.
-from eclsim.runtime import SETTINGS, cache_folder, on_cpu
+from eclsim.runtime import cache_folder, on_cpu  # its import sets double precision, before the first array
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -86,7 +83,6 @@ def compiled(
         result = inner(*arguments)  # pyright: ignore[reportCallIssue]  # arrays, as the function takes them
         return set_xla_metadata(result, inlineable="false", xla_cpu_small_call="true")
 
-    level = 0 if SETTINGS.read("jax_disable_most_optimizations") else level
     options = {**COMPILER_OPTIONS, "xla_backend_optimization_level": level}
     modules = {one.__module__ for one in (function, law) if one is not None}
     program = StoredProgram(jax.jit(call, compiler_options=options), key, modules, repr(options))
@@ -125,7 +121,7 @@ class StoredProgram:
         return program(*arguments)
 
     def _get(self, shapes: Shapes, arguments: tuple[ArrayLike, ...]) -> Wrapped | Compiled:
-        file = _file(self.key, shapes, self.modules, self.options)
+        file = _file(self.key, shapes, self.modules)
         if file is None:
             return self.function
         return _named_program(file) or self._traced(file, arguments)
@@ -195,16 +191,14 @@ def _module_of_package(module: str) -> str:
     return module
 
 
-def _file(
-    key: Key | None, shapes: Shapes, modules: Iterable[str] = (__name__,), options: str = ""
-) -> Path | None:
+def _file(key: Key | None, shapes: Shapes, modules: Iterable[str] = (__name__,)) -> Path | None:
     folder = cache_folder() if key is not None else None
     described = [_described(part) for part in key or ()]
     known = [part for part in described if part is not None]
     if folder is None or len(known) < len(described):
         return None
     sources = _sources(frozenset(modules).union(*(part.modules for part in known)))
-    return folder / f"eclsim-{_hash(sources, options, str(shapes), str([part.text for part in known]))}"
+    return folder / f"eclsim-{_hash(sources, str(shapes), str([part.text for part in known]))}"
 
 
 def _hash(*texts: str) -> str:
