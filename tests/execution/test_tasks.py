@@ -89,14 +89,17 @@ def test_results_and_files_are_the_same_whatever_the_number_of_threads(tmp_path,
     assert files(tmp_path / "kept") == files(tmp_path / "again")
 
 
+def dask_cluster(**options):
+    """A Dask cluster on this machine, without its page."""
+    distributed = pytest.importorskip("dask.distributed")
+    return distributed.LocalCluster(dashboard_address=None, **options)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_dask_gives_the_same_files_and_one_thread_to_a_task(tmp_path):
-    pytest.importorskip("dask.distributed")
-    from dask.distributed import LocalCluster
-
     complete(tmp_path / "here")
-    workers = LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
+    workers = dask_cluster(n_workers=1, threads_per_worker=2, processes=False)
     with workers as cluster, Distribution(dask=cluster.scheduler_address).running() as executor:
         executor.complete(TASKS, tmp_path / "there", FORMAT)
         counting = Tasks("threads", "numbers", thread_count, range(3))
@@ -113,11 +116,8 @@ def test_an_address_without_a_scheduler_says_what_is_allowed():
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_a_scheduler_without_workers_says_how_to_start_one(tmp_path, monkeypatch):
     """Dask's time-out was called a folder that cannot be written."""
-    pytest.importorskip("dask.distributed")
-    from dask.distributed import LocalCluster
-
     monkeypatch.setattr("eclsim.execution.distribution.FIRST_WORKER_SECONDS", 0.2)
-    with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
+    with dask_cluster(n_workers=0, processes=False) as cluster:
         address = cluster.scheduler_address
         with pytest.raises(ExecutionError, match=f"no workers after 0.2 s: .*dask worker {address}"):
             complete(tmp_path, dask=address)
@@ -126,13 +126,10 @@ def test_a_scheduler_without_workers_says_how_to_start_one(tmp_path, monkeypatch
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_a_scheduler_that_ends_is_named_and_what_was_done_is_kept(tmp_path):
-    pytest.importorskip("dask.distributed")
-    from dask import config
-    from dask.distributed import LocalCluster
-
+    config = pytest.importorskip("dask").config
     with (
         config.set({"distributed.comm.timeouts.connect": "1s"}),
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        dask_cluster(n_workers=1, threads_per_worker=1, processes=False) as cluster,
     ):
 
         def end(progress: TaskProgress) -> None:
@@ -152,12 +149,9 @@ def test_a_scheduler_that_ends_is_named_and_what_was_done_is_kept(tmp_path):
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_a_worker_that_dies_is_replaced(tmp_path):
     """What was scattered to the only worker died with it, and the run ended."""
-    pytest.importorskip("dask.distributed")
-    from dask.distributed import LocalCluster
-
     complete(tmp_path / "here")
     tasks = replace(TASKS, compute=DyingOnce(tmp_path / "died"))
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+    with dask_cluster(n_workers=1, threads_per_worker=1) as cluster:
         complete(tmp_path / "there", tasks, dask=cluster.scheduler_address)
     assert (tmp_path / "died").exists()
     assert files(tmp_path / "here") == files(tmp_path / "there")
@@ -323,9 +317,6 @@ class Slow:
 
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
-    pytest.importorskip("dask.distributed")
-    from dask.distributed import LocalCluster
-
     results = {}
 
     def run(factor: int) -> None:
@@ -333,7 +324,7 @@ def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
             tasks = Tasks("products", "numbers", Slow(factor), range(5))
             results[factor] = executor.complete(tasks, None, json_format(int))
 
-    workers = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    workers = dask_cluster(n_workers=1, threads_per_worker=1, processes=False)
     with workers as cluster, ThreadPoolExecutor(2) as pool:
         list(pool.map(run, (1, 100)))
     assert results == {1: [0, 1, 2, 3, 4], 100: [0, 100, 200, 300, 400]}
@@ -342,11 +333,8 @@ def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_what_else_runs_in_a_process_is_not_sent_to_the_scheduler_of_an_analysis():
     """Where two were at work and the first ended first, no NetCDF file could be written any more."""
-    pytest.importorskip("dask.distributed")
-    import dask
-    from dask.distributed import LocalCluster
-
-    workers = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    dask = pytest.importorskip("dask")
+    workers = dask_cluster(n_workers=1, threads_per_worker=1, processes=False)
     with workers as cluster:
         analyses = [_client(cluster.scheduler_address) for _ in range(2)]
         assert dask.config.get("scheduler", None) is None

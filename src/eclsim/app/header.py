@@ -248,9 +248,7 @@ class Header:
                 area.props(f'readonly outlined aria-label="{text("link")}"').classes("ecl-link")
 
     async def _export(self, kind: str) -> None:
-        state, minutes = self.session.state, self.session.minutes
-        shown = self.session.shown
-        beat = shown[1] if shown is not None and shown[0] == state else None
+        state, minutes, beat = self.session.state, self.session.minutes, self.session.own_beat
         of_start = self.session.minute > 0.0 and kind not in ("case", "course")
         notify(text("exporting_start" if of_start else "exporting"), "info")
         try:

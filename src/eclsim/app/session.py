@@ -102,6 +102,11 @@ class Session:
         return self.shown[1] if self.shown else None
 
     @property
+    def own_beat(self) -> Beat | None:
+        """The displayed beat if it belongs to the state; None while a newer one is computed."""
+        return self.shown[1] if self.shown is not None and self.shown[0] == self.state else None
+
+    @property
     def seen(self) -> ShownBeat | None:
         """The beat displayed on the page: that of the state, or of a later minute of its course."""
         return self.later or (ShownBeat(*self.shown) if self.shown else None)

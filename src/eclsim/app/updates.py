@@ -160,9 +160,7 @@ class CourseStudy(_OneAtATime):
                 continue
             if job == (self.session.state, self.minutes) and not self.session.closed:
                 self.course = course
-                shown = self.session.shown
-                start = shown[1] if shown is not None and shown[0] == state else None
-                self.session.send("course", plain_course(course, minutes, start))
+                self.session.send("course", plain_course(course, minutes, self.session.own_beat))
 
     async def _show(self) -> None:
         while (minute := self._minute) is not None and (course := self.course) is not None:
