@@ -13,11 +13,15 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import jax
+from jax.experimental.xla_metadata import set_xla_metadata
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 SETTINGS: Any = jax.config  # JAX creates these attributes at run time, so type checkers do not know them
 
 
@@ -48,6 +52,25 @@ def on_cpu() -> bool:
     if device is None:
         return jax.default_backend() == "cpu"
     return (device if isinstance(device, str) else device.platform) == "cpu"
+
+
+def not_inlined(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Return a function of arrays that compiled code calls, for use within functions that are compiled.
+
+    The compiler otherwise merges operations with those that read their results and repeats them in each: the
+    exponentials of a law of blood in dozens of products. With its results stored once, code is smaller,
+    compiles in less time and runs faster. The arguments and results are arrays or collections of arrays.
+    """
+    compiled = jax.jit(function)
+
+    def call(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        result = compiled(*arguments, **named)
+        if not on_cpu():
+            return result
+        marked: Any = set_xla_metadata(result, inlineable="false")
+        return marked
+
+    return call
 
 
 def _configure() -> None:

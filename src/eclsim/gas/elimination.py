@@ -8,6 +8,7 @@ relations of all exchangers form a small system with two unknowns per exchanger.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -18,6 +19,7 @@ from jax import Array
 from eclsim.components.base import Values
 from eclsim.components.exchangers import GasExchanger, Points
 from eclsim.gas.linear_systems import solution
+from eclsim.runtime import not_inlined
 
 
 class LinearisedBlood(NamedTuple):
@@ -73,7 +75,7 @@ def linear_exchanger(
     """
     (cells, weights), share = law.collocation, jnp.asarray(law.exchanging(values))
     points, exchanging = len(weights), 10.0 * flow * share
-    by_gained, by_pressure = _rates_by(law, flow, inside, values)
+    by_gained, by_pressure = not_inlined(partial(_rates_by, law))(flow, inside, dict(values))
     content_by = _by_cell(inside.content_by, cells)
     through = _by_cell(exchanging * _matrix_product(by_gained, inside.content_by) + by_pressure, cells)
     diagonal = (exchanging + inertia * 10.0 * flow) * content_by
@@ -90,7 +92,7 @@ def linear_exchanger(
         exchanging * (identity - sum(weights[j, k] / cells * gained_by[..., k] for k in range(points)))
         for j in range(points)
     ]
-    solved = _block_elimination(blocks, [jnp.concatenate([n, identity], axis=1) for n in entering])
+    solved = _solved_by_block(blocks, [jnp.concatenate([n, identity], axis=1) for n in entering])
     by_inlet, before = [x[:, :2] for x in solved], [x[:, 2:] for x in solved]
     ends, reached = content_by[..., -1], [jnp.eye(2)]
     for c in range(cells):
@@ -116,9 +118,7 @@ def responses(equations: LinearExchanger, residuals: Array) -> tuple[list[Array]
     residuals_by_cell = _by_cell(-residuals, cells)
     moves = [
         x[:, 0]
-        for x in _block_elimination(
-            equations.blocks, [residuals_by_cell[:, None, :, k] for k in range(count)]
-        )
+        for x in _solved_by_block(equations.blocks, [residuals_by_cell[:, None, :, k] for k in range(count)])
     ]
     reached, before = jnp.zeros(2), []
     for c in range(cells):
@@ -213,3 +213,6 @@ def _block_elimination(blocks: Sequence[Sequence[Array]], rights: Sequence[Array
         reduced, [r - _matrix_product(o[0], right) for o, r in zip(rows, rights[1:], strict=True)]
     )
     return [right - sum(_matrix_product(a, x) for a, x in zip(along, behind, strict=True)), *behind]
+
+
+_solved_by_block = not_inlined(_block_elimination)

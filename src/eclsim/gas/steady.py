@@ -26,7 +26,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood.acid_base import excess_of
 from eclsim.blood.gases import law_named
 from eclsim.blood.types import Blood
@@ -40,6 +39,7 @@ from eclsim.gas.elimination import (
     responses,
 )
 from eclsim.gas.transport import Mixtures
+from eclsim.runtime import not_inlined
 
 ITERATIONS, PLAIN_ITERATIONS = 1800, 40
 """Iterations of a search, and of its first part, after which the search continues in pseudo-time."""
@@ -380,7 +380,7 @@ def _newton_step(
     implicit step in pseudo-time.
     """
     count = network.count
-    local = _local(network.law, blood_of(network.values), pressure, ph)
+    local = not_inlined(partial(_local, network.law))(blood_of(network.values), pressure, ph)
     points, gained, value = _residuals(
         network, pressure, local.content, local.standard, ph + local.acid, expected
     )
