@@ -94,6 +94,13 @@ def test_a_bad_cell_refuses_its_row_alone_with_line_and_column(write, column, va
     assert len(str(messages[0])) < 600
 
 
+def test_reasons_of_refused_rows_are_told_by_line_and_patient(write):
+    lines = (HEAD, ROW, row(2, CO="six", DP="-"), row(3, SP="200 kPa", CO="six"), "P01,4")
+    assert {k: v.count("; allowed") for k, v in read_cohort(write(*lines)).refusals.items()} == {
+        "line 3 (P01)": 1, "line 4 (P01)": 2, "line 5": 0,
+    }  # fmt: skip
+
+
 def test_one_bad_row_among_a_thousand(write):
     rows = [row(k) for k in range(1000)]
     rows[500] = row(500, SP="high")

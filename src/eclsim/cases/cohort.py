@@ -360,6 +360,16 @@ class CohortReading:
     digest: str
     refused_rows: tuple[tuple[str, int], ...] = ()
 
+    @property
+    def refusals(self) -> dict[str, str]:
+        """Reasons why rows are unusable, by line and patient, such as "line 3 (P01)"."""
+        patients = {line: f" ({patient})" for patient, line in self.refused_rows if patient}
+        reasons: dict[str, list[str]] = {}
+        for mistake in self.refused:
+            label = f"line {mistake.line}{patients.get(mistake.line or 0, '')}"
+            reasons.setdefault(label, []).append(str(mistake.at("", None)))
+        return {label: "; ".join(each) for label, each in reasons.items()}
+
 
 def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
     """Read a cohort; each row is checked like a case file.
