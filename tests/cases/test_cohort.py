@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from eclsim.cases import CaseError, cohort
+from eclsim.cases import CaseError, cohort, read_case
 from eclsim.cases.cohort import COLUMNS, read_cohort
 
 HEAD = (
@@ -202,6 +202,19 @@ def test_ids_that_look_the_same_are_named(write, other):
     reading = read_cohort(write(HEAD, row(1), row(1, other)))
     assert len(reading.points) == 2
     assert any("line 2" in str(w) and w.key == "patient_id" for w in reading.warnings)
+
+
+def test_points_whose_names_would_be_the_same_are_refused(write):
+    """Both got the fit of the second."""
+    reading = read_cohort(write(HEAD, row(1, "A/B", measurement="C"), row(1, "A", measurement="B/C"), row()))
+    assert [point.line for point in reading.points] == [4]
+    assert [mistake.line for mistake in reading.refused] == [2, 3]
+
+
+def test_a_table_where_a_case_file_is_needed_is_named_as_one(write):
+    """It was called TOML that is not valid."""
+    with pytest.raises(CaseError, match="a table of measurements; allowed: a case file; eclsim identify"):
+        read_case(write(HEAD, ROW))
 
 
 def test_a_repeated_point_is_refused_wherever_it_stands(write):
