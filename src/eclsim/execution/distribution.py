@@ -375,7 +375,7 @@ def _watched(done: as_completed, client: Client) -> Iterator[Any]:
                 announce(f"no worker is left, waiting for others (dask worker {_address(client)})")
 
 
-def _address(client: Client) -> str:
+def _address(client: Client) -> object:
     return client.scheduler.address if client.scheduler else "ADDRESS"
 
 
