@@ -179,6 +179,21 @@ def test_a_run_whose_workers_are_all_gone_says_so_and_goes_on_with_the_next(tmp_
     assert files(tmp_path / "here") == files(tmp_path / "there")
 
 
+def test_local_workers_that_do_not_start_are_an_error_of_their_own_and_hide_no_other(tmp_path, monkeypatch):
+    """Ctrl-C while they started ended in a traceback of Dask, as if the command had failed."""
+    pytest.importorskip("dask.distributed")
+
+    def no_cluster(*_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("eclsim.execution.distribution._local_cluster", no_cluster)
+    monkeypatch.setattr("eclsim.execution.distribution._start_fork_server", lambda _: "spawn")
+    with pytest.raises(ExecutionError, match=r"--dask local: workers cannot be started \(Nanny failed"):
+        complete(tmp_path, dask="local")
+    with pytest.raises(Stopped), Distribution(dask="local").running():
+        raise Stopped
+
+
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ExecutionError, match=r"pip install 'eclsim\[dask\]'"):

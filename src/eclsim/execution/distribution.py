@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -286,20 +287,39 @@ def on_dask(address: str, preload: Iterable[str] = ()) -> Iterator[Callable[...,
     with ThreadPoolExecutor(1, thread_name_prefix="dask") as starter:
         starting = starter.submit(_local_cluster, threads(), method)
         try:
-            yield partial(_run, starting.result)
+            yield partial(_run, partial(_started, starting))
         finally:
-            starting.result().close()
+            if starting.exception() is None:
+                starting.result().close()
 
 
 def _start_fork_server(preload: list[str]) -> str:
-    """Start a fork server that imports the modules, and return the start method; "spawn" except on Linux."""
+    """Start a fork server that imports the modules, and return the start method; "spawn" except on Linux.
+
+    Ctrl-C reaches all processes of a terminal; server and workers leave it to this one, which closes them.
+    """
     if sys.platform != "linux":
         return "spawn"
-    from multiprocessing import forkserver
+    from multiprocessing import forkserver, resource_tracker
 
     forkserver.set_forkserver_preload(preload)
-    forkserver.ensure_running()
+    resource_tracker.ensure_running()  # it would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return "forkserver"
+
+
+def _started(starting: Future[LocalCluster]) -> LocalCluster:
+    try:
+        return starting.result()
+    except (OSError, RuntimeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ExecutionError(
+            f"--dask {LOCAL}: workers cannot be started ({reason}): give fewer --workers, or leave --dask out"
+        ) from error
 
 
 def _local_cluster(workers: int, method: str) -> LocalCluster:
