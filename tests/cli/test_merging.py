@@ -91,6 +91,17 @@ def test_a_shard_with_other_options_is_refused(shell):
     assert shell.run("merge", out).exit_code == 0
 
 
+def test_a_merge_in_which_something_failed_is_done_too(shell):
+    """Its command stayed in the folder, as if shards were still to be merged."""
+    head, first, second, *_ = SYNTHETIC.read_text().splitlines()
+    table, out = shell.folder / "rows.csv", shell.folder / "out"
+    table.write_text("\n".join([head, first, second.replace(",6.6,", ",six,")]) + "\n")
+    assert shell.run("course", table, "--until", "1", "--out", out, "--shard", "1/1").exit_code == 0
+    assert shell.run("merge", out).exit_code == 1
+    assert (out / "courses.json").exists()
+    assert not (out / "command.json").exists()
+
+
 def test_a_refused_shard_leaves_no_command(shell):
     out = shell.folder / "out"
     assert shell.run("sensitivity", shell.case(), "--out", out, "--shard", "3/2").exit_code == 2

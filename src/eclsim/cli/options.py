@@ -110,6 +110,9 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
                 function(options)
             except ShardDone as done:
                 say(f"{done}; when all shards are done: eclsim merge {options.locked_folder[0]}")
+            except typer.Exit:  # finished, although not everything converged
+                options.record(function.__name__)
+                raise
             except (KeyboardInterrupt, SystemExit) as stopped:
                 if is_signal(stopped) and not options.merges:
                     options.record(function.__name__)
