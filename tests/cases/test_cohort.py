@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from eclsim.cases import CaseError, cohort
+from eclsim.cases import CaseError, cohort, read_case
 from eclsim.cases.cohort import COLUMNS, read_cohort
 
 HEAD = (
@@ -92,6 +92,13 @@ def test_a_bad_cell_refuses_its_row_alone_with_line_and_column(write, column, va
     assert all(m.line == 3 for m in reading.refused)
     assert text in str(messages[0])
     assert len(str(messages[0])) < 600
+
+
+def test_reasons_of_refused_rows_are_told_by_line_and_patient(write):
+    lines = (HEAD, ROW, row(2, CO="six", DP="-"), row(3, SP="200 kPa", CO="six"), "P01,4")
+    assert {k: v.count("; allowed") for k, v in read_cohort(write(*lines)).refusals.items()} == {
+        "line 3 (P01)": 1, "line 4 (P01)": 2, "line 5": 0,
+    }  # fmt: skip
 
 
 def test_one_bad_row_among_a_thousand(write):
@@ -195,6 +202,19 @@ def test_ids_that_look_the_same_are_named(write, other):
     reading = read_cohort(write(HEAD, row(1), row(1, other)))
     assert len(reading.points) == 2
     assert any("line 2" in str(w) and w.key == "patient_id" for w in reading.warnings)
+
+
+def test_points_whose_names_would_be_the_same_are_refused(write):
+    """Both got the fit of the second."""
+    reading = read_cohort(write(HEAD, row(1, "A/B", measurement="C"), row(1, "A", measurement="B/C"), row()))
+    assert [point.line for point in reading.points] == [4]
+    assert [mistake.line for mistake in reading.refused] == [2, 3]
+
+
+def test_a_table_where_a_case_file_is_needed_is_named_as_one(write):
+    """It was called TOML that is not valid."""
+    with pytest.raises(CaseError, match="a table of measurements; allowed: a case file; eclsim identify"):
+        read_case(write(HEAD, ROW))
 
 
 def test_a_repeated_point_is_refused_wherever_it_stands(write):

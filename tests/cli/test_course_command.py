@@ -21,6 +21,7 @@ from eclsim.cli.course import (
 )
 from eclsim.cli.plan import _kept_text
 from eclsim.course.files import course_object
+from eclsim.paper.cohort import SYNTHETIC
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
 
@@ -156,6 +157,19 @@ def test_a_cohort_goes_through_shards_and_merge(shell):
     assert json.loads(merged.stdout) == found == json.loads((out / "courses.json").read_text())
     assert (out / "courses" / "P02_course.nc").exists()
     assert "holds courses.json already" in shell.run(*chosen, "--out", out).stderr
+
+
+def test_rows_that_are_not_followed_are_in_the_results_too(shell):
+    """They were named on standard error alone, and the files looked as if nobody was missing."""
+    head, first, second, *_ = SYNTHETIC.read_text().splitlines()
+    table, out = shell.folder / "rows.csv", shell.folder / "out"
+    table.write_text("\n".join([head, first, second.replace(",6.6,", ",six,")]) + "\n")
+    done = shell.run("course", table, "--until", "1", "--out", out, "--json", "-")
+    assert done.exit_code == 1
+    found = json.loads(done.stdout)
+    assert [course["id"] for course in found["courses"]] == ["P01/1"]
+    assert found["refused"] == {"line 3 (P01)": 'CO = "six": not a number; allowed: 0 to 20 L/min'}
+    assert 'line 3 (P01),refused,,,,"CO = ""six"": not a number' in (out / "courses.csv").read_text()
 
 
 def test_events_of_a_file_have_to_fit_each_patient(shell):

@@ -76,6 +76,32 @@ def test_a_shard_that_was_stopped_leaves_what_a_merge_needs(shell, monkeypatch, 
     assert not (out / "command.json").exists()
 
 
+def test_a_shard_with_other_options_is_refused(shell):
+    """Studies of other schemes have a folder of their own, and the merge called the first shard missing."""
+    folder, out = shell.folder / "cases", shell.folder / "out"
+    folder.mkdir()
+    shell.case("cases/one.toml", more=shell.ecmo)
+    chosen = ("crrt-study", folder, "--speeds", "3000", "--volume-policy", "as_published", "--out", out)
+    assert shell.run(*chosen, "--schemes", "g,h", "--shard", "1/2").exit_code == 0
+    result = shell.run(*chosen, "--schemes", "g,d", "--shard", "2/2")
+    assert result.exit_code == 2
+    assert "run with other options (schemes was 'g,h' and is 'g,d'); choose another folder" in result.stderr
+    elsewhere = f"{folder.parent}/./cases"
+    assert shell.run(chosen[0], elsewhere, *chosen[2:], "--schemes", "g,h", "--shard", "2/2").exit_code == 0
+    assert shell.run("merge", out).exit_code == 0
+
+
+def test_a_merge_in_which_something_failed_is_done_too(shell):
+    """Its command stayed in the folder, as if shards were still to be merged."""
+    head, first, second, *_ = SYNTHETIC.read_text().splitlines()
+    table, out = shell.folder / "rows.csv", shell.folder / "out"
+    table.write_text("\n".join([head, first, second.replace(",6.6,", ",six,")]) + "\n")
+    assert shell.run("course", table, "--until", "1", "--out", out, "--shard", "1/1").exit_code == 0
+    assert shell.run("merge", out).exit_code == 1
+    assert (out / "courses.json").exists()
+    assert not (out / "command.json").exists()
+
+
 def test_a_refused_shard_leaves_no_command(shell):
     out = shell.folder / "out"
     assert shell.run("sensitivity", shell.case(), "--out", out, "--shard", "3/2").exit_code == 2

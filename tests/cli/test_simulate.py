@@ -115,6 +115,15 @@ def test_files_are_written_and_hold_what_was_asked_for(shell, instant):
     assert not list(folder.rglob(".*"))
 
 
+def test_a_table_tells_why_a_case_has_no_numbers(shell, instant):
+    """Its row was empty, and the reason was in JSON and NetCDF alone."""
+    files = [shell.case("a.toml", "A"), shell.case("b.toml", "never")]
+    assert shell.run("simulate", *files, "--csv", shell.folder / "tables").exit_code == 1
+    with open(shell.folder / "tables" / "outputs.csv", newline="") as file:
+        rows = [(row["status"], row["message"]) for row in csv.DictReader(file)]
+    assert rows == [("converged", "steady beat found"), ("not_converged", "no steady beat found")]
+
+
 def test_the_course_in_time_is_stored_beside_the_beat(shell, instant, monkeypatch):
     course = xr.Dataset({"Pao": ("time", [80.0, 81.0])}, coords={"time": [0.0, 0.1]})
     monkeypatch.setattr("eclsim.simulation.single.simulate_transient", lambda case, *_, **__: course)

@@ -11,6 +11,7 @@ from eclsim.course.beats import beat_by_beat_course, course_beats
 from eclsim.course.course import course
 from eclsim.course.engine import CourseOptions
 from eclsim.devices.ecmo import OXYGENATORS
+from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
@@ -48,6 +49,14 @@ def courses(march):
 
 def at(result, minute, name):
     return float(np.interp(minute, result["time_min"], result[name]))
+
+
+def test_beats_without_a_steady_gas_state_to_start_from_say_so():
+    """The message was "no steady beat to start from: steady beat found"."""
+    gas, ecmo = CASE["gas"] | {"shunt_fraction": 1.0}, CASE["ecmo"] | {"sweep_l_min": 0.0}
+    case = {name: CASE[name] for name in ("format", "patient")} | {"ecmo": ecmo, "gas": gas}
+    with pytest.raises(CaseError, match=r"^no steady state to start from: steady beat found, but no"):
+        course_beats(read_mapping(case).case, minutes=0.1)
 
 
 @pytest.mark.slow

@@ -80,6 +80,8 @@ def test_json_has_the_agreed_form(hostile_study, folder):
     with xr.open_dataset(folder / "study.nc", engine="h5netcdf") as root:
         assert json.loads(root.attrs["case"]) == result["case"]
         assert read_mapping(result["case"]).case == hostile_study.case
+        assert root.attrs["warnings"].splitlines() == result["warnings"] != []
+        assert root.attrs["converged"] == result["converged"]
     policy = result["policies"]["as_published"]
     assert policy["speed_rpm"] == 3425
     assert set(policy["schemes"]) == {"a", "g", "h"}
@@ -119,6 +121,8 @@ def test_netcdf_holds_all_groups_with_units(hostile_study, folder):
         ("without_crrt", "PF", "L/min"),
         ("limits", "margin", "mmHg"),
         ("uptake", "blood_taken_up", "mL"),
+        ("uptake", "Psart_flow", "mmHg"),
+        ("uptake", "CO_difference", "L/min"),
     ):
         with xr.open_dataset(path, group=group, engine="h5netcdf") as data:
             assert data[variable].attrs["units"] == unit

@@ -157,6 +157,43 @@ def test_a_worker_that_dies_is_replaced(tmp_path):
     assert files(tmp_path / "here") == files(tmp_path / "there")
 
 
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
+def test_a_run_whose_workers_are_all_gone_says_so_and_goes_on_with_the_next(tmp_path, monkeypatch):
+    """It waited for ever, and the last line was the time left."""
+    monkeypatch.setattr("eclsim.execution.distribution.SECONDS_BETWEEN_LOOKS", 0.1)
+    lines: list[str] = []
+    with dask_cluster(n_workers=1, threads_per_worker=1, processes=False) as cluster:
+
+        def lose_the_worker(progress: TaskProgress) -> None:
+            lines.append(str(progress))
+            if progress.done == 2 and not progress.detail:
+                cluster.scale(0)
+            elif "no worker is left" in progress.detail:
+                cluster.scale(1)
+
+        slow = replace(TASKS, compute=slow_answer)
+        complete(tmp_path / "there", slow, lose_the_worker, dask=cluster.scheduler_address)
+        waiting = f"; no worker is left, waiting for others (dask worker {cluster.scheduler_address})"
+    assert any(line.endswith(waiting) for line in lines)
+    complete(tmp_path / "here")
+    assert files(tmp_path / "here") == files(tmp_path / "there")
+
+
+def test_local_workers_that_do_not_start_are_an_error_of_their_own_and_hide_no_other(tmp_path, monkeypatch):
+    """Ctrl-C while they started ended in a traceback of Dask, as if the command had failed."""
+    pytest.importorskip("dask.distributed")
+
+    def no_cluster(*_):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("eclsim.execution.distribution._local_cluster", no_cluster)
+    monkeypatch.setattr("eclsim.execution.distribution._start_fork_server", lambda _: "spawn")
+    with pytest.raises(ExecutionError, match=r"--dask local: workers cannot be started \(Nanny failed"):
+        complete(tmp_path, dask="local")
+    with pytest.raises(Stopped), Distribution(dask="local").running():
+        raise Stopped
+
+
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ExecutionError, match=r"pip install 'eclsim\[dask\]'"):

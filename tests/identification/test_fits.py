@@ -351,7 +351,7 @@ def test_a_fit_that_ends_where_valves_stay_shut_is_poor_and_trusted_nowhere(fit,
 def test_a_study_leaves_out_patients_whose_fit_is_poor_or_ends_where_valves_stay_shut(points, monkeypatch):
     monkeypatch.setattr(cohort, "fit_cases", lambda cases, *_: [ended(name, case) for name, case in cases])
     points = [*points, CohortPoint("T01", "3", 4, points[0].case)]
-    reading = SimpleNamespace(points=points, digest="abc")
+    reading = SimpleNamespace(points=points, digest="abc", refusals={"line 5 (T02)": "SP: not a number"})
 
     def ended(name, case):
         shut, poor = name == points[0].name, name == points[2].name
@@ -367,6 +367,7 @@ def test_a_study_leaves_out_patients_whose_fit_is_poor_or_ends_where_valves_stay
     assert list(fitted.cases) == [points[1].name]
     assert "valves stay shut" in fitted.not_fitted[points[0].name]
     assert "31.0 standard uncertainties (MAP)" in fitted.not_fitted[points[2].name]
+    assert fitted.not_fitted["line 5 (T02)"] == "SP: not a number"
 
 
 def test_names_of_files_differ_for_names_that_differ():

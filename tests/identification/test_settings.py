@@ -97,6 +97,13 @@ def test_a_percentage_of_a_pressure_near_zero_is_refused_or_warned_of(cvp, mista
         assert all(text in str(each) for text, each in zip(expected, found, strict=True))
 
 
+def test_an_uncertainty_that_switches_its_measurement_off_is_warned_of():
+    """A fit with MAP 28 instead of the 80 mmHg measured was good, "all measurements are met"."""
+    settings = FitSettings(("Rmc",), uncertainties={"MAP": Uncertainty(absolute=300.0)})
+    (warning,) = checked_fit(case_with({"MAP": 80, "CO": 4}), settings).warnings
+    assert "far above the usual 3, so this measurement hardly counts, met or not" in str(warning)
+
+
 def test_settings_that_give_other_numbers_are_other_settings():
     """Fits with fewer polishing steps were continued as if they were the same."""
     rough = FitSettings(multi_start=MultiStart(polishing=0))

@@ -309,6 +309,9 @@ def test_the_labelled_result_has_what_the_points_have(followed):
     found = labelled["parameters"].sel(point="1", parameter="Rmc", quantile=0.5)
     assert float(found) == second.parameters["Rmc"].median
     assert float(labelled["measured"].sel(point="1", output="CO")) == second.innovations["CO"].measured
+    assert labelled["used"].sel(point="1").to_series().dropna().to_dict() == {
+        name: innovation.used for name, innovation in second.innovations.items()
+    }
     assert np.isnan(labelled["forecast"].sel(point="0")).all()
     assert labelled["parameter_units"].sel(parameter="Rmc") == "mmHg s/mL"
     assert result.assumed_interval_hours == 24.0

@@ -213,11 +213,13 @@ def in_order_of_time(points: Sequence[CohortPoint], remarks: Remarks) -> list[Co
 
 def _repeats(rows: Rows, remarks: Remarks) -> set[int]:
     """Return the lines of all rows of repeated data points: it is not known which is right."""
-    lines: dict[tuple[str, datetime | str], list[int]] = {}
+    # By name, which results are found by: measurement C of patient A/B has that of B/C of A.
+    lines: dict[tuple[str, datetime] | str, list[int]] = {}
     for line, row in rows.items():
         if row["patient_id"] and row["measurement"]:
-            name = unicodedata.normalize("NFC", row["patient_id"])
-            lines.setdefault((name, when(row["measurement"]) or row["measurement"]), []).append(line)
+            patient = unicodedata.normalize("NFC", row["patient_id"])
+            time, name = when(row["measurement"]), f"{patient}/{row['measurement']}"
+            lines.setdefault((patient, time) if time else name, []).append(line)
     repeated = {line: same for same in lines.values() if len(same) > 1 for line in same}
     for line, same in repeated.items():
         others = ", ".join(str(k) for k in same if k != line)
@@ -359,6 +361,16 @@ class CohortReading:
     file: str
     digest: str
     refused_rows: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def refusals(self) -> dict[str, str]:
+        """Reasons why rows are unusable, by line and patient, such as "line 3 (P01)"."""
+        patients = {line: f" ({patient})" for patient, line in self.refused_rows if patient}
+        reasons: dict[str, list[str]] = {}
+        for mistake in self.refused:
+            label = f"line {mistake.line}{patients.get(mistake.line or 0, '')}"
+            reasons.setdefault(label, []).append(str(mistake.at("", None)))
+        return {label: "; ".join(each) for label, each in reasons.items()}
 
 
 def read_cohort(path: str | os.PathLike[str]) -> CohortReading:

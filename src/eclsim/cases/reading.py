@@ -35,6 +35,7 @@ _WORD_VALUE = re.compile(r"=\s*([A-Za-z][\w .-]*?)\s*(#.*)?$")
 
 _HEADER = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
 _KEY = re.compile(r"""\s*((?:"[^"]*"|'[^']*'|[\w-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[\w-]+))*)\s*=""")
+_TABLE_HEADER = re.compile(r"""\s*["']?patient_id["']?\s*[,;\t]""")
 _LONG_TEXT = re.compile(r'"""|' + "'''")
 
 
@@ -162,6 +163,9 @@ def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set
 
 def _text_of(file: str) -> str:
     text = decoded(read_bytes(file, MAXIMUM_BYTES, "a case file"), file)
+    if _TABLE_HEADER.match(text):
+        allowed = "a case file; eclsim identify TABLE.csv --out DIR writes one for each row to DIR/cases"
+        raise CaseError([Mistake("", "a table of measurements", allowed=allowed, file=file)])
     if line := too_deep(text):
         message = f"more than {MOST_DOTS} dots: nested too deeply for a case file"
         raise CaseError([Mistake("", message, file=file, line=line)])

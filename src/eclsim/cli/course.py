@@ -112,8 +112,8 @@ def course(options: CourseOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[CaseReading], bool]:
-    """Return the cases with events and pump speeds, and whether any row of a table was refused.
+def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[CaseReading], dict[str, str]]:
+    """Return the cases with events and pump speeds, and why rows of a table were refused.
 
     Errors in the options are reported together with those of the cases.
     """
@@ -121,7 +121,7 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
     from eclsim.cases.settings import apply_settings
     from eclsim.identification.cohort import with_name
 
-    refused, tables = False, list(filter(is_table, o.files))
+    refused, tables = dict[str, str](), list(filter(is_table, o.files))
     if tables and len(o.files) > 1:
         fail(
             f"{tables[0]}: a table cannot be combined with other files; allowed: one table, one folder, or "
@@ -129,7 +129,7 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
         )
     if tables:
         reading = read_table(o.files[0], mistakes)
-        cases, refused = [with_name(p.case, p.name) for p in reading.points], bool(reading.refused)
+        cases, refused = [with_name(p.case, p.name) for p in reading.points], reading.refusals
         with refusing(CaseError, at="--set"):
             cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
         solved = [CaseReading(case, (), (), o.files[0]) for case in cases]
@@ -139,12 +139,14 @@ def _cases(o: CourseOptions, mistakes: Collection[str] = ()) -> tuple[Sequence[C
         solved = readings if o.has_several_patients else with_speeds(readings, o.volume_policy)
     if o.events is None:
         return solved, refused
-    followed = _with_events(solved, o.events, refuses_rows=bool(tables))
-    return followed, refused or len(followed) < len(solved)
+    followed, without = _with_events(solved, o.events, refuses_rows=bool(tables))
+    return followed, refused | without
 
 
-def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool) -> Sequence[CaseReading]:
-    """Return the cases with a file's events; patients of a table for whom these are invalid are left out."""
+def _with_events(
+    readings: Sequence[CaseReading], file: str, refuses_rows: bool
+) -> tuple[Sequence[CaseReading], dict[str, str]]:
+    """Return the cases with a file's events, and the patients of a table for whom these are invalid."""
     from eclsim.cases import read_case
     from eclsim.cases.reading import read_mapping
 
@@ -172,7 +174,11 @@ def _with_events(readings: Sequence[CaseReading], file: str, refuses_rows: bool)
     for line in lines:
         say(f"refused: {line}")
     warn(f"{message} (for {_names_text(names)})" for message, names in doubtful.items())
-    return followed
+    refused = dict[str, list[str]]()
+    for message, names in wrong.items():
+        for name in names:
+            refused.setdefault(name, []).append(message)
+    return followed, {name: "; ".join(reasons) for name, reasons in refused.items()}
 
 
 def _names_text(names: Sequence[str]) -> str:
@@ -338,7 +344,11 @@ def _cohort(o: CourseOptions) -> bool:
             folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
         )  # fmt: skip
     with reporting_write_errors(o.out):
-        content = files.cohort_object(results) if folder is None else files.write_courses(results, folder)
+        content = (
+            files.cohort_object(results, refused)
+            if folder is None
+            else files.write_courses(results, folder, refused)
+        )
         for stem, one in zip(stems, results, strict=True):
             if figures is not None and one.sizes["time_min"]:
                 files.write_figure(one, figures, stem)

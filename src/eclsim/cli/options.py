@@ -19,9 +19,10 @@ import typer
 from typer import Context
 from typer.core import TyperCommand, TyperOption
 
-from eclsim.cli.console import say
+from eclsim.cli.console import fail, say
 from eclsim.cli.destination import holds_results, is_signal, locked
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
+from eclsim.execution.folder import read_inputs
 from eclsim.files import write_json
 
 Value = TypeVar("Value")
@@ -104,10 +105,14 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
             if not isinstance(options, Distributed):
                 function(options)
                 return
+            options.check_other_shards()
             try:
                 function(options)
             except ShardDone as done:
                 say(f"{done}; when all shards are done: eclsim merge {options.locked_folder[0]}")
+            except typer.Exit:  # finished, although not everything converged
+                options.record(function.__name__)
+                raise
             except (KeyboardInterrupt, SystemExit) as stopped:
                 if is_signal(stopped) and not options.merges:
                     options.record(function.__name__)
@@ -254,6 +259,39 @@ class Distributed(Json, ResultsFolder):
         if self.merges:
             file.unlink(missing_ok=True)
             return
-        own_options = {name: value for name, value in asdict(self).items() if name not in EXECUTION_OPTIONS}
+        self.check_other_shards()
         shards = int(self.shard.partition("/")[2])
-        write_json({"command": command, "options": own_options, "shards": shards}, file)
+        write_json({"command": command, "options": self._own_options, "shards": shards}, file)
+
+    def check_other_shards(self) -> None:
+        """Exit with status 2 if a shard in the folder had other options: no merge could finish both."""
+        folder, _ = self.locked_folder
+        file = Path(folder or "") / COMMAND
+        if folder is None or self.shard is None or self.merges or not file.exists():
+            return
+        try:
+            known = (read_inputs(file) or {}).get("options")
+        except ExecutionError as error:
+            fail(error)
+        before = known if isinstance(known, dict) else {}
+        changed = [
+            f"{name} was {before[name]!r} and is {value!r}"
+            for name, value in self._own_options.items()
+            if name in before and _without_folders(before[name]) != _without_folders(value)
+        ]
+        if changed:
+            fail(
+                f"--shard {self.shard}: a shard in {folder} was run with other options "
+                f"({'; '.join(changed)}); choose another folder, or remove {file}"
+            )
+
+    @property
+    def _own_options(self) -> dict[str, object]:
+        return {name: value for name, value in asdict(self).items() if name not in EXECUTION_OPTIONS}
+
+
+def _without_folders(value: object) -> object:
+    """An option without the folders of a path, which differ between machines."""
+    if isinstance(value, list):
+        return list(map(_without_folders, value))
+    return Path(value).name if isinstance(value, str) else value

@@ -304,7 +304,7 @@ class BeatMarch:
         batch = Batch(self.circuit, settings, 1, self.policy)
         beat = steady_beat(batch, self.laws.reads)
         if not beat.converged[0] or beat.gas_status[0]:
-            message = f"no steady beat to start from: {beat.message()}"
+            message = f"no steady state to start from: {beat.message()}"
             raise CaseError([Mistake("", message)])
         read = {name: beat.output(name) for name in self.laws.reads}
         slow, state = self.laws.start(settings, read), beat.orbits.states[:, 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,8 +60,13 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def cohort_object(results: Sequence[xr.Dataset]) -> dict[str, Any]:
-    """Courses of a cohort as plain data for JSON: the result of each, without its moments."""
+def cohort_object(results: Sequence[xr.Dataset], refused: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Courses of a cohort as plain data for JSON: the result of each, without its moments.
+
+    Args:
+        results: courses.
+        refused: rows of the table that were not followed, with the reason.
+    """
     summary = (
         "id",
         "converged",
@@ -79,7 +84,8 @@ def cohort_object(results: Sequence[xr.Dataset]) -> dict[str, Any]:
     for course, result in zip(courses, results, strict=True):
         minute = result[TIME].to_numpy()
         course["minutes"] = float(minute[-1]) if len(minute) else None
-    return {"courses": courses, "failed": sum(not course["converged"] for course in courses)}
+    failed = sum(not course["converged"] for course in courses)
+    return {"courses": courses, "failed": failed, "refused": dict(refused or {})}
 
 
 def course_stem(name: str) -> str:
@@ -154,12 +160,14 @@ def write_figure(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
     return save_figure(plot_course(result), folder / (stem or course_stem(str(result.attrs["id"]))))
 
 
-def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]:
+def write_courses(
+    results: Sequence[xr.Dataset], folder: Path, refused: Mapping[str, str] | None = None
+) -> dict[str, Any]:
     """Write table and NetCDF file of each course of a cohort, and a summary, which is returned.
 
     Courses of an earlier cohort in the folder are removed, since they would be read as part of this one.
     """
-    content, places = cohort_object(results), folder / COURSES
+    content, places = cohort_object(results, refused), folder / COURSES
     stems = course_stems([str(course.attrs["id"]) for course in results])
     begun = [(stem, course) for stem, course in zip(stems, results, strict=True) if course.sizes[TIME]]
     kept = {stem for stem, _ in begun}
@@ -177,6 +185,7 @@ def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]
         said = course["message"], "; ".join(result.attrs["approximations"])
         doubts = "; ".join(untrusted(result.attrs["warnings"]))
         rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said, doubts))
+    rows += [(name, "refused", None, None, None, why, "", "") for name, why in content["refused"].items()]
     doubted = any(row[-1] for row in rows)
     text = csv_text((*head, DOUBTS), rows) if doubted else csv_text(head, (row[:-1] for row in rows))
     write_text(text, folder / TABLE)

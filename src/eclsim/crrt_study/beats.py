@@ -309,6 +309,7 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
 # --- blood taken up by the tubing, and changed flow -----------------------------------------------
 
 
+_PARTS = {"difference": "", "uptake": ": by the blood taken up", "flow": ": by changed flow"}
 SPLIT_QUANTITIES = ("Psart", "Psvn", "Ppart", "MAP", "CO", "PF", "EDVRV", "ESVRV")
 
 
@@ -333,14 +334,18 @@ def split_differences(
     if without.determined[0]:
         primed = circuits.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
         status = [Status(k).word for k in primed.status]
-    result: Variables = {"status": (("scheme",), np.array(status), {})}
+    about = {"long_name": "how the search with constant patient volume ended"}
+    result: Variables = {"status": (("scheme",), np.array(status), about)}
     for name in SPLIT_QUANTITIES:
         base = float(value(without, name)[0])
         total = value(published, name)[at] - base
         flow = np.full_like(total, np.nan) if primed is None else value(primed, name) - base
+        units = output_labels(name)["units"] if name in published.names else "mmHg"
         for word, part in (("difference", total), ("uptake", total - flow), ("flow", flow)):
-            result[f"{name}_{word}"] = (("scheme",), part, {})
-    result["blood_taken_up"] = (("scheme",), volume - published.volume("patient")[at], {"units": "mL"})
+            about = {"units": units, "long_name": f"{name} less that without CRRT{_PARTS[word]}"}
+            result[f"{name}_{word}"] = (("scheme",), part, about)
+    about = {"units": "mL", "long_name": "stressed volume that the circuit takes from the patient"}
+    result["blood_taken_up"] = (("scheme",), volume - published.volume("patient")[at], about)
     attributes = {"compared_with": "patient on ECMO without CRRT", "blood_volume_policy": AS_PUBLISHED}
     return xr.Dataset(result, {"scheme": letters}, attributes)
 

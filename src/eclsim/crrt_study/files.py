@@ -247,12 +247,13 @@ MORE = (
 
 
 def write_netcdf(study: CrrtStudy, path: Path) -> None:
-    """Write NetCDF: the case at the root, and the groups means, without_crrt, waveforms, limits and uptake.
+    """Write NetCDF: case and warnings at the root, groups means, without_crrt, waveforms, limits and uptake.
 
     Of the means, only pressures and the quantities of the JSON object are written.
     """
+    about = {"id": study.case.patient.id, CASE: json.dumps(case_record(study.case))}
     groups = {
-        "": xr.Dataset(attrs={"id": study.case.patient.id, CASE: json.dumps(case_record(study.case))}),
+        "": xr.Dataset(attrs=about | {"converged": int(study.converged), "warnings": list(study.warnings)}),
         "means": study.means[_written(study.means)],
         "without_crrt": study.without_crrt[_written(study.without_crrt)],
         "waveforms": study.waveforms,

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import signal
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, nullcontext
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import uuid4
 
 from eclsim._version import __version__
@@ -23,6 +25,7 @@ from eclsim.execution.tasks import (
     Results,
     Store,
     Tasks,
+    announce,
     in_process,
     run_tasks,
     threads,
@@ -30,7 +33,7 @@ from eclsim.execution.tasks import (
 )
 
 if TYPE_CHECKING:
-    from dask.distributed import Client, LocalCluster
+    from dask.distributed import Client, LocalCluster, as_completed
 
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")
@@ -39,6 +42,8 @@ _MOST_NAMED = 10
 LOCAL = "local"
 FIRST_WORKER_SECONDS = 60.0
 """Time that a scheduler without workers has to get the first."""
+SECONDS_BETWEEN_LOOKS, LONGEST_PAUSE_SECONDS = 10.0, 600.0
+"""Time between looks at whether workers are left; doubled while there are none, up to the second."""
 
 
 class ShardDone(Exception):  # noqa: N818 - no error: the work of one shard ends here
@@ -282,20 +287,39 @@ def on_dask(address: str, preload: Iterable[str] = ()) -> Iterator[Callable[...,
     with ThreadPoolExecutor(1, thread_name_prefix="dask") as starter:
         starting = starter.submit(_local_cluster, threads(), method)
         try:
-            yield partial(_run, starting.result)
+            yield partial(_run, partial(_started, starting))
         finally:
-            starting.result().close()
+            if starting.exception() is None:
+                starting.result().close()
 
 
 def _start_fork_server(preload: list[str]) -> str:
-    """Start a fork server that imports the modules, and return the start method; "spawn" except on Linux."""
+    """Start a fork server that imports the modules, and return the start method; "spawn" except on Linux.
+
+    Ctrl-C reaches all processes of a terminal; server and workers leave it to this one, which closes them.
+    """
     if sys.platform != "linux":
         return "spawn"
-    from multiprocessing import forkserver
+    from multiprocessing import forkserver, resource_tracker
 
     forkserver.set_forkserver_preload(preload)
-    forkserver.ensure_running()
+    resource_tracker.ensure_running()  # it would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
     return "forkserver"
+
+
+def _started(starting: Future[LocalCluster]) -> LocalCluster:
+    try:
+        return starting.result()
+    except (OSError, RuntimeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ExecutionError(
+            f"--dask {LOCAL}: workers cannot be started ({reason}): give fewer --workers, or leave --dask out"
+        ) from error
 
 
 def _local_cluster(workers: int, method: str) -> LocalCluster:
@@ -335,7 +359,8 @@ def _run(
             for number in numbers
         ]  # fmt: skip
         try:
-            for _, result in as_completed(futures, loop=client.loop, with_results=True):  # pyright: ignore[reportGeneralTypeIssues] - Dask's own types
+            done = as_completed(futures, loop=client.loop, with_results=True)
+            for _, result in _watched(done, client):  # pyright: ignore[reportGeneralTypeIssues] - Dask's own types
                 if isinstance(result, CancelledError):  # Dask returns it instead of raising it
                     raise result
                 yield result
@@ -351,6 +376,27 @@ def _run(
         finally:
             if client.status == "running":
                 client.cancel(futures, force=True)
+
+
+def _watched(done: as_completed, client: Client) -> Iterator[Any]:
+    """Yield futures with their results; announce when no worker is left, for which Dask waits silently."""
+    looked, pause = time.monotonic(), SECONDS_BETWEEN_LOOKS
+    while not done.is_empty():
+        if done.has_ready():
+            yield next(done)
+        elif time.monotonic() - looked < pause:
+            time.sleep(0.1)
+        else:
+            looked, lost = time.monotonic(), False
+            with suppress(OSError):  # of a scheduler that ended: its futures say so
+                lost = not client.nthreads()
+            pause = min(2.0 * pause, LONGEST_PAUSE_SECONDS) if lost else SECONDS_BETWEEN_LOOKS
+            if lost:
+                announce(f"no worker is left, waiting for others (dask worker {_address(client)})")
+
+
+def _address(client: Client) -> object:
+    return client.scheduler.address if client.scheduler else "ADDRESS"
 
 
 @contextmanager
@@ -370,7 +416,7 @@ def _wait_for_workers(client: Client) -> None:
     try:
         client.wait_for_workers(1, timeout=FIRST_WORKER_SECONDS)
     except TimeoutError:
-        address = client.scheduler.address if client.scheduler else "ADDRESS"
+        address = _address(client)
         raise ExecutionError(
             f"--dask {address}: the scheduler has no workers after {FIRST_WORKER_SECONDS:g} s: start some "
             f"(dask worker {address}), or --dask local"

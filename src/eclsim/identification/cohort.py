@@ -183,7 +183,7 @@ class FittedCases:
         cases: cases by name of the data point; for a shard, only those of that shard.
         misfits: root mean square of the relative differences of each fit, by name; empty if cases were given
             with their parameters.
-        not_fitted: data points without a fit or with a poor one, and the reason.
+        not_fitted: rows that were refused, data points without a fit or with a poor one, and the reason.
         description: how the parameters were found, as text.
         groups: all groups of names that are studied together.
         inputs: everything that determines the cases, as plain data.
@@ -209,7 +209,7 @@ def fit_points(
     tasks = fit_tasks(reading.points, settings, reading.digest)
     place = None if folder is None else folder / GROUPS
     results = executor.completed_by_this_shard(tasks, place, _FORMAT, progress)
-    cases, misfits, not_fitted = {}, {}, {}
+    cases, misfits, not_fitted = {}, {}, reading.refusals
     for number, fits in results.items():
         for point, fit in zip(tasks.arguments[number], fits, strict=True):
             numbers = fit.numbers

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
 DEFAULT_BOUND_FACTOR = 10.0
 """Default bounds of a parameter: its value divided and multiplied by this factor."""
 SMALLEST_USUAL_SHARE = 0.05
-"""Stated uncertainties below this share of the default one are warned of, such as 10 % of a CVP near 0."""
+"""Stated uncertainties below this share of the default one are warned of, such as 10 % of a CVP near 0, and
+those of which the default one is a smaller share."""
 LEFT_VENTRICLE = "Emaxlv"
 SHUNT = "gas.shunt_fraction"
 CLOTTED = "ecmo.oxygenator.clotted_fraction"
@@ -404,7 +405,7 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
 
 
 def _check_uncertainties(checked: CheckedFit, stated_ones: Mapping[str, Uncertainty]) -> None:
-    """Add a mistake for each uncertainty of 0, a warning for each that makes its measurement count alone."""
+    """Add a mistake for each uncertainty of 0, a warning for each far from the usual one."""
     given = {name: stated_ones[name] for name in stated_ones if name in checked.targets}
     try:
         errors = measurement_errors({name: checked.targets[name] for name in given}, given)
@@ -415,11 +416,13 @@ def _check_uncertainties(checked: CheckedFit, stated_ones: Mapping[str, Uncertai
     for name, error in errors.items():
         usual, unit = DEFAULTS[name].at(checked.targets[name]), unit_of(name)
         if error < SMALLEST_USUAL_SHARE * usual:
-            message = (
-                f"uncertainty {error:.2g} {unit} at the measured {checked.targets[name]:g}: far below the "
-                f"usual {usual:.2g}, so the fit follows this measurement above all"
-            )
-            checked.warning(f"measurements.{name}", message)
+            effect = f"below the usual {usual:.2g}, so the fit follows this measurement above all"
+        elif SMALLEST_USUAL_SHARE * error > usual:
+            effect = f"above the usual {usual:.2g}, so this measurement hardly counts, met or not"
+        else:
+            continue
+        text = f"uncertainty {error:.2g} {unit} at the measured {checked.targets[name]:g}: far {effect}"
+        checked.warning(f"measurements.{name}", text)
 
 
 def _values_out_of_bounds(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:

@@ -244,8 +244,7 @@ class TrackResult:
             "forecast": (of_outputs, intervals([p.forecast for p in points], outputs)),
             "expected": (of_outputs, intervals([p.expected for p in points], outputs)),
             "outputs": (of_outputs, intervals([p.outputs for p in points], outputs)),
-            "measured": (of_points, of_measured("measured")),
-            "deviation": (of_points, of_measured("deviation")),
+            **{name: (of_points, of_measured(name)) for name in ("measured", "deviation", "used")},
         }  # fmt: skip
         for name, unit in (("chi_square", "1"), ("probability", "1"), ("drift", "1"), ("hours", "h")):
             values = np.array([getattr(p, name) for p in points], dtype=float)

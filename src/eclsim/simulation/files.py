@@ -111,10 +111,12 @@ def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
 def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
     import pandas as pd
 
-    about = ("id", "converged", "beats", "residual", "blood_volume_policy", "impossible")
+    about = ("id", "converged", "status", "message", "beats", "residual", "blood_volume_policy")
     rows = []
     for result in results:
         row = {name: result.attrs.get(name) for name in about}
+        row |= {"gas_status": status} if (status := result.attrs.get("gas_status")) else {}
+        row["impossible"] = int(result.attrs.get("impossible", 0))
         row["warnings"] = "; ".join(result.attrs.get("warnings", ()))
         rows.append(row | {column_head(result, name): result[name].item() for name in scalars_of(result)})
     return pd.DataFrame(rows)
