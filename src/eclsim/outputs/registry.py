@@ -20,7 +20,14 @@ from eclsim.devices.description import (
     mean_flow,
 )
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import DeviceError, cached_by_devices, devices, named_output, namings
+from eclsim.devices.registry import (
+    DeviceError,
+    cached_by_devices,
+    devices,
+    is_of_user,
+    named_output,
+    namings,
+)
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED, in_effect
 from eclsim.parameters import regulation as keys
@@ -330,6 +337,27 @@ def output(name: str) -> Output:
     if result is None:
         raise UnknownOutputError(name)
     return result
+
+
+def is_users_output(name: str) -> bool:
+    """Whether an output is that of a device from outside the package."""
+    known = named_output(name)
+    return known is not None and is_of_user(known[0].device)
+
+
+def computed(name: str, measures: BeatMeasures) -> Numbers:
+    """Compute an output from the measures of a beat.
+
+    Raises:
+        DeviceError: The output of a user's device fails; names the output and what it may compute.
+    """
+    try:
+        return output(name).compute(measures)
+    except (KeyError, TypeError, ValueError) as error:
+        if not is_users_output(name):
+            raise
+        allowed = "waveforms in its `needs`, `parameters`, + - * / ** and m.apply(function, [numbers])[0]"
+        raise DeviceError(f"output {name!r}: {type(error).__name__}: {error}; allowed: {allowed}") from error
 
 
 def first_name(name: str) -> str:
