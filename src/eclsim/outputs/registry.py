@@ -38,10 +38,16 @@ from eclsim.units import ML_S_PER_L_MIN
 
 
 class UnknownOutputError(KeyError):
-    """Raised for an unknown name; the message lists the nearest ones."""
+    """Raised for an unknown name, or for an output that a case lacks if all that it has are given as well.
+
+    The message lists the nearest names, or says what the case needs.
+    """
 
     def __str__(self) -> str:
-        name, known = self.args[0], all_outputs()
+        name, *had = self.args
+        if had and find_output(name) is not None:
+            return f"'{name}' is no output of this case{unavailable(name, *had)}"
+        known = had[0] if had else all_outputs()
         return f"'{name}' is not an output; allowed: {', '.join(known)}{spelling_hint(name, known)}"
 
 

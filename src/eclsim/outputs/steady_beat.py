@@ -44,7 +44,13 @@ from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
 from eclsim.outputs.registry import computed, is_users_output, output
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import Sealed, TrappedBlood, closed_valves, sealed, valve_flows
-from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, needed_signals, output_names
+from eclsim.outputs.signals import (
+    gas_dependent_outputs,
+    needed_parameters,
+    needed_signals,
+    output_names,
+    refuse_missing,
+)
 
 _TISSUE = Tissue()
 _READ_BY_TISSUE = (GASES, str(_TISSUE.rise), TEMPERATURE)
@@ -296,10 +302,14 @@ def steady_beat(
         start: start of the searches, see `eclsim.orbit.steady.solve`.
         resolution: resolution of the phase grid; None takes what each member's time constants need.
         execution: how the batch is computed.
+
+    Raises:
+        UnknownOutputError: The circuit has no such output.
     """
     if not isinstance(batch, Batch):
         allowed = "eclsim.Batch.of(model), or eclsim.Batch(...) of several"
         raise TypeError(f"{article(type(batch).__name__)} is not a batch of patients; allowed: {allowed}")
+    refuse_missing(outputs or (), batch.circuit)
     options = as_settings(options, OrbitOptions, "options")
     execution = as_settings(execution, Execution, "execution")
     resolution = None if resolution is None else WholeNumber(1, FINEST)("resolution", resolution)
