@@ -5,12 +5,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 import pytest
 
-from eclsim.cases import read_mapping
+from eclsim.cases import read_mapping, write_case
 from eclsim.circuit import Circuit, Compartment, Connection
+from eclsim.cli import main
 from eclsim.components import ElasticVessel, Resistance
 from eclsim.devices import Device, Output, Parameter, Section, mean_flow, number
 from eclsim.devices.registry import DeviceError, forget_device, register_device
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import UnknownValueError, model_of
 from eclsim.outputs.results import derivatives, simulate, simulate_many
 
 FLOW = number("Resistance", "mmHg s/mL", 0.01, 10, 1)
@@ -87,6 +88,24 @@ def test_two_of_a_kind_share_no_value(registered):
         DeviceError, match=r"'Rfistula': two of a kind would share it; allowed: .*'fistula\.'"
     ):
         model_of(case_with(a={"resistance": 1.0}, b={"resistance": 5.0}))
+
+
+def test_a_command_says_so_without_a_traceback(registered, capsys, tmp_path):
+    registered(values=lambda self, section: {"Rfistula": section.resistance})
+    file = tmp_path / "case.toml"
+    write_case(case_with(), file)
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", str(file)])
+    assert left.value.code == 2
+    assert "error: --device: device fistula, value 'Rfistula': two of a kind" in capsys.readouterr().err
+
+
+def test_a_parameter_without_a_value_is_named(registered):
+    registered(values=lambda self, section: {})
+    with pytest.raises(
+        UnknownValueError, match=r"no value for fistula\.resistance: .*a device gives"
+    ):
+        model_of(case_with())
 
 
 def test_an_output_that_cannot_be_differentiated_is_named(registered):
