@@ -102,9 +102,7 @@ def test_a_command_says_so_without_a_traceback(registered, capsys, tmp_path):
 
 def test_a_parameter_without_a_value_is_named(registered):
     registered(values=lambda self, section: {})
-    with pytest.raises(
-        UnknownValueError, match=r"no value for fistula\.resistance: .*a device gives"
-    ):
+    with pytest.raises(UnknownValueError, match=r"no value for fistula\.resistance: .*a device gives"):
         model_of(case_with())
 
 
