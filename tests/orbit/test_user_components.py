@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eclsim.circuit import Circuit, Compartment, Connection, StartPressure
+from eclsim.circuit.volumes import start_volume, unstressed_volume
 from eclsim.components import Artery, ElasticVessel, HeartValve, Path, Resistance
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import Model, nominal_values
@@ -115,6 +116,17 @@ def test_a_lung_kidney_device_between_artery_and_vein():
     assert flow == pytest.approx(float(np.trapezoid(result["Qgraft"], result["phase"])), rel=2e-3)
     for name in CLINICAL:
         assert float(result[name]) == pytest.approx(float(check[name]), rel=2e-3)
+
+
+def test_a_patients_vein_that_stiffens_starts_with_its_share_of_all_blood():
+    """Its share less that of a vein of the stiffness at rest was taken for its unstressed volume."""
+    circuit = CIRCUITS["none"]
+    vein = replace(circuit.compartment("svn"), component=StiffeningDevice("soft", "stiff"))
+    parts = tuple(vein if c.name == "svn" else c for c in circuit.compartments)
+    stiff = patient(replace(circuit, compartments=parts), soft=0.05, stiff=1e-5)
+    whole = start_volume(vein, stiff.values) + unstressed_volume(stiff.circuit, "svn", stiff.values)
+    share = stiff.values["volume_fraction_svn"] * stiff.values["total_blood_volume_ml"]
+    assert float(whole) == pytest.approx(share, abs=1e-9)
 
 
 BAD_FIRST = {
