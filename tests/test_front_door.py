@@ -20,10 +20,25 @@ CASE = read_mapping(
 ).case
 
 
-@pytest.mark.parametrize("points", ["series.csv", CASE, [CASE], [("a", CASE, 1)], [(1, CASE)]])
+@pytest.mark.parametrize("points", ["series.csv", CASE, [CASE], [("a", CASE, 1)]])
 def test_what_is_no_series_of_names_and_cases_is_refused(points):
     with pytest.raises(CaseError, match="not a pair of name and case; allowed: a list of names with cases"):
         eclsim.track(points)
+
+
+@pytest.mark.parametrize(("given", "words"), [(1, "1"), (np.datetime64("2024-03-01"), "a datetime64")])
+def test_a_name_of_a_measurement_is_a_text(given, words):
+    """It was "a tuple is not a pair of name and case"."""
+    with pytest.raises(
+        CaseError, match=rf"points: {words} is not a name; allowed: a list of names with cases"
+    ):
+        eclsim.track([(given, CASE)])
+
+
+def test_an_unknown_type_of_cannula_is_refused():
+    """It was KeyError: 'venus'."""
+    with pytest.raises(ValueError, match=r'return_cannula = "venus"; allowed: .*did you mean venous'):
+        eclsim.ecmo("ra", "ra", return_cannula="venus")
 
 
 @pytest.mark.parametrize(

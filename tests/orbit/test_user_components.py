@@ -1,12 +1,14 @@
 """Components written outside the package take part in every solver without touching it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from eclsim.circuit import Circuit, Compartment, Connection, StartPressure
-from eclsim.components import Artery, ElasticVessel, HeartValve, Resistance
+from eclsim.circuit.volumes import start_volume, unstressed_volume
+from eclsim.components import Artery, ElasticVessel, HeartValve, Path, Resistance
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import Model, nominal_values
 from eclsim.orbit.status import Status
@@ -44,6 +46,24 @@ def test_a_law_given_by_its_drop_alone_is_inverted():
     flows = np.linspace(-3.0, 400.0, 60)
     driving = 0.03 * flows + np.asarray(law.pressure_drop(flows, STENOSIS))
     np.testing.assert_allclose(law.flow(driving, 0.03, STENOSIS), flows, rtol=1e-6, atol=1e-6)
+
+
+@dataclass(frozen=True)
+class Exponential(Path):
+    """A drop that rises exponentially: Newton's method alone overshoots, and returns one scale a step."""
+
+    scale: float
+
+    def pressure_drop(self, flow, constants):
+        return self.scale * jnp.sinh(flow / self.scale)
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0, 5.0, 20.0])
+def test_a_drop_that_rises_exponentially_is_inverted(scale):
+    """A flow of 2300 mL/s was returned for 38 mL/s, or none."""
+    law, flows = Exponential(scale), scale * np.linspace(-9.0, 9.0, 19)
+    driving = 0.01 * flows + np.asarray(law.pressure_drop(flows, {}))
+    np.testing.assert_allclose(law.flow(driving, 0.01, {}), flows, rtol=1e-9, atol=1e-9)
 
 
 def test_a_stenosed_valve_costs_pressure(stenosed):
@@ -96,6 +116,17 @@ def test_a_lung_kidney_device_between_artery_and_vein():
     assert flow == pytest.approx(float(np.trapezoid(result["Qgraft"], result["phase"])), rel=2e-3)
     for name in CLINICAL:
         assert float(result[name]) == pytest.approx(float(check[name]), rel=2e-3)
+
+
+def test_a_patients_vein_that_stiffens_starts_with_its_share_of_all_blood():
+    """Its share less that of a vein of the stiffness at rest was taken for its unstressed volume."""
+    circuit = CIRCUITS["none"]
+    vein = replace(circuit.compartment("svn"), component=StiffeningDevice("soft", "stiff"))
+    parts = tuple(vein if c.name == "svn" else c for c in circuit.compartments)
+    stiff = patient(replace(circuit, compartments=parts), soft=0.05, stiff=1e-5)
+    whole = start_volume(vein, stiff.values) + unstressed_volume(stiff.circuit, "svn", stiff.values)
+    share = stiff.values["volume_fraction_svn"] * stiff.values["total_blood_volume_ml"]
+    assert float(whole) == pytest.approx(share, abs=1e-9)
 
 
 BAD_FIRST = {

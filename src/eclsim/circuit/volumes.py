@@ -43,6 +43,8 @@ def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:
         return 0.0
     total = value_of(values, compartment.total_fraction) * values[BLOOD_VOLUME]
     law = compartment.component
+    if not law.constant_stiffness:
+        return total - filled_to(law, value_of(values, compartment.start.pressure), values)
     with np.errstate(divide="ignore"):
         own = law.constants({n: np.asarray(values[n], dtype=float) for n in law.parameter_names()})
     return total - value_of(values, compartment.start.pressure) / law.pressure(0.0, 0.0, own)[1]

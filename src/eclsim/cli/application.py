@@ -173,6 +173,12 @@ def run(arguments: Sequence[str] | None = None) -> None:
         if "pip install" not in str(error):
             raise
         fail(error)
+    except ValueError as error:
+        from eclsim.devices.device import DeviceError
+
+        if not isinstance(error, DeviceError):
+            raise
+        fail(f"--device: {error}")
     except OSError as error:
         _redirect_to_null(sys.stdout)
         fail(f"{error.filename or 'standard output'}: {error.strerror or error}")

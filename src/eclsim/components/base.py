@@ -229,7 +229,7 @@ class Enclosure(Component, ABC, Generic[Constants]):
         """Pressure [mmHg] on the compartments and its slope [mmHg/mL], from the sum of their volumes [mL]."""
 
 
-NEWTON_STEPS = 40
+NEWTON_STEPS = 60
 
 
 class Path(Component, ABC, Generic[Constants]):
@@ -276,17 +276,31 @@ class Path(Component, ABC, Generic[Constants]):
     def flow(self, pressure_difference: Number, load: Number, constants: Constants) -> Number:
         """Flow [mL/s] with load * flow + pressure_drop(flow) = pressure_difference; load in mmHg s/mL.
 
-        By Newton's method on a monotone drop; slopes are bounded above 0 to avoid dividing by 0. Only the
-        last step is differentiated, which gives the exact derivative of the root.
+        By Newton's method on a drop that rises with the flow; the bracket is halved where a step leaves it or
+        is more than half of the last one, as beside an exponential. Slopes are bounded above 0 to avoid
+        dividing by 0. Only the last step is differentiated, which gives the exact derivative of the root.
         """
 
-        def improved(flow: Number) -> Number:
+        def excess(flow: Number) -> tuple[Number, Number]:
             drop, slope = jax.jvp(lambda q: self.pressure_drop(q, constants), (flow,), (jnp.ones_like(flow),))
-            return flow + (pressure_difference - drop - load * flow) / jnp.maximum(load + slope, 1e-9)
+            return load * flow + drop - pressure_difference, jnp.maximum(load + slope, 1e-9)
+
+        def improved(_: int, state: tuple[Number, ...]) -> tuple[Number, ...]:
+            low, high, last, flow = state
+            above, slope = excess(flow)
+            low, high = jnp.where(above <= 0.0, flow, low), jnp.where(above >= 0.0, flow, high)
+            step = -above / slope
+            inside = (flow + step > low) & (flow + step < high) & (jnp.abs(step) <= 0.5 * last)
+            middle = 0.5 * (low + high)
+            step = jnp.where(inside | ~jnp.isfinite(middle), step, middle - flow)
+            return low, high, jnp.abs(step), flow + step
 
         start = jnp.zeros_like(pressure_difference + load)
-        root = jax.lax.fori_loop(0, NEWTON_STEPS, lambda _, flow: improved(flow), start)
-        return improved(jax.lax.stop_gradient(root))
+        endless = jnp.full_like(start, jnp.inf)
+        root = jax.lax.fori_loop(0, NEWTON_STEPS, improved, (-endless, endless, endless, start))[-1]
+        flow = jax.lax.stop_gradient(root)
+        above, slope = excess(flow)
+        return flow - above / slope
 
     def sharpened(self: Own, smoothing: float) -> Own:
         """The law for an explicit solver; kinks, as of a valve, are rounded over `smoothing` [mmHg]."""

@@ -38,7 +38,7 @@ from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import Finding, findings
 from eclsim.outputs.gas import artery_of
 from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
-from eclsim.outputs.registry import output
+from eclsim.outputs.registry import computed, output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names, watched_waveforms
 from eclsim.outputs.steady_beat import status_outputs, steady_beat
@@ -480,7 +480,7 @@ class BeatMarch:
         for name in names:
             column = self._lagged_output(name, values, in_effect)
             if column is None:
-                column = np.asarray(output(name).compute(measures))[: len(values)]
+                column = np.asarray(computed(name, measures))[: len(values)]
             result[name] = column
         return result
 

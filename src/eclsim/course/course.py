@@ -48,6 +48,7 @@ from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.results import as_columns, variable
+from eclsim.outputs.signals import refuse_missing
 from eclsim.simulation.target_flow import with_speed
 from eclsim.spelling import did_you_mean
 
@@ -202,6 +203,7 @@ def _marched_group(
     policy = policy or timelines[0].case.volume_policy
     laws = Laws(laws_of(*timelines[0].start))
     engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution, early_stop)
+    refuse_missing(outputs or (), *(circuit for of_member in engine.circuits for circuit in of_member))
     moments = moments_of(engine, engine.march(), every_s)
     beats_at(moments, engine, outputs, with_alarms, execution)
     return engine, moments

@@ -21,6 +21,7 @@ from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 MOMENTS_PER_BATCH = 2048
@@ -273,16 +274,17 @@ class _MomentSolver:
         moments, engine = self.moments, self.engine
         circuit = engine.circuits[moments.member[chosen[0]]][moments.segment[chosen[0]]]
         values = {key: column[chosen] for key, column in moments.in_effect.items()}
+        has = output_names(circuit)
         beat = steady_beat(
             Batch(circuit, values, len(chosen), engine.policy),
-            self.outputs,
+            has if self.outputs is None else [name for name in self.outputs if name in has],
             waveforms=None if self.with_findings else (),
             options=options,
             start=start,
             execution=self.execution,
         )
         moments.status[chosen] = beat.status
-        for name in beat.names if self.outputs is None else self.outputs:
+        for name in beat.names:
             column = moments.values.setdefault(name, np.full(len(moments.time), np.nan))
             column[chosen] = beat.output(name)
         for k, place in enumerate(chosen.tolist()):

@@ -117,7 +117,7 @@ class Removal:
 def plan_removal(
     case: CaseSource,
     remove_ml: float,
-    keep: str | Sequence[Goal],
+    keep: str | Sequence[str | Goal],
     *,
     hours: float = 72.0,
     volume_policy: str | None = None,
@@ -271,7 +271,7 @@ def _bracketing_rates(tried: dict[float, bool]) -> tuple[float | None, float | N
     return max(kept_below, default=None), above
 
 
-def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
+def _filtration(case: Case, keep: str | Sequence[str | Goal]) -> str:
     """Key of the device's net ultrafiltration; without one, an error that includes mistakes in goals."""
     rates = {
         one.key: getattr(one.section, ULTRAFILTRATION) or 0.0
@@ -457,7 +457,7 @@ def plan_weaning(
     case: CaseSource,
     speeds: Sequence[float],
     *,
-    keep: str | None = None,
+    keep: str | Sequence[str | Goal] | None = None,
     vary: str | None = None,
     volume_policy: str | None = None,
 ) -> list[WeaningStep]:
@@ -504,7 +504,7 @@ def _speeds(given: Sequence[float]) -> list[float]:
 
 
 def _weaning_step(
-    case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None
+    case: Case, speed: float, keep: str | Sequence[str | Goal] | None, vary: str | None, policy: str | None
 ) -> WeaningStep:
     if keep is None or vary is None:
         names, values = output_names(model_of(case).circuit), model_of(case).values

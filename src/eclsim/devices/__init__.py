@@ -5,6 +5,7 @@ These names serve to write a user's own device, which `eclsim.register_device` r
 
 from eclsim.devices.description import (
     CAUTION,
+    GASES,
     Box,
     Columns,
     Curve,
@@ -22,6 +23,7 @@ from eclsim.devices.description import (
     Trace,
     Views,
     difference,
+    gas_sample,
     highest,
     lowest,
     mean,
@@ -37,10 +39,10 @@ from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters.parameter import Parameter
 
 __all__ = [
-    "CAUTION", "Box", "CannulaType", "CaseValues", "Columns", "Curve", "Device", "Dialyzer", "Field",
+    "CAUTION", "GASES", "Box", "CannulaType", "CaseValues", "Columns", "Curve", "Device", "Dialyzer", "Field",
     "Finding", "Instance", "KeyFigure", "Knob", "Limit", "Look", "Mark", "Naming", "Output",
     "Oxygenator", "Panel", "Parameter", "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section",
     "Sweep", "Target", "Trace", "Views", "by_key", "check_cannula", "check_sites", "check_speed",
-    "difference", "highest", "lowest", "mean", "mean_flow", "measured", "number", "one_of",
+    "difference", "gas_sample", "highest", "lowest", "mean", "mean_flow", "measured", "number", "one_of",
     "patient_site", "picker", "pump_values", "shown",
 ]  # fmt: skip

@@ -154,8 +154,9 @@ def gas_sample(
         needs: waveforms that it requires.
     """
     unit, factor = ("%", 100.0) if what == "SO2" else ("mmHg", 1.0)
+    at = "drawn by" if where == "drawn" else where
     return Output(
-        name, long_name, unit, f"of the blood {where} {place}", needs,
+        name, long_name, unit, f"of the blood {at} {place}", needs,
         lambda m: factor * m.gas(what, where, place), parameters=(GASES,), all_flows=True,
         read_at=f"{'P' if where == 'in' else 'Q'}{place}",
     )  # fmt: skip

@@ -385,16 +385,20 @@ class Instance(Naming):
             gases: whether blood gases are computed.
         """
         values = {parameter.key: parameter.value for parameter in self.device.parameters}
-        values |= self.device.values(self.section)
+        set_here = self.device.values(self.section)
+        for name in set_here:
+            if name not in values and not name.startswith(f"{self.device.key}."):
+                allowed = f"a name of `parameters`, or one that begins with '{self.device.key}.'"
+                message = f"value {name!r}: two of a kind would share it; allowed: {allowed}"
+                raise DeviceError(f"device {self.device.key}, {message}")
+        values |= set_here
         if haemoglobin_g_dl is not None:
             values |= self.device.values_of_blood(self.section, haemoglobin_g_dl, gases)
         return {self.parameter(name): value for name, value in values.items()}
 
     def circuit(self) -> Circuit:
-        """Its compartments and connections."""
+        """Its compartments and connections, all in the group of its own key."""
         circuit = self.device.circuit(self.section)
-        if not self.name:
-            return circuit
         return circuit.renamed(self.place, self.parameter, lambda group: self.key)
 
 
@@ -417,6 +421,10 @@ class CaseValues:
     def of(self, device: str) -> dict[str, Raw]:
         """Values of all instances of a device, by the key of their section."""
         return {key: values for key, values in self.devices.items() if device_key(key) == device}
+
+
+class DeviceError(ValueError):
+    """Raised for a device that cannot be registered or used, or a file without one; gives the reason."""
 
 
 class UnsolvedFlowError(ValueError):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from eclsim.arguments import OneOf
 from eclsim.devices.cannulae import (
     BACKWARD_L_MIN,
     CANNULAE,
@@ -421,7 +422,12 @@ def ecmo(
             `ecmo.pump.a` ...).
         second: connections of further cannulae.
         clamped: those of `CLAMPS` that the lines have; each is a parameter (`ecmo.return_clamp`).
+
+    Raises:
+        ValueError: There is no such type of cannula.
     """
+    OneOf(tuple(CANNULAE))("drainage_cannula", drainage_cannula)
+    OneOf(tuple(CANNULAE))("return_cannula", return_cannula)
     from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
     from eclsim.components import (
         Cannula,

@@ -20,7 +20,7 @@ from pydantic import BaseModel
 
 from eclsim.devices.crrt import CRRT, Crrt
 from eclsim.devices.description import GRAVEST_FIRST, SIDES, Output
-from eclsim.devices.device import AnyDevice, Device, Naming, device_key
+from eclsim.devices.device import AnyDevice, Device, DeviceError, Naming, device_key
 from eclsim.devices.ecmo import ECMO, Ecmo
 from eclsim.devices.iabp import IABP, Iabp
 from eclsim.devices.lvad import LVAD, Lvad
@@ -56,10 +56,6 @@ RESERVED = (
 SCHEME = "scheme"
 """Suffix after the key of a device with `schemes`: selects one of them."""
 _KEY = re.compile(r"[a-z][a-z0-9_]*")
-
-
-class DeviceError(ValueError):
-    """Raised for a device that cannot be registered, or a file that registers none; gives the reason."""
 
 
 class UnknownParameterError(KeyError):
@@ -240,6 +236,7 @@ def _check(device: AnyDevice) -> None:
     except ValueError:
         message = "each attribute must be annotated with its Field, as in Annotated[float, number(...)]"
         raise DeviceError(f"device {key}, {section.__name__}: {message}") from None
+    _check_defaults(device)
     others = (*_PACKAGE, *(other for name, other in _OTHERS.items() if name != key))
     known = set(patient_parameters()) | {p.key for other in others for p in other.parameters}
     if taken := [p.key for p in device.parameters if p.key in known]:
@@ -247,6 +244,16 @@ def _check(device: AnyDevice) -> None:
         raise DeviceError(f"device {key}, parameter {taken[0]!r}: {message}")
     _check_outputs(device, others)
     _check_waveforms(device, others)
+
+
+def _check_defaults(device: AnyDevice) -> None:
+    """Raise `DeviceError` for a key that may be left out and then has no value."""
+    section = device.section
+    filled_in = section.complete.__func__ is not Section.complete.__func__
+    for name, entry in section.fields().items():
+        if section.model_fields[name].is_required() and not (entry.required or filled_in):
+            message = "may be left out, but has no default; write one behind it, such as `= None`"
+            raise DeviceError(f"device {device.key}, {section.__name__}.{name}: {message}")
 
 
 def _check_outputs(device: AnyDevice, others: Iterable[AnyDevice]) -> None:

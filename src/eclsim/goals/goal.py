@@ -124,7 +124,7 @@ def _make_numbers(given: Goal | Setting, name: str) -> None:
         object.__setattr__(given, what, number_of(f"{name}: {what}", getattr(given, what)))
 
 
-def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal, ...]:
+def read_goals(text: str | Sequence[str | Goal], outputs: Sequence[str]) -> tuple[Goal, ...]:
     """Parse goals from a user's text.
 
     Args:

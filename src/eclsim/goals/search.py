@@ -81,7 +81,7 @@ STARTS = 3
 
 def reach(
     case: CaseSource,
-    goals: str | Sequence[Goal],
+    goals: str | Sequence[str | Goal],
     *,
     vary: str | Sequence[Setting] | None = None,
     volume_policy: str | None = None,

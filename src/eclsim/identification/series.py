@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from eclsim.arguments import WholeNumber
+from eclsim.arguments import WholeNumber, written
 from eclsim.cases.cohort import when
 from eclsim.cases.quantities import with_values
 from eclsim.identification.quantities import BOUNDS, OUTPUTS, possible_range, unit_of
@@ -138,8 +138,9 @@ def named_cases(points: Sequence[tuple[str, CaseSource]]) -> Sequence[tuple[str,
     listed = isinstance(points, Sequence) and not isinstance(points, str)
     for one in points if listed else [points]:
         if not (isinstance(one, (tuple, list)) and len(one) == 2 and isinstance(one[0], str)):
-            what = shown(one) if isinstance(one, str) else f"a {type(one).__name__}"
-            raise CaseError([Mistake("points", f"{what} is not a pair of name and case", allowed=allowed)])
+            pair = isinstance(one, (tuple, list)) and len(one) == 2
+            wrong, what = (one[0], "a name") if pair else (one, "a pair of name and case")
+            raise CaseError([Mistake("points", f"{written(wrong)} is not {what}", allowed=allowed)])
     if not points:
         raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
     if repeated := {name: count for name, count in Counter(name for name, _ in points).items() if count > 1}:

@@ -160,7 +160,8 @@ def as_names(given: Sequence[str], what: str) -> tuple[str, ...]:
     names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
     for name in names:
         if not isinstance(name, str):
-            raise TypeError(f'{what}: {shown(name)} is not a name; allowed: names such as ["MAP", "CO"]')
+            example = '["Rmc", "Emaxlv"]' if what == "parameters" else '["MAP", "CO"]'
+            raise TypeError(f"{what}: {shown(name)} is not a name; allowed: names such as {example}")
     return names
 
 

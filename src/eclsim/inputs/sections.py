@@ -37,7 +37,8 @@ class Section(BaseModel):
 
         speed_rpm: Annotated[float, number("Speed", "rpm", 0, 15000, typical=5000)]
 
-    or takes the description of the parameter of the same name, such as "gas.fio2" for `fio2` of [gas].
+    or takes the description of the parameter of the same name, such as "gas.fio2" for `fio2` of [gas]. A key
+    with a default, as in `= 5000`, may be left out.
 
     Creating an instance runs the checks of a case file.
     """
@@ -93,7 +94,8 @@ def _fields(section: type[Section]) -> Mapping[str, Field]:
     result = {}
     for name, info in section.model_fields.items():
         entry = next((item for item in info.metadata if isinstance(item, Field)), None)
-        result[name] = replace(entry or _parameter_field(section, name), name=name)
+        found = entry or _parameter_field(section, name)
+        result[name] = replace(found, name=name, required=found.required and info.is_required())
     return result
 
 

@@ -70,7 +70,8 @@ class Model:
         missing = [n for n in names if n not in self.values]
         if missing:
             raise UnknownValueError(
-                f"no value for {', '.join(missing)}: the circuit of '{self.name}' needs them"
+                f"no value for {', '.join(missing)}: the circuit of '{self.name}' needs them; "
+                "a device gives its own in `values` or `parameters`"
             )
         if others := [n for n in names if type(self.values[n]) is not float]:
             numbers = {n: number_of(n, self.values[n]) for n in others}

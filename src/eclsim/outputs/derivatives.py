@@ -25,7 +25,7 @@ from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
 from eclsim.outputs.measures import Measures, Points, jacobian, single, whole_beat
-from eclsim.outputs.registry import all_outputs, leading_outputs, output
+from eclsim.outputs.registry import all_outputs, computed, leading_outputs, output
 from eclsim.outputs.signals import needed_signals, output_names
 from eclsim.units import ML_S_PER_L_MIN
 
@@ -230,7 +230,7 @@ def linearise(
     series = whole_beat(recorded[..., 0])
     waveforms = {name: np.ascontiguousarray(series[:, names.index(name)]) for name in signals}
     measures = LinearMeasures(waveforms, program.grid.phases, circuit, values)
-    result = [_dual(output(name).compute(measures)) for name in outputs]
+    result = [_dual(computed(name, measures)) for name in outputs]
     keys = sorted(measures.sums)
     weights = np.array([measures.sums[key] for key in keys]).reshape(len(keys), -1)
     weights[:, -1] += weights[:, 0]
@@ -295,5 +295,5 @@ def _sums_of(outputs: Sequence[str], circuit: Circuit) -> list[str]:
     waveforms = {name: 2.0 + k + np.sin(7.0 * phases + k) for k, name in enumerate(signals)}
     measures = LinearMeasures(waveforms, phases, circuit)
     for name in outputs:
-        output(name).compute(measures)
+        computed(name, measures)
     return [signal for signal, _ in measures.sums]

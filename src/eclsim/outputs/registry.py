@@ -20,7 +20,14 @@ from eclsim.devices.description import (
     mean_flow,
 )
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import DeviceError, cached_by_devices, devices, named_output, namings
+from eclsim.devices.registry import (
+    DeviceError,
+    cached_by_devices,
+    devices,
+    is_of_user,
+    named_output,
+    namings,
+)
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED, in_effect
 from eclsim.parameters import regulation as keys
@@ -31,10 +38,16 @@ from eclsim.units import ML_S_PER_L_MIN
 
 
 class UnknownOutputError(KeyError):
-    """Raised for an unknown name; the message lists the nearest ones."""
+    """Raised for an unknown name, or for an output that a case lacks if all that it has are given as well.
+
+    The message lists the nearest names, or says what the case needs.
+    """
 
     def __str__(self) -> str:
-        name, known = self.args[0], all_outputs()
+        name, *had = self.args
+        if had and find_output(name) is not None:
+            return f"'{name}' is no output of this case{unavailable(name, *had)}"
+        known = had[0] if had else all_outputs()
         return f"'{name}' is not an output; allowed: {', '.join(known)}{spelling_hint(name, known)}"
 
 
@@ -330,6 +343,27 @@ def output(name: str) -> Output:
     if result is None:
         raise UnknownOutputError(name)
     return result
+
+
+def is_users_output(name: str) -> bool:
+    """Whether an output is that of a device from outside the package."""
+    known = named_output(name)
+    return known is not None and is_of_user(known[0].device)
+
+
+def computed(name: str, measures: BeatMeasures) -> Numbers:
+    """Compute an output from the measures of a beat.
+
+    Raises:
+        DeviceError: The output of a user's device fails; names the output and what it may compute.
+    """
+    try:
+        return output(name).compute(measures)
+    except (KeyError, TypeError, ValueError) as error:
+        if not is_users_output(name):
+            raise
+        allowed = "waveforms in its `needs`, `parameters`, + - * / ** and m.apply(function, [numbers])[0]"
+        raise DeviceError(f"output {name!r}: {type(error).__name__}: {error}; allowed: {allowed}") from error
 
 
 def first_name(name: str) -> str:

@@ -29,7 +29,7 @@ from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch, SolvedOrbits, st
 from eclsim.outputs.alarms import Finding, findings, gravest_first, impossible, marks, sentences
 from eclsim.outputs.gas import recirculation
 from eclsim.outputs.measures import Measures
-from eclsim.outputs.registry import leading_outputs, output
+from eclsim.outputs.registry import computed, leading_outputs, output
 from eclsim.outputs.regulation import REFLEX_USE, corner_at_set_point
 from eclsim.outputs.second_beat import findings_of_second_beat
 from eclsim.outputs.signals import (
@@ -432,7 +432,7 @@ def simulate_adaptive(
     parameters = batch.read_by_outputs(needed_parameters(model.circuit, known), np.array([0]))
     waves = {n: recorded[:, [k]] for k, n in enumerate(names)}
     measures = Measures(waves, RECORDING_GRID.phases, model.circuit, parameters)
-    outputs = {n: output(n).compute(measures) for n in known}
+    outputs = {n: computed(n, measures) for n in known}
     with_gas = bool(gas_dependent_outputs(model.circuit, known))
     gas_status = np.asarray(measures.gas(*STATUS) if with_gas else [0], dtype=int)
     series = recorded[:, [names.index(n) for n in plain]]

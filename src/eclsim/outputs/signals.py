@@ -16,7 +16,7 @@ from eclsim.devices.description import GASES
 from eclsim.devices.registry import cached_by_devices
 from eclsim.gas.network import switches
 from eclsim.outputs.alarms import watched_signals
-from eclsim.outputs.registry import available, output
+from eclsim.outputs.registry import UnknownOutputError, available, output
 
 KIND_WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
 
@@ -26,6 +26,18 @@ def output_names(circuit: Circuit) -> tuple[str, ...]:
     """All outputs that a circuit has, in the order of the registry."""
     parameters = {HEART_RATE, *circuit.parameter_names(), *circuit.content_names()}
     return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
+
+
+def refuse_missing(outputs: Sequence[str], *circuits: Circuit) -> None:
+    """Raise an error for the first output that none of the circuits has.
+
+    Raises:
+        UnknownOutputError: Says what a case with this output needs, or the nearest spellings.
+    """
+    had = dict.fromkeys(name for circuit in circuits for name in output_names(circuit))
+    for name in outputs:
+        if name not in had:
+            raise UnknownOutputError(name, tuple(had))
 
 
 def gas_dependent_outputs(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
@@ -40,6 +52,7 @@ def needed_signals(
     circuit: Circuit, outputs: Sequence[str], waveforms: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Signals needed to compute outputs and waveforms, with the rates that locate extremes."""
+    refuse_missing(outputs, circuit)
     entries = [output(name) for name in outputs]
     signals = {*waveforms, *(signal for entry in entries for signal in entry.needs)}
     if any(entry.all_flows for entry in entries):

@@ -41,10 +41,16 @@ from eclsim.outputs.coupling import (
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gas import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
-from eclsim.outputs.registry import output
+from eclsim.outputs.registry import computed, is_users_output, output
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import Sealed, TrappedBlood, closed_valves, sealed, valve_flows
-from eclsim.outputs.signals import gas_dependent_outputs, needed_parameters, needed_signals, output_names
+from eclsim.outputs.signals import (
+    gas_dependent_outputs,
+    needed_parameters,
+    needed_signals,
+    output_names,
+    refuse_missing,
+)
 
 _TISSUE = Tissue()
 _READ_BY_TISSUE = (GASES, str(_TISSUE.rise), TEMPERATURE)
@@ -296,10 +302,14 @@ def steady_beat(
         start: start of the searches, see `eclsim.orbit.steady.solve`.
         resolution: resolution of the phase grid; None takes what each member's time constants need.
         execution: how the batch is computed.
+
+    Raises:
+        UnknownOutputError: The circuit has no such output.
     """
     if not isinstance(batch, Batch):
         allowed = "eclsim.Batch.of(model), or eclsim.Batch(...) of several"
         raise TypeError(f"{article(type(batch).__name__)} is not a batch of patients; allowed: {allowed}")
+    refuse_missing(outputs or (), batch.circuit)
     options = as_settings(options, OrbitOptions, "options")
     execution = as_settings(execution, Execution, "execution")
     resolution = None if resolution is None else WholeNumber(1, FINEST)("resolution", resolution)
@@ -356,7 +366,7 @@ def measured(
         measures.measure_means(recorded, series)
         measures.measure_extremes([name for name in recorded if name + RATE in waves])
         for row, name in zip(values, names, strict=True):
-            row[members] = output(name).compute(measures)[: len(members)]
+            row[members] = computed(name, measures)[: len(members)]
         if with_gas:
             gas_status[members] = measures.gas(*STATUS)[: len(members)]
             steady = [k for k, m in enumerate(members.tolist()) if m in keep and not gas_status[m]]
@@ -422,7 +432,9 @@ def with_status(
     status, circuit = np.array(orbits.status), orbits.batch.circuit
     native = _native_output(outputs, circuit, orbits.batch.count)
     status[(status == Status.NOT_CONVERGED) & (native < NO_EJECTION_L_MIN)] = Status.NO_EJECTION
-    beats = [values for name, values in outputs.items() if not output(name).parameters]
+    beats = [
+        values for name, values in outputs.items() if not (output(name).parameters or is_users_output(name))
+    ]
     finite = np.isfinite(beats).all(axis=0) if beats else True
     status[(status != Status.INVALID_INPUT) & ~(finite & np.isfinite(statistics).all(axis=(0, 1)))] = (
         Status.NOT_FINITE

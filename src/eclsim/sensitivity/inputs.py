@@ -469,7 +469,8 @@ def uncertainties_of(outputs: Sequence[str], stated: Mapping[str, Uncertainty]) 
     wrong = [f"uncertainty of {name}: not among the measurements" for name in stated if name not in outputs]
     known = {**DEFAULTS, **stated}
     wrong += [
-        f"uncertainty of {name}: no default; give one, such as {name}=5%"
+        f"uncertainty of {name}: no default; give one, such as {name}=5%, in Python "
+        f'{{"{name}": eclsim.Uncertainty(relative=0.05)}}'
         for name in outputs
         if name not in known
     ]
