@@ -4,7 +4,8 @@
 PYTHON  ?= python3
 VENV    ?= .venv
 OUT     ?= demo-output
-WORKERS ?= 2
+# One more than two cores: the worker of the browser tests waits most of the time.
+WORKERS ?= 3
 UPGRADE ?=
 
 BIN     := $(VENV)/bin
