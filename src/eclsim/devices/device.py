@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
@@ -399,6 +399,9 @@ class Instance(Naming):
     def circuit(self) -> Circuit:
         """Its compartments and connections, all in the group of its own key."""
         circuit = self.device.circuit(self.section)
+        tables = (getattr(circuit, one.name) for one in fields(circuit))
+        if not self.name and all(part.group == self.key for table in tables for part in table):
+            return circuit
         return circuit.renamed(self.place, self.parameter, lambda group: self.key)
 
 

@@ -407,6 +407,12 @@ def _recorded(
     return recorded, series, search.program.grid.phases
 
 
+@cached_by_devices(256)
+def _of_the_beat_alone(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Outputs that are finite in every beat that was found; those of a user's device need not be."""
+    return tuple(name for name in names if not (output(name).parameters or is_users_output(name)))
+
+
 def with_status(
     orbits: SolvedOrbits,
     names: tuple[str, ...],
@@ -432,9 +438,7 @@ def with_status(
     status, circuit = np.array(orbits.status), orbits.batch.circuit
     native = _native_output(outputs, circuit, orbits.batch.count)
     status[(status == Status.NOT_CONVERGED) & (native < NO_EJECTION_L_MIN)] = Status.NO_EJECTION
-    beats = [
-        values for name, values in outputs.items() if not (output(name).parameters or is_users_output(name))
-    ]
+    beats = [outputs[name] for name in _of_the_beat_alone(tuple(outputs))]
     finite = np.isfinite(beats).all(axis=0) if beats else True
     status[(status != Status.INVALID_INPUT) & ~(finite & np.isfinite(statistics).all(axis=(0, 1)))] = (
         Status.NOT_FINITE
