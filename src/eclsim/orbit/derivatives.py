@@ -32,8 +32,8 @@ SINGULAR = (
 )
 DIRECTIONS_PER_VECTOR = 8
 """Number of directions is padded to a multiple of this, so that vector loops have no remainder."""
-LEAST_PARAMETERS = 8
-"""Minimum number of parameter directions of a compiled beat; few parameters then share one program (10 s)."""
+PARAMETERS_AT_ONCE = 8
+"""Parameter directions in a run of the compiled beat; one program (10 s) serves any number of parameters."""
 
 
 @dataclass(frozen=True)
@@ -104,19 +104,23 @@ def orbit_derivatives(
     """
     program, packed = problem.program, problem.packed[:, 0]
     n, m = len(state), len(parameters)
-    padded = -(-(n + max(m, LEAST_PARAMETERS)) // DIRECTIONS_PER_VECTOR) * DIRECTIONS_PER_VECTOR
+    at_once = -(-(n + PARAMETERS_AT_ONCE) // DIRECTIONS_PER_VECTOR) * DIRECTIONS_PER_VECTOR
+    padded = -(-(n + m) // at_once) * at_once
     directions = np.zeros((padded, n)), np.zeros((padded, len(packed)))
     directions[0][:n] = np.eye(n)
     for k, name in enumerate(parameters):
         if name in program.names:
             directions[1][n + k, program.names.index(name)] = 1.0
     table = np.zeros((program.grid.n_steps, 0)) if weights is None else weights
-    after, *result = map(np.asarray, _tangents(program, signals)(state, packed, *directions, table))
-    end, sums = (tangents[: n + m].T for tangents in result)
+    run = _tangents(program, signals)
+    blocks = [slice(begin, begin + at_once) for begin in range(0, padded, at_once)]
+    results = [run(state, packed, *(one[block] for one in directions), table) for block in blocks]
+    after, ends, sums_of_blocks = zip(*results, strict=True)
+    end, sums = (np.concatenate(tangents)[: n + m].T for tangents in (ends, sums_of_blocks))
     spread, volume = problem.spread[:, 0], problem.volume
     inverse = _inverse(np.eye(n) - end[:, :n] + np.outer(spread, volume.weights))
     states = inverse @ (end[:, n:] + np.outer(spread, volume_slopes))
-    step = -inverse @ (state - after + spread * (volume.weights @ state - volume.target[0]))
+    step = -inverse @ (state - np.asarray(after[0]) + spread * (volume.weights @ state - volume.target[0]))
     anchor = Anchor(state, inverse * problem.scale[:, 0] / problem.scale)
     return OrbitDerivatives(
         states,

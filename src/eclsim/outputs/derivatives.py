@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import jax
@@ -25,12 +24,10 @@ from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
 from eclsim.outputs.measures import Measures, Points, jacobian, single, whole_beat
-from eclsim.outputs.registry import all_outputs, computed, leading_outputs, output
+from eclsim.outputs.registry import computed, output
 from eclsim.outputs.signals import needed_signals, output_names
 from eclsim.units import ML_S_PER_L_MIN
 
-FURTHER_USUAL_OUTPUTS = ("CVP", "venous_pressure")
-"""Outputs that limits and searches need besides the leading ones of every result."""
 WeightedSum = tuple[str, int]
 """A weighted sum that a measure depends on: its signal and its index."""
 
@@ -235,8 +232,7 @@ def linearise(
     weights = np.array([measures.sums[key] for key in keys]).reshape(len(keys), -1)
     weights[:, -1] += weights[:, 0]
     usual = usual_sums(program.assembly.circuit)
-    summed_signals, positions = _smallest_usual_list(tuple(name for name, _ in keys), usual)
-    places = list(positions)
+    summed_signals, places = _places([name for name, _ in keys], usual)
     wide = np.zeros((program.grid.n_steps, len(summed_signals)))
     wide[:, places] = weights[:, 1:].T
     orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed_signals, wide)
@@ -249,38 +245,27 @@ def linearise(
     )
 
 
-@lru_cache(maxsize=256)
-def _smallest_usual_list(
-    sums: tuple[str, ...], usual: tuple[tuple[str, ...], ...]
-) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """Smallest usual list of signals that contains the given sums, and their positions in it.
+def _places(sums: Sequence[str], usual: tuple[str, ...]) -> tuple[tuple[str, ...], list[int]]:
+    """The list of signals that a beat with tangents sums, and the positions of the given sums in it.
 
-    A beat with tangents is compiled for each list of sums (6 s). With few lists, the program of one question
-    about a circuit serves the next; 60 additional sums make such a beat a sixth slower.
+    Such a beat is compiled for each list (some 10 s). With all usual sums in one list a program serves all
+    usual questions about a circuit, and is not a tenth slower than with those of one question.
     """
-    wanted = Counter(sums)
-    signals = next((one for one in usual if Counter(one) >= wanted), sums)
-    taken, places = Counter[str](), []
+    signals = usual if Counter(usual) >= Counter(sums) else tuple(sums)
+    taken, places = Counter[str](), list[int]()
     for name in sums:
         places.append(signals.index(name) + taken[name])
         taken[name] += 1
-    return signals, tuple(places)
+    return signals, places
 
 
 @cached_by_devices(64)
-def usual_sums(circuit: Circuit) -> tuple[tuple[str, ...], ...]:
-    """Signals of the sums that usual questions about a circuit need; each list sorted, shortest list first.
-
-    The lists are for the leading outputs, those of devices and `FURTHER_USUAL_OUTPUTS`; for these and the
-    flows that carry gases; and for all outputs and these flows.
-    """
+def usual_sums(circuit: Circuit) -> tuple[str, ...]:
+    """Signals of the sums that all outputs of a circuit and its flows that carry gases need, sorted."""
     plain = [name for name in output_names(circuit) if _reads_waveforms_alone(name)]
-    others = {*all_outputs(())} - {*(entry.name for entry in leading_outputs(())), *FURTHER_USUAL_OUTPUTS}
-    first = _sums_of([name for name in plain if name not in others], circuit)
     flows = ["Q" + connection.name for connection in circuit.connections]
     carried = [flow + MEAN if has_mean(circuit, flow) else flow for flow in flows]
-    lists = first, [*first, *carried, *carried], [*_sums_of(plain, circuit), *carried, *carried]
-    return tuple(tuple(sorted(one)) for one in lists)
+    return tuple(sorted([*_sums_of(plain, circuit), *carried, *carried]))
 
 
 def _reads_waveforms_alone(name: str) -> bool:

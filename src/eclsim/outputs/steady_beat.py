@@ -41,7 +41,7 @@ from eclsim.outputs.coupling import (
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gas import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
-from eclsim.outputs.registry import computed, is_users_output, output
+from eclsim.outputs.registry import computed, is_users_output, leading_outputs, output
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import Sealed, TrappedBlood, closed_valves, sealed, valve_flows
 from eclsim.outputs.signals import (
@@ -50,6 +50,7 @@ from eclsim.outputs.signals import (
     needed_signals,
     output_names,
     refuse_missing,
+    watched_waveforms,
 )
 
 _TISSUE = Tissue()
@@ -400,11 +401,28 @@ def _recorded(
     """
     search = orbits.search(int(members[0]))
     packed = orbits.batch.packed(search.program)[:, members]
-    recorded, series = search.record(orbits.states[:, members], packed, signals)
+    circuit = orbits.batch.circuit
+    recorded, series = search.record(orbits.states[:, members], packed, _usual_signals(circuit, signals))
+    if search.width > 1:
+        recorded, series = signals, series[:, [recorded.index(name) for name in signals]]
     series = whole_beat(series)
     if len(members) == 1:
         series = in_two_columns(series)
     return recorded, series, search.program.grid.phases
+
+
+@cached_by_devices(256)
+def _usual_signals(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
+    """The smallest usual set of signals that contains the given ones; the given ones if none does.
+
+    Beats side by side are compiled for each set (some 5 s). With few sets the program of one question about a
+    circuit serves the next.
+    """
+    names, watched = output_names(circuit), watched_waveforms(circuit)
+    first = [*(entry.name for entry in leading_outputs() if entry.name in names), *status_outputs(circuit)]
+    lists = first, [*first, *gas_dependent_outputs(circuit, names)], names
+    usual = [needed_signals(circuit, tuple(one), watched) for one in lists]
+    return next((one for one in usual if set(signals) <= set(one)), signals)
 
 
 @cached_by_devices(256)
