@@ -409,7 +409,7 @@ def test_chains_agree_with_weighted_draws(fit, result):
     from eclsim.identification.nuts import Sampling
 
     sampled = posterior(
-        fit, settings=PosteriorSettings(sampling=Sampling(chains=4, warmup=150, draws=250, seed=1))
+        fit, settings=PosteriorSettings(sampling=Sampling(chains=4, warmup=100, draws=120, seed=1))
     )
     assert sampled.diagnostics is not None
     assert sampled.diagnostics.r_hat.max() < 1.05
