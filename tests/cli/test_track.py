@@ -9,8 +9,10 @@ import pytest
 from eclsim.cases.case import Measurements
 from eclsim.cli.cases import read_table
 from eclsim.cli.track import TrackOptions, _check_points, _series, _settings, _settings_of_each
+from eclsim.identification import tracks
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import TrackSettings
+from eclsim.identification.tracks import followed
 from eclsim.parameters.thiel2025 import BOUNDS
 
 HEAD = (
@@ -82,6 +84,62 @@ def test_a_refused_row_between_others_keeps_its_time(shell, table):
     points = json.loads(result.stdout)["series"][0]["points"]
     assert [(p["id"], p["hours_since_last"]) for p in points] == [("1", None), ("3", 48.0)]
     assert "=A: refused rows between used ones: 1; each still counts as 24 h of elapsed time" in result.stderr
+
+
+TWO_PATIENTS = (
+    HEAD + "".join(ROWS.splitlines(keepends=True)[:2]) + ROWS.splitlines()[0].replace("=A", "B") + "\n"
+)
+
+
+def without_seconds(content):
+    for series in content["series"]:
+        for point in series["points"]:
+            del point["seconds"]
+    return content
+
+
+@pytest.mark.slow
+def test_patients_are_stored_one_by_one(shell, table, monkeypatch):
+    """Stopped in the last of many patients, all were lost."""
+    table.write_text(TWO_PATIENTS)
+    asked, whole = ("track", table, *FEW, "--drift", "0.1"), shell.folder / "whole"
+    assert shell.run(*asked, "--out", whole).exit_code == 0
+    wanted = without_seconds(json.loads((whole / "track.json").read_text()))
+    assert [series["id"] for series in wanted["series"]] == ["=A", "B"]
+
+    kept, begun = shell.folder / "kept", []
+
+    def stopped_at_the_second(series):
+        begun.append(series.points[0][1].patient.id)
+        if begun == ["=A", "B"]:
+            raise KeyboardInterrupt
+        return followed(series)
+
+    monkeypatch.setattr(tracks, "followed", stopped_at_the_second)
+    stopped = shell.run(*asked, "--out", kept)
+    assert stopped.exit_code == 130
+    assert "the same command with --resume goes on" in stopped.stderr
+    refused = shell.run(*asked, "--out", kept)
+    assert refused.exit_code == 2
+    assert "--resume goes on" in refused.stderr
+    other = shell.run(*asked, "--out", kept, "--resume", "--interval", "12")
+    assert other.exit_code == 2
+    assert "interval_hours" in other.stderr
+    assert shell.run(*asked, "--out", kept, "--resume").exit_code == 0
+    assert begun == ["=A", "B", "B"]
+    assert without_seconds(json.loads((kept / "track.json").read_text())) == wanted
+
+    parts = shell.folder / "parts"
+    for part in ("2/2", "1/2"):
+        assert shell.run(*asked, "--out", parts, "--shard", part).exit_code == 0
+    assert shell.run("merge", parts).exit_code == 0
+    assert without_seconds(json.loads((parts / "track.json").read_text())) == wanted
+
+
+def test_the_files_of_a_patient_are_not_distributed(shell):
+    result = shell.run("track", shell.case(more=MEASURED), "--out", shell.folder / "out", "--shard", "1/2")
+    assert result.exit_code == 2
+    assert "--resume, --shard, --dask: work for tables only" in result.stderr
 
 
 VALUES = "[measurements]\nMAP = 80\nCO = 4.0\nSP = 100\n"

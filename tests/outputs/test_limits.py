@@ -70,6 +70,13 @@ def test_a_value_has_the_gravest_level_it_reaches(quantity, value, expected):
     assert level(quantity, value) == expected
 
 
+def test_a_limit_that_a_search_has_met_is_kept():
+    """An SaO2 that `settings` had brought to 88 % was "88.000000 %", "below 88 %"."""
+    levels_of_saturation = [level("SaO2", value) for value in (88.0 * (1.0 - 1e-9), 87.999, float("nan"))]
+    assert levels_of_saturation == ["ok", "warning", "ok"]
+    assert [level("MAP", value) for value in (133.0 * (1.0 + 1e-9), 133.001)] == ["warning", "alarm"]
+
+
 def test_a_heart_rate_that_nothing_changes_is_the_patients_own_and_not_judged():
     own = {"heart_rate_bpm": 190.0}
     assert broken_limits({"heart_rate": 190.0}, own) == []

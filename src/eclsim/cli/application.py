@@ -31,7 +31,7 @@ from eclsim.cli.track import track
 from eclsim.cli.validate import benchmark, validate
 from eclsim.execution.folder import ExecutionError, read_inputs
 
-_DISTRIBUTED = (course, crrt_study, identify, reproduce, sensitivity, validate)
+_DISTRIBUTED = (course, crrt_study, identify, reproduce, sensitivity, track, validate)
 _COMMANDS = {function.__name__: function for function in _DISTRIBUTED}
 
 

@@ -11,17 +11,10 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import is_table, read_all, read_table
-from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
-from eclsim.cli.destination import Destinations, write_json_output
+from eclsim.cli.console import INCOMPLETE, Progress, broken_rules, fail, note, refuse, warn
+from eclsim.cli.destination import Destinations, explaining_resume, write_json_output
 from eclsim.cli.identify import Prior, fit_settings, free_parameters_text, source_of_mistake
-from eclsim.cli.options import (
-    FreeParameters,
-    Json,
-    ResultsFolder,
-    VolumePolicy,
-    argument,
-    option,
-)
+from eclsim.cli.options import Distributed, FreeParameters, VolumePolicy, argument, option
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -34,7 +27,7 @@ _SAME_NAME = "measurements have the names of their files; give each file a name 
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackOptions(ResultsFolder, FreeParameters, Json):
+class TrackOptions(FreeParameters, Distributed):
     """Options of `eclsim track`."""
 
     files: list[str] = argument(
@@ -68,14 +61,21 @@ def track(options: TrackOptions) -> None:
     """Follow a patient's parameters over time, forecast the next outputs, and flag what does not fit.
 
     Each measurement is compared with its forecast (normalised innovation) and then updates the parameters:
-    an iterated unscented Kalman filter on the steady heartbeat. All intervals are 90 %. Exit status: 0 all
-    points followed, 1 some could not be followed or the first estimate fits poorly, 2 bad input.
+    an iterated unscented Kalman filter on the steady heartbeat. All intervals are 90 %. Each patient of a
+    table is stored when done. Exit status: 0 all points followed, 1 some could not be followed or the first
+    estimate fits poorly, 2 bad input.
     """
     from eclsim.identification.files import TRACK_SUMMARY
 
-    places = Destinations(force=options.force, inputs=options.files)
-    target = places.target("--json", options.json)
+    table = any(map(is_table, options.files))
+    resume = options.continues if table else None
+    places = Destinations(force=options.force, resume=resume, inputs=options.files)
+    target, distribution = places.target("--json", options.json), options.distribution(places.mistakes)
     places.folder("--out", options.out, [TRACK_SUMMARY])
+    places.mistakes += broken_rules({
+        "--resume, --shard, --dask: work for tables only; the files of a patient are followed as a whole":
+            not table and (options.continues or options.dask),
+    })  # fmt: skip
     series, refused, left_out = _series(options, places.mistakes)
     places.check()
     settings = _settings(options)
@@ -86,22 +86,22 @@ def track(options: TrackOptions) -> None:
 
     from eclsim.identification.files import write_tracks
     from eclsim.identification.report import series_text
-    from eclsim.identification.tracking import track as follow
+    from eclsim.identification.tracks import PRELOAD, PatientSeries, follow_patients
 
-    tracks = []
+    folder = Path(options.out)
+    asked_of = {
+        patient: PatientSeries(tuple(points), each[patient], tuple(left_out.get(patient, ())))
+        for patient, points in series.items()
+    }
     with Progress() as progress:
-        for patient, points in series.items():
-
-            def say(step: object, patient: str = patient) -> None:
-                progress(f"{patient}: {step}")
-
-            lost = left_out.get(patient, ())
-            tracks.append(follow(points, settings=each[patient], progress=say, left_out=lost).as_object())
+        with explaining_resume(folder if table else None), distribution.running(PRELOAD) as executor:
+            place = folder if table else None
+            tracks = follow_patients(asked_of, folder=place, executor=executor, progress=progress)
         progress("figures and report")
         free = list(dict.fromkeys(name for chosen in each.values() for name in chosen.fit.parameters))
         asked = {**settings.as_object(), "parameters": free}
         content = {"series": tracks, "refused": refused, "settings": asked}
-        write_tracks(Path(options.out), content)
+        write_tracks(folder, content)
     if write_json_output(content, target):
         typer.echo("\n".join(map(series_text, tracks)))
     unusable = (

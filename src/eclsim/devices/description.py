@@ -31,6 +31,8 @@ GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
 """Kinds of limits, most serious first. Beyond a "collapse" limit the numbers are impossible in a patient."""
 SIDES = ("below", "above")
 """Sides on which a value may exceed a limit."""
+ROUNDING = 1e-6
+"""Share of a limit by which a value may miss it to which a search has brought it."""
 COLLAPSE_MMHG = -300.0
 """Pressure [mmHg] at which any vein has collapsed, so that a pump would not reach the computed flow."""
 CAUTION = "caution"
@@ -189,8 +191,9 @@ class Limit:
     running: str = ""
 
     def broken_by(self, value: float) -> bool:
-        """Whether a value exceeds the limit (NaN does not)."""
-        return value < self.value if self.side == "below" else value > self.value
+        """Whether a value exceeds the limit by more than a search for it may miss it (NaN does not)."""
+        beyond = self.value - value if self.side == "below" else value - self.value
+        return beyond > ROUNDING * abs(self.value)
 
 
 @dataclass(frozen=True, slots=True)
