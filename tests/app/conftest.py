@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 import socket
@@ -21,6 +22,8 @@ from eclsim.app.state import PageState, link_of
 from eclsim.cases.presets import PRESETS
 from system_browser import LAPTOP, system_browser
 
+SAVES_DATA = "Object.defineProperty(navigator, 'connection', { value: { saveData: true } })"
+"""Pages then load the library of the charts only when one is shown: a second of a processor for each page."""
 START_SECONDS = 180
 """Patience with a server that starts beside other tests on a small machine."""
 PROGRAM = (
@@ -154,6 +157,7 @@ def contexts(browser) -> Iterator[Callable[..., Any]]:
             kept[repr(options)] = browser.new_context(
                 reduced_motion="reduce", accept_downloads=True, **options
             )
+            kept[repr(options)].add_init_script(SAVES_DATA)
         return kept[repr(options)]
 
     yield context
@@ -170,6 +174,7 @@ def open_page(contexts, served) -> Iterator[Callable[..., Any]]:
         preset: str = "paper", viewport: dict[str, int] = LAPTOP, url: str | None = None, **options: Any
     ):
         page = contexts(viewport=viewport, **options).new_page()
+        page.wait_for_function = functools.partial(page.wait_for_function, polling=50)
         pages.append(page)
         own = (served.url, "data:", "blob:")
         page.on("request", lambda r: None if r.url.startswith(own) else foreign.append(r.url))

@@ -22,7 +22,7 @@ async function load() {
 }
 const plotly = () => (loading ??= load());
 bus.on("beat", () => {
-  if (!loading) setTimeout(plotly, LOAD_AFTER);
+  if (!loading && !navigator.connection?.saveData) setTimeout(plotly, LOAD_AFTER);
 });
 // Redraw the charts when the colour preference changes.
 dark.addEventListener("change", () => {
