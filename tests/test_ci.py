@@ -11,14 +11,14 @@ yaml = pytest.importorskip("yaml")
 
 REPOSITORY = Path(__file__).parents[1]
 RUN = (REPOSITORY / ".ci/run").read_text(encoding="utf-8")
-STEPS = set(re.findall(r"^(?:step|begin) (\w+) ", RUN, re.MULTILINE))
+STEPS = re.findall(r"^(?:step|finish) (\w+)", RUN, re.MULTILINE)
 WORKFLOW = yaml.safe_load((REPOSITORY / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
 HOOKS = yaml.safe_load((REPOSITORY / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
 
 
-def test_the_hosted_workflow_runs_the_steps_of_ci_run():
+def test_the_hosted_workflow_runs_the_steps_of_ci_run_in_their_order():
     steps = [step for step in WORKFLOW["jobs"]["checks"]["steps"] if "run" in step]
-    assert {step["name"] for step in steps} == STEPS
+    assert [step["name"] for step in steps] == STEPS
     for step in steps:
         assert step["run"].removeprefix("sudo ") == f"bash .ci/run {step['name']}"
 
@@ -38,12 +38,12 @@ def test_one_step_can_be_run_without_the_others(tmp_path: Path):
     )
     (tmp_path / ".venv-ci").mkdir()
 
-    def did(*names: str) -> set[str]:
+    def did(*names: str) -> list[str]:
         done = subprocess.run(["bash", folder / "run", *names], capture_output=True, text=True, check=False)
         assert "in all" in done.stdout, done.stderr
-        return set(re.findall(r"^did (\w+)$", done.stdout, re.MULTILINE))
+        return re.findall(r"^did (\w+)$", done.stdout, re.MULTILINE)
 
-    assert did("lint", "types") == {"lint", "types"}
+    assert did("lint", "types") == ["types", "lint"]
     assert (tmp_path / ".venv-ci").exists()
     assert did() == STEPS
     assert not (tmp_path / ".venv-ci").exists()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import signal
 import socket
@@ -174,7 +173,6 @@ def open_page(contexts, served) -> Iterator[Callable[..., Any]]:
         preset: str = "paper", viewport: dict[str, int] = LAPTOP, url: str | None = None, **options: Any
     ):
         page = contexts(viewport=viewport, **options).new_page()
-        page.wait_for_function = functools.partial(page.wait_for_function, polling=50)
         pages.append(page)
         own = (served.url, "data:", "blob:")
         page.on("request", lambda r: None if r.url.startswith(own) else foreign.append(r.url))

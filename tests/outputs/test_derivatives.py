@@ -40,7 +40,15 @@ def beat_of(given):
 @pytest.mark.parametrize(
     ("given", "questions"),
     [
-        (GIVEN, [("MAP",), ("CO", "PCWP", "SP", "DP"), ("PF", "CVP", "EDVLV", "drainage_pressure")]),
+        (
+            GIVEN,
+            [
+                ("MAP",),
+                ("CO", "PCWP", "SP", "DP"),
+                ("PF", "CVP", "EDVLV", "drainage_pressure"),
+                ("stroke_work_lv",),
+            ],
+        ),
         (WITH_GAS, [("MAP", "SaO2", "PF"), ("SpreO2", "CO", "MPAP"), ("PaCO2",), ("stroke_work_lv",)]),
     ],
 )

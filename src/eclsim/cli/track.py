@@ -89,14 +89,14 @@ def track(options: TrackOptions) -> None:
     from eclsim.identification.tracks import PRELOAD, PatientSeries, follow_patients
 
     folder = Path(options.out)
+    kept = folder if table else None
     asked_of = {
         patient: PatientSeries(tuple(points), each[patient], tuple(left_out.get(patient, ())))
         for patient, points in series.items()
     }
     with Progress() as progress:
-        with explaining_resume(folder if table else None), distribution.running(PRELOAD) as executor:
-            place = folder if table else None
-            tracks = follow_patients(asked_of, folder=place, executor=executor, progress=progress)
+        with explaining_resume(kept), distribution.running(PRELOAD) as executor:
+            tracks = follow_patients(asked_of, folder=kept, executor=executor, progress=progress)
         progress("figures and report")
         free = list(dict.fromkeys(name for chosen in each.values() for name in chosen.fit.parameters))
         asked = {**settings.as_object(), "parameters": free}

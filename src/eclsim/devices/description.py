@@ -32,7 +32,7 @@ GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
 SIDES = ("below", "above")
 """Sides on which a value may exceed a limit."""
 ROUNDING = 1e-6
-"""Share of a limit by which a value may miss it to which a search has brought it."""
+"""A value that a search has brought to a limit may miss it by this share of the limit."""
 COLLAPSE_MMHG = -300.0
 """Pressure [mmHg] at which any vein has collapsed, so that a pump would not reach the computed flow."""
 CAUTION = "caution"
@@ -191,7 +191,7 @@ class Limit:
     running: str = ""
 
     def broken_by(self, value: float) -> bool:
-        """Whether a value exceeds the limit by more than a search for it may miss it (NaN does not)."""
+        """Whether a value exceeds the limit, by more than rounding (NaN does not)."""
         beyond = self.value - value if self.side == "below" else value - self.value
         return beyond > ROUNDING * abs(self.value)
 

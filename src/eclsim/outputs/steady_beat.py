@@ -401,10 +401,12 @@ def _recorded(
     """
     search = orbits.search(int(members[0]))
     packed = orbits.batch.packed(search.program)[:, members]
-    circuit = orbits.batch.circuit
-    recorded, series = search.record(orbits.states[:, members], packed, _usual_signals(circuit, signals))
-    if search.width > 1:
-        recorded, series = signals, series[:, [recorded.index(name) for name in signals]]
+    states = orbits.states[:, members]
+    if search.width == 1:
+        recorded, series = search.record(states, packed, signals)
+    else:
+        usual, series = search.record(states, packed, _usual_signals(orbits.batch.circuit, signals))
+        recorded, series = signals, series[:, [usual.index(name) for name in signals]]
     series = whole_beat(series)
     if len(members) == 1:
         series = in_two_columns(series)
