@@ -11,10 +11,11 @@ import pytest
 from eclsim.app.course import compute_course
 from eclsim.app.state import PageState
 from eclsim.cases.reading import read_mapping
+from eclsim.cli.course import _cohort_text
 from eclsim.course.beats import course_beats
 from eclsim.course.course import course
 from eclsim.course.figures import plot_course
-from eclsim.course.files import course_object, write_tables
+from eclsim.course.files import cohort_object, course_object, write_tables
 from eclsim.course.result import undetermined_in_words, undetermined_moments
 
 CASE = {
@@ -159,3 +160,12 @@ def test_the_moments_are_named():
     named = "valves stay shut from 00:01 to 00:03, from 00:04 on: "
     assert undetermined_in_words(minute, shut).startswith(named)
     assert undetermined_in_words(minute, ~shut & shut) == ""
+
+
+@pytest.mark.slow
+def test_the_table_of_a_cohort_says_for_whom_no_alarm_can_be_known(arrest, arrested):
+    content = cohort_object([arrested, arrest])
+    assert [one["undetermined_from_min"] for one in content["courses"]] == [0.0, None]
+    row, other = _cohort_text(content).splitlines()[1:3]
+    assert "valves stay shut from 00:00: alarms unknown there" in row
+    assert "unknown" not in other

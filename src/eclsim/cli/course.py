@@ -495,6 +495,9 @@ def _cohort_text(content: Mapping[str, Any]) -> str:
         alarms = [alarm for alarm in one["alarms"] if alarm["kind"] in ("alarm", "collapse")]
         first = min(alarms, key=lambda alarm: alarm["at_min"], default=None)
         text = "" if first is None else f"{first['quantity']} at {clock_time(first['at_min'])}"
+        if (blank := one["undetermined_from_min"]) is not None:
+            unknown = f"valves stay shut from {clock_time(blank)}: alarms unknown there"
+            text = f"{text}; {unknown}" if text else unknown
         end = "" if one["minutes"] is None else clock_time(one["minutes"])
         rows.append((str(one["id"]), str(one["status"]), end, str(len(alarms)), text))
     return text_table(("patient", "course", "until", "alarms", "first alarm"), rows, (3,))

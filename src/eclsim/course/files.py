@@ -63,6 +63,9 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
 def cohort_object(results: Sequence[xr.Dataset], refused: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Courses of a cohort as plain data for JSON: the result of each, without its moments.
 
+    `undetermined_from_min` is the first moment whose pressures the case does not determine, as valves stay
+    shut; from there on no alarm can be raised. None if there is none.
+
     Args:
         results: courses.
         refused: rows of the table that were not followed, with the reason.
@@ -84,6 +87,8 @@ def cohort_object(results: Sequence[xr.Dataset], refused: Mapping[str, str] | No
     for course, result in zip(courses, results, strict=True):
         minute = result[TIME].to_numpy()
         course["minutes"] = float(minute[-1]) if len(minute) else None
+        blank = minute[undetermined_moments(result)]
+        course["undetermined_from_min"] = float(blank[0]) if len(blank) else None
     failed = sum(not course["converged"] for course in courses)
     return {"courses": courses, "failed": failed, "refused": dict(refused or {})}
 
