@@ -58,7 +58,8 @@ test: $(STAMPS)/dev  ## run all tests
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
 quick: $(STAMPS)/dev  ## run the tests without the slow ones
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder -m 'not slow'
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder -m 'not slow' \
+		--durations 10 --durations-min 1
 
 lint: $(STAMPS)/dev  ## check style and formatting
 	$(BIN)/ruff check .

@@ -56,6 +56,7 @@ def test_layers_form_no_cycle():
     assert waiting == {}
 
 
+@pytest.mark.slow
 def test_nothing_heavy_is_imported_at_start_up():
     assert heavy_start_up_imports(LIGHT, SOURCE) == []
 

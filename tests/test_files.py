@@ -110,6 +110,7 @@ def test_json_and_text_go_to_standard_output_or_a_file(tmp_path: Path, capsys):
     assert (tmp_path / "a.txt").read_bytes() == b"one\ntwo\n"
 
 
+@pytest.mark.slow
 def test_writing_netcdf_does_not_load_dask(tmp_path: Path):
     code = "import sys, xarray; from pathlib import Path; from eclsim.files import write_netcdf; "
     code += f"write_netcdf({{'': xarray.Dataset({{'x': 1.0}})}}, Path({str(tmp_path / 'a.nc')!r})); "

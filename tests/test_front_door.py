@@ -293,6 +293,7 @@ def test_a_misspelt_function_lists_its_neighbours():
     assert (error.value.name, error.value.obj) == ("simulat", eclsim)  # what tracebacks make suggestions of
 
 
+@pytest.mark.slow
 def test_results_say_in_a_line_what_they_are():
     """Notebooks showed every array and the whole circuit: 5,000 to 27,000 characters."""
     batch = eclsim.Batch.of(MODEL)
@@ -331,6 +332,7 @@ def test_settings_take_numbers_of_other_libraries_and_refuse_mistakes_at_once():
         eclsim.reach(CASE, "MAP > 65", vary="")
 
 
+@pytest.mark.slow
 def test_scripts_with_unusual_but_legal_arguments():
     """Names given twice ended in a broadcasting error, an empty batch had numbers for texts."""
     ecmo = {"mode": "VA", "pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "flow_l_min": 3.0}

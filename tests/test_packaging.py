@@ -47,11 +47,13 @@ def needed_at_run_time() -> set[str]:
     return {distribution(one) for group in [PROJECT["dependencies"], *extras] for one in group}
 
 
+@pytest.mark.slow
 def test_every_import_is_declared():
     declared = needed_at_run_time()
     assert [module for module, owners in distributions_imported().items() if not owners & declared] == []
 
 
+@pytest.mark.slow
 def test_every_declared_dependency_is_imported():
     imported = set().union(*distributions_imported().values())
     assert needed_at_run_time() - imported - LOADED_BY_NAME == set()

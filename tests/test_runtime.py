@@ -21,6 +21,7 @@ def default_device(before="", **environment):
     return printed(script, **environment)
 
 
+@pytest.mark.slow
 def test_beats_are_computed_on_the_cpu_also_beside_a_graphics_processor():
     assert default_device() == default_device(JAX_PLATFORMS="cuda,cpu") == "cpu"
 
@@ -56,6 +57,7 @@ def logged(**environment):
     return done.stderr, done.returncode == 0
 
 
+@pytest.mark.slow
 def test_the_log_of_xla_is_no_part_of_what_a_command_writes():
     """Lines such as "Very slow compile? If you want to file a bug ..." stood among the results."""
     assert logged(**UNWRITABLE) == ("", True)
@@ -63,6 +65,7 @@ def test_the_log_of_xla_is_no_part_of_what_a_command_writes():
     assert "Could not create directory" in asked
 
 
+@pytest.mark.slow
 def test_what_ends_a_command_within_xla_is_written():
     said, succeeded = logged(XLA_FLAGS="--xla_no_such_flag=1")
     assert not succeeded

@@ -81,6 +81,7 @@ def test_undamped_ringing_keeps_its_blood_and_does_not_grow():
     assert last <= first
 
 
+@pytest.mark.slow
 @both_solvers
 def test_windkessel_with_sine_inflow(solver):
     # A huge pressure behind a huge resistance gives a flow: 80 + 60 sin(w t) mL/s into C, out through R.
@@ -104,6 +105,7 @@ def test_windkessel_with_sine_inflow(solver):
     close(course.signals[:, 1], (pressure(course.time) - 5.0) / ohmic, solver)
 
 
+@pytest.mark.slow
 @both_solvers
 def test_flow_in_a_tube_rises_to_hagen_poiseuille(solver):
     length, bore = 2.0, 0.009625

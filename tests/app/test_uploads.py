@@ -46,12 +46,14 @@ def test_a_posterior_comes_back_from_its_process():
     assert set(members.base) == {"Rmc"}
 
 
+@pytest.mark.slow
 def test_a_case_comes_back_from_its_process():
     case = PRESETS["paper"].case()
     content = case_text(case).encode()
     assert files.read_file("paper.toml", content) == parse_file("paper.toml", content)
 
 
+@pytest.mark.slow
 def test_mistakes_come_back_with_file_and_line():
     with pytest.raises(CaseError, match=r"^broken\.toml:1: "):
         files.read_file("broken.toml", b"format = = 1")

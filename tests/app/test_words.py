@@ -35,6 +35,7 @@ def test_modules_use_words_that_exist():
     assert {f"export_{kind}" for kind in KINDS} <= set(ENGLISH)
 
 
+@pytest.mark.slow
 def test_no_words_are_left_over():
     everything = SCRIPTS + MODULES
     composed = lambda key: key.startswith(PREFIXES) or key.endswith(SUFFIXES) or "." in key  # noqa: E731

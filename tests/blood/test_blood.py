@@ -145,6 +145,7 @@ def test_contents_that_no_blood_has_are_nan():
     assert np.isfinite(none.po2[1])
 
 
+@pytest.mark.slow
 def test_closed_blood_that_is_cooled_behaves_as_measured():
     """0.0147 in pH (Rosenthal 1948) and about 0.02 in log10 PCO2 for each degree."""
     warm = blood.gases(po2=100.0)

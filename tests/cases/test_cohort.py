@@ -101,6 +101,7 @@ def test_reasons_of_refused_rows_are_told_by_line_and_patient(write):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_one_bad_row_among_a_thousand(write):
     rows = [row(k) for k in range(1000)]
     rows[500] = row(500, SP="high")

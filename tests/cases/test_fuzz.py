@@ -143,6 +143,7 @@ def mutated(draw):
     return text.encode("utf-8", "surrogatepass")
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(mutated())
 def test_mutated_files(data):
@@ -159,6 +160,7 @@ def with_one_value_changed(draw):
     return "\n".join(lines).encode("utf-8", "surrogatepass")
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(with_one_value_changed())
 def test_files_with_one_value_changed(data):
@@ -173,6 +175,7 @@ def test_mappings_never_raise(raw):
     assert checked.mistakes or "patient" in raw
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.text(max_size=30) | st.builds("{}={}".format, NAMES, st.text(max_size=15)), max_size=3))
 def test_settings_give_a_case_or_a_case_error(written):

@@ -86,6 +86,7 @@ def test_a_course_in_time_has_beats_of_the_length_in_effect():
     assert course.time[-1] <= 30.0
 
 
+@pytest.mark.slow
 def test_what_is_read_is_the_output_and_reaches_its_set_point():
     patient = regulated(*CASES["resistance on V-A"])
     steady = solved(patient)

@@ -126,6 +126,7 @@ def test_equal_circuits_share_what_is_looked_up_in_caches():
     assert exchanging.without_exchanges().exchanges == ()
 
 
+@pytest.mark.slow
 def test_a_circuit_sent_to_another_process_is_found_in_its_caches():
     circuit = circulation()
     hash(circuit), circuit.parameter_names(), circuit.canonical

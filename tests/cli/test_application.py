@@ -35,6 +35,7 @@ def test_help_explains_every_option_with_unit_and_default(shell):
         assert shell.run(*command, "--help").exit_code == 0
 
 
+@pytest.mark.slow
 def test_help_and_bad_input_load_nothing_heavy(tmp_path):
     bad = tmp_path / "bad.toml"
     bad.write_text("format = 1\n[patient]\nage_years = -3\n")
@@ -55,6 +56,7 @@ def test_help_and_bad_input_load_nothing_heavy(tmp_path):
         assert done.stderr.splitlines()[-1] == f"{code} []"
 
 
+@pytest.mark.slow
 def test_simulating_does_not_load_dask(shell):
     """xarray imports all of Dask at the first difference of two numbers that carry labels: 0.7 s of 2.8."""
     script = "import sys\nfrom eclsim.cli import main\ntry:\n    main()\n"
@@ -147,6 +149,7 @@ def test_a_full_disk_is_told():
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_package_of_an_extra_that_is_missing_is_named(tmp_path, shell):
     case = shell.case()
     program = (

@@ -45,6 +45,7 @@ def test_a_course_is_written_as_table_netcdf_and_json(shell):
     assert (drawn.exit_code, "P01_course" in drawn.stderr) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_course_without_events_is_two_rows_and_says_that_nothing_changes(shell):
     """It was a table of 25 equal rows."""
     done = shell.run("course", shell.case(), "--until", "600", "--out", shell.folder / "out")
@@ -137,6 +138,7 @@ def test_a_patient_without_a_steady_gas_state_does_not_begin_and_says_why(shell)
     assert "blood volume" not in shown.stdout
 
 
+@pytest.mark.slow
 def test_a_cohort_goes_through_shards_and_merge(shell):
     folder, table = shell.folder / "cases", shell.folder / "events.toml"
     folder.mkdir()
@@ -159,6 +161,7 @@ def test_a_cohort_goes_through_shards_and_merge(shell):
     assert "holds courses.json already" in shell.run(*chosen, "--out", out).stderr
 
 
+@pytest.mark.slow
 def test_rows_that_are_not_followed_are_in_the_results_too(shell):
     """They were named on standard error alone, and the files looked as if nobody was missing."""
     head, first, second, *_ = SYNTHETIC.read_text().splitlines()

@@ -225,6 +225,7 @@ def test_a_table_without_a_usable_row_is_bad_input(shell, tmp_path):
     assert "no row can be used" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["identify", "identifiability", "sensitivity", "track"])
 def test_no_command_writes_over_what_it_reads(shell, tmp_path, command):
     case = shell.case(more=MEASURED)

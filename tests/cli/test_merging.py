@@ -76,6 +76,7 @@ def test_a_shard_that_was_stopped_leaves_what_a_merge_needs(shell, monkeypatch, 
     assert not (out / "command.json").exists()
 
 
+@pytest.mark.slow
 def test_a_shard_with_other_options_is_refused(shell):
     """Studies of other schemes have a folder of their own, and the merge called the first shard missing."""
     folder, out = shell.folder / "cases", shell.folder / "out"
@@ -91,6 +92,7 @@ def test_a_shard_with_other_options_is_refused(shell):
     assert shell.run("merge", out).exit_code == 0
 
 
+@pytest.mark.slow
 def test_a_merge_in_which_something_failed_is_done_too(shell):
     """Its command stayed in the folder, as if shards were still to be merged."""
     head, first, second, *_ = SYNTHETIC.read_text().splitlines()

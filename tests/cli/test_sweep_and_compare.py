@@ -14,6 +14,7 @@ def rows(text: str) -> dict[str, list[str]]:
     return {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
 
 
+@pytest.mark.slow
 def test_a_sweep_shows_a_row_and_writes_an_object_for_each_value(shell):
     case, folder = shell.case(more=shell.ecmo), shell.folder / "figures"
     folder.mkdir()

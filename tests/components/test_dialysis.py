@@ -85,6 +85,7 @@ def test_a_large_membrane_saturates_the_effluent_and_a_small_one_only_filters():
     assert np.isnan(cleared(20.0, 10.0, after=33.0))
 
 
+@pytest.mark.slow
 def test_clearance_lies_between_filtration_and_effluent_and_grows_with_every_flow():
     rng = np.random.default_rng(3)
     for _ in range(200):

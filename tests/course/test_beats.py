@@ -52,12 +52,14 @@ def test_at_rest_nothing_moves_and_the_beats_are_those_of_the_search(tmp_path, m
         np.testing.assert_allclose(result[name], float(expected[name]), rtol=2e-5)
 
 
+@pytest.mark.slow
 def test_the_circulation_ends_at_the_steady_beat(followed):
     _, beats, steady = followed
     for name in OUTPUTS:
         assert float(beats[name][-1]) == pytest.approx(float(steady[name][-1]), rel=2e-3), name
 
 
+@pytest.mark.slow
 def test_a_reflex_lags_behind_a_sudden_change(followed):
     _, beats, _ = followed
 
@@ -70,12 +72,14 @@ def test_a_reflex_lags_behind_a_sudden_change(followed):
     assert moved("MAP", 1.03) > 1.0
 
 
+@pytest.mark.slow
 def test_what_is_given_is_there(followed):
     balance = json.loads(followed[1].attrs["balance"])
     assert balance["given_ml"] == pytest.approx(150.0, abs=1e-6)
     assert abs(balance["error_ml"]) < 1e-6
 
 
+@pytest.mark.slow
 def test_shown_beats_are_so_far_apart(followed):
     own, beats, _ = followed
     sparse = course_beats(own, minutes=1.2, every_min=0.25, outputs=("MAP",))

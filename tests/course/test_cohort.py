@@ -55,6 +55,7 @@ def test_a_cohort_is_what_is_followed_side_by_side(cases, whole):
         assert own["MAP"].attrs == other["MAP"].attrs
 
 
+@pytest.mark.slow
 def test_a_patient_who_cannot_begin_says_why_and_stops_no_other(whole, tmp_path):
     lost = whole[3]
     assert lost.sizes["time_min"] == 0
@@ -75,6 +76,7 @@ def test_a_patient_who_cannot_begin_says_why_and_stops_no_other(whole, tmp_path)
     assert left == ["P01_course.csv", "P01_course.nc", "notes.txt"], "those of another cohort are gone"
 
 
+@pytest.mark.slow
 def test_nothing_is_followed_of_a_poor_fit(tmp_path):
     """A folder of fitted cases was followed, poor fits and all."""
     plain, poor, good = (tmp_path / name for name in ("plain.toml", "poor.toml", "good.toml"))
@@ -164,6 +166,7 @@ def test_quantiles_and_probabilities_are_those_of_the_draws_that_came_so_far(tmp
         np.testing.assert_array_equal(stored["MAP"], band["MAP"])
 
 
+@pytest.mark.slow
 def test_a_band_holds_the_courses_of_its_draws(cases, tmp_path):
     from eclsim.course.figures import plot_course
 

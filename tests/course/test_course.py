@@ -123,6 +123,7 @@ def test_an_event_after_the_end_is_refused(tmp_path):
         course(case(tmp_path, EVENTS), minutes=50.0)
 
 
+@pytest.mark.slow
 def test_side_by_side_or_alone_is_the_same(tmp_path, hour):
     changes = {"Emaxlv": [2.0, 1.5]}
     two = course_many(case(tmp_path, EVENTS), changes, minutes=60.0, every_min=20.0, outputs=("MAP",))
@@ -166,6 +167,7 @@ def test_the_figure_shows_every_event(hour, tmp_path):
     assert np.diff(panels["Fluid and blood"].get_ylim()) > 100.0
 
 
+@pytest.mark.slow
 def test_no_legend_of_a_course_or_a_band_runs_beyond_the_page(hour):
     """In a band, "right, end-diastolic" ended in the middle of the word, at the edge of the page."""
     from eclsim.course.figures import plot_course

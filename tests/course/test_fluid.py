@@ -193,6 +193,7 @@ def test_a_clotted_filter_is_stopped_and_started_again_with_its_fluids():
     assert "until 02:00" in said
 
 
+@pytest.mark.slow
 def test_without_refill_all_that_is_filtered_leaves_the_blood():
     crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 100}
     dry, filled = (follow(120.0, crrt=crrt, fluid={"capillary_refill": on}) for on in (False, True))

@@ -127,11 +127,13 @@ def test_slow_states_balance_over_the_handover(fast):
     assert urea == pytest.approx(through, abs=1e-9 * float(result["solutes.urea_inside_mmol"][0]))
 
 
+@pytest.mark.slow
 def test_alarms_of_the_span_are_those_of_its_beats(fast):
     _, result, _ = fast
     assert len(json.loads(result.attrs["alarms"])) < 12
 
 
+@pytest.mark.slow
 def test_gentle_events_stay_with_steady_beats(tmp_path):
     own = case(tmp_path, GENTLE)
     result = course(own, minutes=6.0, every_min=2.0, outputs=OUTPUTS)

@@ -95,6 +95,7 @@ def test_a_goal_whose_output_has_no_value_is_not_kept():
     assert only.at_min == 0.0
 
 
+@pytest.mark.slow
 def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
     result = plan_removal(own, 300.0, "MAP > 120", hours=10.0)
     assert not result.possible
@@ -104,6 +105,7 @@ def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
     assert result.message.endswith("mmHg)")
 
 
+@pytest.mark.slow
 def test_a_march_ends_where_it_breaks_a_goal(own):
     """10 L from a patient of 68 kg were marched to their end, mostly in a patient without plasma: 105 s."""
     early_stop = EarlyStop(("MAP",), lambda beat: beat["MAP"] < 65.0, [60.0])

@@ -70,6 +70,7 @@ def test_an_arrest_agrees_with_the_beats_one_after_the_other(arrest):
     assert float(settled) > float(arrest["PCWP"][0]) + 5.0, "blood gathers in the lungs"
 
 
+@pytest.mark.slow
 def test_alarms_are_made_of_the_pressures_of_an_arrest(arrest):
     alarms = json.loads(arrest.attrs["alarms"])
     (low,) = (one for one in alarms if one["quantity"] == "MAP" and one["kind"] == "alarm")
@@ -80,6 +81,7 @@ def test_alarms_are_made_of_the_pressures_of_an_arrest(arrest):
     assert not [text for text in arrest.attrs["warnings"] if text.startswith("valves stay shut")]
 
 
+@pytest.mark.slow
 def test_a_beat_in_which_the_pressure_falls_begins_at_its_systolic_pressure(arrest):
     """The beat of the arrest had a systolic pressure 19 mmHg below its diastolic one."""
     falls = arrest.sel(time_min=slice(5.0, 5.1))
@@ -99,6 +101,7 @@ def test_the_page_shows_the_beat_of_an_arrest_with_the_same_pressures(arrest):
     assert beat.outputs["MAP"] == pytest.approx(float(arrest["MAP"].interp(time_min=minute)), abs=0.3)
 
 
+@pytest.mark.slow
 def test_undetermined_outputs_are_blank_and_the_others_are_there(arrested, tmp_path):
     """PCWP rose from 8 to 20 mmHg in twenty minutes, with the start of each search."""
     lost, minute = undetermined_moments(arrested), arrested["time_min"].to_numpy()
@@ -117,6 +120,7 @@ def test_undetermined_outputs_are_blank_and_the_others_are_there(arrested, tmp_p
     assert [table[1].split(",")[k] for k in places] == ["", "one_of_many"]
 
 
+@pytest.mark.slow
 def test_no_alarm_is_made_from_them(arrested):
     """Nor are pressures said to be well: a warning names the times."""
     alarms = [alarm for alarm in json.loads(arrested.attrs["alarms"]) if alarm["kind"] != "caution"]
@@ -128,11 +132,13 @@ def test_no_alarm_is_made_from_them(arrested):
     )
 
 
+@pytest.mark.slow
 def test_the_figure_says_why_its_curves_have_gaps(arrested):
     (legend,) = (text.get_text() for text in plot_course(arrested).texts if "gaps in" in text.get_text())
     assert "valves stay shut, so that the case does not determine the number" in legend
 
 
+@pytest.mark.slow
 def test_blood_that_stands_still_is_not_drawn_as_mixed_venous(arrest):
     """The saturation of the pulmonary artery was drawn at 100 % during an arrest."""
     stood = np.abs(arrest["pulmonary_flow"].to_numpy()) < 1e-3

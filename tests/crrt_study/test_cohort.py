@@ -88,6 +88,7 @@ def test_every_point_is_ranked_at_its_own_speed(cohort):
     assert slow.taken_up > 50.0
 
 
+@pytest.mark.slow
 def test_the_answer_says_who_wins_where_and_why_not_everywhere(cohort):
     assert cohort.winners("as_published") == {"h": 2, "d": 1, "a": 0}
     message = conclusion(cohort, "as_published")
@@ -97,6 +98,7 @@ def test_the_answer_says_who_wins_where_and_why_not_everywhere(cohort):
     assert conclusion(single, "as_published") == "Yes: scheme d is first in all 1 data points."
 
 
+@pytest.mark.slow
 def test_a_broken_alarm_is_named_as_the_reason(cohort):
     def ranked(letter: str, rank: int, kept: bool) -> Ranked:
         return Ranked(letter, rank, kept, kept, 10.0, 4.0, False, 0.0, 1.0, (), 4.0, (rank, rank))
@@ -108,6 +110,7 @@ def test_a_broken_alarm_is_named_as_the_reason(cohort):
     assert message.endswith("h in 1. Elsewhere d breaks an alarm in 1, and is placed 2 at worst.")
 
 
+@pytest.mark.slow
 def test_schemes_that_share_the_first_place_are_said_to(cohort):
     def ranked(letter: str, rank: int) -> Ranked:
         return Ranked(letter, rank, True, True, 10.0, 4.0, False, 0.0, 1.0, (), 4.0, (rank, rank))
@@ -121,6 +124,7 @@ def test_schemes_that_share_the_first_place_are_said_to(cohort):
     assert message.endswith("Elsewhere h shares the first place.")
 
 
+@pytest.mark.slow
 def test_summaries_count_over_the_points(cohort):
     result = {one.letter: one for one in summaries(cohort, "as_published")}
     assert result["h"].first == 2
@@ -130,6 +134,7 @@ def test_summaries_count_over_the_points(cohort):
     assert result["a"].smallest_flow <= result["a"].median_flow
 
 
+@pytest.mark.slow
 def test_a_flow_that_the_largest_speed_ends_is_at_least_that(cohort):
     """The median of 4.0, 5.2 and 5.2, kept to the end in two points, was shown as if a limit broke at 5.2."""
 
@@ -148,6 +153,7 @@ def test_a_flow_that_the_largest_speed_ends_is_at_least_that(cohort):
         assert (one.smallest_flow_may_be_larger, one.median_flow_may_be_larger) == expected
 
 
+@pytest.mark.slow
 def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
     """Of the last point the beat of d is missing: it may be first, or not."""
     last = cohort.points[-1]
@@ -208,6 +214,7 @@ def test_a_point_that_no_patient_can_be_is_named(tmp_path):
     assert study.winners("as_published") == {"d": 1}
 
 
+@pytest.mark.slow
 def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
     import csv
 
@@ -235,6 +242,7 @@ def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
     assert result["points"][0]["relative_misfit"] is None
 
 
+@pytest.mark.slow
 def test_the_terminal_table_keeps_a_row_for_each_scheme_at_120_columns(cohort, capsys, monkeypatch):
     from eclsim.crrt_study import cohort_report as report
     from eclsim.reporting import numbers

@@ -46,6 +46,7 @@ def words(fig) -> str:
     return " | ".join(text.get_text() for text in fig.findobj(Text))
 
 
+@pytest.mark.slow
 def test_curves_end_where_beats_were_not_found_and_the_legend_says_so(gone):
     means = gone.means.sel(policy="as_published")
     fig = plot_crrt_speeds(means, 3425.0)
@@ -59,6 +60,7 @@ def test_curves_end_where_beats_were_not_found_and_the_legend_says_so(gone):
     assert inside(fig)
 
 
+@pytest.mark.slow
 def test_the_legend_tells_other_schemes_from_the_flow_of_the_case(figures):
     (legend,) = figures["speeds"].legends
     pairs = zip(legend.get_texts(), legend.get_lines(), strict=True)
@@ -66,6 +68,7 @@ def test_the_legend_tells_other_schemes_from_the_flow_of_the_case(figures):
     assert lines["other schemes"] != lines["ECMO flow of the case"]
 
 
+@pytest.mark.slow
 def test_a_beat_that_was_not_found_is_not_drawn_and_named(gone):
     waves = gone.waveforms.copy(deep=True)
     for name in waves.data_vars:
@@ -79,6 +82,7 @@ def test_a_beat_that_was_not_found_is_not_drawn_and_named(gone):
     assert "highest" not in words(nothing)
 
 
+@pytest.mark.slow
 def test_what_is_not_known_of_a_limit_is_hatched(gone):
     limits = gone.limits.sel(policy="as_published")
     fig = plot_crrt_limits(limits, float("nan"), ["a", "g", "h"])
@@ -87,6 +91,7 @@ def test_what_is_not_known_of_a_limit_is_hatched(gone):
     assert "ECMO flow of the case" not in words(fig)
 
 
+@pytest.mark.slow
 def test_a_split_that_is_not_known_says_so_in_its_row(gone):
     uptake = gone.uptake.copy(deep=True)
     for name in ("Psart_flow", "Psart_uptake", "blood_taken_up"):
@@ -96,11 +101,13 @@ def test_a_split_that_is_not_known_says_so_in_its_row(gone):
     assert "nan" not in words(fig)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["beat", "speeds"])
 def test_no_text_runs_over_the_edge(figures, name):
     assert inside(figures[name])
 
 
+@pytest.mark.slow
 def test_panels_do_not_overlap(figures):
     for fig in figures.values():
         with figure_style():

@@ -45,6 +45,7 @@ def report(folder):
     return parsed
 
 
+@pytest.mark.slow
 def test_the_page_asks_nothing_of_the_network(folder, report):
     source = (folder / "report.html").read_text(encoding="utf-8")
     assert not re.search(r"https?://", source)
@@ -54,15 +55,18 @@ def test_the_page_asks_nothing_of_the_network(folder, report):
             assert str(attributes.get(name, "#")).startswith("#"), (tag, attributes)
 
 
+@pytest.mark.slow
 def test_a_hostile_id_stays_text(report):
     assert "script" not in {tag for tag, _ in report.tags}
     assert any("<script>alert('x')</script>" in text for text in report.words)
 
 
+@pytest.mark.slow
 def test_names_inside_the_drawings_are_unique(report):
     assert len(report.ids) == len(set(report.ids)) > 20
 
 
+@pytest.mark.slow
 def test_the_page_tells_answer_schemes_limits_policies_and_assumptions(report, hostile_study):
     text = " ".join(report.words)
     best = hostile_study.ranking["as_published"][0]
@@ -73,6 +77,7 @@ def test_the_page_tells_answer_schemes_limits_policies_and_assumptions(report, h
     assert sum(tag == "svg" for tag, _ in report.tags) == 5
 
 
+@pytest.mark.slow
 def test_json_has_the_agreed_form(hostile_study, folder):
     result = json.loads((folder / "study.json").read_text())
     assert result.pop("made_by") == f"eclsim {eclsim.__version__}"
@@ -104,6 +109,7 @@ def test_json_has_the_agreed_form(hostile_study, folder):
     assert "difference_to_no_crrt" not in result["policies"]["patient_held"]["schemes"]["a"]
 
 
+@pytest.mark.slow
 def test_tables_have_units_and_a_row_for_each_point(folder):
     with (folder / "means.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -113,6 +119,7 @@ def test_tables_have_units_and_a_row_for_each_point(folder):
         assert "largest_flow [L/min]" in next(csv.reader(file))
 
 
+@pytest.mark.slow
 def test_netcdf_holds_all_groups_with_units(hostile_study, folder):
     path = folder / "study.nc"
     for group, variable, unit in (
@@ -139,6 +146,7 @@ def words_of(page: str) -> str:
     return " ".join(" ".join(parsed.words).split())
 
 
+@pytest.mark.slow
 def test_an_unsettled_point_is_named_on_the_page_in_json_and_in_tables(hostile_study, tmp_path):
     gone = with_failures(hostile_study, [("patient_held", "g", 5000.0)])
     text = words_of(study_page(gone, DRAWN))
@@ -164,6 +172,7 @@ def test_an_unsettled_point_is_named_on_the_page_in_json_and_in_tables(hostile_s
         assert np.isnan(data["Psart"].values).sum() == 1
 
 
+@pytest.mark.slow
 def test_no_first_choice_is_named_where_a_scheme_has_no_beat_at_the_speed_of_the_case(hostile_study, capsys):
     gone = with_failures(hostile_study, [("as_published", "g", 3425.0)], "not_converged")
     text = words_of(study_page(gone, DRAWN))
@@ -179,6 +188,7 @@ def test_no_first_choice_is_named_where_a_scheme_has_no_beat_at_the_speed_of_the
     assert "No first choice can be named" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_page_warns_where_only_the_beats_without_crrt_failed(hostile_study):
     single = hostile_study.without_crrt.copy(deep=True)
     single["status"] = single["status"].astype(object)
@@ -192,6 +202,7 @@ def test_the_page_warns_where_only_the_beats_without_crrt_failed(hostile_study):
     assert not re.search(r"\bnan\b", text)
 
 
+@pytest.mark.slow
 def test_how_sure_it_is_tells_the_share_of_samples_with_a_beat(hostile_study):
     limits = ["access_alarm", "return_alarm", "access_190", "suction", "crrt"]
     share, spread = np.full((3, 5), 0.9), np.full((3, 3), 100.0)

@@ -4,9 +4,12 @@ import ast
 from importlib.util import find_spec
 from pathlib import Path
 
+import pytest
+
 import eclsim
 
 
+@pytest.mark.slow
 def test_modules_that_workers_load_first_exist():
     preloaded = [
         name

@@ -157,6 +157,7 @@ def test_a_worker_that_dies_is_replaced(tmp_path):
     assert files(tmp_path / "here") == files(tmp_path / "there")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_a_run_whose_workers_are_all_gone_says_so_and_goes_on_with_the_next(tmp_path, monkeypatch):
     """It waited for ever, and the last line was the time left."""
@@ -352,6 +353,7 @@ class Slow:
         return self.factor * number
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_two_analyses_on_one_scheduler_get_their_own_results(tmp_path):
     results = {}

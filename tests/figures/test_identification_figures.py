@@ -126,6 +126,7 @@ def test_starts_are_told_apart_by_where_they_ended():
     assert [line.get_ydata().tolist() for line in right.lines] == [[0.0, 0.75], [0.5, 1.0], [0.5, 1.0]]
 
 
+@pytest.mark.slow
 def test_labels_of_panels_below_each_other_do_not_overlap():
     """Names such as pre_oxygenator_pressure ran over the panels above and below."""
     names = (

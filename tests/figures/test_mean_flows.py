@@ -46,6 +46,7 @@ def test_numbers_and_names_do_not_overlap(ecmo_crrt):
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[i + 1 :])
 
 
+@pytest.mark.slow
 def test_numbers_stay_within_the_axes(healthy, ecmo, ecmo_crrt, lvad):
     for case in (healthy, ecmo, ecmo_crrt, lvad):
         figure = plot_mean_flows(case)

@@ -260,6 +260,7 @@ def test_without_a_result_names_alone_are_drawn():
     assert not any("mmHg" in word or "L/min" in word for word in words)
 
 
+@pytest.mark.slow
 def test_compartments_of_a_users_own_stand_in_a_spare_row():
     own = tuple(Compartment(f"graft{i}", ElasticVessel(1.0), "own") for i in range(6))
     paths = (

@@ -59,6 +59,7 @@ def test_more_curves_than_styles_start_again():
     assert curve_style(len(CURVES)) == curve_style(0)
 
 
+@pytest.mark.slow
 def test_figure_is_written_in_both_formats(tmp_path, healthy):
     svg, png = save_figure(plot_overview(healthy), tmp_path / "new" / "case 3.5")
     assert (svg.name, png.name) == ("case 3.5.svg", "case 3.5.png")
@@ -68,6 +69,7 @@ def test_figure_is_written_in_both_formats(tmp_path, healthy):
     assert sorted(path.name for path in svg.parent.iterdir()) == ["case 3.5.png", "case 3.5.svg"]
 
 
+@pytest.mark.slow
 def test_same_result_gives_the_same_svg(tmp_path, healthy):
     (first,) = save_figure(plot_overview(healthy), tmp_path / "first", ["svg"])
     (second,) = save_figure(plot_overview(healthy), tmp_path / "second", ["svg"])
@@ -106,6 +108,7 @@ def test_text_from_outside_is_drawn_as_it_is(given: str, drawn: str):
     assert plain_text(given) == drawn
 
 
+@pytest.mark.slow
 def test_scripts_that_the_font_lacks_do_not_stop_a_figure(tmp_path, healthy):
     named = healthy.assign_attrs(id="患者 🫀")
     svg, _ = save_figure(plot_overview(named), tmp_path / "a")

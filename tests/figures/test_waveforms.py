@@ -108,6 +108,7 @@ def test_result_without_numbers_is_drawn(healthy):
     plot_overview(healthy * np.nan).draw_without_rendering()
 
 
+@pytest.mark.slow
 def test_legends_and_titles_do_not_overlap(ecmo_crrt):
     for part in ("heart", "systemic", "ecmo"):
         figure = plot_waveforms(ecmo_crrt, part)

@@ -132,6 +132,7 @@ def _closed_form(hours: np.ndarray, clearance: float) -> np.ndarray:
     return result
 
 
+@pytest.mark.slow
 def test_repeated_doses_follow_the_two_compartment_solution() -> None:
     result = course(_case(), minutes=1440.0, every_min=10.0)
     hours = result["time_min"].to_numpy() / 60.0
@@ -151,6 +152,7 @@ def test_repeated_doses_follow_the_two_compartment_solution() -> None:
     assert json.loads(json.dumps(course_object(result)))["drug"]["name"] == "test drug"
 
 
+@pytest.mark.slow
 def test_events_give_doses_and_bleeding_takes_the_drug_along() -> None:
     quiet = {"dose_mg": 0, "body_clearance_ml_min": 0, "start_mg_l": 40, "central_volume_l": 15}
     events = [
@@ -171,6 +173,7 @@ def test_events_give_doses_and_bleeding_takes_the_drug_along() -> None:
     assert "bleeding" in drug_in_words(result)
 
 
+@pytest.mark.slow
 def test_a_later_dose_follows_an_event() -> None:
     events = [{"at_min": 200, "set": {"dialysed_drug.dose_mg": 500}}]
     record = drug_record(course(_case(events=events), minutes=600.0))
@@ -178,6 +181,7 @@ def test_a_later_dose_follows_an_event() -> None:
     assert record["given_mg"] == pytest.approx(1500.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_dose_on_a_ramp_is_that_of_its_moment() -> None:
     events = [{"at_min": 240, "set": {"dialysed_drug.dose_mg": 500}, "ramp_min": 480}]
     record = drug_record(course(_case(events=events), minutes=600.0))

@@ -187,6 +187,7 @@ def test_a_share_of_all_of_the_interstitium_is_the_interstitium_that_is_one():
         assert layered[name] == value, name
 
 
+@pytest.mark.slow
 def test_protein_thickened_by_what_comes_back_holds_back_the_rest():
     values = {share: settings(pericapillary_share=share, lymph_ml_min=2.0) for share in (0.12, 1.0)}
     fallen = {"MAP": 70.0, "venous_pressure": 3.0}
@@ -201,6 +202,7 @@ def test_protein_thickened_by_what_comes_back_holds_back_the_rest():
     assert 0.3 < late[0] / late[1] < 0.7
 
 
+@pytest.mark.slow
 def test_what_leaves_next_to_capillaries_arrives_in_the_rest_and_protein_balances():
     values = settings(pericapillary_share=0.12, uf=300.0)
     start = LAYERED.start(values, arrays(BEAT))
@@ -299,6 +301,7 @@ def test_refill_relaxes_with_the_time_constant_of_its_linear_form(spaces):
     assert out(0.0) == 0.0
 
 
+@pytest.mark.slow
 def test_fluid_given_divides_so_that_what_drives_it_out_carries_its_flow():
     """At steady pressures, without lymph and with a wall tight to protein: a closed form for slow giving."""
     values = settings(lymph_ml_min=1e-9, reflection=1.0)

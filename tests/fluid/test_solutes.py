@@ -80,6 +80,7 @@ def test_what_is_shown_at_the_start_is_what_the_case_says_in_its_units():
     }
 
 
+@pytest.mark.slow
 def test_one_pool_decays_as_its_exponential(monkeypatch):
     monkeypatch.setitem(module.POOL_TRANSFER_ML_MIN, "urea", 0.0)
     values = settings(urea_generation_mmol_h=12.0)
@@ -102,6 +103,7 @@ def test_two_pools_follow_their_matrix_exponential():
     np.testing.assert_allclose(result, amounts, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_solutes_balance_to_rounding():
     values = settings(acid_generation_mmol_h=4.0, potassium_generation_mmol_h=3.0)
     start, end = after(0.0, values), after(24.0, values, bleed_ml=0.005, blood_ml=0.002, crystalloid_ml=0.01)
@@ -120,6 +122,7 @@ def test_solutes_balance_to_rounding():
         assert gain(solute, "removed") != 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("made", "store"), [(0.0, 150.0), (5.0, 150.0), (0.0, 2000.0)])
 def test_potassium_and_its_store_follow_their_matrix_exponential(made, store):
     """Outside V K' = 158 (6 - M / B - K) - 29 (K - 2) + made, given by cells M' = 158 (6 - M / B - K)."""
@@ -150,6 +153,7 @@ def test_blood_that_is_bled_takes_what_its_plasma_holds():
     assert removed == pytest.approx({"urea": 0.094 * 25.0, "creatinine": 0.07 * 0.3, "potassium": 0.07 * 4.5})
 
 
+@pytest.mark.slow
 def test_bicarbonate_gained_raises_base_excess_and_what_the_filter_meets():
     values = settings()
     start = LAW.in_effect(after(0.0, values), values)
@@ -160,6 +164,7 @@ def test_bicarbonate_gained_raises_base_excess_and_what_the_filter_meets():
     assert end[BASE_EXCESS] > 2.0
 
 
+@pytest.mark.slow
 def test_where_the_filter_takes_the_bloods_own_bicarbonate_base_excess_alone_carries_what_is_gained():
     values = settings() | {"crrt.plasma_bicarbonate_mmol_l": np.array([0.0])}
     end = LAW.in_effect(after(24.0, values), values)

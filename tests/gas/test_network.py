@@ -199,6 +199,7 @@ def test_circuits_that_carry_the_same_blood_share_their_programs():
     assert gas_of(model(ecmo_drainage_site="svn").circuit) is not gas_of(circuits[0])
 
 
+@pytest.mark.slow
 def test_derivatives_start_from_what_the_search_has_found(monkeypatch):
     """The search is most of a program and was compiled once more for them."""
     function = gas_of(model().circuit)
@@ -299,6 +300,7 @@ def test_gases_of_a_patient_depend_on_no_other_member_to_the_last_bit():
             np.testing.assert_array_equal(part[name].values, whole[name].values[members], name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "outputs"),
     [

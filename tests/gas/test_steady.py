@@ -47,11 +47,13 @@ def test_balances_of_veno_venous_ecmo(output, ecmo, recirculation, shunt, vo2, h
     assert saturation(state, TISSUE, **values) == pytest.approx(venous, abs=0.3)
 
 
+@pytest.mark.slow
 def test_one_mixed_atrium_recirculates_as_the_closed_form():
     _, mixed = veno_venous(6.0, 4.0)
     assert mixed.inlets[OXYGENATOR, OXYGENATOR] == pytest.approx(4.0 / (4.0 + 6.0), rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mixing", [0.14, 0.32, 0.58])
 def test_partial_mixing_recirculates_as_the_closed_form(mixing):
     _, mixed = veno_venous(6.0, 4.0, mixing)
@@ -77,6 +79,7 @@ def test_exchange_meets_demand_and_is_conserved():
     np.testing.assert_allclose(state.gained.sum(axis=1), 0.0, atol=1e-8 * 250)
 
 
+@pytest.mark.slow
 def test_venous_saturation_does_not_depend_on_output_at_complete_shunt():
     """With a given saturation behind the oxygenator and nothing drawn twice (Joyce 2024)."""
     both = (veno_venous(q, 3.3, 0.0, TEXTBOOK, gas_shunt_fraction=1.0)[0] for q in (6.0, 10.0))
@@ -117,6 +120,7 @@ def test_a_lung_without_ventilation_is_a_shunt():
         np.testing.assert_allclose(without.outlets, other.outlets, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_more_sweep_lowers_carbon_dioxide_less_and_less():
     removed = [-single_pass(3.5, sweep)[1][1] for sweep in (1.0, 3.0, 6.0, 12.0)]
     gains = np.diff(removed)
@@ -173,6 +177,7 @@ def single_pass(flow, sweep, cells=4, pco2=45.0):
     return float(jnp.exp(state.pressure[0, -1])), state.gained[:, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flow", "po2", "transfer"),
     [

@@ -21,6 +21,7 @@ FLOW, VOLUME = 4.0, 2.0
 """L/min, L."""
 
 
+@pytest.mark.slow
 def test_a_compartment_is_washed_out_as_the_closed_form_says():
     """A lung that gives blood of content 1 flushes one compartment: c' = (c + q h / V) / (1 + q h / V)."""
     paths = (("lung", "b", "a"), ("back", "a", "b"))

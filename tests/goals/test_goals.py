@@ -279,6 +279,7 @@ def test_settings_are_tried_with_set_where_reflexes_act_around_the_case_as_writt
     assert abs(float(simulate(read_case(file))["MAP"]) - goal) > 0.5
 
 
+@pytest.mark.slow
 def test_all_mistakes_are_said_at_once_and_the_command_ends_with_two(tmp_path, capsys):
     file = tmp_path / "case.toml"
     file.write_text(
@@ -465,6 +466,7 @@ def test_beats_that_are_undetermined_everywhere_are_not_called_not_found():
     )
 
 
+@pytest.mark.slow
 def test_a_limit_that_what_is_turned_cannot_keep_is_an_alarm_and_no_goal():
     """No dose kept `PF > 0.5`, which nobody had asked for: the dose for a pressure was "not reached"."""
     slow = CASE.with_section("ecmo", speed_rpm=1000.0)
@@ -494,6 +496,7 @@ def test_a_flow_is_kept_by_its_own_pump_alone():
     assert is_kept_by_settings(Goal("PF", low=0.5), [dose])
 
 
+@pytest.mark.slow
 def test_what_is_not_reached_says_how_much_of_the_ranges_was_not_seen(monkeypatch):
     scan = search._PatientModel.scan
 

@@ -95,6 +95,7 @@ def test_the_same_seed_gives_the_same_numbers(twin, fit):
     assert {**again, "seconds": 0} == {**fit.as_object(), "seconds": 0}
 
 
+@pytest.mark.slow
 def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
     narrow = replace(QUICK, bounds={"Rmc": (0.1, 0.7)})
     result = fit_case(twin, settings=narrow)
@@ -107,6 +108,7 @@ def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
     assert "the true value may be beyond the bound" in found.reason
 
 
+@pytest.mark.slow
 def test_a_poor_fit_at_a_bound_says_that_alone(twin):
     found = fit_case(twin, settings=replace(QUICK, bounds={"Rmc": (1.5, 2.0)}))
     assert found.verdict.level is Level.POOR
@@ -116,6 +118,7 @@ def test_a_poor_fit_at_a_bound_says_that_alone(twin):
     assert "--bounds" in held_back[0].sentence
 
 
+@pytest.mark.slow
 def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determine(twin):
     fit = fit_case(twin, settings=replace(QUICK, weights="uncertainty"))
     judged, _ = with_profiles(fit)
@@ -137,6 +140,7 @@ def test_intervals_of_relative_weights_are_wider_than_those_of_the_uncertainties
         assert p.upper / p.lower > 1.005 * other.upper / other.lower
 
 
+@pytest.mark.slow
 def test_the_terminal_prints_the_wider_of_two_intervals_and_no_profile_is_said(fit, tmp_path, monkeypatch):
     point = fit.as_object()
     gaussian = point["parameters"]["Rmc"]
@@ -154,6 +158,7 @@ def test_the_terminal_prints_the_wider_of_two_intervals_and_no_profile_is_said(f
     assert {file.stem for file in tmp_path.iterdir()} == {"slices", "starts", "residuals", "correlation"}
 
 
+@pytest.mark.slow
 def test_a_twin_is_a_good_fit_and_a_contradictory_patient_a_poor_one(twin, fit):
     assert fit.verdict.level == "good"
     assert {"EDVLV", "EDVRV", "right_atrial_pressure"} <= set(fit.implied)
@@ -179,6 +184,7 @@ def test_intervals_that_exclude_each_other_end_a_good_fit(fit):
     assert wider.parameters["Emaxlv"].identifiable
 
 
+@pytest.mark.slow
 def test_weights_by_uncertainty_favour_what_is_known_well(twin):
     wrong = twin.measurements.model_copy(update={"MAP": twin.measurements.MAP * 1.08, "SP": None, "DP": None})
     case = twin.model_copy(update={"measurements": wrong})
@@ -189,6 +195,7 @@ def test_weights_by_uncertainty_favour_what_is_known_well(twin):
     assert abs(doubted.simulated["MAP"] / wrong.MAP - 1) > 0.02
 
 
+@pytest.mark.slow
 def test_equal_bounds_fix_a_parameter_in_the_written_case(twin):
     fixed = replace(QUICK, parameters=("Rmc", "Rpmc"), bounds={"Rpmc": (0.08, 0.08)})
     found = fit_case(twin, settings=fixed)
@@ -230,6 +237,7 @@ def fitted(points, folder, settings=QUICK, digest="abc", progress=None, **option
         )
 
 
+@pytest.mark.slow
 def test_the_points_of_a_group_are_told_one_by_one(points):
     lines: list[str] = []
     fitted(points, None, progress=lambda state: lines.append(str(state)))
@@ -402,6 +410,7 @@ def test_tables_and_json_of_a_fit(fit, tmp_path):
     assert len((tmp_path / "outputs.csv").read_text().splitlines()) == 1 + len(fit.simulated)
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_fit_holds_every_start_that_met_the_measurement_as_well():
     """A mean pressure alone: the derivatives at the fit gave Rmc 0.16 to 0.33, the truth being 0.5."""
     names = ("Rmc", "Emaxlv", "Rsvn", "Emaxrv")

@@ -69,6 +69,7 @@ def explored_sets(posterior, count=64):
     return Explored(posterior.prior.x_of(z), posterior.simulate(z))
 
 
+@pytest.mark.slow
 def test_a_solution_that_was_only_explored_is_sampled(monkeypatch):
     """The search ended in one of two solutions alone: an eleventh of the posterior was missing, unnoticed."""
     monkeypatch.setattr(density, "GradientEvaluator", AnalyticGradient)

@@ -87,6 +87,7 @@ def test_draws_that_leave_the_fit_out_are_said_to(result):
     assert not any("no draw is near" in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_parameters_lie_in_their_bounds_around_the_fit(fit, result):
     assert result.trusted
     for k, name in enumerate(NAMES):
@@ -138,6 +139,7 @@ def test_surer_measurements_give_narrower_intervals(fit, result):
     assert (np.std(np.log(narrow.flat), axis=0) < 0.6 * np.std(np.log(result.flat), axis=0)).all()
 
 
+@pytest.mark.slow
 def test_uncertainties_of_what_was_not_measured_are_refused(fit):
     """They change nothing: a misspelt name went unnoticed, with the draws of the default uncertainty."""
     for name in ("PCWP", "MAPP"):
@@ -146,6 +148,7 @@ def test_uncertainties_of_what_was_not_measured_are_refused(fit):
             posterior(fit, settings=settings)
 
 
+@pytest.mark.slow
 def test_without_numpyro_nothing_is_sampled_first(fit, monkeypatch):
     """Chains start from weighted draws: half a minute went by before it said what is missing."""
     monkeypatch.setitem(sys.modules, "numpyro.infer.hmc", None)
@@ -155,6 +158,7 @@ def test_without_numpyro_nothing_is_sampled_first(fit, monkeypatch):
     assert done == []
 
 
+@pytest.mark.slow
 def test_predictions_that_would_be_called_something_else_are_refused(fit):
     """An empty label made them "as measured"; with two of the same none could be chosen in the NetCDF."""
     there = faster(fit.case)
@@ -163,6 +167,7 @@ def test_predictions_that_would_be_called_something_else_are_refused(fit):
             posterior(fit, settings=PosteriorSettings(method="gaussian"), predictions=predictions)
 
 
+@pytest.mark.slow
 def test_a_prediction_under_another_volume_policy_is_refused(fit):
     """It was computed under the policy of the fit, whatever the case says."""
     held = faster(fit.case).with_volume_policy("patient_held")
@@ -171,6 +176,7 @@ def test_a_prediction_under_another_volume_policy_is_refused(fit):
         posterior(fit, settings=PosteriorSettings(method="gaussian"), predictions=[("held", held)])
 
 
+@pytest.mark.slow
 def test_a_prediction_without_a_section_of_the_fitted_parameters_is_named(fit):
     blood = replace(
         fit, settings=replace(fit.settings, parameters=("Rmc", "gas.fio2")), case=with_gas(fit.case)
@@ -190,6 +196,7 @@ def test_a_reflex_that_is_switched_on_for_a_prediction_has_the_set_point_of_the_
     assert 88.0 < there.intervals[k, 1] < measured.intervals[k, 1]
 
 
+@pytest.mark.slow
 def test_a_prediction_takes_its_draws_from_all_chains(fit, result):
     """Of two chains of 800 draws the first thousand were taken: all of one chain, a quarter of the other."""
     chains = np.repeat([[0.4, 1.0], [0.8, 1.0]], 800, axis=0)
@@ -214,6 +221,7 @@ def test_draws_of_a_reflex_belong_to_the_fitted_case_only(tmp_path):
         )
 
 
+@pytest.mark.slow
 def test_every_prediction_says_that_its_fit_is_doubtful(fit):
     """At the measured settings alone it was said."""
     doubt = Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "CO", "CO is 3 standard uncertainties from it")
@@ -227,6 +235,7 @@ def labels(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+@pytest.mark.slow
 def test_names_of_outputs_do_not_run_into_each_other(result):
     """The names of the pressures of a circuit were written over those of the next panels."""
     names = (
@@ -244,6 +253,7 @@ def test_names_of_outputs_do_not_run_into_each_other(result):
     assert spans[-1].x1 <= figure.bbox.x1
 
 
+@pytest.mark.slow
 def test_draws_are_called_what_they_are(result):
     assert labels(plot_predictive(result))[:2] == [
         "posterior (weighted draws): median and 90 %", "Gaussian approximation, unchecked",
@@ -256,6 +266,7 @@ def test_draws_are_called_what_they_are(result):
     assert "patient.heart_rate_bpm=100: posterior (weighted draws)" in table
 
 
+@pytest.mark.slow
 def test_the_gaussian_approximation_is_never_called_posterior(fit):
     found = posterior(fit, settings=PosteriorSettings(method="gaussian"))
     assert not found.trusted
@@ -267,12 +278,14 @@ def test_the_gaussian_approximation_is_never_called_posterior(fit):
     assert "posterior" not in posterior_text(found.as_object()).replace("against the posterior", "")
 
 
+@pytest.mark.slow
 def test_doubts_stand_beside_every_prediction(result):
     doubted = replace(result, doubts=("Pareto k of the weights is 0.83 (below 0.7): sample with chains",))
     table = posterior_text(doubted.as_object())
     assert table.count("NOT TO BE TRUSTED:\n  Pareto k of the weights is 0.83") == 3
 
 
+@pytest.mark.slow
 def test_the_verdict_on_the_fit_is_not_repeated_under_each_prediction(result):
     verdict = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
     first, second = result.predictions
@@ -282,6 +295,7 @@ def test_the_verdict_on_the_fit_is_not_repeated_under_each_prediction(result):
     assert verdict not in table
 
 
+@pytest.mark.slow
 def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     first, second = result.predictions
     few, many = replace(second, without_beat=0.004), replace(second, without_beat=0.05)
@@ -311,6 +325,7 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     )
 
 
+@pytest.mark.slow
 def test_draws_that_no_patient_can_have_are_counted_and_in_no_interval():
     """At this speed half of the draws have a chamber without blood; their MAP is some 10 mmHg higher."""
     from eclsim.simulation.single import simulate_many
@@ -341,6 +356,7 @@ def test_a_method_or_prior_that_there_is_not_is_refused(wrong, said):
         PosteriorSettings(**wrong)
 
 
+@pytest.mark.slow
 def test_a_posterior_of_patients_that_cannot_be_is_not_trusted(result):
     first, second = result.predictions
     assert result.as_object()["predictions"][0]["draws_impossible"] == 0
@@ -352,6 +368,7 @@ def test_a_posterior_of_patients_that_cannot_be_is_not_trusted(result):
     assert table.count("NOT TO BE TRUSTED") == 1
 
 
+@pytest.mark.slow
 def test_predictions_of_a_poor_fit_are_not_trusted(fit):
     poor = fit.judged(
         [Reason(Aspect.AGREEMENT, Level.POOR, "CO", "CO is 6 standard uncertainties from the measurement")]
@@ -370,6 +387,7 @@ def folder(result, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_files(folder):
     content = json.loads((folder / "posterior.json").read_text())
     assert content["trusted"] is True
@@ -379,6 +397,7 @@ def test_files(folder):
     )
 
 
+@pytest.mark.slow
 def test_samples_are_what_the_crrt_study_reads(result, folder):
     samples = read_samples(folder / "samples.csv")
     assert set(samples) == set(NAMES)
@@ -386,6 +405,7 @@ def test_samples_are_what_the_crrt_study_reads(result, folder):
     assert np.median(samples["Rmc"]) == pytest.approx(np.median(result.flat[:, 0]), rel=0.05)
 
 
+@pytest.mark.slow
 def test_arviz_opens_the_netcdf(result, folder):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about a coming version

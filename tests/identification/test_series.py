@@ -163,6 +163,7 @@ def test_an_output_that_nothing_tells_is_doubted_at_its_number():
     assert page.count("doubtful: see above") == 1
 
 
+@pytest.mark.slow
 def test_tables_picture_and_labelled_result_name_what_is_doubtful_or_was_not_used(tmp_path):
     """Only JSON and report had it: the numbers of a time without a steady beat looked like any other."""
     six = Interval(5.0, 6.0, 7.0)

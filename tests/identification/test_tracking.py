@@ -90,6 +90,7 @@ def test_learns_from_one_measurement_to_the_next(tracked):
     assert width(tracked[-1], "Emaxlv") < 0.9 * width(tracked[0], "Emaxlv")
 
 
+@pytest.mark.slow
 def test_most_intervals_hold_the_truth(tracked, truth, series):
     inside = [
         t.parameters[n].lower <= row[k] <= t.parameters[n].upper
@@ -104,6 +105,7 @@ def test_most_intervals_hold_the_truth(tracked, truth, series):
     assert np.mean(inside) > 0.75
 
 
+@pytest.mark.slow
 def test_nothing_is_flagged_that_fits(tracked):
     assert not any(t.unusual or t.failed for t in tracked)
     assert all(i.used for t in tracked for i in t.innovations.values())
@@ -111,6 +113,7 @@ def test_nothing_is_flagged_that_fits(tracked):
     assert all(0.0 < t.probability <= 1.0 for t in tracked[1:])
 
 
+@pytest.mark.slow
 def test_a_wrong_value_is_flagged_and_left_out(series, tracked, after):
     tracker = after(5)
     right, _ = series[5]
@@ -144,6 +147,7 @@ def test_a_value_that_stays_wrong_is_used_the_second_time(series, after, between
     assert "CO does not fit for the second time" in results[1].message
 
 
+@pytest.mark.slow
 def test_a_sudden_change_of_everything_is_flagged_and_followed(after):
     tracker = after(4)
     changed, _ = measured_at(2.4, 0.7, np.random.default_rng(0), noise=0.3)
@@ -155,6 +159,7 @@ def test_a_sudden_change_of_everything_is_flagged_and_followed(after):
     assert result.parameters["Rmc"].median == pytest.approx(2.4, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a_measurement_may_be_missing(series, after):
     tracker = after(1)
     case = series[1][0].model_copy(update={"measurements": Measurements(MAP=80.0)})
@@ -163,6 +168,7 @@ def test_a_measurement_may_be_missing(series, after):
     assert "CO" in result.forecast
 
 
+@pytest.mark.slow
 def test_forecast_of_what_has_not_been_measured(series, after):
     tracker = after(1)
     forecast, expected = tracker.forecast(series[1][0])
@@ -188,6 +194,7 @@ def renamed(case, patient_id):
     return case.model_copy(update={"patient": case.patient.model_copy(update={"id": patient_id})})
 
 
+@pytest.mark.slow
 def test_another_patient_is_refused(series, after):
     tracker = after(1)
     estimate = tracker.estimate
@@ -197,6 +204,7 @@ def test_another_patient_is_refused(series, after):
     assert tracker.estimate is estimate
 
 
+@pytest.mark.slow
 def test_a_tracker_takes_the_path_of_a_case_and_says_what_is_no_number(series, after, tmp_path):
     """A path ended with "'str' object has no attribute 'patient'"."""
     write_case(series[1][0], tmp_path / "case.toml")
@@ -207,11 +215,13 @@ def test_a_tracker_takes_the_path_of_a_case_and_says_what_is_no_number(series, a
         tracker.forecast(path, hours="2")
 
 
+@pytest.mark.slow
 def test_an_id_written_otherwise_is_the_same_patient(series, after):
     tracker = after(1)
     assert not tracker.update("1", renamed(series[1][0], " t ")).failed
 
 
+@pytest.mark.slow
 def test_the_longer_ago_the_wider_the_forecast(series, after):
     tracker = after(1)
 
@@ -280,6 +290,7 @@ def test_times_of_names():
         elapsed_hours(["2024-03-01T08:00", "2024-03-01T08-00"])
 
 
+@pytest.mark.slow
 def test_a_doubtful_first_estimate_is_widened_and_said(series, tracked, monkeypatch):
     assert tracked[0].message == ""
     monkeypatch.setattr(track_module, "DRAWS", 24)
@@ -303,6 +314,7 @@ def test_a_first_measurement_that_the_model_cannot_give_has_a_poor_verdict(serie
     assert first.as_object()["points"][0]["verdict"]["reasons"][0]["about"] in MEASURED
 
 
+@pytest.mark.slow
 def test_the_labelled_result_has_what_the_points_have(followed):
     result, _ = followed
     labelled, second = result.dataset, result.points[1]
@@ -317,6 +329,7 @@ def test_the_labelled_result_has_what_the_points_have(followed):
     assert result.assumed_interval_hours == 24.0
 
 
+@pytest.mark.slow
 def test_what_is_being_done_is_reported(followed):
     _, said = followed
     assert said[0] == "measurement 1 of 7"

@@ -35,12 +35,14 @@ def test_blood_stays_the_same_over_1000_beats(name):
     assert np.abs(blood / blood[0] - 1.0).max() < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_blood_stays_the_same_in_every_crrt_scheme(scheme):
     blood = blood_after(model("V-A, CRRT anywhere").with_values(scheme_sites(scheme)))
     assert np.abs(blood / blood[0] - 1.0).max() < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["none", "V-A, CRRT g"])
 def test_the_independent_path_keeps_its_blood_too(name):
     patient = model(name)

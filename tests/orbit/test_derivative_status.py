@@ -52,6 +52,7 @@ def test_a_singular_beat_has_no_derivatives(changes):
     assert np.isnan(result.values).all()
 
 
+@pytest.mark.slow
 def test_a_beat_that_was_found_says_so():
     result = derivatives(model("V-A"), OUTPUTS, PARAMETERS)
     assert result.attrs["status"] == "converged"
@@ -68,6 +69,7 @@ def test_one_member_without_a_beat_leaves_the_others_their_derivatives():
         beat.linearise(OUTPUTS, PARAMETERS, 1)
 
 
+@pytest.mark.slow
 def test_an_objective_has_no_slopes_where_there_is_no_beat():
     patient = model("V-A", **WEAK_RIGHT)
     objective = Objective([Target(patient, {"MAP": 60.0}, {"MAP": 3.0})], ("Rmc",))

@@ -66,6 +66,7 @@ def test_a_drop_that_rises_exponentially_is_inverted(scale):
     np.testing.assert_allclose(law.flow(driving, 0.01, {}), flows, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_stenosed_valve_costs_pressure(stenosed):
     healthy, sick = simulate(model("none")), simulate(stenosed)
     assert sick.attrs["converged"] == 1
@@ -150,6 +151,7 @@ def test_a_bad_first_member_costs_the_others_nothing(stenosed, key, bad, status)
         np.testing.assert_array_equal(together[name].values[1:], single[name].values)
 
 
+@pytest.mark.slow
 def test_a_batch_by_itself_begins_every_search_at_the_members_own_values(stenosed):
     values = {**stenosed.values, "Rmc": np.array([np.nan, 0.5, 0.7]), "CQvalve": np.array([1.0, 120.0, 90.0])}
     beat = steady_beat(Batch(stenosed.circuit, values, 3), ("MAP",))

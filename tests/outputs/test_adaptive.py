@@ -21,6 +21,7 @@ def waited():
     return lambda name: kept.setdefault(name, simulate_adaptive(model(name)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in slow_ones else n for n in CONFIGURATIONS]
 )
@@ -34,6 +35,7 @@ def test_both_paths_give_the_same_outputs(name, waited):
             assert float(result[entry.name]) == pytest.approx(float(check[entry.name]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_waveforms_agree_too(waited):
     result, check = simulate(model("V-A")), waited("V-A")
     for name in ("Pao", "Plv", "Vlv", "Vra", "Ppas", "Pecmooxy", "Qecmopump", "Qao"):
@@ -44,6 +46,7 @@ def test_waveforms_agree_too(waited):
         assert apart.mean() < 0.005 * spread
 
 
+@pytest.mark.slow
 def test_a_held_patient_by_both_paths():
     patient = model("V-A")
     check, result = simulate_adaptive(patient, PATIENT_HELD), simulate(patient, PATIENT_HELD, resolution=2)
@@ -51,6 +54,7 @@ def test_a_held_patient_by_both_paths():
         assert float(result[name]) == pytest.approx(float(check[name]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_beat_repeats_to_the_tolerance(waited):
     patient = model("V-A")
     beats = AdaptiveBeats(patient)

@@ -25,6 +25,7 @@ def test_everything_has_a_unit_and_a_name(beat):
     assert all(entry.name in beat for entry in leading_outputs())
 
 
+@pytest.mark.slow
 def test_derivatives_and_batches_carry_units_and_refuse_what_is_misspelt():
     patient = model("V-A")
     slopes = derivatives(patient, ["MAP", "PF"], ["Rmc", "ecmo.speed_rpm", "heart_rate_bpm"])

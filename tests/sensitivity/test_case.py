@@ -151,6 +151,7 @@ def test_impossible_inputs_are_named(case, options, message):
         planned(case, samples=8, **options)
 
 
+@pytest.mark.slow
 def test_the_paper_s_parameters_lead(case):
     names = ("Rmc", "Emaxlv", "Rpmc", "Emaxrv", "Lpas")
     settings = SobolSettings(parameters=names, samples=64, second_order=False)
@@ -285,6 +286,7 @@ def test_wrong_options_end_with_status_2(case_file, capsys, monkeypatch, tmp_pat
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_command_says_what_can_be_identified(case_file, tmp_path, capsys):
     out = tmp_path / "out"
     options = ("--parameters", "Rmc,Rsart,Emaxlv,Csart,Lpas", "--out", out)

@@ -107,11 +107,13 @@ def coverage(inputs, function, exact) -> np.ndarray:
     return np.mean(inside, axis=0)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_exact_indices_of_ishigami():
     share = coverage(ISHIGAMI_INPUTS, ishigami, ishigami_indices())
     assert share.min() >= 0.95, share
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_exact_indices_of_sobols_g_function():
     inputs = tuple(Continuous(f"x{k}", 0.0, 1.0) for k in range(len(G_WEIGHTS)))
 
@@ -122,6 +124,7 @@ def test_intervals_hold_the_exact_indices_of_sobols_g_function():
     assert share.min() >= 0.95, share
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_exact_indices_of_a_choice():
     function = IshigamiWithChoice()
     share = coverage(function.inputs(), function, function.exact())

@@ -315,6 +315,7 @@ def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
     assert requests == [1, 1]
 
 
+@pytest.mark.slow
 def test_runs_that_no_patient_can_have_are_counted_and_said():
     """The pump empties a chamber in some runs: they have a steady beat, and the indices rest on them."""
     patient = reference_model(PAPER_PATIENT)

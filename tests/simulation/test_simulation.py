@@ -28,6 +28,7 @@ def case(tmp_path_factory):
     return read_case(str(file)).case
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["semi-implicit", "adaptive"])
 def test_a_case_has_a_steady_beat_and_a_course_by_either_solver(case, solver):
     beat = simulate(case, solver=solver)
@@ -68,6 +69,7 @@ noradrenaline = 0.1
 """
 
 
+@pytest.mark.slow
 def test_a_result_holds_the_case_that_repeats_it(tmp_path):
     """Set points that the file leaves open are those of the file, not of the case after --set."""
     file = tmp_path / "case.toml"
@@ -86,6 +88,7 @@ def test_a_result_holds_the_case_that_repeats_it(tmp_path):
     assert case_object(beat)["case"] == json.loads(beat.attrs["case"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("flow", "status"), [("3.2", "converged"), ("9.5", "flow_not_reached")])
 def test_a_result_of_a_flow_holds_the_case_with_its_speed(tmp_path, flow, status):
     """With settings over reflexes and a flow, the flow was that of a case whose speed was not known."""

@@ -148,6 +148,7 @@ def test_a_flow_is_solved_for_at_each_value_and_what_is_out_of_reach_is_blank(fl
     assert table.attrs["failed"] == 1
 
 
+@pytest.mark.slow
 def test_the_files_hold_the_reason_and_no_number_without_a_beat(flows, tmp_path):
     import xarray as xr
 

@@ -33,6 +33,7 @@ def case(flow: float = 4.0, **more):
     return read_mapping(raw).case
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "more", "policy"),
     [

@@ -105,6 +105,7 @@ def test_share_refilled_by_the_trials_haemoglobin_is_that_of_its_means():
     assert late == pytest.approx(0.9 * 14.3 / 13.2, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_course_of_the_validation_takes_other_rates_later_and_keeps_water():
     man = fluid.Patient(fluid.healthy("heldt2010"))
     rates = {"albumin_ml": 1.0, fluid.ULTRAFILTRATION_KEY: 0.5}

@@ -81,6 +81,7 @@ def test_at_complete_shunt_venous_blood_does_not_depend_on_the_output():
     assert low.sao2 > high.sao2 + 5.0
 
 
+@pytest.mark.slow
 def test_at_given_pressures_blood_with_more_haemoglobin_gives_off_more_carbon_dioxide():
     """By either set of equations: the sign that regressions in pigs contradict."""
     assert all(gas._released_carbon_dioxide(law) > 5.0 for law in gas.LAWS)
