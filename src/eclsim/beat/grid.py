@@ -122,8 +122,8 @@ def oscillations(assembly: Assembly, values: Values) -> list[tuple[np.ndarray, s
     """Angular frequency [1/s] of each inertial flow with the compliances it joins, and the flow's name."""
 
     def of(component: Storage | Path) -> object:
-        # Arrays, so that a compliance of zero gives an infinite stiffness, not an exception.
-        return component.constants({n: np.asarray(values[n], dtype=float) for n in _names(component)})
+        # Numbers of NumPy, so that a compliance of zero gives an infinite stiffness, not an exception.
+        return component.constants({n: np.asarray(values[n], dtype=float)[()] for n in _names(component)})
 
     @cache
     def stiffness(position: int) -> np.ndarray:

@@ -42,7 +42,7 @@ from eclsim.course.rosenbrock import step
 from eclsim.course.timeline import START, Timeline, canonical_circuits
 from eclsim.course.trapped import KnownBlood, with_blood_of
 from eclsim.gas.network import GasStatus
-from eclsim.orbit.equation import Anchor, OrbitOptions
+from eclsim.orbit.equation import Anchor, OrbitOptions, by_broyden_only
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.signals import output_names
@@ -528,7 +528,9 @@ class Engine:
             start = None
             if all(have_beats):
                 start = anchor_at([p.predict(x) for p, x in zip(predictors, places, strict=True)], predictors)
-            together = self._beats(members, {key: column[chosen] for key, column in values.items()}, start)
+            whole = len(chosen) == len(active)
+            own = values if whole else {key: column[chosen] for key, column in values.items()}
+            together = self._beats(members, own, start)
             for k, (predictor, place) in enumerate(zip(predictors, places, strict=True)):
                 m = members[k]
                 beat, at = self._with_known_blood(together, k, m)
@@ -583,7 +585,7 @@ class Engine:
         all_read = self.options.hand_over or self.early_stop is not None or start is None
         reads = self.reads if all_read else self.laws.reads
         last_try = start is None or (self.length[members] <= SHORTEST_STEP_S).any()
-        options = self.options.orbits if last_try else replace(self.options.orbits, newton_iterations=0)
+        options = self.options.orbits if last_try else by_broyden_only(self.options.orbits)
         return steady_beat(batch, reads, options=options, start=start, execution=self.execution)
 
 

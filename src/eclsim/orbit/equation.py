@@ -7,7 +7,8 @@ volume at phase 0, and u distributes blood equally over all compartments.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,12 @@ class OrbitOptions:
             newton_iterations=WholeNumber(),
             exact_iterations=WholeNumber(),
         )
+
+
+@lru_cache(maxsize=64)
+def by_broyden_only(options: OrbitOptions) -> OrbitOptions:
+    """The same options without Newton's method."""
+    return replace(options, newton_iterations=0)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from eclsim.beat.grid import RESOLUTIONS, grid_warning, needed_resolution
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
-from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Volume
+from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Volume, by_broyden_only
 from eclsim.orbit.execution import Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.iteration import CompiledSearch, compiled_search
@@ -135,8 +135,11 @@ class Batch:
 
     @cached_property
     def _resolutions(self) -> np.ndarray:
-        needed = needed_resolution(assemble(self.circuit), self.values)
-        return np.broadcast_to(needed, (self.count,))
+        values = self.values
+        if self.count == 1:  # single numbers take half the time of arrays of one
+            program = beat_program(self.circuit)
+            values = dict(zip(program.names, self.packed(program)[:, 0], strict=True))
+        return np.broadcast_to(needed_resolution(assemble(self.circuit), values), (self.count,))
 
 
 @dataclass(frozen=True)
@@ -244,7 +247,7 @@ def solve(
         members = np.flatnonzero(solvable & (levels == level))
         search = _Level(batch, int(level), width, execution.thread_count(), result)
         if isinstance(start, Anchor):
-            search.solve(members, start.take(members), replace(options, newton_iterations=0))
+            search.solve(members, start.take(members), by_broyden_only(options))
             members = members[result.status[members] != Status.CONVERGED]
         values = nominal_values(batch.circuit) if start is None or isinstance(start, Anchor) else start
         if values is not None and len(members):
@@ -282,7 +285,8 @@ class _Level:
         program = beat_program(self.batch.circuit, self.level)
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take(members)
         worth = len(members) // MEMBERS_PER_THREAD if self.width == 1 else -(-len(members) // self.width)
-        chunks = np.array_split(np.arange(len(members)), max(1, min(self.threads, worth)))
+        everyone, count = np.arange(len(members)), max(1, min(self.threads, worth))
+        chunks = [everyone] if count == 1 else np.array_split(everyone, count)
 
         def solved(chunk: np.ndarray) -> Orbits:
             return solve_orbits(problem.take(chunk), start.take(chunk), options, self.width)

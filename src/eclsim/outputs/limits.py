@@ -110,7 +110,8 @@ def of_patient(limits: Iterable[Limit], values: Mapping[str, float]) -> list[Lim
         values: parameters of the patient.
     """
     own = _of_size(values) | _of_age(values)
-    return [replace(limit, **own.get((limit.quantity, limit.kind), {})) for limit in limits]
+    keys = ((limit, (limit.quantity, limit.kind)) for limit in limits)
+    return [replace(limit, **own[key]) if key in own else limit for limit, key in keys]
 
 
 def _of_size(values: Mapping[str, float]) -> dict[tuple[str, str], dict[str, Any]]:

@@ -15,7 +15,7 @@ import numpy as np
 from eclsim.arguments import WholeNumber, article
 from eclsim.beat.grid import FINEST
 from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.recording import RATE, all_signals
+from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
@@ -365,7 +365,7 @@ def measured(
         waves = {name: series[:, k] for k, name in enumerate(recorded)}
         measures = Measures(waves, phases, circuit, parameters, batch=count)
         measures.measure_means(recorded, series)
-        measures.measure_extremes([name for name in recorded if name + RATE in waves])
+        measures.measure_extremes(recorded, series)
         for row, name in zip(values, names, strict=True):
             row[members] = computed(name, measures)[: len(members)]
         if with_gas:
