@@ -57,6 +57,9 @@ def test_a_course_without_events_is_two_rows_and_says_that_nothing_changes(shell
         "nothing changes between the first and the last moment: the case has no [[events]], and no fluid "
         "enters or leaves the patient"
     )
+    assert done.stdout.startswith(
+        shell.run("course", shell.case(), "--until", "600").stdout.partition("\n\n")[0]
+    )
     bled = Path(shell.case(more=EVENTS))
     changed = shell.run("course", bled, "--until", "10", "--every", "1", "--out", shell.folder / "bled")
     assert "nothing changes" not in changed.stdout
@@ -86,7 +89,7 @@ def test_a_doubtful_fit_is_said_in_the_course_too(shell):
 def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
     case = shell.case(more=EVENTS)
     for arguments, said in (
-        (("course", case), "--out DIR, --json FILE or --figures DIR"),
+        (("course", case, case), "--out DIR, --json FILE or --figures DIR"),
         (("course", case, "--until", "1.5", "--json", "-"), "after the end of the course at 1.5 min"),
         (("course", case, "--beats", "--json", "-"), "--beats: 1440 min; allowed: up to 120 min"),
         (("course", case, "--every", "0.01", "--json", "-"), "144000 moments; allowed: up to 20000"),

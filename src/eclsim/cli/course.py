@@ -211,7 +211,7 @@ def _destinations(o: CourseOptions) -> Destinations:
         "--resume, --shard, --dask: work only for several patients or with --posterior":
             not tasks and (o.continues or o.dask),
         "--out DIR, --json FILE or --figures DIR: give at least one, to write the course to":
-            o.out is None and o.json is None and o.figures is None,
+            tasks and o.out is None and o.json is None and o.figures is None,
     })  # fmt: skip
     return places
 
