@@ -106,6 +106,18 @@ def test_sections_become_tables_and_values():
     assert EXTRA_VOLUME in model_of(read(parameters={UNSTRESSED: -100}).case).circuit.parameter_names()
 
 
+def test_what_is_assumed_of_solutes_is_named_and_at_a_high_potassium_warned_of():
+    """A day of dialysis against 4 mmol/L, which nobody had given, hardly lowered 6.8."""
+    named = {str(one) for one in read(solutes={"potassium_mmol_l": 4.2}, crrt=CRRT).notes}
+    assert any("left out, so 4 mmol/L are assumed in the fluids of a filter" in one for one in named)
+    assert any("potassium_generation_mmol_h = 0, potassium_store_l = 150" in one for one in named)
+    high = read(solutes={"potassium_mmol_l": 6.8}, crrt=CRRT)
+    (warned,) = (str(one) for one in high.warnings if "fluid_potassium_mmol_l" in str(one))
+    assert "lower 6.8 mmol/L slowly; write what the bags hold (often 0 to 2)" in warned
+    given = read(solutes={"potassium_mmol_l": 6.8, "fluid_potassium_mmol_l": 4.0}, crrt=CRRT)
+    assert not any("fluid_potassium" in str(one) for one in (*given.warnings, *given.notes))
+
+
 def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
     values = values_of(read(fluid={}, solutes={}, gas={"haemoglobin_g_dl": 9.99}).case)
     assert values["fluid.haematocrit"] == values["fluid.reference_haematocrit"] == pytest.approx(0.3)

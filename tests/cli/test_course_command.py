@@ -3,7 +3,6 @@
 import csv
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,8 +18,9 @@ from eclsim.cli.course import (
     _text,
     _unchanged_text,
 )
-from eclsim.cli.plan import _kept_text
+from eclsim.cli.plan import _kept_text, _table
 from eclsim.course.files import course_object
+from eclsim.course.plan import WeaningStep
 from eclsim.paper.cohort import SYNTHETIC
 
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
@@ -304,10 +304,7 @@ def test_moments_that_no_patient_can_have_are_marked_in_table_and_json():
 )  # fmt: skip
 def test_weaning_says_at_which_speeds_the_goals_are_kept(reached, words):
     """With `--keep` alone a table without a word on the goals came out where all were kept."""
-    steps = [
-        SimpleNamespace(speed_rpm=s, reached=r, message="")
-        for s, r in zip((3000.0, 2500.0), reached, strict=True)
-    ]
+    steps = [WeaningStep(s, None, r, {}, "") for s, r in zip((3000.0, 2500.0), reached, strict=True)]
     assert _kept_text(steps, "MAP > 65") == f"\n\nMAP > 65: {words}"
     assert _kept_text(steps, None) == ""
 
@@ -315,8 +312,26 @@ def test_weaning_says_at_which_speeds_the_goals_are_kept(reached, words):
 def test_weaning_says_where_goals_are_kept_with_a_pump_that_stands_still():
     """ "MAP > 60: kept at every speed" included one at which the pump carried nothing."""
     steps = [
-        SimpleNamespace(speed_rpm=2000.0, reached=True, message=""),
-        SimpleNamespace(speed_rpm=1400.0, reached=True, message="PF > 0.5 is not kept there: -0.004 L/min"),
+        WeaningStep(2000.0, None, True, {}, ""),
+        WeaningStep(1400.0, None, True, {}, "PF > 0.5 is not kept there: -0.004 L/min"),
     ]
-    words = "kept at every speed, but with an alarm at 1400 rpm (last column)"
+    words = "kept at every speed, but with alarms at 1400 rpm (last column)"
     assert _kept_text(steps, "MAP > 60") == f"\n\nMAP > 60: {words}"
+
+
+def test_weaning_names_every_speed_with_an_alarm_and_marks_its_numbers():
+    """ "kept at every speed, but with an alarm at 1800 rpm" stood over an SaO2 of 69 % at 2200."""
+    steps = [
+        WeaningStep(s, None, True, {"MAP": 90.0, "SaO2": sao2, "PCWP": 12.9}, "", (), kinds)
+        for s, sao2, kinds in (
+            (3400.0, 82.6, {"SaO2": "warning", "PCWP": "caution"}), (2200.0, 69.3, {"SaO2": "alarm"}),
+            (1800.0, 59.0, {"SaO2": "alarm", "DO2": "alarm", "Vra": "collapse"}),
+        )
+    ]  # fmt: skip
+    assert _kept_text(steps, "MAP > 65").endswith(
+        "kept at every speed, but with alarms at 2200 rpm (SaO2), 1800 rpm (SaO2, DO2, Vra)"
+    )
+    table = _table(steps, None).splitlines()
+    assert table[1].split() == ["3400", "90", "82.6!", "12.9*"]
+    assert table[3].split() == ["1800", "90", "59!", "12.9"]
+    assert table[-1] == "! beyond a limit, * to be read with care: the warnings say why"

@@ -121,6 +121,9 @@ def test_consumption_below_demand_is_said():
     assert result.attrs["gas_status"] == "steady"
     assert 200.0 < float(result.VO2) < 230.0
     assert any("below the 250 mL/min" in sentence for sentence in result.attrs["warnings"])
+    assert any("no acid is made where oxygen is lacking" in sentence for sentence in result.attrs["warnings"])
+    assert result.pHa.attrs["read_with_care"] == result.PaCO2.attrs["read_with_care"] == 1
+    assert "read_with_care" not in eclsim.simulate(model()).pHa.attrs
 
 
 DERIVED = (

@@ -9,6 +9,7 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.results import simulate, simulate_many
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.reporting.beat_values import marks_of, summary_lines
 from model_catalogue import CIRCUITS, model
 
 CLINICAL = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO")
@@ -175,6 +176,10 @@ def test_a_heart_that_does_not_eject_is_named_as_such(changes):
     assert abs(float(result["aortic_valve_flow"])) < 0.02
     assert any("the left ventricle does not eject" in sentence for sentence in result.attrs["warnings"])
     assert any("not determined by the case" in sentence for sentence in result.attrs["warnings"])
+    alarms = [sentence for sentence in result.attrs["warnings"] if "alarm: mean arterial" in sentence]
+    assert all(alarm.endswith("; the case does not determine this number") for alarm in alarms)
+    assert marks_of(result, "MAP") == ("!*" if alarms else "*")
+    assert any("* to be read with care" in line for line in summary_lines(result))
 
 
 def test_a_search_that_is_cut_short_names_a_heart_that_does_not_eject():

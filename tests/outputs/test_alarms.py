@@ -279,8 +279,18 @@ CAUTIONS = {
     "blood of no law": ({"pHa": 7.88}, {}, "pH 7.88 of the arterial blood is outside 6.8 to 7.7"),
     "blood of hardly any law": ({"pHa": 6.797}, {}, "pH 6.797 of the arterial blood is outside 6.8"),
     "cold blood": (
-        {"PaCO2": 38.0}, {"gas.temperature_c": 33.0}, "shows a PCO2 4.5 % higher and a pH lower by 0.015",
+        {"PaCO2": 38.0}, {"gas.temperature_c": 33.0}, "PCO2 of 45.3 in place of 38.0 mmHg, and a higher PO2",
     ),
+    "hot blood": (
+        {"PaCO2": 42.0, "pHa": 7.38}, {"gas.temperature_c": 39.5},
+        "PCO2 of 37.6 in place of 42.0 mmHg, a pH of 7.42 in place of 7.38, and a lower PO2",
+    ),
+    "slow heart": ({"CO": 2.4, "heart_rate": 25.0}, {"heart_rate_bpm": 60.0}, "lasts 1.1 s, a patient's"),
+    "fast heart": ({"CO": 8.7}, {"heart_rate_bpm": 180.0}, "a patient's fills less the faster it beats"),
+    "fast heart for the age": (
+        {"CO": 6.0}, {"heart_rate_bpm": 148.0, "patient.age_years": 90.0}, "fills less the faster it beats",
+    ),
+    "heart at rest": ({"CO": 5.0}, {"heart_rate_bpm": 95.0, "patient.age_years": 60.0}, ""),
     "warm blood": ({"PaCO2": 38.0}, {"gas.temperature_c": 38.0}, ""),
     "hypercapnia without an answer": ({"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0}, ""),
 }  # fmt: skip

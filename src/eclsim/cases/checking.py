@@ -396,8 +396,7 @@ def _check_heart_rate(patient: Raw, remarks: Remarks) -> None:
         return
     message = (
         f"faster than a sinus node of {age:g} years, about {greatest:g} bpm (208 - 0.7 age, Tanaka et al. "
-        "2001): an arrhythmia or a pacemaker? Systole takes the same share of every beat here, so that the "
-        "output at such a rate is too high"
+        "2001): an arrhythmia or a pacemaker?"
     )
     remarks.warning(RATE_PLACE, message, shown(rate))
 

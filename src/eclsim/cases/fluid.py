@@ -84,6 +84,11 @@ class Fluid(Section):
                 remarks.error(f"{key}.reflection", message, shown(reflection), allowed)
 
 
+FLUID_POTASSIUM = "fluid_potassium_mmol_l"
+HYPERKALAEMIA = 6.0
+"""Potassium above which a filter is meant to lower it [mmol/L] (moderate: UK Kidney Association 2023)."""
+
+
 class Solutes(Section):
     """Solutes cleared by dialysis: start values and generation by the body; followed in courses."""
 
@@ -106,8 +111,11 @@ class Solutes(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Warn if both bicarbonate and base excess are given and disagree, as both state the same base."""
-        bicarbonate, gas = sections.get(cls.section, {}).get("bicarbonate_mmol_l"), sections.get("gas")
+        """Note defaults in use; warn of a bicarbonate and a base excess that disagree about the same base."""
+        stated = sections.get(cls.section)
+        if stated is not None:
+            _note_defaults(stated, remarks)
+        bicarbonate, gas = (stated or {}).get("bicarbonate_mmol_l"), sections.get("gas")
         if bicarbonate is None or gas is None:
             return
         from eclsim.fluid.solutes import standard_base_excess, standard_bicarbonate
@@ -127,6 +135,25 @@ class Solutes(Section):
                 f"= {meant:.1f}"
             )
             remarks.warning(key, message, shown(bicarbonate))
+
+
+def _note_defaults(stated: Raw, remarks: Remarks) -> None:
+    """Note what is assumed of the body and of the fluids of a filter; a warning at a high potassium."""
+    fields, section = Solutes.model_fields, Solutes.section
+    potassium, of_fluid = stated.get("potassium_mmol_l"), fields[FLUID_POTASSIUM].default
+    assumed = [
+        f"{name} = {field.default:g}" for name, field in fields.items()
+        if name not in stated and field.default is not None and not (name == FLUID_POTASSIUM and potassium)
+    ]  # fmt: skip
+    if assumed:
+        remarks.note(section, f"left out, so assumed: {', '.join(assumed)}")
+    if potassium and FLUID_POTASSIUM not in stated:
+        message = f"left out, so {of_fluid:g} mmol/L are assumed in the fluids of a filter"
+        if potassium > HYPERKALAEMIA:
+            message += f", which lower {potassium:g} mmol/L slowly; write what the bags hold (often 0 to 2)"
+            remarks.warning(f"{section}.{FLUID_POTASSIUM}", message)
+        else:
+            remarks.note(f"{section}.{FLUID_POTASSIUM}", message)
 
 
 def fluid_values(

@@ -136,18 +136,24 @@ def _speeds(text: str) -> list[float]:
 
 def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
     from eclsim.outputs.registry import output
+    from eclsim.reporting.beat_values import MARKS, meaning_of_marks
 
     names = list(dict.fromkeys(name for step in steps for name in step.outputs))
     drug = [] if vary is None else [vary.partition("=")[0].strip()]
     head = ("speed [rpm]", *drug, *(f"{n} [{output(n).unit}]" for n in names), "")
+    marks = [{name: MARKS[kind] for name, kind in step.marks.items() if name in names} for step in steps]
     rows = [
         (
             number(step.speed_rpm), *([] if step.setting is None else [number(step.setting)]),
-            *(number(step.outputs.get(name, math.nan)) for name in names), step.message,
+            *(number(step.outputs.get(name, math.nan)) + of_step.get(name, " ") for name in names),
+            step.message,
         )
-        for step in steps
+        for step, of_step in zip(steps, marks, strict=True)
     ]  # fmt: skip
-    return text_table(head, rows, tuple(range(len(head) - 1)))
+    meaning = meaning_of_marks({mark for of_step in marks for mark in of_step.values()})
+    return text_table(head, rows, tuple(range(len(head) - 1))) + (
+        f"\n\n{meaning}: the warnings say why" if meaning else ""
+    )
 
 
 def _kept_text(steps: Sequence[WeaningStep], keep: str | None) -> str:
@@ -163,8 +169,9 @@ def _kept_text(steps: Sequence[WeaningStep], keep: str | None) -> str:
         where = "at no speed"
     else:
         where = f"at {', '.join(kept)} rpm, not at {', '.join(broken)} rpm"
-    alarms = [f"{step.speed_rpm:g}" for step in steps if step.reached and step.message]
-    but = f", but with an alarm at {', '.join(alarms)} rpm (last column)" if alarms else ""
+    found = [(s, [*s.alarms, *["last column"] * bool(s.message)]) for s in steps if s.reached]
+    alarms = [f"{step.speed_rpm:g} rpm ({', '.join(names)})" for step, names in found if names]
+    but = f", but with alarms at {', '.join(alarms)}" if alarms else ""
     return f"\n\n{keep}: kept {where}{but}"
 
 

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.orbit.status import Status
+from eclsim.outputs.alarms import marks
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import scalars_of, simulate
@@ -432,6 +434,9 @@ WEANING_OUTPUTS = (
 """Outputs of a step of weaning, where the case has them."""
 
 
+NO_MARKS: Mapping[str, str] = MappingProxyType({})
+
+
 class WeaningStep(NamedTuple):
     """Results for one pump speed.
 
@@ -443,6 +448,7 @@ class WeaningStep(NamedTuple):
         message: explanation if a goal is not reached, no steady beat was found, or a flow exceeds a limit
             that the varied setting cannot keep.
         warnings: limits that the beat violates, and cautions about its numbers.
+        marks: kind of the most severe finding about each output or waveform of the beat that has one.
     """
 
     speed_rpm: float
@@ -451,6 +457,12 @@ class WeaningStep(NamedTuple):
     outputs: dict[str, float]
     message: str
     warnings: tuple[str, ...] = ()
+    marks: Mapping[str, str] = NO_MARKS
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """Outputs and waveforms that violate an alarm limit, or of a vein or chamber that collapses."""
+        return tuple(name for name, kind in self.marks.items() if kind in ALARM_KINDS)
 
 
 def plan_weaning(
@@ -518,12 +530,15 @@ def _weaning_step(
         message = "; ".join(one.sentence for one in (*missed, *broken_goals(numbers, flows)))
         message = str(result.attrs["message"]) if lost else message
         reached = not missed and not lost
-        return WeaningStep(speed, None, reached, _weaning_outputs(numbers), message, warnings)
+        found = {str(name): entry.attrs.get("finding") for name, entry in result.items()}
+        kinds = {name: kind for name, kind in found.items() if kind}
+        return WeaningStep(speed, None, reached, _weaning_outputs(numbers), message, warnings, kinds)
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
     message = alarms if result.reached else result.message
     outputs = _weaning_outputs(result.outputs)
-    return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings)
+    kinds = marks(result.findings, result.outputs, model_of(case).values)
+    return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings, kinds)
 
 
 def _weaning_outputs(numbers: Mapping[str, float]) -> dict[str, float]:

@@ -11,10 +11,10 @@ from eclsim.blood.types import NEUTRAL_PH_SLOPE
 from eclsim.components.exchangers import TEMPERATURE
 from eclsim.devices.description import CAUTION, Finding
 from eclsim.outputs.gas import STANDING_L_MIN
-from eclsim.outputs.limits import limits_of
+from eclsim.outputs.limits import HEART_RATE, limits_of
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.gas import NORMAL_C, TEMPERATURE_DOUBT_C
-from eclsim.patient.anthropometry import SIZE, body_surface
+from eclsim.patient.anthropometry import AGE, SIZE, body_surface, greatest_heart_rate
 
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
 CONGESTION_MMHG = 12.0
@@ -39,8 +39,14 @@ WRONG_SIGN_MMHG, LARGEST_STUDIED_MMHG = 10.0, 25.0
 which the response measured in patients, up to 19 mmHg, is extrapolated [mmHg]."""
 LARGEST_INDEX_L_MIN_M2 = 5.5
 """Flow through the organs for each m2 of body surface above which few patients are, as for measured ones."""
+SLOW_BPM, FAST_BPM = 40.0, 150.0
+"""Heart rates beyond which a systole of a fixed share of the beat is far from a patient's [bpm]."""
+SYSTOLE_SHARE = 0.45
+"""Share of the beat that the ventricles of the published patient contract."""
 _DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
 """Outputs of arterial blood, and the side on which their alarms begin."""
+_AT_TEMPERATURE = ("PaCO2", "PaO2", "pHa", "PaCO2_lower", "PaO2_lower", "PpostO2", "PpostCO2", "PvO2")
+"""Outputs that an analyser at 37 C does not show as they are at another temperature."""
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
@@ -75,7 +81,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
     )
     result += _unanswered_gases(outputs, values)
     result += _hypercapnia(outputs, values) + _at_another_temperature(outputs, values)
-    result += _more_than_of_this_size(outputs, values)
+    result += _more_than_of_this_size(outputs, values) + _far_from_resting_rate(outputs, values)
     return result + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
@@ -258,13 +264,16 @@ def _at_another_temperature(outputs: Mapping[str, float], values: Mapping[str, f
     pressure, warmer = outputs.get("PaCO2"), values.get(TEMPERATURE, NORMAL_C) - NORMAL_C
     if pressure is None or not abs(warmer) > TEMPERATURE_DOUBT_C:
         return []
-    cooler = 100.0 * (10.0**CLOSED_PCO2_SLOPE - 1.0)
+    shown = pressure / 10.0 ** (CLOSED_PCO2_SLOPE * warmer)
     text = (
-        "blood gases are those at the patient's temperature, and limits are compared with them; for each "
-        f"degree of cooling an analyser at 37 C shows a PCO2 {cooler:.1f} % higher and a pH lower by "
-        f"{NEUTRAL_PH_SLOPE:.3f}"
+        "blood gases are those at the patient's temperature, and limits are compared with them: an analyser "
+        f"at 37 C shows an arterial PCO2 of {shown:.1f} in place of {pressure:.1f} mmHg, "
     )
-    return [Finding.without_limit(CAUTION, "PaCO2", pressure, text, "PaCO2", "PaO2", "pHa")]
+    if (ph := outputs.get("pHa")) is not None:
+        text += f"a pH of {ph + NEUTRAL_PH_SLOPE * warmer:.2f} in place of {ph:.2f}, "
+    text += f"and a {'lower' if warmer > 0.0 else 'higher'} PO2"
+    at_temperature = [name for name in _AT_TEMPERATURE if name in outputs]
+    return [Finding.without_limit(CAUTION, "PaCO2", pressure, text, *at_temperature)]
 
 
 def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
@@ -295,6 +304,28 @@ def _more_than_of_this_size(outputs: Mapping[str, float], values: Mapping[str, f
     )
     concerns = [name for name in ("CO", "LVO", "systemic_flow", "DO2", "O2ER", "SvO2") if name in outputs]
     return [Finding.without_limit(CAUTION, concerns[0], flow, text, *concerns)]
+
+
+def _far_from_resting_rate(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Caution about flow and pressure at a rate at which systole and filling have not a patient's length."""
+    rate = outputs.get("heart_rate", values.get(HEART_RATE, FAST_BPM))
+    age = values.get(AGE)
+    fast = FAST_BPM if age is None else min(FAST_BPM, greatest_heart_rate(age))
+    concerns = [name for name in ("CO", "LVO", "systemic_flow", "MAP") if name in outputs]
+    if not concerns or SLOW_BPM <= rate <= fast:
+        return []
+    text = f"heart rate {rate:.0f} bpm: "
+    if rate > fast:
+        text += (
+            "the heart has the same share of every beat to fill here, whereas a patient's fills less the "
+            "faster it beats: output and arterial pressure are too high"
+        )
+    else:
+        text += (
+            f"systole takes the same share of every beat here and lasts {60.0 * SYSTOLE_SHARE / rate:.1f} s, "
+            "a patient's about 0.4 s: output and arterial pressure are up to a tenth too high"
+        )
+    return [Finding.without_limit(CAUTION, "heart_rate", rate, text, *concerns)]
 
 
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:

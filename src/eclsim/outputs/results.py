@@ -17,6 +17,7 @@ from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.beat.recording import all_signals, with_rates
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
+from eclsim.devices.description import CAUTION
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
@@ -91,9 +92,10 @@ def labelled(
         data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
     outputs, result = beat.outputs(member), gravest_first([*beat.findings(member), *further])
     data |= {n: variable((), v, **output_labels(n)) for n, v in outputs.items()}
+    doubted = {name for one in result if one.kind == CAUTION for name in one.concerns}
     for concerned, kind in marks(result, outputs, beat.batch.all_values_of(member)).items():
         if concerned in data:
-            data[concerned].attrs["finding"] = kind
+            data[concerned].attrs |= {"finding": kind, "read_with_care": int(concerned in doubted)}
     data |= _recirculation(beat, member)
     status, orbits = Status(int(beat.status[member])), beat.orbits
     attributes: dict[str, Any] = {

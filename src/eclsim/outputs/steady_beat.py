@@ -56,6 +56,11 @@ from eclsim.outputs.signals import (
 _TISSUE = Tissue()
 _READ_BY_TISSUE = (GASES, str(_TISSUE.rise), TEMPERATURE)
 NO_GASES: Mapping[int, PlaceGases] = MappingProxyType({})
+_WITHOUT_LACTATE = ("pHa", "PaCO2", "PaCO2_lower", "PpreCO2", "PpostCO2")
+_NO_LACTATE = (
+    "no acid is made where oxygen is lacking, whereas a patient's lactate rises within minutes: pH and "
+    "carbon dioxide are better than a patient's; do not read them"
+)
 DEMAND_MET = 0.99
 """Share of the oxygen demand below which consumption is reported as limited."""
 NO_EJECTION_L_MIN = 0.02
@@ -227,6 +232,7 @@ class SteadyBeat:
             known = self.trapped.get(member)
             result = findings(self.outputs(member), ranges, circuit, values, known)
             result += self._gas_findings(member)
+            result = [self._if_determined(one, member) for one in result]
         if doubt := self.orbits.grid_warning(member):
             result.append(Finding.without_limit("warning", "grid", np.nan, doubt))
         return gravest_first(result)
@@ -238,11 +244,19 @@ class SteadyBeat:
 
     def determined_findings(self, member: int = 0) -> list[Finding]:
         """Findings of a member without limits that only undetermined outputs and waveforms violate."""
-        every = self.findings(member)
-        if member not in self.undetermined:
-            return every
-        lost = {*self.undetermined_outputs(member), *self.signals}
-        return [one for one in every if one.kind == CAUTION or one.quantity not in lost]
+        return [one for one in self.findings(member) if not self._is_undetermined(one, member)]
+
+    def _is_undetermined(self, finding: Finding, member: int) -> bool:
+        """Whether a finding compares a number that the case does not determine with a limit."""
+        if member not in self.undetermined or finding.kind == CAUTION:
+            return False
+        return finding.quantity in {*self.undetermined_outputs(member), *self.signals}
+
+    def _if_determined(self, finding: Finding, member: int) -> Finding:
+        """A finding, which says so if it is about a number that the case does not determine."""
+        if not self._is_undetermined(finding, member):
+            return finding
+        return replace(finding, sentence=f"{finding.sentence}; the case does not determine this number")
 
     def _gas_findings(self, member: int) -> list[Finding]:
         """Findings about gases, other than limits."""
@@ -257,7 +271,11 @@ class SteadyBeat:
             return []
         text = f"oxygen consumption {vo2:.0f} mL/min is below the {demand:.0f} mL/min that the tissues need: "
         text += "the supply limits it"
-        return [Finding("alarm", "VO2", vo2, demand, text, concerns=("VO2",))]
+        result = [Finding("alarm", "VO2", vo2, demand, text, concerns=("VO2",))]
+        if of_acid := [name for name in _WITHOUT_LACTATE if name in self.names]:
+            value = float(self.output(of_acid[0])[member])
+            result.append(Finding.without_limit(CAUTION, of_acid[0], value, _NO_LACTATE, *of_acid))
+        return result
 
     def linearise(self, outputs: Sequence[str], parameters: Sequence[str], member: int = 0) -> Linearisation:
         """First-order expansion of a member's outputs in parameters of the circuit or `heart_rate_bpm`.

@@ -4,7 +4,7 @@ A case is an xarray Dataset with waveforms P [mmHg], Q [mL/s] and V [mL] on `pha
 included).
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,21 +76,43 @@ def case_name(result: "xr.Dataset") -> str:
     return f"{name} (VALVES SHUT: VOLUMES NOT DETERMINED)" if result.attrs.get("one_of_many") else name
 
 
+DOUBTED = "*"
+MARKS = {"collapse": "x", "alarm": "!", "warning": "!", "caution": DOUBTED}
+"""Mark after a number by the kind of the most severe finding about it."""
+_MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", DOUBTED: "* to be read with care"}
+
+
+def marks_of(result: "xr.Dataset", *names: str) -> str:
+    """Return the marks after numbers of outputs: of the most severe finding, and of a caution beside it."""
+    entries = [result[name].attrs for name in names if name in result]
+    used = {MARKS.get(about.get("finding", ""), "") for about in entries}
+    if any(about.get("read_with_care") for about in entries):
+        used.add(DOUBTED)
+    return "".join(mark for mark in _MEANINGS if mark in used)
+
+
+def meaning_of_marks(used: Collection[str]) -> str:
+    """Explanation of marks, each a character; empty if there are none."""
+    return ", ".join(meaning for mark, meaning in _MEANINGS.items() if mark in used)
+
+
 def summary_lines(result: "xr.Dataset") -> list[str]:
-    """Return the main outputs that the result has, such as "aortic pressure 73/69 (70) mmHg"."""
+    """Return the main outputs that the result has, such as "aortic pressure 73/69 (70) mmHg", with marks."""
     lines = [f"heart rate {number(60 / beat_period(result), 0)} /min"]
     systolic, diastolic, mean = (scalar(result, name) for name in ("SP", "DP", "MAP"))
     if systolic is not None and diastolic is not None and mean is not None:
-        lines.append(f"aortic pressure {number(systolic, 0)}/{number(diastolic, 0)} ({number(mean, 0)}) mmHg")
+        pressures = f"{number(systolic, 0)}/{number(diastolic, 0)} ({number(mean, 0)})"
+        lines.append(f"aortic pressure {pressures}{marks_of(result, 'SP', 'DP', 'MAP')} mmHg")
     units = {"MPAP": ("mmHg", 1), "PCWP": ("mmHg", 1), "CO": ("L/min", 2), "PF": ("L/min", 2)}
     for name, (unit, digits) in units.items():
         if (value := scalar(result, name)) is not None:
-            lines.append(f"{name} {number(value, digits)} {unit}")
+            lines.append(f"{name} {number(value, digits)}{marks_of(result, name)} {unit}")
     for names in namings(device.key for device in devices().values()):
         share = scalar(result, f"{names.key}_recirculated_fraction")
         if share is not None:
             lines.append(f"{names.label} recirculation {number(100 * share, 0)} %")
-    return lines
+    meaning = meaning_of_marks(marks_of(result, "SP", "DP", "MAP", *units))
+    return [*lines, meaning] if meaning else lines
 
 
 # --- words for compartments and connections ---------------------------------------------------------

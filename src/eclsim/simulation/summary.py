@@ -12,6 +12,7 @@ from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.description import placed_sentence
 from eclsim.devices.registry import devices, named_output
 from eclsim.outputs.regulation import FACTORS, REGULATED
+from eclsim.reporting.beat_values import marks_of, meaning_of_marks
 from eclsim.reporting.numbers import text_table
 from eclsim.simulation.target_flow import solved_speed_of
 
@@ -79,8 +80,6 @@ _SHORT_HEADS = {
 }
 """Heads of narrow columns; a line below the table gives the outputs' names."""
 _SAME_FLOW_L_MIN = 0.05
-_MARKS = {"collapse": "x", "alarm": "!", "warning": "!", "caution": "*"}
-_MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", "*": "* to be read with care"}
 
 
 def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = None) -> None:
@@ -107,9 +106,8 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
 
 def legend(results: Sequence[xr.Dataset], names: Sequence[str]) -> str:
     """Explanation of the marks after the numbers that a table shows; empty if there are none."""
-    messages = {_mark(result, name) for result in results for name in names if name in result}
-    meanings = [meaning for mark, meaning in _MEANINGS.items() if mark in messages]
-    return f"{', '.join(meanings)}: the warnings say why" if meanings else ""
+    meaning = meaning_of_marks({mark for result in results for mark in marks_of(result, *names)})
+    return f"{meaning}: the warnings say why" if meaning else ""
 
 
 def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None) -> Table:
@@ -228,10 +226,6 @@ def _meaning_of_heads(names: Sequence[str], results: Sequence[xr.Dataset]) -> st
     return ", ".join(f"{_SHORT_HEADS[name]}: {name}" for name in shown)
 
 
-def _mark(result: xr.Dataset, name: str) -> str:
-    return _MARKS.get(result[name].attrs.get("finding", ""), "")
-
-
 def _speed(result: xr.Dataset, key: str | None = None) -> str:
     """Speed that was solved for, with a key if one is given; empty if there is none."""
     solved = solved_speed_of(result)
@@ -249,11 +243,11 @@ def _digits(about: Mapping[str, object]) -> int:
 
 
 def cell(result: xr.Dataset, name: str) -> str:
-    """A number with its mark, or a space without one, so that digits are aligned."""
+    """A number with its marks, or a space without one, so that digits are aligned."""
     value = float(result[name]) if name in result else math.nan
     if not math.isfinite(value):
         return "- "
-    return f"{_rounded(value, result[name].attrs)}{_mark(result, name) or ' '}"
+    return f"{_rounded(value, result[name].attrs)}{marks_of(result, name) or ' '}"
 
 
 def _rounded(value: float, about: Mapping[str, object], sign: str = "-") -> str:
