@@ -62,14 +62,14 @@ def test_every_row_begins_with_the_name_that_goals_and_options_take(capsys, monk
 
 def test_the_central_venous_pressure_has_the_mark_of_the_right_atrium(capsys, drained):
     assert drained["right_atrial_pressure"].attrs["finding"] == "alarm"
-    assert row(shown(capsys, [drained]), "CVP")[-2] == f"{float(drained['CVP']):.1f}!"
+    assert row(shown(capsys, [drained]), "CVP")[-2] == f"{float(drained['CVP']):.1f}!*"
 
 
 def test_an_impossible_beat_is_no_plain_number(capsys, drained):
     assert drained.attrs["converged"]
     text = shown(capsys, [drained])
     assert row(text, "EDVRA")[-2].endswith("x")
-    assert row(text, "MAP")[-2].endswith("!")
+    assert row(text, "MAP")[-2].endswith("!*")
     assert row(text, "possible")[-1] == "NO"
     result = case_object(drained)
     assert result["impossible"] is True

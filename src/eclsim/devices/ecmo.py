@@ -669,8 +669,8 @@ class EcmoDevice(Device[Ecmo]):
         ),
         Limit(
             "PpostO2", "warning", "below", 100.0,
-            "the oxygenator gives little oxygen: no sweep gas or too little oxygen in it, flow above the "
-            "rated one, or a clot",
+            "the oxygenator gives little oxygen: no gas or too little oxygen in it, flow above the rated "
+            "one, or a clot",
             "a convention of this project",
         ),
         *(

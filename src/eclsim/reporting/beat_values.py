@@ -83,10 +83,10 @@ _MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", DOUBTED:
 
 
 def marks_of(result: "xr.Dataset", *names: str) -> str:
-    """Return the marks after numbers of outputs: of the most severe finding, and of a caution beside it."""
+    """Return the marks of outputs: of the most severe finding, and of a caution if a beat is possible."""
     entries = [result[name].attrs for name in names if name in result]
     used = {MARKS.get(about.get("finding", ""), "") for about in entries}
-    if any(about.get("read_with_care") for about in entries):
+    if MARKS["collapse"] not in used and any(about.get("read_with_care") for about in entries):
         used.add(DOUBTED)
     return "".join(mark for mark in _MEANINGS if mark in used)
 
