@@ -46,7 +46,6 @@ from eclsim.reporting.style import (
     new_figure,
     plain_text,
     save_figure,
-    write_above,
 )
 from eclsim.simulation.panels import (
     QUANTITIES,
@@ -90,12 +89,12 @@ def write_case_figures(
     }
     for part in available_parts(result):
         figures[f"waveforms_{part.replace('.', '_')}"] = lambda part=part: plot_waveforms(result, part)
-    written = []
-    for name, draw in figures.items():
-        figure = draw()
-        write_above(figure, untrusted(result.attrs.get("warnings", ())))
-        written += save_figure(figure, beginning.with_name(f"{beginning.name}_{name}"), formats)
-    return written
+    doubts = untrusted(result.attrs.get("warnings", ()))
+    return [
+        path
+        for name, draw in figures.items()
+        for path in save_figure(draw(), beginning.with_name(f"{beginning.name}_{name}"), formats, doubts)
+    ]
 
 
 # --- waveforms by part of the circuit ---------------------------------------------------------------
