@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from eclsim.execution import (
     announce,
     as_executor,
     as_folder,
+    digest_of_text,
     json_format,
 )
 from eclsim.orbit.model import CaseSource, as_case
@@ -169,7 +169,7 @@ def courses_of_draws(
     columns = {key: list(values) for key, values in samples.items()}
     rest = None if case.as_written is None else case.as_written.as_mapping()
     inputs = {
-        "case": case.as_mapping(), "set_points_of": rest, "values": _digest(json.dumps(columns)),
+        "case": case.as_mapping(), "set_points_of": rest, "values": digest_of_text(json.dumps(columns)),
         "draws": count,
     }  # fmt: skip
     return _complete(compute, groups, inputs, "groups of draws", folder, executor, progress)
@@ -197,10 +197,6 @@ def _digests(case: Case) -> dict[str, str]:
     bare = (case.model_copy(update={"events": ()}), *([case.as_written] if case.as_written else ()))
     events = [event.as_object() for event in case.events]
     return {
-        "case": _digest("".join((*map(case_text, bare), *case.doubts))),
-        "events": _digest(json.dumps(events)),
+        "case": digest_of_text("".join((*map(case_text, bare), *case.doubts))),
+        "events": digest_of_text(json.dumps(events)),
     }
-
-
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]

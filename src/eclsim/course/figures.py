@@ -115,8 +115,8 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
         ax.set_ylim(low - 0.5 * short, high + 0.5 * short)
     _mark_events(ax, hours, events, minutes)
     ax.set_ylabel(f"{QUANTITIES.get(panel.unit, '')} [{panel.unit}]".strip())
-    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * -(-len(drawn) // 2))
-    draw_legend_above(ax, start=legend_start([label for _, label in drawn]))
+    start = legend_start([label for _, label in drawn])
+    draw_legend_above(ax, panel.title, -(-len(drawn) // 2), start=start)
 
 
 def _curve(ax: Axes, hours: np.ndarray, numbers: np.ndarray, label: str, index: int) -> None:
@@ -179,8 +179,7 @@ def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None
     ax.set_ylim(-3.0, 103.0)
     _mark_events(ax, hours, events, minutes)
     ax.set_ylabel("Draws [%]")
-    ax.set_title("Limits broken", loc="left", pad=3 + 11.5 * gravest.sizes["alarm"])
-    draw_legend_above(ax, 1)
+    draw_legend_above(ax, "Limits broken", gravest.sizes["alarm"], columns=1)
 
 
 def _broken_limits(result: xr.Dataset) -> list[BrokenLimit]:

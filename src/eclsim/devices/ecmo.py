@@ -470,9 +470,9 @@ _DRAINED_BLOOD, _RETURNED_BLOOD = ("in", "ecmodrain"), ("behind", "ecmooxy")
 """Where blood is sampled: where both drainage cannulae and a vent meet, and behind the oxygenator."""
 
 
-def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str, sign: float) -> Output:
+def _gas_output(name: str, long_name: str, definition: str, what: str, sign: float) -> Output:
     return Output(
-        name, long_name, unit, definition, ("Qecmooxy",), lambda m: sign * m.gas(what, "at", "ecmooxy"),
+        name, long_name, "mL/min", definition, ("Qecmooxy",), lambda m: sign * m.gas(what, "at", "ecmooxy"),
         parameters=(GASES,), all_flows=True, read_at="Qecmooxy",
     )  # fmt: skip
 
@@ -531,11 +531,9 @@ GAS_OUTPUTS = (
         "PreturnCO2", "PCO2 of the blood that the ECMO returns", "drawn", "ecmoreturn", "PCO2",
         ("Qecmoreturn",),
     ),
+    _gas_output("VO2_oxygenator", "oxygen uptake of the oxygenator (STPD)", "gained by blood", "gained", 1.0),
     _gas_output(
-        "VO2_oxygenator", "oxygen uptake of the oxygenator (STPD)", "mL/min", "gained by blood", "gained", 1.0
-    ),
-    _gas_output(
-        "VCO2_oxygenator", "carbon dioxide removed by the oxygenator (STPD)", "mL/min", "lost by blood",
+        "VCO2_oxygenator", "carbon dioxide removed by the oxygenator (STPD)", "lost by blood",
         "gained_co2", -1.0,
     ),
     Output(

@@ -103,7 +103,7 @@ class TaskFolder(Generic[Result]):
         self.file = file or folder / "inputs.json"
         self.inputs: dict[str, object] = json.loads(json.dumps({"version": __version__, **inputs}))
         text = json.dumps(self.inputs, sort_keys=True, ensure_ascii=False)
-        self.fingerprint = hashlib.sha256(text.encode()).hexdigest()[:16]
+        self.fingerprint = digest_of_text(text)
         self.beside = dict(beside or {})
 
     @property
@@ -202,6 +202,11 @@ def read_inputs(file: Path) -> dict[str, object] | None:
     except (OSError, ValueError) as error:
         raise ExecutionError(f"{file}: cannot be read ({error}); --force starts anew") from error
     return content
+
+
+def digest_of_text(text: str) -> str:
+    """Return a short digest, which stands for a long text among the inputs of a run."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _checksum(content: object) -> str:

@@ -77,7 +77,7 @@ def linear_exchanger(
     points, exchanging = len(weights), 10.0 * flow * share
     by_gained, by_pressure = not_inlined(partial(_rates_by, law))(flow, inside, dict(values))
     content_by = _by_cell(inside.content_by, cells)
-    through = _by_cell(exchanging * _matrix_product(by_gained, inside.content_by) + by_pressure, cells)
+    through = _by_cell(exchanging * _product(by_gained, inside.content_by) + by_pressure, cells)
     diagonal = (exchanging + inertia * 10.0 * flow) * content_by
     blocks = [
         [
@@ -97,8 +97,8 @@ def linear_exchanger(
     ends, reached = content_by[..., -1], [jnp.eye(2)]
     for c in range(cells):
         gained = exchanging * (reached[-1] - jnp.eye(2))
-        change = by_inlet[-1][..., c] + _matrix_product(before[-1][..., c], gained)
-        reached.append(_matrix_product(ends[..., c], change))
+        change = by_inlet[-1][..., c] + _product(before[-1][..., c], gained)
+        reached.append(_product(ends[..., c], change))
     outlet_by = (1.0 - share) * jnp.eye(2) + share * reached[-1]
     return LinearExchanger(blocks, by_inlet, before, exchanging, ends, reached, outlet_by)
 
@@ -123,12 +123,10 @@ def responses(equations: LinearExchanger, residuals: Array) -> tuple[list[Array]
     reached, before = jnp.zeros(2), []
     for c in range(cells):
         before.append(equations.flow * reached)
-        change = moves[-1][:, c] + _matrix_vector_product(equations.by_gained[-1][..., c], before[-1])
-        reached = _matrix_vector_product(equations.ends[..., c], change)
+        change = moves[-1][:, c] + _product(equations.by_gained[-1][..., c], before[-1])
+        reached = _product(equations.ends[..., c], change)
     carried = jnp.stack(before, axis=-1)
-    return [
-        m + _matrix_vector_product(g, carried) for m, g in zip(moves, equations.by_gained, strict=True)
-    ], reached
+    return [m + _product(g, carried) for m, g in zip(moves, equations.by_gained, strict=True)], reached
 
 
 def pressure_changes(equations: LinearExchanger, moves: Sequence[Array], entering: Array) -> Array:
@@ -140,11 +138,11 @@ def pressure_changes(equations: LinearExchanger, moves: Sequence[Array], enterin
         entering: changes of the inlet contents, (2,).
     """
     gained = jnp.stack(
-        [equations.flow * (_matrix_vector_product(by, entering) - entering) for by in equations.reached[:-1]],
+        [equations.flow * (_product(by, entering) - entering) for by in equations.reached[:-1]],
         axis=-1,
     )
     parts = [
-        move + _matrix_vector_product(inlet, entering[:, None]) + _matrix_vector_product(before, gained)
+        move + _product(inlet, entering[:, None]) + _product(before, gained)
         for move, inlet, before in zip(moves, equations.by_inlet, equations.by_gained, strict=True)
     ]
     return jnp.stack(parts, axis=-1).reshape(2, -1)
@@ -183,14 +181,9 @@ def _by_cell(table: Array, cells: int) -> Array:
     return table.reshape(*table.shape[:-1], cells, -1)
 
 
-def _matrix_product(a: Array, b: Array) -> Array:
-    """Product of matrices (2, 2, ...) of each point."""
+def _product(a: Array, b: Array) -> Array:
+    """Product of matrices (2, 2, ...) with matrices (2, 2, ...) or vectors (2, ...) of each point."""
     return jnp.stack([a[0, 0] * b[0] + a[0, 1] * b[1], a[1, 0] * b[0] + a[1, 1] * b[1]])
-
-
-def _matrix_vector_product(a: Array, x: Array) -> Array:
-    """Product of matrices (2, 2, ...) and vectors (2, ...)."""
-    return jnp.stack([a[0, 0] * x[0] + a[0, 1] * x[1], a[1, 0] * x[0] + a[1, 1] * x[1]])
 
 
 def _solution_2x2(a: Array, b: Array) -> Array:
@@ -208,11 +201,11 @@ def _block_elimination(blocks: Sequence[Sequence[Array]], rights: Sequence[Array
         return [_solution_2x2(blocks[0][0], rights[0])]
     (first, *row), *rows = blocks
     along, right = [_solution_2x2(first, b) for b in row], _solution_2x2(first, rights[0])
-    reduced = [[b - _matrix_product(o[0], a) for a, b in zip(along, o[1:], strict=True)] for o in rows]
+    reduced = [[b - _product(o[0], a) for a, b in zip(along, o[1:], strict=True)] for o in rows]
     behind = _block_elimination(
-        reduced, [r - _matrix_product(o[0], right) for o, r in zip(rows, rights[1:], strict=True)]
+        reduced, [r - _product(o[0], right) for o, r in zip(rows, rights[1:], strict=True)]
     )
-    return [right - sum(_matrix_product(a, x) for a, x in zip(along, behind, strict=True)), *behind]
+    return [right - sum(_product(a, x) for a, x in zip(along, behind, strict=True)), *behind]
 
 
 _solved_by_block = not_inlined(_block_elimination)

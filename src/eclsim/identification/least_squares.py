@@ -288,7 +288,7 @@ def bounded_steps(
     steps = _damped(jacobian, residuals, absolute)
     inside = ((steps >= box.lower - x) & (steps <= box.upper - x)).all(axis=1)
     for k in np.flatnonzero(~inside):
-        steps[k] = bounded_step(jacobian, residuals[k], x, box, absolute[k])[0]
+        steps[k] = bounded_step(jacobian, residuals[k], x, box, absolute[k])
     return steps
 
 
@@ -305,8 +305,8 @@ def _damped(jacobian: np.ndarray, residuals: np.ndarray, dampings: np.ndarray) -
 
 def bounded_step(
     jacobian: np.ndarray, residuals: np.ndarray, x: np.ndarray, box: Box, damping: float
-) -> tuple[np.ndarray, float]:
-    """Return a damped Gauss-Newton step inside the bounds and the predicted decrease of the cost.
+) -> np.ndarray:
+    """Return a damped Gauss-Newton step inside the bounds.
 
     Args:
         jacobian: d residual / d parameter, shape (residuals, parameters).
@@ -331,9 +331,7 @@ def bounded_step(
         first = int(np.argmin(np.where(over, room, np.inf)))
         step[first] = np.clip(step[first], lower[first], upper[first])
         free[first] = False
-    step = np.clip(step, lower, upper)
-    after = residuals + jacobian @ step
-    return step, float(residuals @ residuals - after @ after)
+    return np.clip(step, lower, upper)
 
 
 # --- polishing of an optimum ----------------------------------------------------------------------

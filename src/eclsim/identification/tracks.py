@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from eclsim.cases.reading import case_text
 from eclsim.devices.registry import digests_of_own_files
-from eclsim.execution import Executor, Progress, Tasks, announce, json_format
+from eclsim.execution import Executor, Progress, Tasks, announce, digest_of_text, json_format
 from eclsim.files import finite
 from eclsim.identification.tracking import TrackSettings, track
 
@@ -42,7 +41,7 @@ class PatientSeries:
         """All that determines the result, as plain data."""
         texts = [f"{name}\n{case_text(case)}" for name, case in self.points]
         return {
-            "measurements": hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16],
+            "measurements": digest_of_text("\n".join(texts)),
             "left_out": list(self.left_out), "interval_hours": self.settings.interval_hours,
             **self.settings.as_object(),
         }  # fmt: skip

@@ -44,7 +44,6 @@ class OrbitDerivatives:
         states: d state / d parameter, shape (states, parameters).
         sums: d sum / d parameter of each weighted sum of signals, shape (sums, parameters).
         sums_of_states: d sum / d state at phase 0, shape (sums, states).
-        monodromy: dbeat/dy, shape (states, states).
         anchor: start for the search for a nearby orbit.
         step: Newton step from the given state to the orbit, shape (states,).
         sizes: sizes of the states to which their changes are relative, shape (states,).
@@ -53,7 +52,6 @@ class OrbitDerivatives:
     states: np.ndarray
     sums: np.ndarray
     sums_of_states: np.ndarray
-    monodromy: np.ndarray
     anchor: Anchor
     step: np.ndarray
     sizes: np.ndarray
@@ -67,12 +65,6 @@ class OrbitDerivatives:
         """
         states, sums = (table[:, :count] + table[:, count:] @ following for table in (self.states, self.sums))
         return replace(self, states=states, sums=sums)
-
-    @property
-    def multipliers(self) -> np.ndarray:
-        """Eigenvalues of dbeat/dy (Floquet multipliers), largest first, shape (states,)."""
-        result = np.linalg.eigvals(self.monodromy)
-        return result[np.argsort(-np.abs(result))]
 
     @property
     def distance(self) -> float:
@@ -126,7 +118,6 @@ def orbit_derivatives(
         states,
         sums[:, n:] + sums[:, :n] @ states,
         sums[:, :n],
-        end[:, :n],
         anchor,
         step,
         np.maximum(np.abs(state), problem.layout.smallest_sizes),

@@ -14,15 +14,12 @@ from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Choice, Circuit, StartPressure, StartVolume
 from eclsim.components.base import value_of
+from eclsim.inputs.mistakes import ListedError
 from eclsim.parameters.regulation import REGULATION, SOLVED_FOR
 
 
-class InvalidInputError(ValueError):
+class InvalidInputError(ListedError):
     """Raised for values with which a circuit cannot be computed; `mistakes` holds one sentence per value."""
-
-    def __init__(self, mistakes: list[str]):
-        self.mistakes = mistakes
-        super().__init__("\n".join(mistakes))
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,7 @@ INFUSION, START, UNBOUND_SHARE = (
     f"{SECTION}.infusion_mg_h", f"{SECTION}.start_mg_l", f"{SECTION}.unbound_fraction",
 )  # fmt: skip
 CENTRAL, PERIPHERAL = f"{SECTION}.central_volume_l", f"{SECTION}.peripheral_volume_l"
-TRANSFER, BODY, TARGET = (
-    f"{SECTION}.transfer_ml_min", f"{SECTION}.body_clearance_ml_min", f"{SECTION}.target_mg_l",
-)  # fmt: skip
+TRANSFER, BODY = f"{SECTION}.transfer_ml_min", f"{SECTION}.body_clearance_ml_min"
 FOLLOWED = f"{SECTION}.followed"
 PARAMETERS = read_parameters(__file__)
 """All parameters of [dialysed_drug] of a case file, by key."""

@@ -16,8 +16,6 @@ FCELLS = 0.9
 INTERSTITIUM_TO_BLOOD = (1.0 - FCELLS * 0.45) / 0.230
 """Ratio of normal interstitial to blood volume: plasma over interstitium is 0.230 in 10 healthy men (Moore
 1966, bromide, abstract), here at a haematocrit of 0.45."""
-TISSUES = ("tissue", "upper_tissue", "lower_tissue")
-"""Names of the exchanges of tissues that a circuit may have."""
 PERICAPILLARY, LYMPH_PUMP = f"{SECTION}.pericapillary_share", f"{SECTION}.lymph_pump"
 SOLUTES_FOLLOWED, CARBON_DIOXIDE_STORES_HOLD = f"{SOLUTES}.followed", f"{SOLUTES}.stores_hold"
 ACID, KIDNEY = f"{SOLUTES}.acid_generation_mmol_h", f"{SOLUTES}.kidney_clearance_ml_min"

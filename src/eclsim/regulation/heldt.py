@@ -11,6 +11,7 @@ heart rate, blood volume) are those of CVSim in both versions.
 `heldt2004`: gains of the doctoral thesis (MIT), tables 3.1 to 3.3; the sign of the cardiopulmonary gain of
 resistance is that of the program. `heldt2010`: gains of CVSim 1.0 with 21 compartments (Heldt, Mukkamala,
 Moody and Mark 2010, Open Pacing Electrophysiol Ther J 3:45), read in the program and in a translation of it.
+Their set points, P_n = 91 and P_ra,n = 5 and 8 mmHg, are not used: each patient has their own.
 """
 
 from __future__ import annotations
@@ -88,14 +89,13 @@ def _pathways(gains: Gains) -> tuple[Pathway, ...]:
     )
 
 
-def _model(name: str, source: str, set_points: tuple[float, float], gains: Gains) -> ReflexModel:
+def _model(name: str, source: str, gains: Gains) -> ReflexModel:
     contractile = zip(COMPLIANCES.items(), gains.compliance, gains.least_compliance, strict=True)
     resistance = (0.0, *gains.resistance, 0.0, 0.0, 0.0, 0.0)
     return ReflexModel(
         name=name,
         source=source,
         reads=(mean_of("Pao"), mean_of("Pra")),
-        published_set_points=set_points,
         pathways=_pathways(gains),
         drives=_drives,
         effectors=(
@@ -113,5 +113,5 @@ def _model(name: str, source: str, set_points: tuple[float, float], gains: Gains
     )
 
 
-HELDT_2004 = _model("heldt2004", "Heldt 2004, doctoral thesis, MIT", (91.0, 5.0), THESIS)
-HELDT_2010 = _model("heldt2010", "CVSim 1.0, 21 compartments (Heldt et al. 2010)", (91.0, 8.0), CVSIM)
+HELDT_2004 = _model("heldt2004", "Heldt 2004, doctoral thesis, MIT", THESIS)
+HELDT_2010 = _model("heldt2010", "CVSim 1.0, 21 compartments (Heldt et al. 2010)", CVSIM)

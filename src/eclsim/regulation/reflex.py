@@ -112,7 +112,6 @@ class ReflexModel:
         name: name in case files.
         source: source of its numbers.
         reads: readings of the arterial pressure and, if used, of the right atrial pressure.
-        published_set_points: set points of the pressures read [mmHg].
         pathways: pathways, in the order of drives.
         drives: function from the deviations of the pressures from their set points [mmHg] to the drive along
             each pathway, 0 at the set point.
@@ -124,7 +123,6 @@ class ReflexModel:
     name: str
     source: str
     reads: tuple[Reading, ...]
-    published_set_points: tuple[float, ...]
     pathways: tuple[Pathway, ...]
     drives: Callable[[Sequence[Number]], Sequence[Number]]
     effectors: tuple[Effector, ...]

@@ -93,7 +93,6 @@ URSINO_1998 = ReflexModel(
     name="ursino1998",
     source="Ursino 1998, Am J Physiol 275:H1733",
     reads=(mean_of("Pao"),),
-    published_set_points=(SET_POINT_MMHG,),
     pathways=PATHWAYS,
     drives=_drives,
     effectors=(

@@ -158,7 +158,7 @@ def plain_text(value: object, limit: int = 70) -> str:
     return text.replace("$", r"\$")
 
 
-def write_above(fig: Figure, sentences: Sequence[str]) -> None:
+def _write_above(fig: Figure, sentences: Sequence[str]) -> None:
     """Write sentences above a figure, below its title."""
     title = fig.get_suptitle()
     lines = [line for text in sentences for line in textwrap.wrap(plain_text(text, 330), 100)]
@@ -169,12 +169,16 @@ def write_above(fig: Figure, sentences: Sequence[str]) -> None:
 
 
 def save_figure(
-    fig: Figure, path_without_suffix: str | Path, formats: Sequence[str] = ("svg", "png")
+    fig: Figure,
+    path_without_suffix: str | Path,
+    formats: Sequence[str] = ("svg", "png"),
+    above: Sequence[str] = (),
 ) -> list[Path]:
-    """Write the figure in each format and return the paths of the files.
+    """Write the figure in each format, with sentences above it, and return the paths of the files.
 
     Each file is complete when it appears under its name. The same figure gives the same SVG, byte for byte.
     """
+    _write_above(fig, above)
     stem = Path(path_without_suffix)
     stem.parent.mkdir(parents=True, exist_ok=True)
     with figure_style(), warnings.catch_warnings():

@@ -33,7 +33,6 @@ from eclsim.reporting.style import (
     save_figure,
     short_name,
     turned_names,
-    write_above,
 )
 from eclsim.sensitivity.inputs import GROUPS
 from eclsim.sensitivity.results import Indices, SensitivityResult
@@ -89,12 +88,9 @@ def write_identifiability_figures(result: Identifiability, folder: Path) -> list
 
 def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Sequence[str]) -> list[Path]:
     """Save figures with the doubts above each of them."""
-    paths = []
-    for name, draw in figures.items():
-        figure = draw()
-        write_above(figure, doubts)
-        paths += save_figure(figure, folder / name)
-    return paths
+    return [
+        path for name, draw in figures.items() for path in save_figure(draw(), folder / name, above=doubts)
+    ]
 
 
 # --- Sobol indices ---------------------------------------------------------------------------------

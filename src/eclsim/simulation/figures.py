@@ -46,7 +46,6 @@ from eclsim.reporting.style import (
     new_figure,
     plain_text,
     save_figure,
-    write_above,
 )
 from eclsim.simulation.panels import (
     QUANTITIES,
@@ -90,12 +89,12 @@ def write_case_figures(
     }
     for part in available_parts(result):
         figures[f"waveforms_{part.replace('.', '_')}"] = lambda part=part: plot_waveforms(result, part)
-    written = []
-    for name, draw in figures.items():
-        figure = draw()
-        write_above(figure, untrusted(result.attrs.get("warnings", ())))
-        written += save_figure(figure, beginning.with_name(f"{beginning.name}_{name}"), formats)
-    return written
+    doubts = untrusted(result.attrs.get("warnings", ()))
+    return [
+        path
+        for name, draw in figures.items()
+        for path in save_figure(draw(), beginning.with_name(f"{beginning.name}_{name}"), formats, doubts)
+    ]
 
 
 # --- waveforms by part of the circuit ---------------------------------------------------------------
@@ -212,13 +211,13 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     ax.set_ylabel(f"{quantity} [{panel.unit}]")
     ax.set_xlim(0.0, 2 * beat_period(result))
     _widen_flat_axis(ax)
-    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * legend_rows)
     start = legend_start([place_label_of(name) for name in names])
-    draw_legend_above(ax, _legend_columns(panel), start)
+    draw_legend_above(ax, panel.title, legend_rows, _legend_columns(panel), start)
 
 
-def draw_legend_above(ax: Axes, columns: int = 2, start: float = 0.0) -> None:
-    """Draw a legend above the axes, from a place in widths of the axes."""
+def draw_legend_above(ax: Axes, title: str, rows: int, columns: int = 2, start: float = 0.0) -> None:
+    """Draw a legend above the axes, from a place in widths of the axes, and a title above its rows."""
+    ax.set_title(title, loc="left", pad=3 + 11.5 * rows)
     ax.legend(
         loc="lower left", bbox_to_anchor=(start, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
         columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
@@ -496,8 +495,8 @@ def _draw_sweep_panel(ax: Axes, table: xr.Dataset, panel: Panel) -> None:
     unit = table["value"].attrs.get("units", "")
     ax.set_xlabel(plain_text(table.attrs["key"], 40) + (f" [{unit}]" if unit else ""))
     ax.set_ylabel(f"{QUANTITIES[panel.unit]} [{panel.unit}]")
-    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * math.ceil(len(drawn) / 2))
-    draw_legend_above(ax, start=legend_start(ax.get_legend_handles_labels()[1]))
+    start = legend_start([label for _, label in drawn])
+    draw_legend_above(ax, panel.title, math.ceil(len(drawn) / 2), start=start)
 
 
 def _axis(table: xr.Dataset) -> tuple[np.ndarray, list[str]]:

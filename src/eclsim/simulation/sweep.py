@@ -282,12 +282,11 @@ def write_csv(sweep: Sweep, path: Path) -> None:
 
 def write_figure(sweep: Sweep, path_without_suffix: Path) -> list[Path]:
     """Plot the outputs over the values, as SVG and PNG."""
-    from eclsim.reporting.style import save_figure, write_above
+    from eclsim.reporting.style import save_figure
     from eclsim.simulation.figures import plot_sweep
 
-    figure = plot_sweep(as_table(sweep))
-    write_above(figure, untrusted(sweep.results[0].attrs.get("warnings", ())))
-    return save_figure(figure, path_without_suffix)
+    doubts = untrusted(sweep.results[0].attrs.get("warnings", ()))
+    return save_figure(plot_sweep(as_table(sweep)), path_without_suffix, above=doubts)
 
 
 def _frame(sweep: Sweep) -> pd.DataFrame:

@@ -81,7 +81,7 @@ QUANTITIES: dict[str, tuple[str, str, Callable[[SteadyBeat], np.ndarray]]] = {
     "GEDVI": (
         "global end-diastolic volume", "mL", lambda b: np.sum([b.output(name) for name in CHAMBERS], axis=0),
     ),
-    "Pms": ("mean systemic pressure", "mmHg", lambda b: _mean_systemic(b)),
+    "Pms": ("mean systemic pressure", "mmHg", _mean_systemic),
     "dPdt": ("largest dP/dt of the LV", "mmHg/s", _rate),
 }  # fmt: skip
 """Name in words, unit and computation of quantities, by the name in the table."""
