@@ -136,12 +136,15 @@ def _speeds(text: str) -> list[float]:
 
 def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
     from eclsim.outputs.registry import output
-    from eclsim.reporting.beat_values import MARKS, meaning_of_marks
+    from eclsim.reporting.beat_values import marks_for, meaning_of_marks
 
     names = list(dict.fromkeys(name for step in steps for name in step.outputs))
     drug = [] if vary is None else [vary.partition("=")[0].strip()]
     head = ("speed [rpm]", *drug, *(f"{n} [{output(n).unit}]" for n in names), "")
-    marks = [{name: MARKS[kind] for name, kind in step.marks.items() if name in names} for step in steps]
+    marks = [
+        {name: marks_for(kind, name in step.doubted) for name, kind in step.marks.items() if name in names}
+        for step in steps
+    ]
     rows = [
         (
             number(step.speed_rpm), *([] if step.setting is None else [number(step.setting)]),
@@ -150,7 +153,7 @@ def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
         )
         for step, of_step in zip(steps, marks, strict=True)
     ]  # fmt: skip
-    meaning = meaning_of_marks({mark for of_step in marks for mark in of_step.values()})
+    meaning = meaning_of_marks({mark for of_step in marks for both in of_step.values() for mark in both})
     return text_table(head, rows, tuple(range(len(head) - 1))) + (
         f"\n\n{meaning}: the warnings say why" if meaning else ""
     )

@@ -449,6 +449,7 @@ class WeaningStep(NamedTuple):
             that the varied setting cannot keep.
         warnings: limits that the beat violates, and cautions about its numbers.
         marks: kind of the most severe finding about each output or waveform of the beat that has one.
+        doubted: outputs that a caution concerns.
     """
 
     speed_rpm: float
@@ -458,6 +459,7 @@ class WeaningStep(NamedTuple):
     message: str
     warnings: tuple[str, ...] = ()
     marks: Mapping[str, str] = NO_MARKS
+    doubted: tuple[str, ...] = ()
 
     @property
     def alarms(self) -> tuple[str, ...]:
@@ -532,13 +534,20 @@ def _weaning_step(
         reached = not missed and not lost
         found = {str(name): entry.attrs.get("finding") for name, entry in result.items()}
         kinds = {name: kind for name, kind in found.items() if kind}
-        return WeaningStep(speed, None, reached, _weaning_outputs(numbers), message, warnings, kinds)
+        doubted = tuple(name for name in kinds if result[name].attrs["read_with_care"])
+        return WeaningStep(
+            speed, None, reached, _weaning_outputs(numbers), message, warnings, kinds, doubted
+        )  # fmt: skip
     result = reach(case, keep, vary=vary, volume_policy=policy)
     alarms = "; ".join(alarm.sentence for alarm in result.not_kept)
     message = alarms if result.reached else result.message
     outputs = _weaning_outputs(result.outputs)
     kinds = marks(result.findings, result.outputs, model_of(case).values)
-    return WeaningStep(speed, result.values[0], result.reached, outputs, message, result.warnings, kinds)
+    cautions = (one for one in result.findings if one.kind == CAUTION)
+    doubted = tuple(dict.fromkeys(name for one in cautions for name in one.concerns))
+    return WeaningStep(
+        speed, result.values[0], result.reached, outputs, message, result.warnings, kinds, doubted
+    )  # fmt: skip
 
 
 def _weaning_outputs(numbers: Mapping[str, float]) -> dict[str, float]:

@@ -85,10 +85,15 @@ _MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", DOUBTED:
 def marks_of(result: "xr.Dataset", *names: str) -> str:
     """Return the marks of outputs: of the most severe finding, and of a caution if a beat is possible."""
     entries = [result[name].attrs for name in names if name in result]
-    used = {MARKS.get(about.get("finding", ""), "") for about in entries}
-    if MARKS["collapse"] not in used and any(about.get("read_with_care") for about in entries):
-        used.add(DOUBTED)
-    return "".join(mark for mark in _MEANINGS if mark in used)
+    kinds = {kind for about in entries if (kind := about.get("finding"))}
+    gravest = next((kind for kind in MARKS if kind in kinds), "")
+    return marks_for(gravest, any(about.get("read_with_care") for about in entries))
+
+
+def marks_for(kind: str, doubted: bool) -> str:
+    """Return the marks for the kind of a finding ("" for none), and for whether a caution is beside it."""
+    mark = MARKS.get(kind, "")
+    return mark if mark in (MARKS["collapse"], DOUBTED) or not doubted else f"{mark}{DOUBTED}"
 
 
 def meaning_of_marks(used: Collection[str]) -> str:
