@@ -6,6 +6,7 @@ import pytest
 
 from eclsim.cases import read_mapping
 from eclsim.outputs.registry import output
+from eclsim.reporting.beat_values import summary_lines
 from eclsim.simulation import summary
 from eclsim.simulation.files import case_object, write_csv
 from eclsim.simulation.single import simulate
@@ -71,6 +72,8 @@ def test_an_impossible_beat_is_no_plain_number(capsys, drained):
     assert row(text, "EDVRA")[-2].endswith("x")
     assert row(text, "MAP")[-2].endswith("!*")
     assert row(text, "possible")[-1] == "NO"
+    assert "x impossible in a patient, ! beyond a limit, * to be read with care: the warnings say why" in text
+    assert summary_lines(drained)[-1] == "! beyond a limit, * to be read with care"
     result = case_object(drained)
     assert result["impossible"] is True
     assert result["warnings"][0].startswith("impossible: volume of the right atrium falls to -")

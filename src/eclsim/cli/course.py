@@ -489,10 +489,11 @@ def _band_text(band: xr.Dataset) -> str:
 def _cohort_text(content: Mapping[str, Any]) -> str:
     """Format the outcome and first alarm of each patient as a table."""
     from eclsim.course.alarms import clock_time
+    from eclsim.goals.result import ALARM_KINDS
 
     rows = []
     for one in content["courses"]:
-        alarms = [alarm for alarm in one["alarms"] if alarm["kind"] in ("alarm", "collapse")]
+        alarms = [alarm for alarm in one["alarms"] if alarm["kind"] in ALARM_KINDS]
         first = min(alarms, key=lambda alarm: alarm["at_min"], default=None)
         text = "" if first is None else f"{first['quantity']} at {clock_time(first['at_min'])}"
         if (blank := one["undetermined_from_min"]) is not None:

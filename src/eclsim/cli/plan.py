@@ -136,7 +136,7 @@ def _speeds(text: str) -> list[float]:
 
 def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
     from eclsim.outputs.registry import output
-    from eclsim.reporting.beat_values import marks_for, meaning_of_marks
+    from eclsim.reporting.beat_values import legend_of_marks, marks_for
 
     names = list(dict.fromkeys(name for step in steps for name in step.outputs))
     drug = [] if vary is None else [vary.partition("=")[0].strip()]
@@ -153,10 +153,9 @@ def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
         )
         for step, of_step in zip(steps, marks, strict=True)
     ]  # fmt: skip
-    meaning = meaning_of_marks({mark for of_step in marks for both in of_step.values() for mark in both})
-    return text_table(head, rows, tuple(range(len(head) - 1))) + (
-        f"\n\n{meaning}: the warnings say why" if meaning else ""
-    )
+    table = text_table(head, rows, tuple(range(len(head) - 1)))
+    legend = legend_of_marks(mark for of_step in marks for mark in of_step.values())
+    return f"{table}\n\n{legend}" if legend else table
 
 
 def _kept_text(steps: Sequence[WeaningStep], keep: str | None) -> str:

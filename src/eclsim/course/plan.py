@@ -28,7 +28,7 @@ from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.orbit.status import Status
-from eclsim.outputs.alarms import marks
+from eclsim.outputs.alarms import doubted_outputs, marks
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import scalars_of, simulate
@@ -543,8 +543,7 @@ def _weaning_step(
     message = alarms if result.reached else result.message
     outputs = _weaning_outputs(result.outputs)
     kinds = marks(result.findings, result.outputs, model_of(case).values)
-    cautions = (one for one in result.findings if one.kind == CAUTION)
-    doubted = tuple(dict.fromkeys(name for one in cautions for name in one.concerns))
+    doubted = doubted_outputs(result.findings)
     return WeaningStep(
         speed, result.values[0], result.reached, outputs, message, result.warnings, kinds, doubted
     )  # fmt: skip

@@ -111,6 +111,12 @@ def marks(
     return result | {name: result[first] for name in outputs if (first := first_name(name)) in result}
 
 
+def doubted_outputs(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Outputs that a caution concerns, also where a more severe finding is about them."""
+    cautions = (one for one in findings if one.kind == CAUTION)
+    return tuple(dict.fromkeys(name for one in cautions for name in one.concerns))
+
+
 def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
     """Waveforms whose extremes show whether a chamber is empty or a vessel sucked shut."""
     places = {*THIN_WALLED, *CHAMBERS}

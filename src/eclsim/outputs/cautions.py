@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from eclsim.blood.acid_base import CLOSED_PCO2_SLOPE
 from eclsim.blood.types import NEUTRAL_PH_SLOPE
+from eclsim.components.chambers import VentricularSystole
 from eclsim.components.exchangers import TEMPERATURE
 from eclsim.devices.description import CAUTION, Finding
 from eclsim.outputs.gas import STANDING_L_MIN
@@ -41,7 +42,7 @@ LARGEST_INDEX_L_MIN_M2 = 5.5
 """Flow through the organs for each m2 of body surface above which few patients are, as for measured ones."""
 SLOW_BPM, FAST_BPM = 40.0, 150.0
 """Heart rates beyond which a systole of a fixed share of the beat is far from a patient's [bpm]."""
-SYSTOLE_SHARE = 0.45
+SYSTOLE_SHARE = VentricularSystole().end
 """Share of the beat that the ventricles of the published patient contract."""
 _DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
 """Outputs of arterial blood, and the side on which their alarms begin."""

@@ -17,7 +17,6 @@ from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.beat.recording import all_signals, with_rates
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
-from eclsim.devices.description import CAUTION
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
@@ -27,7 +26,15 @@ from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch, SolvedOrbits, start_state
-from eclsim.outputs.alarms import Finding, findings, gravest_first, impossible, marks, sentences
+from eclsim.outputs.alarms import (
+    Finding,
+    doubted_outputs,
+    findings,
+    gravest_first,
+    impossible,
+    marks,
+    sentences,
+)
 from eclsim.outputs.gas import recirculation
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import computed, leading_outputs, output
@@ -92,7 +99,7 @@ def labelled(
         data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
     outputs, result = beat.outputs(member), gravest_first([*beat.findings(member), *further])
     data |= {n: variable((), v, **output_labels(n)) for n, v in outputs.items()}
-    doubted = {name for one in result if one.kind == CAUTION for name in one.concerns}
+    doubted = doubted_outputs(result)
     for concerned, kind in marks(result, outputs, beat.batch.all_values_of(member)).items():
         if concerned in data:
             data[concerned].attrs |= {"finding": kind, "read_with_care": int(concerned in doubted)}

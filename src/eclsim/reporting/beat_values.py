@@ -1,10 +1,10 @@
-"""Values that figures read from a simulated case: means over the beat, and curves over two beats.
+"""Values that figures and tables read from a simulated case: means, curves over two beats, marks of numbers.
 
 A case is an xarray Dataset with waveforms P [mmHg], Q [mL/s] and V [mL] on `phase` (0 to 1, both ends
 included).
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,9 +96,16 @@ def marks_for(kind: str, doubted: bool) -> str:
     return mark if mark in (MARKS["collapse"], DOUBTED) or not doubted else f"{mark}{DOUBTED}"
 
 
-def meaning_of_marks(used: Collection[str]) -> str:
-    """Explanation of marks, each a character; empty if there are none."""
+def meaning_of_marks(marks: Iterable[str]) -> str:
+    """Explanation of the marks of several numbers; empty if there are none."""
+    used = "".join(marks)
     return ", ".join(meaning for mark, meaning in _MEANINGS.items() if mark in used)
+
+
+def legend_of_marks(marks: Iterable[str]) -> str:
+    """Explanation of the marks in a table, beside which warnings stand; empty if there are none."""
+    meaning = meaning_of_marks(marks)
+    return f"{meaning}: the warnings say why" if meaning else ""
 
 
 def summary_lines(result: "xr.Dataset") -> list[str]:
@@ -116,7 +123,7 @@ def summary_lines(result: "xr.Dataset") -> list[str]:
         share = scalar(result, f"{names.key}_recirculated_fraction")
         if share is not None:
             lines.append(f"{names.label} recirculation {number(100 * share, 0)} %")
-    meaning = meaning_of_marks(marks_of(result, "SP", "DP", "MAP", *units))
+    meaning = meaning_of_marks(marks_of(result, name) for name in ("SP", "DP", "MAP", *units))
     return [*lines, meaning] if meaning else lines
 
 

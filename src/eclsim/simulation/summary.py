@@ -12,7 +12,7 @@ from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.description import placed_sentence
 from eclsim.devices.registry import devices, named_output
 from eclsim.outputs.regulation import FACTORS, REGULATED
-from eclsim.reporting.beat_values import marks_of, meaning_of_marks
+from eclsim.reporting.beat_values import legend_of_marks, marks_of
 from eclsim.reporting.numbers import text_table
 from eclsim.simulation.target_flow import solved_speed_of
 
@@ -106,8 +106,7 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
 
 def legend(results: Sequence[xr.Dataset], names: Sequence[str]) -> str:
     """Explanation of the marks after the numbers that a table shows; empty if there are none."""
-    meaning = meaning_of_marks({mark for result in results for mark in marks_of(result, *names)})
-    return f"{meaning}: the warnings say why" if meaning else ""
+    return legend_of_marks(marks_of(result, name) for result in results for name in names)
 
 
 def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None) -> Table:
