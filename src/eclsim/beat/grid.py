@@ -84,6 +84,24 @@ def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
     return allowed[np.minimum(np.searchsorted(allowed, wanted), len(allowed) - 1)]
 
 
+@lru_cache(maxsize=256)
+def read_for_resolution(assembly: Assembly) -> tuple[str, ...]:
+    """Names of the parameters on which the resolution of the grid depends."""
+    circuit = assembly.circuit
+    joined = {k for j in assembly.inertial for end in assembly.ends[j] for k in end.positions}
+    laws: list[Storage | Path] = [circuit.connections[j].component for j in assembly.inertial]
+    laws += [circuit.compartments[k].component for k in sorted(joined)]
+    laws += [c.component for c in circuit.compartments if type(c.component).driven is not Storage.driven]
+    return tuple(dict.fromkeys([HEART_RATE, *(name for law in laws for name in _names(law))]))
+
+
+@lru_cache(maxsize=4096)
+def resolution_of_one(assembly: Assembly, numbers: tuple[float, ...]) -> int:
+    """Resolution for one patient, from the values of `read_for_resolution`, which searches seldom change."""
+    values = {n: np.float64(v) for n, v in zip(read_for_resolution(assembly), numbers, strict=True)}
+    return int(needed_resolution(assembly, values))
+
+
 def resolution_for_derivatives(assembly: Assembly, values: Values, parameters: Collection[str]) -> int | None:
     """Resolution for derivatives of one patient's beat; None if the usual one will do."""
     if not include_switching_times(assembly, parameters):

@@ -117,8 +117,9 @@ def cached_by_devices(maxsize: int) -> Callable[[Callable[Arguments, Result]], C
         @wraps(function)
         def cached(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
             given: tuple[Any, ...] = arguments
-            hashable = (tuple(one) if one.__hash__ is None else one for one in given)
-            return result(registered(), *hashable, **named)
+            if any([one.__hash__ is None for one in given]):
+                given = tuple(tuple(one) if one.__hash__ is None else one for one in given)
+            return result(registered(), *given, **named)
 
         return cached
 

@@ -48,7 +48,8 @@ class Allowed:
             wrong |= self.not_negative[:, None] & (packed < 0.0)
         result: np.ndarray = np.any(wrong, axis=0)
         for name, sites in self.sites.items():
-            result = result | ~np.isin(packed[self.names.index(name)], np.arange(len(sites)))
+            site = packed[self.names.index(name)]
+            result = result | (site < 0.0) | (site >= len(sites)) | (site != np.floor(site))
         return result
 
     def reasons(self, values: Mapping[str, Any]) -> list[str]:

@@ -8,7 +8,13 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from eclsim.beat.grid import RESOLUTIONS, grid_warning, needed_resolution
+from eclsim.beat.grid import (
+    RESOLUTIONS,
+    grid_warning,
+    needed_resolution,
+    read_for_resolution,
+    resolution_of_one,
+)
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
@@ -111,6 +117,8 @@ class Batch:
         weights = assembly.layout.conserved(np.array(of_blood, dtype=float))
         with np.errstate(divide="ignore", invalid="ignore"):
             values = {name: np.asarray(self.values[name], dtype=float) for name in assembly.start_names}
+            if self.count == 1:  # single numbers take half the time of arrays of one
+                values = {name: value.reshape(1)[0] for name, value in values.items()}
             start = assembly.start_volumes(values)
         target = sum(
             np.asarray(v, dtype=float) for v, counted in zip(start, of_blood, strict=True) if counted
@@ -135,11 +143,12 @@ class Batch:
 
     @cached_property
     def _resolutions(self) -> np.ndarray:
-        values = self.values
-        if self.count == 1:  # single numbers take half the time of arrays of one
-            program = beat_program(self.circuit)
-            values = dict(zip(program.names, self.packed(program)[:, 0], strict=True))
-        return np.broadcast_to(needed_resolution(assemble(self.circuit), values), (self.count,))
+        assembly = assemble(self.circuit)
+        if self.count > 1:
+            return np.broadcast_to(needed_resolution(assembly, self.values), (self.count,))
+        read = read_for_resolution(assembly)
+        numbers = tuple(self.value_of(name, 0) for name in read)
+        return np.array([resolution_of_one(assembly, numbers)])
 
 
 @dataclass(frozen=True)

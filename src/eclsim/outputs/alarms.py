@@ -68,7 +68,7 @@ def findings(
         for limit in broken_limits(outputs, values)
         for entry in (output(limit.quantity),)
     ]
-    result += _collapsed(extremes, {} if circuit is None else _drained(circuit, outputs, values))
+    result += _collapsed(extremes, outputs, circuit, values)
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
     if circuit is not None:
@@ -195,13 +195,18 @@ def _number(value: float, unit: str, limit: float) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str, str]) -> list[Finding]:
+def _collapsed(
+    extremes: Mapping[str, tuple[float, float]],
+    outputs: Mapping[str, float],
+    circuit: Circuit | None,
+    values: Mapping[str, float],
+) -> list[Finding]:
     """Findings on chambers without blood, and on vessels with more suction than their wall withstands."""
     result = []
-    for name, (smallest, _) in extremes.items():
+    found = {name: least for name, (least, _) in extremes.items() if _is_collapsed(name, least)}
+    drained = _drained(circuit, outputs, values) if found and circuit is not None else {}
+    for name, smallest in found.items():
         place = name[1:]
-        if not _is_collapsed(name, smallest):
-            continue
         cause = f"; {drained[place]}" if place in drained else ""
         if name[0] == "V":
             text = f"volume of the {CHAMBERS[place]} falls to {smallest:.1f} mL: the chamber collapses{cause}"
@@ -259,9 +264,10 @@ def stays_closed(aortic: float, peak: float = 0.0) -> bool:
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
     """Findings on an aortic valve that leaks, or stays closed in heart failure or with an assist pump."""
-    aortic, pumps = outputs.get("aortic_valve_flow"), assist_flows(outputs, circuit)
+    aortic = outputs.get("aortic_valve_flow")
     if aortic is None or aortic >= CLOSED_L_MIN:
         return []
+    pumps = assist_flows(outputs, circuit)
     carried, peak = sum(pumps.values()), outputs.get("peak_aortic_valve_flow", 0.0)
     text = f"aortic valve flow {round(aortic, 3) + 0.0:.3f} L/min: "
     opened = peak >= VALVE_OPEN_ML_S

@@ -83,6 +83,8 @@ class Measures:
             names: names of the `waveforms`.
             table: these waveforms, shape (points, names, patients).
         """
+        if not names:
+            return
         points, _, patients = table.shape
         weighted = self._weights_of(names, patients) * table.reshape(points, -1)
         means = dict(zip(names, weighted.sum(axis=0).reshape(-1, patients), strict=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import GASES, BeatMeasures, Numbers, Output
@@ -24,12 +24,16 @@ def in_effect(parameter: str) -> Callable[[BeatMeasures], Numbers]:
         from eclsim.regulation.effects import effect_law, parameters_of, readings_of, steady_controls
 
         controls = steady_controls(measures.circuit)
-        if not any(parameter in control.acts_on for control in controls):
-            return measures.parameter(parameter)
-        numbers = [_read(measures, reading) for reading in readings_of(controls)]
-        numbers += [measures.parameter(name) for name in parameters_of(controls)]
         acted = tuple(dict.fromkeys(name for control in controls for name in control.acts_on))
-        return measures.apply(effect_law(controls, acted), numbers)[acted.index(parameter)]
+        if parameter not in acted:
+            return measures.parameter(parameter)
+
+        def all_in_effect() -> Sequence[Numbers]:
+            numbers = [_read(measures, reading) for reading in readings_of(controls)]
+            numbers += [measures.parameter(name) for name in parameters_of(controls)]
+            return measures.apply(effect_law(controls, acted), numbers)
+
+        return measures.cached(("in effect",), all_in_effect)[acted.index(parameter)]
 
     return compute
 

@@ -40,6 +40,7 @@ def refuse_missing(outputs: Sequence[str], *circuits: Circuit) -> None:
             raise UnknownOutputError(name, tuple(had))
 
 
+@cached_by_devices(256)
 def gas_dependent_outputs(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
     """The outputs that depend on the gases of the blood."""
     followed = GASES in circuit.content_names()

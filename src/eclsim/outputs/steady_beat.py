@@ -378,7 +378,8 @@ def measured(
     with_gas, gas_status = bool(gas_dependent_outputs(circuit, names)), np.zeros(count, dtype=int)
 
     def measure(members: np.ndarray) -> None:
-        recorded, series, phases = _recorded(orbits, members, needed_signals(circuit, names, signals))
+        recorded = needed_signals(circuit, names, signals)
+        series, phases = _recorded(orbits, members, recorded)
         parameters = orbits.batch.read_by_outputs(needed_parameters(circuit, names), members)
         waves = {name: series[:, k] for k, name in enumerate(recorded)}
         measures = Measures(waves, phases, circuit, parameters, batch=count)
@@ -412,23 +413,21 @@ def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
 
 def _recorded(
     orbits: SolvedOrbits, members: np.ndarray, signals: tuple[str, ...]
-) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-    """Names of the signals, signals of members' beats (points, signals, members), and phases.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Signals of members' beats (points, signals, members), and phases.
 
     A single member is computed in two columns.
     """
     search = orbits.search(int(members[0]))
     packed = orbits.batch.packed(search.program)[:, members]
     states = orbits.states[:, members]
-    if search.width == 1:
-        recorded, series = search.record(states, packed, signals)
-    else:
-        usual, series = search.record(states, packed, _usual_signals(orbits.batch.circuit, signals))
-        recorded, series = signals, series[:, [usual.index(name) for name in signals]]
-    series = whole_beat(series)
+    several = search.width > 1
+    recorded = _usual_signals(orbits.batch.circuit, signals) if several else signals
+    recorded, series = search.record(states, packed, recorded)
+    series = whole_beat(series.take([recorded.index(name) for name in signals], axis=1))
     if len(members) == 1:
         series = in_two_columns(series)
-    return recorded, series, search.program.grid.phases
+    return series, search.program.grid.phases
 
 
 @cached_by_devices(256)
