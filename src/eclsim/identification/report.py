@@ -107,12 +107,15 @@ def _about_r2(value: float) -> str:
 def _one_fit(point: Data) -> str:
     off = differences_of(point)
     outputs = [
-        (n, _figures(c["measured"]), _figures(c["simulated"]), signed(off[n]) if n in off else "-")
+        (
+            n, unit_of(n), _figures(c["measured"]), bracketed(c["simulated"], c["determined"]),
+            *(_figures(c[end], 3) for end in ("lower", "upper")), signed(off[n]) if n in off else "-",
+        )
         for n, c in point["outputs"].items()
-    ]
+    ]  # fmt: skip
     rows = [
         (
-            n, *map(_figures, (p["value"], *_wider(p))), unit_of_parameter(n),
+            n, *map(_figures, (p["value"], *wider_interval(p))), unit_of_parameter(n),
             "yes" if p["identifiable"] else "no: " + p["reason"],
         )
         for n, p in point["parameters"].items()
@@ -126,14 +129,25 @@ def _one_fit(point: Data) -> str:
         "",
         f"Search: {point['message']} ({share}, {point['seconds']:.1f} s)",
         f"Sum of squared residuals: {_figures(point['cost'])}",
-        text_table(("output", "measured", "fitted", "standard uncertainties off"), outputs, (1, 2, 3)),
+        text_table(_FITTED_OUTPUTS, outputs, range(2, len(_FITTED_OUTPUTS))),
+        *([BRACKETS] if any(not c["determined"] for c in point["outputs"].values()) else []),
         "",
         text_table(head, rows, numeric=(1, 2, 3)),
         *(["(the wider of the Gaussian approximation and the profile likelihood)"] * profiled),
     ))  # fmt: skip
 
 
-def _wider(parameter: Data) -> tuple[float | None, float | None]:
+_FITTED_OUTPUTS = ("output", "unit", "measured", "fitted", "5 %", "95 %", "standard uncertainties off")
+BRACKETS = "(in brackets: the measurements do not determine it; it is one of many values that fit as well)"
+
+
+def bracketed(value: float | None, determined: bool, digits: int = 4) -> str:
+    """A number as text, in brackets if the measurements do not determine it."""
+    text = _figures(value, digits)
+    return text if determined or value is None else f"({text})"
+
+
+def wider_interval(parameter: Data) -> tuple[float | None, float | None]:
     """Smallest interval that contains both 90 % intervals, the Gaussian and the profile likelihood's."""
     both = [ends for ends in ((parameter["lower"], parameter["upper"]), parameter["profile"]) if ends]
     if any(None in ends for ends in both):
@@ -145,7 +159,10 @@ def _several_fits(points: Sequence[Data]) -> str:
     names, rows, lines = _names(points, "parameters"), [], []
     for p in points:
         level, cells = p["verdict"]["level"], (p["parameters"][n] for n in names)
-        values = (_figures(cell["value"]) + ("*" if cell["at_bound"] else "") for cell in cells)
+        values = (
+            bracketed(cell["value"], cell["identifiable"]) + ("*" if cell["at_bound"] else "")
+            for cell in cells
+        )
         rows.append((p["id"], level, _figures(p["cost"]), *values, str(p["starts_agreeing"]), p["status"]))
         if level != Level.GOOD:
             lines.append(f"{p['id']}: {level}: {p['verdict']['reasons'][0]['sentence']}")
@@ -153,6 +170,8 @@ def _several_fits(points: Sequence[Data]) -> str:
     table = text_table(head, rows, numeric=range(2, len(head) - 1))
     starred = any(p["parameters"][n]["at_bound"] for p in points for n in names)
     legend = ["* at a bound"] if starred else []
+    if not all(p["parameters"][n]["identifiable"] for p in points for n in names):
+        legend.append(BRACKETS)
     counted = f"{_counted(points)} of {len(points)} fits"
     return "\n".join((table, *legend, "", counted, *lines, *_what_to_free(points)))
 
@@ -193,10 +212,12 @@ def posterior_text(content: Data) -> str:
     ]
     chains = content["method"] == "nuts"
     shown = ("median", "lower", "upper", *(("r_hat", "effective_bulk", "effective_tail") if chains else ()))
-    rows = [(n, *(_figures(p[q]) for q in shown)) for n, p in content["parameters"].items()]
+    rows = [
+        (n, unit_of_parameter(n), *(_figures(p[q]) for q in shown)) for n, p in content["parameters"].items()
+    ]
     more = ("R-hat", "effective draws", "in the tails") if chains else ()
-    head = ("parameter", "median", "5 %", "95 %", *more)
-    lines.append(text_table(head, rows, range(1, len(head))))
+    head = ("parameter", "unit", "median", "5 %", "95 %", *more)
+    lines.append(text_table(head, rows, range(2, len(head))))
     for prediction in content["predictions"]:
         lines += ["", *_prediction(content, prediction)]
     with_gases = not {*MEASURED_GASES}.isdisjoint(content["uncertainties"])
@@ -224,8 +245,8 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
     verdict = content["verdict"] or ("NOT TO BE TRUSTED" if prediction["doubts"] else "")
     yield from _doubted(verdict, prediction["doubts"])
     quantiles = ("median", "lower", "upper")
-    rows = [(n, *(_figures(p[q]) for q in quantiles)) for n, p in prediction["outputs"].items()]
-    yield text_table(("output", "median", "5 %", "95 %"), rows, range(1, 4))
+    rows = [(n, unit_of(n), *(_figures(p[q]) for q in quantiles)) for n, p in prediction["outputs"].items()]
+    yield text_table(("output", "unit", "median", "5 %", "95 %"), rows, range(2, 5))
     if without := prediction["draws_without_steady_beat"]:
         yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
     if without := prediction.get("draws_impossible"):
@@ -352,9 +373,12 @@ def _outputs_table(point: Data) -> Table:
         known = point["uncertainties"].get(name)
         measured = "not measured" if known is None else f"{number(cell['measured'])} ± {known:.2g}"
         apart = signed(off[name]) if name in off else ""
-        rows.append((name, unit_of(name), measured, number(cell["simulated"]), apart))
+        fitted = number(cell["simulated"])
+        fitted = fitted if cell["determined"] else f"({fitted})"
+        rows.append((name, unit_of(name), measured, fitted, interval(cell["lower"], cell["upper"]), apart))
     measured, off = "measured ± standard uncertainty", "difference in standard uncertainties"
-    return Table(("output", "unit", measured, "fitted", off), rows, numeric=(2, 3, 4))
+    head = ("output", "unit", measured, "fitted", "90 % interval", off)
+    return Table(head, rows, numeric=(2, 3, 4, 5))
 
 
 def _parameters_table(point: Data, posterior: Data | None) -> Table:
