@@ -50,7 +50,7 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
     )  # fmt: skip
     keys = ("measured", "simulated", "lower", "upper", "determined")
     rows = [
-        (p["id"], name, unit_of(name), *(cell[key] for key in keys), differences_of(p).get(name), p["status"],
+        (p["id"], name, unit_of(name), *map(cell.get, keys), differences_of(p).get(name), p["status"],
          p["verdict"]["level"])
         for p in content["points"]
         for name, cell in p["outputs"].items()

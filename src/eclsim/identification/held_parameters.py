@@ -30,6 +30,7 @@ from eclsim.identification.settings import SHUNT
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import NoDerivativesError
 from eclsim.outputs.results import derivatives
+from eclsim.outputs.signals import parameters_read
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.parameters.thiel2025 import BOUNDS
 
@@ -202,7 +203,8 @@ def held_that_move(
     open_ones = [n for n in (*BOUNDS, SHUNT, EXTRA_VOLUME) if n not in free and not stated(fitted, n)]
     with_volume = with_values(fitted, {EXTRA_VOLUME: 0.0}) if fitted.fluid is None else fitted
     model = model_of(with_volume)
-    held = [name for name in open_ones if name in model.values]
+    read = parameters_read(model.circuit)
+    held = [name for name in open_ones if name in read]
     if not held:
         return {}
     try:
