@@ -1,5 +1,6 @@
 """Fits of cases and cohorts with few free parameters, their files, and going on with them."""
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -70,7 +71,7 @@ def test_the_object_is_that_of_the_documentation(fit):
     point = json.loads(json.dumps(fit.as_object(), allow_nan=False))
     assert point["id"] == "T01"
     assert point["cost"] < 1e-8
-    assert set(point["outputs"]["MAP"]) == {"measured", "simulated"}
+    assert set(point["outputs"]["MAP"]) == {"measured", "simulated", "lower", "upper", "determined"}
     assert point["verdict"]["level"] == "good"
     assert set(point["verdict"]["goodness"]["differences"]) == set(fit.measured)
     assert point["implied"]["EDVRV"]["healthy"] == [78.0, 218.0]
@@ -405,9 +406,80 @@ def test_tables_and_json_of_a_fit(fit, tmp_path):
     write_fits(tmp_path, content)
     assert json.loads((tmp_path / "identification.json").read_text())["points"][0]["id"] == "T01"
     lines = (tmp_path / "parameters.csv").read_text().splitlines()
-    assert lines[0].startswith("id,parameter,value,lower,upper")
+    assert lines[0].startswith("id,parameter,unit,value,lower,upper")
+    assert lines[0].endswith("verdict,gaussian_lower,gaussian_upper,profile_lower,profile_upper")
     assert len(lines) == 3
-    assert len((tmp_path / "outputs.csv").read_text().splitlines()) == 1 + len(fit.simulated)
+    assert "good" in lines[1].split(",")
+    outputs = (tmp_path / "outputs.csv").read_text().splitlines()
+    assert len(outputs) == 1 + len(fit.simulated)
+    assert outputs[0].startswith("id,output,unit,measured,simulated,lower,upper,determined,")
+    assert any(line.startswith("T01,MAP,mmHg,") and line.endswith(",fitted,good") for line in outputs)
+
+
+def test_the_table_has_the_interval_that_the_terminal_prints(fit, tmp_path):
+    """It had the Gaussian one alone, which was 0.18 to 9 where 0.09 to 9 was printed."""
+    point = fit.as_object()
+    point["parameters"]["Rmc"] |= {"lower": 0.8, "upper": 0.9, "profile": [0.7, 0.85]}
+    write_fits(tmp_path, fits_object([point], QUICK.as_object()))
+    lines = (tmp_path / "parameters.csv").read_text().splitlines()
+    (row,) = (row for row in csv.DictReader(lines) if row["parameter"] == "Rmc")
+    assert (row["lower"], row["upper"]) == ("0.7", "0.9")
+    assert (row["gaussian_lower"], row["gaussian_upper"]) == ("0.8", "0.9")
+    printed = next(r for r in fits_text(fits_object([point], {})).splitlines() if r.startswith("Rmc"))
+    assert printed.split()[2:4] == ["0.7", "0.9"]
+
+
+@pytest.fixture(scope="module")
+def of_pressure_alone(twin):
+    assert twin.measurements is not None
+    alone = twin.model_copy(update={"measurements": Measurements(MAP=twin.measurements.MAP)})
+    return fit_case(alone, settings=replace(QUICK, parameters=("Rmc", "Emaxlv", "Edla")))
+
+
+@pytest.mark.slow
+def test_outputs_that_nothing_determines_are_named_and_make_a_fit_doubtful(of_pressure_alone):
+    """Of one pressure a fit was good, and its cardiac output had four digits and no interval."""
+    found = of_pressure_alone
+    assert found.verdict.level is Level.DOUBTFUL
+    (sentence,) = (r.sentence for r in found.verdict.doubts if r.about == "CO")
+    assert sentence.startswith("not measured, and not determined by what was measured (90 %)")
+    assert "measure CO" in sentence
+    flow, truth = found.intervals["CO"], 4.9
+    assert not flow.determined
+    assert not found.intervals["PCWP"].determined
+    assert found.intervals["MAP"].determined
+    assert flow.low <= found.simulated["CO"] <= flow.high
+    assert flow.low < truth < flow.high
+    text = fits_text(fits_object([found.as_object()], {}))
+    (line,) = (line for line in text.splitlines() if line.startswith("CO "))
+    assert line.split()[1:4] == ["L/min", "-", f"({found.simulated['CO']:.4g})"]
+    assert "in brackets: the measurements do not determine it" in text
+
+
+def test_outputs_that_follow_from_the_measured_ones_are_determined(fit):
+    assert all(interval.determined for interval in fit.intervals.values())
+    assert "in brackets" not in fits_text(fits_object([fit.as_object()], {}))
+
+
+@pytest.mark.slow
+def test_measurements_that_contradict_each_other_stay_in_the_verdict(twin):
+    """The warning of the case file was gone from JSON, report and table."""
+    more = twin.measurements.model_copy(update={"MPAP": 15.0, "PCWP": 21.0})
+    found = fit_case(twin.model_copy(update={"measurements": more}), settings=QUICK)
+    sentences = [r.sentence for r in found.verdict.doubts if r.about == "PCWP"]
+    assert any("measured PCWP 21 mmHg is above the mean pulmonary artery pressure 15" in s for s in sentences)
+
+
+@pytest.mark.slow
+def test_a_missed_measurement_names_the_held_parameters_that_move_it(twin):
+    """A chart was called wrong because the blood volume was held."""
+    more = twin.measurements.model_copy(update={"MPAP": 32.0, "PCWP": 20.0})
+    found = fit_case(twin.model_copy(update={"measurements": more}), settings=QUICK)
+    (sentence,) = (r.sentence for r in found.verdict.doubts if r.sentence.startswith("PCWP depends on"))
+    assert "which this fit holds at usual values" in sentence
+    assert "--free Rmc,Emaxlv," in sentence
+    assert "fluid.extra_volume_ml" in sentence
+    assert not any("set of parameters" in r.sentence for r in found.verdict.reasons)
 
 
 @pytest.mark.slow
@@ -421,9 +493,10 @@ def test_the_interval_of_a_fit_holds_every_start_that_met_the_measurement_as_wel
     search = MultiStart(points_per_parameter=50, refined_share=0.06)
     found = fit_case(case, settings=FitSettings(names, weights="uncertainty", multi_start=search))
     starts = found.optimum.starts
-    ends = starts.within_90(
+    meets = starts.within_90(
         [found.objective.outputs.index("MAP")], np.array([pressure]), np.array([3.0]), 0.0
     )
+    ends = starts.end[meets]
     assert len(ends) > 3
     for name, values in zip(names, found.box.scale.values(ends).T, strict=True):
         p = found.parameters[name]

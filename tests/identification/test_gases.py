@@ -199,6 +199,22 @@ def test_on_veno_arterial_support_the_left_ventricle_is_free():
     assert "Emaxlv" not in free_parameters(case, ("Rmc",))
 
 
+@pytest.mark.slow
+def test_a_shunt_without_effect_at_the_assumed_one_is_free():
+    """Held at 0.4 it had no effect on an SaO2 of 96 %, so a chart with 88 % was called wrong."""
+    arterial = {"drainage_site": "ra", "return_site": "ao", "return_cannula": "arterial", "return_fr": 17.0}
+    case, _ = measured(CASE.with_section("ecmo", **arterial), ("SP", "DP", "MAP", "MPAP", "CO", "PF", "SvO2"))
+    seen = case.measurements.model_copy(update={"SaO2": 88.0})
+    open_case = case.model_copy(update={"measurements": seen, "gas": without_shunt(case.gas)})
+    assert "gas.shunt_fraction" in free_parameters(open_case)
+
+
+def without_shunt(gas):
+    given = gas.model_dump(exclude_unset=True)
+    given.pop("shunt_fraction", None)
+    return type(gas)(**given)
+
+
 def _about_oxygenator(*known):
     """Remarks on the oxygenator; there may be others."""
     return [one for one in remarks_on_assumptions(*known) if "oxygenator" in one]

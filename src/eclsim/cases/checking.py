@@ -266,6 +266,14 @@ _LARGEST_SATURATION_DIFFERENCE = 15.0
 """Difference [%] of a saturation from that of its PO2 which pH and temperature hardly explain."""
 
 
+def contradicted_wedge(measured: Mapping[str, Any]) -> str:
+    """What contradicts a measured wedge pressure; empty if nothing does."""
+    wedge, mean = measured.get("PCWP"), measured.get("MPAP")
+    if wedge is None or mean is None or wedge <= mean + 5.0:
+        return ""
+    return f"above the mean pulmonary artery pressure {mean:g} mmHg by more than 5: physiologically doubtful"
+
+
 def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:
     """Run all checks that need more than one field, or that only warn.
 
@@ -278,12 +286,8 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
     _check_patient(case.patient, remarks.refused(), remarks)
     _note_size(case, remarks)
     _check_arterial_pressures(case, remarks)
-    wedge, mean = case.measurements.get("PCWP"), case.measurements.get("MPAP")
-    if wedge is not None and mean is not None and wedge > mean + 5.0:
-        message = (
-            f"above the mean pulmonary artery pressure {mean:g} mmHg by more than 5: physiologically doubtful"
-        )
-        remarks.warning("measurements.PCWP", message, shown(wedge))
+    if message := contradicted_wedge(case.measurements):
+        remarks.warning("measurements.PCWP", message, shown(case.measurements["PCWP"]))
     for device in devices().values():
         for name in (entry.name for entry in device.outputs if entry.in_contract):
             if name in case.measurements and not case.of(device.key):

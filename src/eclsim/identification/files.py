@@ -13,7 +13,8 @@ from eclsim.files import csv_text, whole_file, write_json, write_text, write_tex
 from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
-from eclsim.identification.report import REPORT, differences_of, track_page
+from eclsim.identification.quantities import unit_of, unit_of_parameter
+from eclsim.identification.report import REPORT, differences_of, track_page, wider_interval
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE, Level, headline
 
 if TYPE_CHECKING:
@@ -43,19 +44,28 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
     """Write identification.json, outputs.csv, parameters.csv and verdicts.csv."""
     folder.mkdir(parents=True, exist_ok=True)
     write_json(content, folder / SUMMARY)
-    outputs = ("id", "output", "measured", "simulated", "standard_uncertainties_off", "status")
-    rows = (
-        (p["id"], name, cell["measured"], cell["simulated"], differences_of(p).get(name), p["status"])
+    outputs = (
+        "id", "output", "unit", "measured", "simulated", "lower", "upper", "determined",
+        "standard_uncertainties_off", "status", "verdict",
+    )  # fmt: skip
+    keys = ("measured", "simulated", "lower", "upper", "determined")
+    rows = [
+        (p["id"], name, unit_of(name), *map(cell.get, keys), differences_of(p).get(name), p["status"],
+         p["verdict"]["level"])
         for p in content["points"]
         for name, cell in p["outputs"].items()
-    )
-    keys = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
+    ]  # fmt: skip
+    keys = ("at_bound", "identifiable", "reason")
     parameters = [
-        (p["id"], name, *(q[key] for key in keys), *(q["profile"] or (None, None)))
+        (p["id"], name, unit_of_parameter(name), q["value"], *wider_interval(q), *(q[key] for key in keys),
+         p["verdict"]["level"], q["lower"], q["upper"], *(q["profile"] or (None, None)))
         for p in content["points"]
         for name, q in p["parameters"].items()
-    ]
-    head = ("id", "parameter", *keys, "profile_lower", "profile_upper")
+    ]  # fmt: skip
+    head = (
+        "id", "parameter", "unit", "value", "lower", "upper", *keys, "verdict",
+        "gaussian_lower", "gaussian_upper", "profile_lower", "profile_upper",
+    )  # fmt: skip
     keys = ("level", "aspect", "about", "sentence")
     reasons = [
         (p["id"], p["verdict"]["level"], *(r[key] for key in keys))

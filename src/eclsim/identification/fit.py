@@ -12,9 +12,18 @@ import numpy as np
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
+from eclsim.identification.fitted_parameters import (
+    SAME_PARAMETER_SHARE,
+    FittedParameter,
+    doubts_of_bounds,
+    fitted_parameters,
+    gains_beyond_bounds,
+    with_wider_intervals,
+)
 from eclsim.identification.held_parameters import (
     Compensation,
     consumption_uncertainty,
+    held_that_move,
     undetermined_outputs,
 )
 from eclsim.identification.multi_start import (
@@ -27,7 +36,15 @@ from eclsim.identification.multi_start import (
     optimum_without_fit,
     silent,
 )
-from eclsim.identification.objective import NORMAL_90, Box, Objective, Target, correlation
+from eclsim.identification.objective import RISE_90, Box, Objective, Target, correlation
+from eclsim.identification.output_intervals import (
+    FIRST,
+    ONE_OF_MANY,
+    OutputInterval,
+    output_intervals,
+    undetermined_reasons,
+    widened,
+)
 from eclsim.identification.profiles import HeldFits, held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
@@ -42,14 +59,16 @@ from eclsim.identification.settings import (
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
+    DOUBTFUL_DIFFERENCE,
     Aspect,
     FitVerdict,
     Level,
     Reason,
     agreement,
+    contradictory_measurements,
     goodness_of,
+    held_but_missed,
     informative_but_fixed,
-    intervals_differ,
     plausibility,
     search,
     set_points_not_given,
@@ -59,44 +78,14 @@ from eclsim.identification.verdict import (
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
-from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
+from eclsim.sensitivity.identifiability import ScaledSensitivities
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.cases.case import Case
 
-AT_BOUND = 1e-6
-LARGEST_DETERMINED_ERROR = 0.5
-"""Largest standard error of a determined parameter, relative to the standard deviation between its bounds."""
-SAME_PARAMETER_SHARE = 0.05
-"""A parameter is not determined if fits that agree differ in it by more than this share."""
-LARGEST_GAIN_BEYOND_BOUND = 1.0
-"""A bound holds a parameter back if chi-square would fall by more than this beyond the bound."""
-GAIN_THAT_SPOILS_FIT = 6.0
-"""A bound spoils the fit if chi-square would fall by more than this beyond the bound."""
 NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
-
-
-@dataclass(frozen=True)
-class FittedParameter:
-    """A parameter with its 90 % interval, in the parameter's unit.
-
-    Args:
-        value: the estimate.
-        lower: lower end of the interval, which is limited by the bounds.
-        upper: upper end of the interval, likewise limited.
-        at_bound: whether the estimate is at a bound.
-        identifiable: whether the measurements determine the parameter.
-        reason: reason why they do not; empty if they do.
-    """
-
-    value: float
-    lower: float
-    upper: float
-    at_bound: bool
-    identifiable: bool
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -108,6 +97,7 @@ class FitResult:
         case: case with the fitted parameters; unchanged if nothing could be fitted.
         measured: measured values that were fitted [mmHg, L/min].
         simulated: values of all outputs of the fitted model that can be measured.
+        intervals: 90 % interval of each of these outputs, and whether it is determined.
         parameters: estimates of the free parameters.
         correlation: correlation matrix of the estimates, shape (parameters, parameters).
         objective: objective that was minimised.
@@ -117,6 +107,7 @@ class FitResult:
         uncertainties: standard uncertainty of each measurement [mmHg, L/min].
         settings: settings of the fit.
         verdict: whether the fit can be used, with reasons.
+        named_as_undetermined: outputs that the reason about held parameters names as not determined.
         implied: outputs of the fitted patient for which adult reference ranges are known, in their units.
         profile: 90 % interval of each parameter by profile likelihood; empty if it was not computed.
         warnings: warnings about the steady beat of the fitted patient.
@@ -136,6 +127,8 @@ class FitResult:
     uncertainties: Mapping[str, float]
     settings: FitSettings
     verdict: FitVerdict
+    intervals: Mapping[str, OutputInterval] = field(default_factory=dict)
+    named_as_undetermined: tuple[str, ...] = ()
     implied: Mapping[str, float] = field(default_factory=dict)
     profile: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -170,6 +163,11 @@ class FitResult:
         mark = FitMark(str(verdict.level), is_changed=False)
         case = self.case.model_copy(update={"fit_mark": mark})
         return replace(self, case=case, verdict=verdict, parameters=parameters)
+
+    def wider_intervals(self, reaches: Mapping[str, tuple[float, float]]) -> dict[str, OutputInterval]:
+        """Return the intervals of the outputs, which reach at least to given ends."""
+        own = {name: ends for name, ends in reaches.items() if name in self.intervals}
+        return widened(self.intervals, own, self.simulated, self.measured, self.settings.uncertainties)
 
     def _undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
         """Return the parameters; those with a reason are marked as not determined."""
@@ -217,7 +215,10 @@ class FitResult:
             "warnings": list(self.warnings),
             "cost": finite(self.optimum.cost),
             "outputs": {
-                n: {"measured": self.measured.get(n), "simulated": finite(self.simulated.get(n))}
+                n: {
+                    "measured": self.measured.get(n), "simulated": finite(self.simulated.get(n)),
+                    **_interval_object(self.intervals.get(n)),
+                }
                 for n in names
             },
             "uncertainties": dict(self.uncertainties),
@@ -250,6 +251,13 @@ class FitResult:
             "status": str(self.status),
             "message": self.status.message,
         }  # fmt: skip
+
+
+def _interval_object(interval: OutputInterval | None) -> dict[str, Any]:
+    """Plain data of the interval of an output."""
+    if interval is None:
+        return {"lower": None, "upper": None, "determined": False}
+    return {"lower": finite(interval.low), "upper": finite(interval.high), "determined": interval.determined}
 
 
 def fit(case: CaseSource, *, settings: FitSettings | None = None, progress: Progress = silent) -> FitResult:
@@ -358,10 +366,13 @@ def _result(
     simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
     best_weights = box.covariance(scaled.matrix) if optimum.shared is None else spread
     goodness = goodness_of(target.measured, simulated, known, scaled.matrix, best_weights)
-    gains = _gains_beyond_bounds(objective, number, optimum, box, goodness.chi_square)
+    gains = gains_beyond_bounds(objective, number, optimum, box, goodness.chi_square)
     measured, least = np.array(list(target.measured.values())), goodness.chi_square
     as_good = optimum.starts.within_90(rows, measured, errors, least)
-    parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)), gains, as_good)
+    deviations = np.sqrt(np.einsum("ij,jk,ik->i", optimum.jacobian, spread, optimum.jacobian))
+    others = optimum.starts.outputs[as_good] if optimum.shared is None else np.zeros((0, len(simulated)))
+    errors_of_fit, ends = np.sqrt(np.diag(spread)), optimum.starts.end[as_good]
+    parameters = fitted_parameters(optimum, box, scaled, errors_of_fit, gains, ends)
     fitted = {n: p.value for n, p in parameters.items()}
     fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
     set_points = {n: target.model.values[n] for n in case.open_set_points}
@@ -369,54 +380,19 @@ def _result(
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights),
+        *contradictory_measurements(target.measured),
         *stronger_membrane(target.measured, simulated, goodness, box.names, target.model.values),
         *search(optimum.status),
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
-        *_doubts_of_bounds(parameters, gains), *informative_but_fixed(goodness, box.names),
+        *doubts_of_bounds(parameters, gains), *informative_but_fixed(goodness, box.names),
         *set_points_not_given(set_points),
         *(Reason(Aspect.AGREEMENT, Level.GOOD, "", s) for s in remarks_on_unfitted(case, target.measured)),
     ]  # fmt: skip
     return FitResult(
         name, changed, target.measured, simulated, parameters, correlation(spread),
         objective, box, optimum, number, known, settings, FitVerdict(goodness, ()).with_reasons(reasons),
+        output_intervals(simulated, deviations, others, target.measured, settings.uncertainties),
     )  # fmt: skip
-
-
-def _at_bounds(optimum: Optimum, box: Box) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each parameter is at its lower bound, and whether at its upper bound."""
-    return optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
-
-
-def _gains_beyond_bounds(
-    objective: Objective, number: int, optimum: Optimum, box: Box, chi_square: float
-) -> np.ndarray:
-    """Predicted decrease of chi-square if each parameter at a bound could move beyond it.
-
-    Computed from the derivatives with the other parameters held, shape (parameters,); 0 inside the bounds.
-    """
-    low, high = _at_bounds(optimum, box)
-    gains = np.zeros(len(box.names))
-    if optimum.shared is not None or not optimum.cost > 0.0:
-        return gains
-    weights = objective.weights[number]
-    residuals = (optimum.outputs - objective.measured[number]) * weights
-    columns = optimum.jacobian * weights[:, None]
-    slopes, lengths = residuals @ columns, np.maximum(np.sum(columns**2, axis=0), 1e-300)
-    outward = (low & (slopes > 0.0)) | (high & (slopes < 0.0))
-    gains[outward] = (slopes**2 / lengths)[outward] / optimum.cost * chi_square
-    return gains
-
-
-def _doubts_of_bounds(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> list[Reason]:
-    """Return doubts about a fit in which a bound prevents agreement with the measurements."""
-    return [
-        Reason(
-            Aspect.AGREEMENT, Level.DOUBTFUL, name,
-            f"{name} {p.reason}; try wider --bounds if such a value is possible",
-        )
-        for (name, p), gain in zip(parameters.items(), gains, strict=True)
-        if gain > GAIN_THAT_SPOILS_FIT
-    ]  # fmt: skip
 
 
 def checked_by_simulation(result: FitResult) -> FitResult:
@@ -442,10 +418,27 @@ def checked_by_simulation(result: FitResult) -> FitResult:
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
     result, consumption = _with_consumption_unknown(result)
     result, held_reasons = _with_held_parameters_free(result)
-    reasons += held_reasons + consumption
+    reasons += held_reasons + consumption + _held_that_would_help(result)
+    reasons += undetermined_reasons(result.intervals, result.simulated, result.named_as_undetermined)
     for sentence in remarks_on_assumptions(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
-    return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
+    warnings = tuple(beat.attrs["warnings"])
+    if FIRST in result.intervals and not result.intervals[FIRST].determined:
+        warnings = tuple(f"{warning}; {ONE_OF_MANY}" for warning in warnings)
+    return replace(result, implied=implied, warnings=warnings).judged(reasons)
+
+
+def _held_that_would_help(result: FitResult) -> list[Reason]:
+    """Doubts where missed measurements depend on parameters that the fit holds at usual values."""
+    goodness = result.verdict.goodness
+    if goodness is None or result.optimum.shared is not None:
+        return []
+    missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
+    if not missed:
+        return []
+    case, free, errors, policy = _as_fitted(result)
+    moved_by = held_that_move(case, free, {name: errors[name] for name in missed}, policy)
+    return held_but_missed(moved_by, result.box.names)
 
 
 def _with_consumption_unknown(result: FitResult) -> tuple[FitResult, list[Reason]]:
@@ -469,21 +462,13 @@ def _with_held_parameters_free(result: FitResult) -> tuple[FitResult, list[Reaso
 
 def _widened(result: FitResult, found: Compensation) -> tuple[FitResult, list[Reason]]:
     """Return the fit with wider intervals of parameters, marked as not determined, and the reason."""
-    result = replace(result, parameters=_wider(result.parameters, found.intervals))
+    result = replace(result, parameters=with_wider_intervals(result.parameters, found.intervals))
     parameters = result._undetermined(dict.fromkeys(found.intervals, found.why))
     reason = Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence)
-    return replace(result, parameters=parameters), [reason]
-
-
-def _wider(
-    fitted: Mapping[str, FittedParameter], reaches: Mapping[str, tuple[float, float]]
-) -> dict[str, FittedParameter]:
-    """Return the parameters, some with intervals that reach at least to given ends."""
-    wider = {
-        name: replace(fitted[name], lower=min(low, fitted[name].lower), upper=max(high, fitted[name].upper))
-        for name, (low, high) in reaches.items()
-    }
-    return {**fitted, **wider}
+    intervals = result.wider_intervals({n: (reach.low, reach.high) for n, reach in found.outputs.items()})
+    named = tuple(found.outputs) or result.named_as_undetermined
+    result = replace(result, parameters=parameters, intervals=intervals, named_as_undetermined=named)
+    return result, [reason]
 
 
 def _as_fitted(
@@ -493,51 +478,6 @@ def _as_fitted(
     ends = (result.box.scale.values(x) for x in (result.optimum.x, result.box.lower, result.box.upper))
     free = dict(zip(result.box.names, zip(*(e.tolist() for e in ends), strict=True), strict=True))
     return result.case, free, result.uncertainties, result.objective.policy
-
-
-def _parameters(
-    optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray,
-    as_good: np.ndarray,
-) -> dict[str, FittedParameter]:  # fmt: skip
-    """Compute the values and intervals of parameters, and whether the measurements determine them.
-
-    The interval of a parameter includes every start that met the measurements as well, in whichever valley.
-    """
-    low, high = _at_bounds(optimum, box)
-    excluded = propose(scaled).excluded if optimum.shared is None else optimum.shared.excluded
-    agreed = optimum.starts.end[optimum.starts.agreeing]
-    differ = np.ptp(agreed, axis=0) if len(agreed) else np.zeros(len(box.names))
-    gaussian = box.clip(optimum.x + np.outer((-NORMAL_90, NORMAL_90), errors))
-    known = gaussian if optimum.shared else np.vstack([gaussian, as_good])
-    ends = np.array([known.min(axis=0), known.max(axis=0)])
-    parameters = {}
-    for k, name in enumerate(box.names):
-        reason = excluded.get(name, "")
-        if low[k] or high[k]:
-            reason = _at_bound("lower" if low[k] else "upper", bool(gains[k] > LARGEST_GAIN_BEYOND_BOUND))
-        elif not reason and differ[k] > np.log1p(SAME_PARAMETER_SHARE):
-            reason = f"starts that fit equally well differ by {box.scale.difference_text(k, differ[k])}"
-        elif not reason and errors[k] > LARGEST_DETERMINED_ERROR * box.prior_deviations[k]:
-            reason = f"fitted with the others, its standard error is {box.scale.error(k, errors[k])}"
-        lower, upper, value = (box.scale.value(k, x[k]) for x in (*ends, optimum.x))
-        if not reason and intervals_differ(ends[:, k], gaussian[:, k]):
-            reason = (
-                f"other starts of the search fit the measurements equally well (90 %) from {lower:.3g} to "
-                f"{upper:.3g}, a far wider interval than the derivatives at the fit give"
-            )
-        parameters[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
-    return parameters
-
-
-def _at_bound(side: str, held_back: bool) -> str:
-    """Reason why a value at a bound is not determined."""
-    beyond = "smaller" if side == "lower" else "larger"
-    if held_back:
-        return (
-            f"at its {side} bound, which limits it: {beyond} values would fit the measurements better, so "
-            "the true value may be beyond the bound"
-        )
-    return f"at its {side} bound, and the measurements hardly distinguish {beyond} values"
 
 
 def _without_compensating_parameters(
@@ -565,17 +505,23 @@ def _without_compensating_parameters(
             for k, name in enumerate(box.names)
             if moved[k] > np.log1p(SAME_PARAMETER_SHARE)
         }
-        parameters = _wider(result._undetermined(reasons), _reaches(result, held_fit))
-        judged.append(replace(result, parameters=parameters))
+        reaches, of_outputs = _reaches(result, held_fit)
+        parameters = with_wider_intervals(result._undetermined(reasons), reaches)
+        judged.append(replace(result, parameters=parameters, intervals=result.wider_intervals(of_outputs)))
     return judged
 
 
-def _reaches(result: FitResult, held: HeldFits) -> dict[str, tuple[float, float]]:
-    """Return between which values the parameters that were held fit as well."""
+def _reaches(
+    result: FitResult, held: HeldFits
+) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, float]]]:
+    """Return between which values the parameters that were held fit as well, and the outputs then are."""
     if not len(held.held) or result.verdict.goodness is None:
-        return {}
+        return {}, {}
     rows = [result.objective.outputs.index(n) for n in result.measured]
     measured, errors = (np.array(list(each.values())) for each in (result.measured, result.uncertainties))
     squares = np.sum(((held.outputs[:, rows] - measured) / errors) ** 2, axis=1)
     least = result.verdict.goodness.chi_square
-    return held.intervals(result.box.names, result.optimum.x, squares, least)
+    meeting = held.outputs[squares <= np.nanmin(squares, initial=least) + RISE_90]
+    ends = np.stack([meeting.min(axis=0), meeting.max(axis=0)], axis=1).tolist() if len(meeting) else []
+    of_outputs = {n: (low, high) for n, (low, high) in zip(result.simulated, ends, strict=False)}
+    return held.intervals(result.box.names, result.optimum.x, squares, least), of_outputs

@@ -19,16 +19,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from eclsim.cases.quantities import stated
+from eclsim.cases.quantities import stated, with_values
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.devices.description import GASES as VO2
 from eclsim.identification.least_squares import refine
 from eclsim.identification.objective import NORMAL_90, RISE_90, Box, Objective, Target
 from eclsim.identification.profiles import REFITTING, interval_90
 from eclsim.identification.quantities import Scale, unit_of
+from eclsim.identification.settings import SHUNT
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import NoDerivativesError
 from eclsim.outputs.results import derivatives
+from eclsim.outputs.signals import parameters_read
+from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.parameters.thiel2025 import BOUNDS
 
 if TYPE_CHECKING:
@@ -47,6 +50,12 @@ PROFILE_UNCERTAINTY = 0.01
 """Standard uncertainty of a held output value, relative to the value."""
 PROFILE_RETRIES = 2
 """Number of times that a fit which missed its value is repeated from another start."""
+
+
+USUAL_CHANGE = float(np.log(2.0))
+"""Change of a held parameter, in the logarithm, that an ill patient may well have."""
+MOST_NAMED = 2
+"""Largest number of held parameters named for a missed measurement."""
 
 
 class AdmissibleRange(NamedTuple):
@@ -175,6 +184,41 @@ def undetermined_outputs(
     )
     why = f"compensates for errors in {names}, which {are} held"
     return Compensation(sentence, why, _widened_intervals(within, linear), outputs)
+
+
+def held_that_move(
+    fitted: Case,
+    free: Mapping[str, tuple[float, float, float]],
+    missed: Mapping[str, float],
+    policy: str,
+) -> dict[str, list[str]]:
+    """Find held parameters that move missed measurements by more than their uncertainty, most first.
+
+    Args:
+        fitted: the case with its fitted values.
+        free: value, lower and upper bound of each free parameter, in its unit.
+        missed: standard uncertainty of each missed measurement.
+        policy: blood volume policy.
+    """
+    open_ones = [n for n in (*BOUNDS, SHUNT, EXTRA_VOLUME) if n not in free and not stated(fitted, n)]
+    with_volume = with_values(fitted, {EXTRA_VOLUME: 0.0}) if fitted.fluid is None else fitted
+    model = model_of(with_volume)
+    read = parameters_read(model.circuit)
+    held = [name for name in open_ones if name in read]
+    if not held:
+        return {}
+    try:
+        slopes = derivatives(model, tuple(missed), held, policy).to_numpy()
+    except NoDerivativesError:
+        return {}
+    scale, values = Scale.of(held), np.array([model.values[name] for name in held])
+    by_coordinate = slopes * scale.slopes(scale.coordinates(values))
+    moved = np.abs(by_coordinate) * USUAL_CHANGE / np.array(list(missed.values()))[:, None]
+    result = {}
+    for name, effects in zip(missed, moved, strict=True):
+        order = np.argsort(-effects)[:MOST_NAMED]
+        result[name] = [held[k] for k in order if effects[k] >= 1.0]
+    return result
 
 
 def _widened_intervals(within: np.ndarray, linear: _LinearisedFit) -> dict[str, tuple[float, float]]:

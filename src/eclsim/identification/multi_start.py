@@ -166,7 +166,7 @@ class Starts:
     def within_90(
         self, rows: Sequence[int], measured: np.ndarray, errors: np.ndarray, least: float
     ) -> np.ndarray:
-        """Ends whose chi-square is within `RISE_90` of the smallest, shape (ends, parameters).
+        """Whether the chi-square of each end is within `RISE_90` of the smallest, shape (ends,).
 
         Args:
             rows: indices of the measured outputs.
@@ -175,7 +175,8 @@ class Starts:
             least: chi-square of the optimum; an end may have a smaller one if the fit has other weights.
         """
         squares = np.sum(((self.outputs[:, rows] - measured) / errors) ** 2, axis=1)
-        return self.end[squares <= np.nanmin(squares, initial=least) + RISE_90]
+        within: np.ndarray = squares <= np.nanmin(squares, initial=least) + RISE_90
+        return within
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cases.fit_mark import untrusted
 from eclsim.cases.quantities import quantity
-from eclsim.cases.sections import MEASURED_GASES
 from eclsim.files import write_text
+from eclsim.identification.posterior_text import posterior_text
 from eclsim.identification.quantities import axis_label, unit_of, unit_of_parameter
 from eclsim.identification.settings import INFORMATIVE_MEASUREMENTS
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
-from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.html import Table, render
-from eclsim.reporting.numbers import MISSING, interval, number, significant, text_table
+from eclsim.reporting.numbers import MISSING, dashed, interval, number, text_table
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -64,11 +62,6 @@ TRACKED = {
 """Figures of a followed patient, in order, with their captions."""
 
 
-def _figures(value: float | None, digits: int = 4) -> str:
-    """A number as text with significant digits; "-" for none."""
-    return "-" if value is None else significant(value, digits)
-
-
 def _names(points: Sequence[Data], key: str) -> list[str]:
     """Names of the parameters or outputs of several points, without repetition."""
     return list(dict.fromkeys(name for point in points for name in point[key]))
@@ -107,12 +100,15 @@ def _about_r2(value: float) -> str:
 def _one_fit(point: Data) -> str:
     off = differences_of(point)
     outputs = [
-        (n, _figures(c["measured"]), _figures(c["simulated"]), signed(off[n]) if n in off else "-")
+        (
+            n, unit_of(n), dashed(c["measured"]), bracketed(c["simulated"], c.get("determined", True)),
+            *(dashed(c.get(end), 3) for end in ("lower", "upper")), signed(off[n]) if n in off else "-",
+        )
         for n, c in point["outputs"].items()
-    ]
+    ]  # fmt: skip
     rows = [
         (
-            n, *map(_figures, (p["value"], *_wider(p))), unit_of_parameter(n),
+            n, *map(dashed, (p["value"], *wider_interval(p))), unit_of_parameter(n),
             "yes" if p["identifiable"] else "no: " + p["reason"],
         )
         for n, p in point["parameters"].items()
@@ -125,15 +121,26 @@ def _one_fit(point: Data) -> str:
         *(f"  {_SIGNS[r['level']]} {r['sentence']}" for r in point["verdict"]["reasons"]),
         "",
         f"Search: {point['message']} ({share}, {point['seconds']:.1f} s)",
-        f"Sum of squared residuals: {_figures(point['cost'])}",
-        text_table(("output", "measured", "fitted", "standard uncertainties off"), outputs, (1, 2, 3)),
+        f"Sum of squared residuals: {dashed(point['cost'])}",
+        text_table(_FITTED_OUTPUTS, outputs, range(2, len(_FITTED_OUTPUTS))),
+        *([BRACKETS] if any(not c.get("determined", True) for c in point["outputs"].values()) else []),
         "",
         text_table(head, rows, numeric=(1, 2, 3)),
         *(["(the wider of the Gaussian approximation and the profile likelihood)"] * profiled),
     ))  # fmt: skip
 
 
-def _wider(parameter: Data) -> tuple[float | None, float | None]:
+_FITTED_OUTPUTS = ("output", "unit", "measured", "fitted", "5 %", "95 %", "standard uncertainties off")
+BRACKETS = "(in brackets: the measurements do not determine it; it is one of many values that fit as well)"
+
+
+def bracketed(value: float | None, determined: bool, digits: int = 4) -> str:
+    """A number as text, in brackets if the measurements do not determine it."""
+    text = dashed(value, digits)
+    return text if determined or value is None else f"({text})"
+
+
+def wider_interval(parameter: Data) -> tuple[float | None, float | None]:
     """Smallest interval that contains both 90 % intervals, the Gaussian and the profile likelihood's."""
     both = [ends for ends in ((parameter["lower"], parameter["upper"]), parameter["profile"]) if ends]
     if any(None in ends for ends in both):
@@ -145,14 +152,19 @@ def _several_fits(points: Sequence[Data]) -> str:
     names, rows, lines = _names(points, "parameters"), [], []
     for p in points:
         level, cells = p["verdict"]["level"], (p["parameters"][n] for n in names)
-        values = (_figures(cell["value"]) + ("*" if cell["at_bound"] else "") for cell in cells)
-        rows.append((p["id"], level, _figures(p["cost"]), *values, str(p["starts_agreeing"]), p["status"]))
+        values = (
+            bracketed(cell["value"], cell["identifiable"]) + ("*" if cell["at_bound"] else "")
+            for cell in cells
+        )
+        rows.append((p["id"], level, dashed(p["cost"]), *values, str(p["starts_agreeing"]), p["status"]))
         if level != Level.GOOD:
             lines.append(f"{p['id']}: {level}: {p['verdict']['reasons'][0]['sentence']}")
     head = ("id", "verdict", "cost", *names, "agree", "status")
     table = text_table(head, rows, numeric=range(2, len(head) - 1))
     starred = any(p["parameters"][n]["at_bound"] for p in points for n in names)
     legend = ["* at a bound"] if starred else []
+    if not all(p["parameters"][n]["identifiable"] for p in points for n in names):
+        legend.append(BRACKETS)
     counted = f"{_counted(points)} of {len(points)} fits"
     return "\n".join((table, *legend, "", counted, *lines, *_what_to_free(points)))
 
@@ -180,67 +192,6 @@ def _counted(points: Sequence[Data]) -> str:
     return ", ".join(f"{levels.count(level)} {level}" for level in Level)
 
 
-# --- terminal text of posteriors ----------------------------------------------------------------------
-
-
-def posterior_text(content: Data) -> str:
-    """Text of parameters and predictions with intervals, and whether to trust each of them."""
-    lines = [
-        "",
-        f"{content['kind']}, {_quality(content)}, prior {content['prior']}, {content['seconds']:.0f} s",
-        *_doubted(content["verdict"], content["doubts"]),
-        *(f"  - {note}" for note in content.get("notes", ())),
-    ]
-    chains = content["method"] == "nuts"
-    shown = ("median", "lower", "upper", *(("r_hat", "effective_bulk", "effective_tail") if chains else ()))
-    rows = [(n, *(_figures(p[q]) for q in shown)) for n, p in content["parameters"].items()]
-    more = ("R-hat", "effective draws", "in the tails") if chains else ()
-    head = ("parameter", "median", "5 %", "95 %", *more)
-    lines.append(text_table(head, rows, range(1, len(head))))
-    for prediction in content["predictions"]:
-        lines += ["", *_prediction(content, prediction)]
-    with_gases = not {*MEASURED_GASES}.isdisjoint(content["uncertainties"])
-    gases = " or no steady state of the gases measured" if with_gases else ""
-    for counted, of, what in (
-        ("weighted_draws_without_steady_beat", "weighted_draws", "weighted draws"),
-        ("evaluations_without_steady_beat", "evaluations", "points that the chains tried"),
-    ):
-        if content[counted]:
-            share = f"{content[counted]} of the {content[of]} {what}"
-            lines.append(f"{share} have no steady heartbeat{gases}: excluded as impossible")
-    return "\n".join(lines)
-
-
-def _quality(content: Data) -> str:
-    """Number of draws, or effective number and Pareto k of weighted draws, as text."""
-    if content["method"] != "importance":
-        return f"{content['draws']} draws"
-    shape = "not known" if content["pareto_k"] is None else f"{content['pareto_k']:.2f}"
-    return f"{content['effective_draws']:.0f} effective draws, Pareto k {shape}"
-
-
-def _prediction(content: Data, prediction: Data) -> Iterator[str]:
-    yield f"{prediction['settings']}: {content['kind']}, without the noise of a measurement"
-    verdict = content["verdict"] or ("NOT TO BE TRUSTED" if prediction["doubts"] else "")
-    yield from _doubted(verdict, prediction["doubts"])
-    quantiles = ("median", "lower", "upper")
-    rows = [(n, *(_figures(p[q]) for q in quantiles)) for n, p in prediction["outputs"].items()]
-    yield text_table(("output", "median", "5 %", "95 %"), rows, range(1, 4))
-    if without := prediction["draws_without_steady_beat"]:
-        yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
-    if without := prediction.get("draws_impossible"):
-        yield f"{without} of {prediction['draws']} draws are beats {IMPOSSIBLE_BEAT} and are not counted"
-    if without := prediction.get("draws_without_steady_gases"):
-        yield f"{without} of {prediction['draws']} draws have no steady gas state there (excluded from gases)"
-    warnings = prediction.get("warnings", ())
-    shown_above = untrusted(warnings)
-    yield from (f"At the medians of the draws: {each}" for each in warnings if each not in shown_above)
-
-
-def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
-    return [f"{verdict}:", *(f"  {doubt}" for doubt in doubts)] if doubts else []
-
-
 # --- terminal text of followed patients ---------------------------------------------------------------
 
 
@@ -250,8 +201,8 @@ def series_text(series: Data) -> str:
     names = _names(points, "parameters")
     rows = [
         (
-            p["id"], *(_figures(p["parameters"].get(n, {}).get("median"), 3) for n in names),
-            _figures(p["probability"], 3),
+            p["id"], *(dashed(p["parameters"].get(n, {}).get("median"), 3) for n in names),
+            dashed(p["probability"], 3),
         )
         for p in points
     ]  # fmt: skip
@@ -268,7 +219,7 @@ def series_text(series: Data) -> str:
         return "\n".join(lines)
     known = [p for p in points if p["parameters"]][-1]
     now = [
-        (n, *(_figures(i[q], 3) for q in ("median", "lower", "upper")), unit_of_parameter(n))
+        (n, *(dashed(i[q], 3) for q in ("median", "lower", "upper")), unit_of_parameter(n))
         for n, i in known["parameters"].items()
     ]
     head = (f"after {known['id']}", "median", "5 %", "95 %", "unit")
@@ -352,9 +303,14 @@ def _outputs_table(point: Data) -> Table:
         known = point["uncertainties"].get(name)
         measured = "not measured" if known is None else f"{number(cell['measured'])} ± {known:.2g}"
         apart = signed(off[name]) if name in off else ""
-        rows.append((name, unit_of(name), measured, number(cell["simulated"]), apart))
+        fitted = number(cell["simulated"])
+        fitted = fitted if cell.get("determined", True) else f"({fitted})"
+        rows.append(
+            (name, unit_of(name), measured, fitted, interval(cell.get("lower"), cell.get("upper")), apart)
+        )
     measured, off = "measured ± standard uncertainty", "difference in standard uncertainties"
-    return Table(("output", "unit", measured, "fitted", off), rows, numeric=(2, 3, 4))
+    head = ("output", "unit", measured, "fitted", "90 % interval", off)
+    return Table(head, rows, numeric=(2, 3, 4, 5))
 
 
 def _parameters_table(point: Data, posterior: Data | None) -> Table:

@@ -214,9 +214,13 @@ def free_parameters(
     except NoDerivativesError:
         return candidates
     # An oxygenator counts as new unless the gases show otherwise, so its clotting has no priority.
-    chosen = propose(about.scaled, first=[key for key in unknown if key != CLOTTED]).chosen
-    if returns_to_arteries(case) and 0 < len(chosen) < len(outputs):
-        chosen = (*chosen, LEFT_VENTRICLE)
+    assumed = [key for key in unknown if key != CLOTTED]
+    chosen = propose(about.scaled, first=assumed).chosen
+    more = [LEFT_VENTRICLE] if returns_to_arteries(case) else []
+    # At the assumed shunt its effect may be too small to be seen, which says nothing about the patient's.
+    for name in (*(key for key in assumed if key in (SHUNT, VO2)), *more):
+        if name not in chosen and 0 < len(chosen) < len(outputs):
+            chosen = (*chosen, name)
     return tuple(name for name in candidates if name in chosen) or candidates
 
 

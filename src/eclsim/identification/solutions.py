@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from eclsim.identification.density import Gaussian, NoSteadyBeatError, PosteriorDensity
-from eclsim.identification.fit import FitResult, FittedParameter
+from eclsim.identification.fit import FitResult
+from eclsim.identification.fitted_parameters import FittedParameter
 from eclsim.identification.objective import RISE_90
 from eclsim.identification.posterior import PosteriorSettings, density_of, maxima_of
 from eclsim.identification.quantities import Scale

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from eclsim.cases.checking import contradicted_wedge
 from eclsim.cases.quantities import quantity
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import Scale
@@ -232,8 +233,8 @@ def agreement(
     if reasons:
         advice = "; or weigh them by uncertainty (--weights uncertainty)" if weights == "relative" else ""
         sentence = (
-            "no set of parameters was found that reproduces all measurements: check them for a wrong value, "
-            f"zero level or unit, or free other parameters{advice}"
+            "no values of the free parameters were found that reproduce all measurements: check these for a "
+            f"wrong value, zero level or unit, or free other parameters{advice}"
         )
         reasons.append(Reason(Aspect.AGREEMENT, reasons[0].level, "", sentence))
     chance = goodness.probability
@@ -438,6 +439,33 @@ def informative_but_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reaso
             )
             reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
     return reasons
+
+
+def held_but_missed(moved_by: Mapping[str, Sequence[str]], free: Sequence[str]) -> list[Reason]:
+    """Return a doubt for each missed measurement that parameters move which the fit holds.
+
+    Args:
+        moved_by: by missed measurement, the held parameters that move it most.
+        free: names of the fitted parameters.
+    """
+    return [
+        Reason(
+            Aspect.AGREEMENT, Level.DOUBTFUL, "",
+            f"{name} depends on {' and '.join(held)} as well, which this fit holds at usual values: before "
+            f"you doubt the measurement, repeat the fit with --free {','.join((*free, *held))}",
+        )
+        for name, held in moved_by.items()
+        if held
+    ]  # fmt: skip
+
+
+def contradictory_measurements(measured: Mapping[str, float]) -> list[Reason]:
+    """Return a doubt where measurements contradict each other, whatever the fit."""
+    sentence = contradicted_wedge(measured)
+    if not sentence:
+        return []
+    text = f"the measured PCWP {significant(measured['PCWP'])} mmHg is {sentence}"
+    return [Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "PCWP", text)]
 
 
 def set_points_not_given(set_points: Mapping[str, float]) -> list[Reason]:

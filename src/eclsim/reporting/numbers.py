@@ -47,6 +47,11 @@ def significant(value: float, digits: int = 4) -> str:
     return f"{float(text):.0f}" if "e+" in text and abs(value) < LARGEST_WITHOUT_EXPONENT else text
 
 
+def dashed(value: float | None, digits: int = 4) -> str:
+    """A number as text with significant digits; "-" for none."""
+    return "-" if value is None else significant(value, digits)
+
+
 def interval(low: float | None, high: float | None, digits: int = 3) -> str:
     """Format an interval as two numbers with "to" between them; empty if one of them is unknown."""
     if low is None or high is None:

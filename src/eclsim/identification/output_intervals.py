@@ -1,0 +1,136 @@
+"""How far the measurements of a fit determine its outputs, measured or not.
+
+The fitted patient has a value for every output. Where few measurements were made it is one of many: another
+patient meets them as well with a cardiac output ten times as large. The interval of an output holds its
+first-order 90 % interval and the values of all other fits, by other starts of the search or with a parameter
+held elsewhere, that meet the measurements within 90 %. A wider one may exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from eclsim.identification.held_parameters import KEY_OUTPUTS
+from eclsim.identification.objective import NORMAL_90
+from eclsim.identification.quantities import measurement_errors, unit_of
+from eclsim.identification.verdict import Aspect, Level, Reason
+from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty
+
+WIDEST_DETERMINED = 2.0
+"""Width of the interval of a determined output, relative to the 90 % interval of a measurement of it."""
+FIRST = KEY_OUTPUTS[0]
+"""Output without which most others of a patient are not known."""
+ONE_OF_MANY = "in the fitted patient, one of many who meet the measurements"
+
+
+class OutputInterval(NamedTuple):
+    """90 % interval of an output of a fitted patient, in its unit.
+
+    Attributes:
+        low: lower end.
+        high: upper end.
+        determined: whether it was measured, or follows from what was.
+    """
+
+    low: float
+    high: float
+    determined: bool
+
+    def __str__(self) -> str:
+        return f"{self.low:.3g} to {self.high:.3g}"
+
+
+def output_intervals(
+    fitted: Mapping[str, float],
+    deviations: np.ndarray,
+    others: np.ndarray,
+    measured: Collection[str],
+    uncertainties: Mapping[str, Uncertainty],
+) -> dict[str, OutputInterval]:
+    """Compute the intervals of all outputs of a fit.
+
+    Args:
+        fitted: value of each output.
+        deviations: first-order standard deviation of each output, shape (outputs,).
+        others: outputs of other fits that meet the measurements as well, shape (fits, outputs).
+        measured: names of the outputs that were measured.
+        uncertainties: standard uncertainties of measurements that differ from the defaults.
+    """
+    result = {}
+    for k, (name, value) in enumerate(fitted.items()):
+        reach = NORMAL_90 * (deviations[k] if np.isfinite(deviations[k]) else 0.0)
+        known = np.array([value - reach, value + reach, *others[:, k][np.isfinite(others[:, k])]])
+        low, high = float(known.min()), float(known.max())
+        if unit_of(name) == "L/min" and value >= 0.0:
+            low = max(low, 0.0)
+        result[name] = _judged(name, value, (low, high), name in measured, uncertainties)
+    return _with_the_flow(result, measured)
+
+
+def widened(
+    intervals: Mapping[str, OutputInterval],
+    reaches: Mapping[str, tuple[float, float]],
+    fitted: Mapping[str, float],
+    measured: Collection[str],
+    uncertainties: Mapping[str, Uncertainty],
+) -> dict[str, OutputInterval]:
+    """Return intervals that reach at least to given ends, by output."""
+    result = dict(intervals)
+    for name, (low, high) in reaches.items():
+        own = intervals[name]
+        ends = min(low, own.low), max(high, own.high)
+        result[name] = _judged(name, fitted[name], ends, name in measured, uncertainties)
+    return _with_the_flow(result, measured)
+
+
+def _with_the_flow(
+    intervals: Mapping[str, OutputInterval], measured: Collection[str]
+) -> dict[str, OutputInterval]:
+    """Intervals in which the pressures of the lungs are not determined where the flow through them is not."""
+    result = dict(intervals)
+    if FIRST in result and not result[FIRST].determined:
+        for name in result.keys() & {*KEY_OUTPUTS} - {*measured}:
+            result[name] = result[name]._replace(determined=False)
+    return result
+
+
+def _judged(
+    name: str,
+    value: float,
+    ends: tuple[float, float],
+    measured: bool,
+    uncertainties: Mapping[str, Uncertainty],
+) -> OutputInterval:
+    """Return an interval, and whether the measurements determine the output."""
+    if measured or name not in DEFAULTS or not np.isfinite(value):
+        return OutputInterval(*ends, measured)
+    of_measurement = 2.0 * NORMAL_90 * measurement_errors({name: value}, uncertainties)[name]
+    return OutputInterval(*ends, ends[1] - ends[0] <= WIDEST_DETERMINED * of_measurement)
+
+
+def undetermined_reasons(
+    intervals: Mapping[str, OutputInterval], fitted: Mapping[str, float], named: Collection[str]
+) -> list[Reason]:
+    """A reason that names the outputs which were not measured and do not follow; a doubt if the flow is one.
+
+    Args:
+        intervals: interval of each output.
+        fitted: value of each output.
+        named: outputs that another reason names.
+    """
+    open_ones = {n: each for n, each in intervals.items() if not each.determined and n not in named}
+    if not open_ones:
+        return []
+    each = ", ".join(f"{n} {fitted[n]:.3g} ({reach} {unit_of(n)})" for n, reach in open_ones.items())
+    chief = FIRST in open_ones
+    measure = FIRST if chief else " or ".join(open_ones)
+    sentence = (
+        f"not measured, and not determined by what was measured (90 %): {each}. The fitted patient is one of "
+        f"many who meet the measurements: do not read {'these' if len(open_ones) > 1 else 'it'}, or what "
+        f"depends on {'them' if len(open_ones) > 1 else 'it'}, off this fit; measure {measure}"
+    )
+    level = Level.DOUBTFUL if chief else Level.GOOD
+    return [Reason(Aspect.AGREEMENT, level, FIRST if chief else "", sentence)]
