@@ -160,6 +160,34 @@ def test_schemes_know_their_side_of_the_oxygenator():
     assert [k for k, s in nine.items() if s.past_oxygenator] == ["e", "f"]
 
 
+@pytest.mark.parametrize("site", ["pvn", "la", "lv", "ao", "sart", "arch", "descending", "upper", "lower"])
+def test_a_return_line_in_the_left_heart_or_an_artery_has_no_trap_for_air_and_clots(site):
+    """Nothing was said of such a scheme, while scheme d was said to have no trap."""
+    (from_vein, from_artery) = select_schemes(f"svn:{site},post_oxy:{site}")
+    assert from_vein.returns_behind_oxygenator
+    assert from_artery.returns_behind_oxygenator
+    assert from_vein.past_oxygenator, "nor are there lungs"
+    assert not from_artery.past_oxygenator
+
+
+@pytest.mark.parametrize("site", ["svn", "ra", "rv", "pas", "part", "svc", "ivc"])
+def test_lungs_follow_a_return_line_in_a_vein_or_the_right_heart(site):
+    (scheme,) = select_schemes(f"post_oxy:{site}")
+    assert not scheme.returns_behind_oxygenator
+
+
+def test_the_reasons_name_the_embolism_of_a_return_line_in_the_left_heart():
+    schemes = "g,svn:lv,ra:ao"
+    study = crrt_study(paper_case(), schemes=schemes, speeds="3425", volume_policy="as_published")
+    reasons = {one.letter: "; ".join(one.reasons) for one in study.ranking["as_published"]}
+    assert (
+        "returns to the patient's left ventricle: air or clots from the CRRT go to the" in reasons["svn:lv"]
+    )
+    assert "returns to the patient's aorta" in reasons["ra:ao"]
+    assert "embolism" not in reasons["g"]
+    assert "carries venous blood past oxygenator and lungs: 5.2 % of what" in reasons["svn:lv"]
+
+
 def test_limits_that_break_nowhere_are_no_rank(study):
     """Flows at the last speed studied are no limits: schemes that keep theirs to the end tie."""
     limits = study.limits.copy(deep=True)

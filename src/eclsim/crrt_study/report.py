@@ -14,6 +14,7 @@ from eclsim.crrt_study.ranking import choice_in_other_policy, choice_text, place
 from eclsim.crrt_study.study import CrrtStudy, compared_with_schemes
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
+from eclsim.patient.sites import AFTER_LUNGS
 from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number, show_table, show_text
 
@@ -179,8 +180,9 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
     rows = []
     for ranked in study.ranking[policy]:
         of_scheme = means.sel(scheme=ranked.letter)
-        before = "before" if of_scheme["return_site"].item() in POSITIONS else "on the patient"
-        where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
+        where = "behind" if bool(of_scheme["behind_oxygenator"]) else "before"
+        if (site := of_scheme["return_site"].item()) not in POSITIONS:
+            where = "patient, after the lungs" if site in AFTER_LUNGS else "patient, before the lungs"
         rows.append(([ranked.letter, where], of_scheme, ""))
     return _tables(["Scheme", "Returns: oxygenator"], EXCHANGE_COLUMNS, rows)
 
