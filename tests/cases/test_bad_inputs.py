@@ -178,6 +178,21 @@ ROWS = [
     Row(63, FULL, {"access_site": "3.5"}, "E", ("post_oxy",)),
     Row(63, PATIENT + CRRT, {}, "E", ("no [ecmo] section",)),
     Row(65, FULL, {"drainage_site": '"ao"', "return_site": '"ra"'}, "W", ("shunt", "reversed")),
+    *(
+        Row(
+            65, FULL.replace('"pre_oxy"', f'"{site}"'), {}, "W",
+            ("crrt.return_site", "systemic embolism", words),
+        )
+        for site, words in {
+            "la": "left atrium", "lv": "left ventricle", "pvn": "pulmonary vein", "ao": "aorta",
+            "sart": "artery",
+        }.items()
+    ),
+    Row(
+        65, FULL.replace('"pre_oxy"', '"lv"'), {"access_site": '"svn"'}, "W",
+        ("systemic embolism", "venous blood, which bypasses lungs"),
+    ),
+    Row(65, FULL.replace('"pre_oxy"', '"ra"'), {}, "OK"),
     Row(66, FULL, {"speed_rpm": "0"}, "W", ("ecmo.speed_rpm = 0", "flows back")),
     Row(68, FULL, {"pump": "0"}, "E", ("a name is needed", "Rotaflow, DP3")),
     Row(68, FULL, {"pump": '"rotaflow"'}, "E", ("did you mean Rotaflow?",)),

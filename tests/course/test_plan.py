@@ -121,6 +121,20 @@ def test_a_march_ends_where_it_breaks_a_goal(own):
     assert _broken_goals(goals, stopped)[0] == pytest.approx(_broken_goals(goals, whole)[0])
 
 
+def test_a_goal_that_breaks_on_the_way_has_the_value_that_it_started_from():
+    """ "MAP > 65 breaks after 18.0 h (64.2 mmHg)" left out that it started at 74.7."""
+    goals = read_goals("MAP > 65", ["MAP"])
+    result = xr.Dataset(
+        {"MAP": ("time_min", [74.7, 70.0, 64.2]), "status": ("time_min", ["converged"] * 3)},
+        {"time_min": [0.0, 540.0, 1080.0]}, {"converged": True, "message": ""},
+    )  # fmt: skip
+    (broken,) = _broken_goals(goals, result)
+    assert broken.at_start == 74.7
+    found = _removal_result("P", 3000.0, goals, {42.0: False}, {42.0: [broken]})
+    assert "MAP > 65 breaks after 18.0 h (64.2 mmHg, from 74.7 at the start); 756 mL are" in found.message
+    assert found.as_object()["limits"][0]["at_start"] == 74.7
+
+
 def test_a_faster_rate_that_keeps_all_goals_is_found_where_the_slowest_does_not():
     """It was "cannot be removed": rates were looked at below the first that breaks a goal alone."""
     tried = {10.0: False, 20.0: True, 40.0: True, 80.0: False, 160.0: True}

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from eclsim.crrt_study.files import study_object
+from eclsim.crrt_study.files import study_object, tables
 from eclsim.crrt_study.limits import KEPT_TO_THE_END, largest_flows
 from eclsim.crrt_study.ranking import choice_text, first_choice, rank
+from eclsim.crrt_study.report import show, study_page
 from eclsim.crrt_study.rule import DEFAULT_RULE, Criterion, Rule, RuleError, check_quantities, read_rule
 from eclsim.crrt_study.schemes import nine_schemes, select_schemes
 from eclsim.crrt_study.study import crrt_study
@@ -99,9 +100,61 @@ def test_a_limit_without_bounds_is_kept_at_every_speed(study, without):
     assert set(free["state"].values.flat) == {KEPT_TO_THE_END}
     fastest = study.means["PF"].isel(speed=-1)
     assert bool((free["largest_flow"] == fastest).all())
-    assert all("no speed" not in words for words in free["in_words"].values.flat)
+    assert set(free["in_words"].values.flat) == {"this rule sets no limits"}
     ranking = ranked_by(replace(study, limits=limits), *rule.criteria, limits=rule.limits)
     assert all(one.rank is not None for one in ranking)
+
+
+def test_without_limits_nothing_is_said_to_be_kept_and_the_machines_alarms_are_still_named(study, capsys):
+    """Nine schemes of up to 584 mmHg "kept their limits", and no alarm was mentioned."""
+    off = {name: [None, None] for name in (limit.name for limit in DEFAULT_RULE.limits)}
+    criterion = {"quantity": "PF", "at_least": 0.0}
+    rule = read_rule({"name": "no limits", "limits": off, "criteria": [criterion]})
+    means = study.means.copy(deep=True)
+    means["Pcrrttuout"].loc[{"scheme": ["a", "g"]}] = 584.0
+    limits = largest_flows(means, study.case_speed, rule.limits)
+    free = replace(study, means=means, limits=limits, rule=rule, warnings=())
+    at = {"policy": "as_published"}
+    ranking = rank(means.sel(at | {"speed": study.case_speed}), limits.sel(at), study.schemes, rule)
+    free = replace(free, ranking={"as_published": ranking, "patient_held": ranking})
+    answer = " ".join(choice_text(free, "as_published"))
+    assert "keeps its limits" not in answer
+    assert "this rule sets no limits" in answer
+    assert (
+        "schemes a and g break the machine's usual alarms; best of the schemes that keep them: schemes b"
+        in answer
+    )
+    of_a = "; ".join(next(one.reasons for one in ranking if one.letter == "a"))
+    assert "beyond the usual alarms of CRRT machines (return −50 to 350 mmHg), which no limits does" in of_a
+    show(free)
+    shown = capsys.readouterr().out
+    assert shown.count("no limit ") == 2 * 9
+    assert shown.count(" broken") == 2 * 2
+    drawn = dict.fromkeys(("schemes", "beat", "speeds", "limits", "uptake"), "<svg></svg>")
+    page = study_page(free, drawn)
+    assert "inf mmHg" not in page
+    assert page.count("<td>broken</td>") == 2
+
+
+def test_the_best_scheme_that_keeps_the_machines_alarms_is_named_where_the_rule_prefers_another(study):
+    """The first scheme broke an alarm, two of ten did not, and no sentence or mark said which."""
+    by_flow = (Criterion("PF", prefer="larger"),)
+    means = study.means.copy(deep=True)
+    first, *others = (one.letter for one in ranked_by(study, *by_flow))
+    means["Pcrrttuout"].loc[{"scheme": [first, *others[:4]]}] = 400.0
+    broken = replace(study, means=means, limits=largest_flows(means, study.case_speed))
+    ranking = ranked_by(broken, *by_flow)
+    assert [one.usual_alarms_kept for one in ranking] == [False] * 5 + [True] * 4
+    shown = replace(broken, ranking={"as_published": ranking})
+    answer = choice_text(shown, "as_published")
+    assert answer[0].startswith(f"First choice for this patient: scheme {first}")
+    assert answer[1].startswith("it breaks the machine's usual alarms; best of the schemes that keep them: ")
+    assert f"scheme {ranking[5].letter} (" in answer[1]
+    assert answer[1].endswith(", place 6")
+    assert tables(shown)["ranking"]["usual_alarms_kept"].tolist() == [False] * 5 + [True] * 4
+    means["Pcrrttuout"].loc[{}] = 400.0
+    every = replace(broken, ranking={"as_published": ranked_by(replace(broken, means=means), *by_flow)})
+    assert "as do all schemes with a place" in choice_text(every, "as_published")[1]
 
 
 def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refused():
@@ -158,6 +211,34 @@ def test_schemes_know_their_side_of_the_oxygenator():
     nine = nine_schemes()
     assert [k for k, s in nine.items() if s.returns_behind_oxygenator] == ["d", "e", "f"]
     assert [k for k, s in nine.items() if s.past_oxygenator] == ["e", "f"]
+
+
+@pytest.mark.parametrize("site", ["pvn", "la", "lv", "ao", "sart", "arch", "descending", "upper", "lower"])
+def test_a_return_line_in_the_left_heart_or_an_artery_has_no_trap_for_air_and_clots(site):
+    """Nothing was said of such a scheme, while scheme d was said to have no trap."""
+    (from_vein, from_artery) = select_schemes(f"svn:{site},post_oxy:{site}")
+    assert from_vein.returns_behind_oxygenator
+    assert from_artery.returns_behind_oxygenator
+    assert from_vein.past_oxygenator, "nor are there lungs"
+    assert not from_artery.past_oxygenator
+
+
+@pytest.mark.parametrize("site", ["svn", "ra", "rv", "pas", "part", "svc", "ivc"])
+def test_lungs_follow_a_return_line_in_a_vein_or_the_right_heart(site):
+    (scheme,) = select_schemes(f"post_oxy:{site}")
+    assert not scheme.returns_behind_oxygenator
+
+
+def test_the_reasons_name_the_embolism_of_a_return_line_in_the_left_heart():
+    schemes = "g,svn:lv,ra:ao"
+    study = crrt_study(paper_case(), schemes=schemes, speeds="3425", volume_policy="as_published")
+    reasons = {one.letter: "; ".join(one.reasons) for one in study.ranking["as_published"]}
+    assert (
+        "returns to the patient's left ventricle: air or clots from the CRRT go to the" in reasons["svn:lv"]
+    )
+    assert "returns to the patient's aorta" in reasons["ra:ao"]
+    assert "embolism" not in reasons["g"]
+    assert "carries venous blood past oxygenator and lungs: 5.2 % of what" in reasons["svn:lv"]
 
 
 def test_limits_that_break_nowhere_are_no_rank(study):

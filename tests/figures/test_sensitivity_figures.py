@@ -3,10 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eclsim.sensitivity import figures
 from eclsim.sensitivity.design import Estimates
-from eclsim.sensitivity.figures import plot_bars, plot_heat_map, plot_pairs, plot_sums
+from eclsim.sensitivity.figures import (
+    plot_bars,
+    plot_heat_map,
+    plot_pairs,
+    plot_sums,
+    write_sensitivity_figures,
+)
 from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS
-from eclsim.sensitivity.results import Indices
+from eclsim.sensitivity.results import Indices, SensitivityResult
 
 
 @pytest.fixture
@@ -40,6 +47,24 @@ def test_published_sums_stand_beside_ours(indices):
     marks = {labels(axes)[round(x)]: y for x, y in axes.collections[0].get_offsets()}
     assert marks == {"Rmc": 3.8, "Emaxlv": 1.6}
     assert not plot_sums(indices).axes[0].collections
+
+
+def test_sums_have_half_widths_and_lost_rows_are_named_above_every_figure(indices, tmp_path, monkeypatch):
+    spread = np.eye(len(CARDIOVASCULAR)) * 0.01
+    wide = replace(indices, estimates=replace(indices.estimates, sum_covariance=spread))
+    (lines,) = plot_sums(wide).axes[0].collections
+    low, high = lines.get_segments()[0][:, 1]
+    assert high - low == pytest.approx(2.0 * 1.96 * 0.1, rel=1e-3)
+    drawn = []
+    monkeypatch.setattr(figures, "_save", lambda figures, folder, doubts: drawn.append(doubts))
+    lost = replace(indices, samples=128, rows_used=74)
+    write_sensitivity_figures(SensitivityResult(None, lost, None), tmp_path)
+    assert drawn == [
+        [
+            "The indices describe only the part of the ranges where the case has a steady beat: 54 of 128 "
+            "rows are lost"
+        ]
+    ]
 
 
 def test_only_pairs_beyond_their_interval_are_drawn(indices):

@@ -6,6 +6,7 @@ from eclsim.devices.ecmo import ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.devices.vent import VENT, Vent
 from eclsim.outputs.alarms import assumptions, breach, findings, impossible, watched_signals
+from eclsim.outputs.cautions import cautions
 from eclsim.patient.circulation import circulation
 
 LIMITS = {
@@ -301,6 +302,33 @@ def test_what_drugs_and_reflexes_do_beyond_their_measurements_is_a_caution(outpu
     found = [one for one in findings(outputs, {}, None, values) if one.kind == "caution"]
     assert [said in one.sentence for one in found] == ([True] if said else [])
     assert all(one.concerns for one in found), "else it is said nowhere"
+
+
+@pytest.mark.parametrize(
+    ("pericardial", "right", "left", "named"),
+    [
+        (5.7, 8.9, 9.7, True),
+        (15.0, 16.0, 17.0, True),
+        (2.9, 5.0, 6.0, False),  # hardly above the usual pressure
+        (3.5, 9.0, 10.0, False),  # a full right atrium
+        (5.7, 8.9, 13.5, False),  # a failing left heart
+        (-2.0, 1.0, 2.0, False),
+    ],
+)
+def test_a_pericardium_that_constrains_filling_is_named(pericardial, right, left, named):
+    outputs = {
+        "pericardial_pressure": pericardial,
+        "right_atrial_pressure": right,
+        "PCWP": left,
+        "CVP": right,
+    }
+    found = [one for one in cautions(outputs, {}) if one.quantity == "pericardial_pressure"]
+    assert bool(found) == named
+    for one in found:
+        assert one.kind == "caution"
+        assert {"CVP", "PCWP"} <= set(one.concerns)
+    del outputs["pericardial_pressure"]
+    assert not [one for one in cautions(outputs, {}) if one.quantity == "pericardial_pressure"]
 
 
 def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():

@@ -86,3 +86,20 @@ def test_it_is_renamed_with_its_circuit():
     assert around.members == tuple(f"twin.{name}" for name in CHAMBERS)
     assert "twin.pericardium_ml" in other.parameter_names()
     validate(other)
+
+
+@pytest.mark.slow
+def test_a_tamponade_is_named_since_its_filling_pressures_are_the_pericardiums():
+    """Pericardial 5.7, right atrial 8.9 and wedge pressure 9.7 mmHg: nothing was said."""
+    man = PATIENT | {"age_years": 66, "height_cm": 178, "weight_kg": 82, "heart_rate_bpm": 118}
+    fluid_around_the_heart = {"pericardium_ml": 60.0, "Rmc": 0.9}
+    case = {"format": 1, "patient": man, "physiology": {"pericardium": True}}
+    tight = simulate(model_of(read_mapping(case | {"parameters": fluid_around_the_heart}).case))
+    (said,) = (text for text in tight.attrs["warnings"] if "pericardium" in text)
+    assert said.startswith(
+        "caution: pericardial pressure 5.7 mmHg (usually about 0): the pericardium constrains"
+    )
+    assert "right atrial 8.9 and wedge pressure 9.7 mmHg are nearly equal" in said
+    assert "only 3.2 and 4.1 mmHg of them distend the heart" in said
+    resting = simulate(model_of(read_mapping(case).case))
+    assert not any("pericardium" in text for text in resting.attrs["warnings"])

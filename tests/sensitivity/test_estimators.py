@@ -92,6 +92,29 @@ def test_an_index_below_its_half_width_is_not_selected():
     assert indices.selected() == {"y": ["a"]}
 
 
+def test_sums_have_half_widths_and_an_order_within_them_is_called_unknown():
+    """Sums of 2.28, 1.51 and 0.89 were ranked without half widths."""
+    design = Design(tuple(Continuous(name, 0.0, 1.0) for name in "abc"), 128, second_order=False)
+    a, b, c = design.unit().T
+    values = np.stack([a + 0.97 * b + 0.2 * c, a + 0.97 * b], axis=1)
+    result = indices_of_runs(design, ("y", "z"), runs_of(values)).indices
+    assert list(result.sums) == ["a", "b", "c"]
+    assert all(0.0 < width < 0.5 for width in result.sums_conf.values())
+    assert result.open_orders == [("a", "b")]
+    content = result.as_object()
+    assert content["sum_ST_conf"] == result.sums_conf
+    assert content["order_not_known"] == [("a", "b")]
+    assert result.dataset["ST_sum_conf"].sel(factor="a") == result.sums_conf["a"]
+    text = indices_text(result)
+    assert f"{result.sums['a']:.2f}±{result.sums_conf['a']:.2f}" in text
+    assert "order not known: a and b (their sums differ by less than the 95 % half width" in text
+    # Outputs of the same runs err together: the interval of a doubled output is twice as wide.
+    doubled = sobol_indices(np.repeat(values[:, :1].reshape(128, -1, 1), 2, axis=2), 3)
+    single = sobol_indices(values[:, :1].reshape(128, -1, 1), 3)
+    np.testing.assert_allclose(doubled.sum_conf(), 2.0 * single.sum_conf())
+    np.testing.assert_allclose(single.sum_conf(), single.ST_conf[0])
+
+
 def coverage(inputs, function, exact) -> np.ndarray:
     """Share of seeds whose intervals hold the exact indices, shape (S1 or ST, factors)."""
     inside = []

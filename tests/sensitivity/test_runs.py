@@ -15,8 +15,9 @@ from eclsim.files import whole_file
 from eclsim.sensitivity import runs as runs_module
 from eclsim.sensitivity.analysis import Analysis, SobolSettings, merge_shards, run_analysis, sensitivity
 from eclsim.sensitivity.design import Design
+from eclsim.sensitivity.failed_region import Condition, FailedRegion, failed_region, percent
 from eclsim.sensitivity.inputs import Categorical, Continuous
-from eclsim.sensitivity.results import SensitivityResult, failed_region, indices_of_runs
+from eclsim.sensitivity.results import SensitivityResult, indices_of_runs, indices_text
 from eclsim.sensitivity.runs import DESIGN, SAMPLES, Runs, SteadyBeatEvaluator
 from eclsim.simulation.single import simulate_many
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
@@ -248,6 +249,52 @@ def test_it_is_said_where_among_the_inputs_runs_failed(plan):
     assert region.share_elsewhere == 0.0
     assert any(f"runs fail mostly where {region.conditions[0]} and" in doubt for doubt in indices.doubts)
     assert indices.as_object()["where_failed"]["conditions"][0]["name"] in ("x1", "x3")
+
+
+def test_lost_rows_narrow_what_the_indices_describe_and_that_is_said_where_the_indices_are(plan):
+    """54 of 128 rows were lost at high speeds, and neither table nor JSON said what the indices describe."""
+    indices = with_failures(plan, lambda x1, x2, x3: x1 > 2.9).indices
+    said = "the indices describe only the part of the ranges where the case has a steady beat: "
+    lost = f"{indices.rows_lost} of 4096 rows are lost, most of them where x1 > 2.9"
+    assert 0 < indices.rows_lost == 4096 - indices.rows_used
+    assert indices.domain.startswith(said + lost)
+    assert f"T{indices.domain[1:]}" in indices_text(indices).splitlines()
+    assert indices.as_object()["domain"] == indices.dataset.attrs["domain"] == indices.domain
+    assert indices.domain in indices.as_object()["warnings"]
+    whole = with_failures(plan, lambda x1, x2, x3: x1 > 4.0).indices
+    assert whole.domain == ""
+    assert "the indices describe" not in indices_text(whole)
+
+
+def test_thresholds_and_shares_are_written_as_at_the_bedside():
+    """They were "ecmo.speed_rpm > 3.08e+03" and "1e+02 %"."""
+    fast, all_there = Condition("ecmo.speed_rpm", ">", 3080.4), (0.9996, 1.0, 0.655, 0.0092, 0.0)
+    assert str(fast) == "ecmo.speed_rpm > 3080 rpm"
+    assert str(Condition("Emaxlv", "<", 0.46632)) == "Emaxlv < 0.466 mmHg/mL"
+    assert [percent(share) for share in all_there] == ["> 99 %", "100 %", "66 %", "0.92 %", "0 %"]
+    region = FailedRegion((fast,), 10, 10, 1.0, 0.846)
+    assert str(region).endswith("(100 % of the runs there, 85 % elsewhere)")
+
+
+@pytest.mark.slow
+def test_a_case_without_a_steady_beat_of_its_own_is_named_before_its_inputs():
+    """All runs failed, and the speed was blamed: "> 3.08e+03 (1e+02 % of the runs there, 85 % elsewhere)"."""
+    case = read_mapping(
+        {
+            "format": 1,
+            "patient": {"id": "P", "sex": "male", "age_years": 62, "heart_rate_bpm": 104},
+            "ecmo": {"pump": "Rotaflow", "speed_rpm": 4500, "oxygenator": "Quadrox-i Adult", "mode": "VA"},
+            "parameters": {"Emaxlv": 0.2, "Emaxrv": 0.1},
+        }
+    ).case
+    settings = SobolSettings(
+        samples=4, perturbation_percent=5.0, parameters=("Rmc",), second_order=False, outputs=("MAP",)
+    )
+    with pytest.raises(ValueError, match="too few are left") as refused:
+        sensitivity(case, settings=settings)
+    said = str(refused.value)
+    assert said.startswith("the case itself has no definite steady beat (one_of_many: valves of the heart")
+    assert "runs fail mostly" not in said
 
 
 def test_runs_that_fail_anywhere_are_not_put_down_to_an_input(plan):

@@ -63,12 +63,14 @@ class BrokenGoal(NamedTuple):
         value: value of its output at that time.
         at_min: time of the first violation [min].
         unit: unit of the value.
+        at_start: value of its output at the start; NaN if it is not known.
     """
 
     goal: str
     value: float
     at_min: float
     unit: str = ""
+    at_start: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -356,7 +358,8 @@ def _broken_goals(goals: Sequence[Goal], result: xr.Dataset) -> list[BrokenGoal]
                 breaks.append(BrokenGoal(f"no value of {goal.output}", math.nan, minute))
             elif goal.excess(value) > 0.0:
                 why = f" ({goal.because})" if goal.because else ""
-                breaks.append(BrokenGoal(f"{goal}{why}", value, minute, output(goal.output).unit))
+                start = float(result[goal.output][0])
+                breaks.append(BrokenGoal(f"{goal}{why}", value, minute, output(goal.output).unit, start))
         if breaks:
             return breaks
     return [] if result.attrs["converged"] else [lost]
@@ -421,8 +424,10 @@ def _break_sentence(limit: BrokenGoal) -> str:
     if math.isnan(limit.value):
         return f"{limit.goal} after {hours}"
     unit = f" {limit.unit}" * (limit.unit != "1")
-    breaks = f"breaks after {hours}" if limit.at_min else "is broken from the start"
-    return f"{limit.goal} {breaks} ({limit.value:.4g}{unit})"
+    if not limit.at_min:
+        return f"{limit.goal} is broken from the start ({limit.value:.4g}{unit})"
+    start = "" if math.isnan(limit.at_start) else f", from {limit.at_start:.4g} at the start"
+    return f"{limit.goal} breaks after {hours} ({limit.value:.4g}{unit}{start})"
 
 
 # --- weaning --------------------------------------------------------------------------------------

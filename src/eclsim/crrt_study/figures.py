@@ -292,7 +292,9 @@ def plot_crrt_limits(
     all_limits = limits.sel(limit="crrt", scheme=ranked)
     end = 1.04 * float(np.nanmax([1.0, case_flow, *limits["largest_flow"].values.ravel()]))
     flow_kept = all_limits["largest_flow"].fillna(0.0).values
-    ax.barh(rows, flow_kept, height=0.55, color="#C9D9E6", label="all limits of the CRRT lines kept")
+    limited = not all(limit.unbounded for limit in rule_limits if limit.of_crrt)
+    kept = "all limits of the CRRT lines kept" if limited else "studied: the rule sets no limits of the lines"
+    ax.barh(rows, flow_kept, height=0.55, color="#C9D9E6", label=kept)
     unsure = np.isin(all_limits["state"].values, ("not_known_above", "not_known"))
     if unsure.any():
         further = np.minimum(all_limits["flow_at_most"].values[unsure], 0.99 * end) - flow_kept[unsure]
@@ -301,6 +303,7 @@ def plot_crrt_limits(
             linestyle=":", hatch="////", linewidth=0.6, label="not known: no steady beat found",
         )  # fmt: skip
     bounds = {limit.name: (limit.low, limit.high) for limit in rule_limits}
+    unbounded = {limit.name for limit in rule_limits if limit.unbounded}
     marks = {
         "access_alarm": ("access alarm", OKABE_ITO["blue"], "<"),
         "return_alarm": ("return alarm", OKABE_ITO["vermillion"], ">"),
@@ -308,6 +311,8 @@ def plot_crrt_limits(
         "suction": (f"drainage below {bounds['suction'][0]:g} mmHg".replace("-", "−"), "black", "|"),
     }
     for name, (label, colour, marker) in marks.items():
+        if name in unbounded:
+            continue
         limit_data = limits.sel(limit=name, scheme=ranked)
         flows = limit_data["largest_flow"].where(limit_data["state"] == "broken_above")
         ax.plot(flows, rows, marker, color=colour, markersize=6, label=f"{label} from here")

@@ -126,6 +126,9 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
         "summary": _summary(study.summary.sel(at_case)), "speeds": _at_speeds(study, policy),
         "limits": _limits(study.limits.sel(policy=policy), study.rule.limits),
         "first_choice": None if best is None else best.letter,
+        "first_within_usual_alarms": next(
+            (r.letter for r in study.ranking[policy] if r.usual_alarms_kept and r.rank is not None), None
+        ),
         "first_choice_in_words": choice_text(study, policy),
         "ranking": [asdict(ranked) for ranked in study.ranking[policy]],
         **({"renox": compared_with_schemes(study, policy)} if study.renox is not None else {}),
@@ -228,7 +231,8 @@ def ranking_table(study: CrrtStudy) -> pd.DataFrame:
             "worst_place": scheme.places and scheme.places[1],
             "largest_flow [L/min]": scheme.largest_flow, "flow_at_most [L/min]": scheme.flow_at_most,
             "kept_at_the_largest_speed": scheme.throughout, "margin [mmHg]": scheme.margin,
-            "decided_by": scheme.decided_by, "why_no_rank": scheme.why_no_rank,
+            "usual_alarms_kept": scheme.usual_alarms_kept, "decided_by": scheme.decided_by,
+            "why_no_rank": scheme.why_no_rank,
             "reasons": "; ".join(scheme.reasons),
         }
         for policy, ranked in study.ranking.items()

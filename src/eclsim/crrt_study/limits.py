@@ -55,6 +55,11 @@ class Limit:
     meaning: str
     of_crrt: bool = True
 
+    @property
+    def unbounded(self) -> bool:
+        """Whether the limit has no bound, so that every value keeps it."""
+        return bool(np.isneginf(self.low) and np.isposinf(self.high))
+
     def margin(self, value: np.ndarray | float) -> np.ndarray:
         """Distance to the nearer bound [mmHg]; negative if the limit is violated."""
         return np.minimum(np.asarray(value) - self.low, self.high - np.asarray(value))
@@ -74,6 +79,12 @@ LIMITS = (
 )  # fmt: skip
 CRRT_LIMITS = "crrt"
 """Key of the combination of all limits by which a scheme is judged."""
+USUAL_ALARMS = {
+    "access": next(limit for limit in LIMITS if limit.name == "access_alarm"),
+    "return": next(limit for limit in LIMITS if limit.name == "return_alarm"),
+}
+"""Usual alarms of the machine by line, which hold at the bedside whatever a centre's rule says."""
+NO_LIMITS = "this rule sets no limits"
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +139,11 @@ def largest_flows(
             margin[p, s, k] = margins[speeds == case_speed][0]
             throughout[p, s, k] = bool((margins >= 0.0).all())
             ranges[p, s, k] = limit_range(speeds, flow, margins)
+            of = [o for o in rule_limits if keys[k] == o.name or (keys[k] == CRRT_LIMITS and o.of_crrt)]
             noun = "its limits" if keys[k] == CRRT_LIMITS else "it"
             texts[p, s, k] = limit_range_text(ranges[p, s, k], missing, noun)
+            if all(limit.unbounded for limit in of):
+                texts[p, s, k] = f"{NO_LIMITS}; {missing}" if missing else NO_LIMITS
     dims = ("policy", "scheme", "limit")
     data: Variables = {
         name: (dims, np.array([getattr(each, field) for each in ranges.flat]).reshape(shape), about)
@@ -229,14 +243,17 @@ def limit_range_text(reach: LimitRange, missing: str, noun: str = "its limits") 
     return text + (f"; broken at {speeds_text(reach.broken_below)}" if reach.broken_below else "")
 
 
-def limit_flow_text(flow: float, flow_at_most: float, to_the_end: bool) -> str:
+def limit_flow_text(flow: float, flow_at_most: float, to_the_end: bool, limited: bool = True) -> str:
     """ECMO flow that keeps a limit as text: "+" if kept at the largest speed, "≥" if not known above.
 
     Args:
         flow: largest flow known to keep it [L/min].
         flow_at_most: largest flow that may keep it [L/min].
         to_the_end: whether it is kept at the largest speed studied.
+        limited: whether the rule sets such a limit at all.
     """
+    if not limited:
+        return "no limit"
     if math.isnan(flow):
         return "never" if math.isnan(flow_at_most) else "not known"
     if flow != flow_at_most:

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.crrt_study.beats import GASES, joined_with_and, schemes_named, speeds_without_solution
-from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, LIMITS
+from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, LIMITS, USUAL_ALARMS
 from eclsim.crrt_study.rule import DEFAULT_RULE, FLOW, ON_PATIENT, PAST_OXYGENATOR, Rule
+from eclsim.crrt_study.schemes import site_words
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from eclsim.crrt_study.limits import Limit
     from eclsim.crrt_study.schemes import Scheme
     from eclsim.crrt_study.study import CrrtStudy
 
@@ -32,6 +34,8 @@ class Ranked:
             beat at that speed was not found.
         access_190_kept: whether the access pressure is below 190 mmHg, or the rule's own limit; None if the
             beat was not found.
+        usual_alarms_kept: whether both lines are within the usual alarms of CRRT machines, also where the
+            rule sets others or none; None if the beat was not found.
         lowest_site_pressure: lower of the mean pressures at the sites of the lines [mmHg]; NaN without a
             beat.
         largest_flow: largest ECMO flow known to keep all limits of the CRRT lines [L/min]; NaN if there is
@@ -65,6 +69,7 @@ class Ranked:
     why_no_rank: str = ""
     numbers: Mapping[str, float] = field(default_factory=dict)
     decided_by: str = ""
+    usual_alarms_kept: bool | None = None
 
     @property
     def known(self) -> bool:
@@ -199,6 +204,7 @@ def _assessed(means: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule)
         throughout=limit["state"].item() == KEPT_TO_THE_END, recirculated=numbers["recirculated_fraction"],
         margin=numbers["margin"], reasons=(), flow_at_most=float(limit["flow_at_most"]),
         why_no_rank=f"no place: {missing}" if missing else "",
+        usual_alarms_kept=None if missing else not _beyond_usual_alarms(means),
         numbers={name: numbers[name] for name in quantities},
     )  # fmt: skip
     return replace(ranked, reasons=tuple(_sentences(ranked, means, limit["in_words"].item(), scheme, rule)))
@@ -211,6 +217,11 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
     texts = [f"access {_integer_text(access_pressure)} mmHg, return {_integer_text(return_pressure)} mmHg"]
     if not ranked.alarms_kept:
         texts.append("breaks a pressure alarm of the machine")
+    elif not ranked.usual_alarms_kept:
+        broken = ", ".join(f"{k} {_bounds_text(USUAL_ALARMS[k])}" for k in _beyond_usual_alarms(means))
+        texts.append(
+            f"beyond the usual alarms of CRRT machines ({broken} mmHg), which {rule.name} does not count"
+        )
     if not ranked.access_190_kept:
         texts.append(_beyond_access_limit(access_pressure, rule))
     if ranked.lowest_site_pressure < 0.0:
@@ -222,14 +233,32 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
         texts.append(
             f"{100.0 * ranked.recirculated:.0f} % of the access flow comes straight from the return line"
         )
-    if scheme.returns_behind_oxygenator:
+    if scheme.returns_after_lungs:
+        texts.append(
+            f"returns to the {site_words(scheme.return_site)}: air or clots from the CRRT go to the arteries "
+            "of the body (systemic embolism), as neither lungs nor an oxygenator hold them back"
+        )
+    elif scheme.returns_behind_oxygenator:
         texts.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
     if (share := float(means[PAST_OXYGENATOR])) > 0.0:
-        texts.append(f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator")
+        text = f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator"
+        if scheme.returns_after_lungs:
+            both = f"{100.0 * share:.1f} % of what CRRT and ECMO carry together"
+            text = f"carries venous blood past oxygenator and lungs: {both}"
+        texts.append(text)
     if "gas_status" in means:
         gases = speeds_without_solution([float(means["speed"])], [str(means["gas_status"].item())], GASES)
         texts += [gases] if gases else []
     return texts
+
+
+def _beyond_usual_alarms(means: xr.Dataset) -> list[str]:
+    """Lines whose pressure is beyond the usual alarms of CRRT machines."""
+    return [k for k, limit in USUAL_ALARMS.items() if limit.margin(float(means[limit.quantity])) < 0.0]
+
+
+def _bounds_text(limit: Limit) -> str:
+    return f"{_integer_text(limit.low)} to {_integer_text(limit.high)}"
 
 
 def _beyond_access_limit(pressure: float, rule: Rule) -> str:
@@ -260,8 +289,9 @@ def choice_text(study: CrrtStudy, policy: str) -> list[str]:
     """The best scheme with reasons, or what is missing to determine it; the first line is the answer."""
     ranking = study.ranking[policy]
     best, unknown = best_known(ranking), [r for r in ranking if not r.known]
-    left_out = _unranked_text(unknown)
+    left_out = [*_embolism_text(study), *_unranked_text(unknown)]
     if best is not None:
+        alarms = _alarms_text(study, ranking, [r for r in ranking if r.rank == 1])
         left_out = [*_alternatives_text(study, ranking, best), *left_out]
         tied = ties(ranking)
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
@@ -274,19 +304,19 @@ def choice_text(study: CrrtStudy, policy: str) -> list[str]:
                 answer = f"First for this patient: schemes {letters}, which the rule does not tell apart"
                 first = ranking[: min(len(tied), MOST_LINES)]
                 reasons = (f"Scheme {r.letter}: {'; '.join(r.reasons)}" for r in first)
-                return [answer, *by, *reasons, *left_out]
-            return [f"First choice for this patient: {name}", *by, *best.reasons, *left_out]
+                return [answer, *alarms, *by, *reasons, *left_out]
+            return [f"First choice for this patient: {name}", *alarms, *by, *best.reasons, *left_out]
         of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
         share = f"schemes {joined_with_and(tied)} share its place: the rule does not tell them apart"
-        return [answer, *[share] * bool(tied), *best.reasons, *left_out]
+        return [answer, *[share] * bool(tied), *alarms, *best.reasons, *left_out]
     possible = [r for r in ranking if r.places is not None and r.places[0] == 1]  # as far as known
     if not possible:
         return ["No scheme can be ranked", *left_out]
     letters = joined_with_and([r.letter for r in possible])
     answer = f"No first choice can be named: schemes {letters} may each be first"
     lines = [f"Scheme {r.letter}: {r.why_no_rank}; {'; '.join(r.reasons)}" for r in possible]
-    return [answer, *lines[:MOST_LINES], *left_out]
+    return [answer, *_alarms_text(study, ranking, possible), *lines[:MOST_LINES], *left_out]
 
 
 def _alternatives_text(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked) -> list[str]:
@@ -308,6 +338,36 @@ def _alternatives_text(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked
     if chosen.returns_behind_oxygenator and (text := next_best(before)):
         lines.append(f"best of the schemes that return before the oxygenator: {text}")
     return lines
+
+
+def _alarms_text(study: CrrtStudy, ranking: Sequence[Ranked], first: Sequence[Ranked]) -> list[str]:
+    """What is first but breaks the machine's usual alarms, and the best of the schemes that keep them."""
+    broken = [r.letter for r in first if r.usual_alarms_kept is False]
+    if not broken:
+        return []
+    several = f"scheme{'s' if len(broken) > 1 else ''} {joined_with_and(broken)}"
+    subject = f"{'it' if len(first) == 1 else several} break{'s' if len(broken) == 1 else ''}"
+    keeping = [r for r in ranking if r.usual_alarms_kept and r.rank is not None]
+    best = [r for r in keeping if r.rank == keeping[0].rank]
+    if not best:
+        bounds = ", ".join(f"{line} {_bounds_text(limit)}" for line, limit in USUAL_ALARMS.items())
+        return [f"{subject} the machine's usual alarms, as do all schemes with a place ({bounds} mmHg)"]
+    names = {scheme.letter: scheme.name for scheme in study.schemes}
+    named = joined_with_and([f"{r.letter} ({names[r.letter]})" for r in best])
+    which = f"scheme{'s' if len(best) > 1 else ''} {named}, place {place(best[0])}"
+    return [f"{subject} the machine's usual alarms; best of the schemes that keep them: {which}"]
+
+
+def _embolism_text(study: CrrtStudy) -> list[str]:
+    """Schemes that return to the left heart or an artery."""
+    letters = [scheme.letter for scheme in study.schemes if scheme.returns_after_lungs]
+    if not letters:
+        return []
+    returns = "return" if len(letters) > 1 else "returns"
+    return [
+        f"{schemes_named(letters)} {returns} to the left heart or an artery: nothing holds back air or clots "
+        "from the CRRT before the arteries of the body (systemic embolism)"
+    ]
 
 
 def _unranked_text(unknown: list[Ranked]) -> list[str]:

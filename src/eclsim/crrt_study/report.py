@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from eclsim.crrt_study.beats import missing_beats_text
-from eclsim.crrt_study.limits import KEPT_TO_THE_END, limit_flow_text
+from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, limit_flow_text
 from eclsim.crrt_study.ranking import choice_in_other_policy, choice_text, place
 from eclsim.crrt_study.study import CrrtStudy, compared_with_schemes
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
+from eclsim.patient.sites import AFTER_LUNGS
 from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number, show_table, show_text
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from eclsim.crrt_study.limits import Limit
 
 PAGE = "crrt_study.html"
 """End of the file name of the page."""
@@ -140,15 +143,15 @@ def _ranking_table(study: CrrtStudy, policy: str) -> Table:
     rows = [
         (
             place(r), r.letter, names[r.letter],
-            limit_flow_text(r.largest_flow, r.flow_at_most, r.throughout),
-            r.decided_by or "–",
+            limit_flow_text(r.largest_flow, r.flow_at_most, r.throughout, study.rule.limited),
+            KEPT_LABELS[r.usual_alarms_kept], r.decided_by or "–",
             "; ".join([r.why_no_rank] * bool(r.known and r.why_no_rank) + list(r.reasons)),
         )
         for r in study.ranking[policy]
     ]  # fmt: skip
     head = [
-        "Rank", "Scheme", "Access – return", "Limits kept up to [L/min]", "What the one above does better",
-        "Why",
+        "Rank", "Scheme", "Access – return", "Limits kept up to [L/min]", "Usual alarms",
+        "What the one above does better", "Why",
     ]  # fmt: skip
     return Table(head, rows, numeric=(0, 3))
 
@@ -179,8 +182,9 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
     rows = []
     for ranked in study.ranking[policy]:
         of_scheme = means.sel(scheme=ranked.letter)
-        before = "before" if of_scheme["return_site"].item() in POSITIONS else "on the patient"
-        where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
+        where = "behind" if bool(of_scheme["behind_oxygenator"]) else "before"
+        if (site := of_scheme["return_site"].item()) not in POSITIONS:
+            where = "patient, after the lungs" if site in AFTER_LUNGS else "patient, before the lungs"
         rows.append(([ranked.letter, where], of_scheme, ""))
     return _tables(["Scheme", "Returns: oxygenator"], EXCHANGE_COLUMNS, rows)
 
@@ -254,26 +258,39 @@ def _summary_table(study: CrrtStudy, policy: str) -> Table:
 
 def _limits_table(study: CrrtStudy, policy: str) -> Table:
     limits = study.limits.sel(policy=policy)
+    unbounded = {limit.name for limit in study.rule.limits if limit.unbounded}
+    unbounded |= set() if study.rule.limited else {CRRT_LIMITS}
     rows = []
     for ranked in study.ranking[policy]:
         cells = []
         for name in ("access_alarm", "return_alarm", "access_190", "suction", "crrt"):
             data = limits.sel(scheme=ranked.letter, limit=name)
             flow, at_most = float(data["largest_flow"]), float(data["flow_at_most"])
-            cells.append(limit_flow_text(flow, at_most, data["state"].item() == KEPT_TO_THE_END))
+            to_the_end = data["state"].item() == KEPT_TO_THE_END
+            cells.append(limit_flow_text(flow, at_most, to_the_end, name not in unbounded))
         margin = limits["margin"].sel(scheme=ranked.letter, limit="crrt")
         rows.append([ranked.letter, *cells, number(float(margin), 0)])
-    bounds = {limit.name: (f"{limit.low:g}", f"{limit.high:g}") for limit in study.rule.limits}
+    of = {limit.name: limit for limit in study.rule.limits}
     head = [
         "Scheme",
-        f"Access alarms {' to '.join(bounds['access_alarm'])} mmHg",
-        f"Return alarms {' to '.join(bounds['return_alarm'])} mmHg",
-        f"Access ≤ {bounds['access_190'][1]} mmHg",
-        f"Drainage ≥ {bounds['suction'][0]} mmHg",
+        _limit_head("Access alarms", of["access_alarm"]),
+        _limit_head("Return alarms", of["return_alarm"]),
+        _limit_head("Access", of["access_190"]),
+        _limit_head("Drainage", of["suction"]),
         "All of the CRRT lines",
         "Margin at this speed [mmHg]",
     ]
-    return Table([h.replace("-", "−") for h in head], rows, numeric=range(1, len(head)))
+    return Table(head, rows, numeric=range(1, len(head)))
+
+
+def _limit_head(label: str, limit: Limit) -> str:
+    """Header of a limit with its bounds, as far as it has any."""
+    if limit.unbounded:
+        return f"{label}: no limit"
+    low, high = (number(bound, digits=6) for bound in (limit.low, limit.high))
+    if math.isinf(limit.low):
+        return f"{label} ≤ {high} mmHg"
+    return f"{label} ≥ {low} mmHg" if math.isinf(limit.high) else f"{label} {low} to {high} mmHg"
 
 
 def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
@@ -290,7 +307,8 @@ def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
         shares = [_share(data.sel(limit=k)) for k in ("access_alarm", "return_alarm", "access_190", "crrt")]
         rows.append([ranked.letter, f"{percent(float(data['settled']))} %", *spread, *shares])
     head = ["Scheme", "Beat found in", "Arterial [mmHg]", "Access [mmHg]", "Return [mmHg]"]
-    head += ["Access alarms kept", "Return alarms kept", f"Access ≤ {study.rule.access_mmhg:g} mmHg"]
+    access = next(limit for limit in study.rule.limits if limit.name == "access_190")
+    head += ["Access alarms kept", "Return alarms kept", _limit_head("Access", access)]
     head.append("All of the CRRT lines")
     return {
         "samples": result.attrs["samples"],
@@ -380,6 +398,7 @@ def show(study: CrrtStudy) -> None:
     """Print the schemes, best first, for each blood volume policy."""
     names = {scheme.letter: scheme.name for scheme in study.schemes}
     heads = ["rank", "scheme", "access – return", *(c.head for c in _COLUMNS), "limits kept\nto L/min"]
+    heads.append("usual\nalarms")
     for policy, ranked in study.ranking.items():
         known = sum(r.known for r in ranked)
         among = "" if known == len(ranked) else f"; ranked: the {known} of {len(ranked)} whose beat was found"
@@ -388,7 +407,8 @@ def show(study: CrrtStudy) -> None:
         rows = [
             (
                 place(r), r.letter, names[r.letter], *_cells(means.sel(scheme=r.letter), _COLUMNS),
-                limit_flow_text(r.largest_flow, r.flow_at_most, r.throughout),
+                limit_flow_text(r.largest_flow, r.flow_at_most, r.throughout, study.rule.limited),
+                KEPT_LABELS[r.usual_alarms_kept],
             )
             for r in ranked
         ]  # fmt: skip

@@ -147,6 +147,11 @@ class Rule:
         return None
 
     @property
+    def limited(self) -> bool:
+        """Whether any limit of the CRRT lines has a bound."""
+        return not all(limit.unbounded for limit in self.limits if limit.of_crrt)
+
+    @property
     def access_mmhg(self) -> float:
         """Upper limit of the access pressure [mmHg], besides its alarm."""
         return next(limit.high for limit in self.limits if limit.name == "access_190")

@@ -20,7 +20,13 @@ from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
 from eclsim.devices.plausibility import check_speed
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.numbers import suspected_unit
-from eclsim.patient.sites import PATIENT_SITES, RIGHT_HEART, SAME_IN_REGIONS, VENOUS_SITES, patient_sites
+from eclsim.patient.sites import (
+    AFTER_LUNGS,
+    BEFORE_LUNGS,
+    PATIENT_SITES,
+    SAME_IN_REGIONS,
+    patient_sites,
+)
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -67,14 +73,23 @@ class Scheme:
 
     @property
     def returns_behind_oxygenator(self) -> bool:
-        """Whether returned blood passes no oxygenator, which would trap air or clots before the patient."""
-        return self.return_site in BEHIND_OXYGENATOR
+        """Whether returned blood passes no oxygenator, which would trap air or clots before the patient.
+
+        A line to the left heart or an artery counts, one to a vein or the right heart does not: there the
+        lungs follow.
+        """
+        return self.return_site in BEHIND_OXYGENATOR or self.returns_after_lungs
+
+    @property
+    def returns_after_lungs(self) -> bool:
+        """Whether the return line ends in the patient's left heart or arteries."""
+        return self.return_site in AFTER_LUNGS
 
     @property
     def past_oxygenator(self) -> bool:
         """Whether venous blood, from the patient or the circuit, bypasses the oxygenator through the CRRT."""
-        venous = (*BEFORE_OXYGENATOR, *VENOUS_SITES, *RIGHT_HEART)
-        return self.returns_behind_oxygenator and self.access_site in venous
+        venous = self.access_site in (*BEFORE_OXYGENATOR, *BEFORE_LUNGS)
+        return self.returns_behind_oxygenator and venous
 
     @property
     def on_patient(self) -> bool:

@@ -60,7 +60,7 @@ from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, read_name, read_share
 from eclsim.parameters.parameter import Parameter
 from eclsim.parameters.thiel2025 import circuit_parameters
-from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
+from eclsim.patient.sites import AFTER_LUNGS, ARTERIAL_SITES, BEFORE_LUNGS, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import convert
 
 if TYPE_CHECKING:
@@ -425,6 +425,8 @@ class CrrtDevice(Device[Crrt]):
             remarks.warning(f"{key}.return_site", message, shown(back))
         elif access in ARTERIAL_SITES and back in VENOUS_SITES:
             remarks.warning(f"{key}.return_site", "drains an artery into a vein: a shunt", shown(back))
+        if back in AFTER_LUNGS:
+            _warn_of_embolism(f"{key}.return_site", access, str(back), remarks)
         if "ecmo" in circuits and access in POSITIONS and back in POSITIONS:
             _check_flow(f"{key}.flow_ml_min", values.get("flow_ml_min"), circuits["ecmo"], remarks)
         check_fluids(values, case, key, remarks)
@@ -488,6 +490,17 @@ def _check_position(key: str, site: str | None, case: CaseValues, remarks: Remar
     named = [f"{other}.{position}" for other in case.of("ecmo") for position in POSITIONS]
     allowed = ", ".join((*PATIENT_SITES, *named)) + f", or add [{section}]"
     remarks.error(key, message, shown(site), allowed)
+
+
+def _warn_of_embolism(key: str, access: str | None, back: str, remarks: Remarks) -> None:
+    """Warn of a return line that ends where neither lungs nor an oxygenator hold back air and clots."""
+    message = (
+        f"returns to the {PATIENT_SITES[back]}: air and clots from the CRRT go to the arteries of the body "
+        "(systemic embolism), as neither lungs nor an oxygenator hold them back"
+    )
+    if access in BEFORE_LUNGS:
+        message += "; it drains venous blood, which bypasses lungs and oxygenator"
+    remarks.warning(key, message, shown(back), "a vein, or a position before the oxygenator")
 
 
 def _check_flow(key: str, drawn: float | None, ecmo: Raw, remarks: Remarks) -> None:

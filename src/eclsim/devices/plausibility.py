@@ -13,7 +13,7 @@ from eclsim.inputs.fields import Field, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import is_number, suspected_unit
 from eclsim.inputs.sections import Raw
-from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
+from eclsim.patient.sites import AFTER_LUNGS, ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _IN_FLOW_DIRECTION = (VENOUS_SITES, ("rv",), ("pas", "part"), ("pvn",), ("la",), ("lv",), ARTERIAL_SITES)
 _PLACES = {site: place for place, sites in enumerate(_IN_FLOW_DIRECTION) for site in sites}
-_AFTER_LUNGS = (*LEFT_HEART, *ARTERIAL_SITES)
 # Multiple of the highest usual speed up to which a pump curve is valid.
 SPEED_LIMIT = 1.25
 
@@ -49,7 +48,7 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
         remarks.error(f"{key}.{target}", message, shown(given_to), "a compartment other than " + source)
     elif pumps_back(taken_from, given_to):
         reason = "against the heart's own flow"
-        if taken_from in _AFTER_LUNGS and given_to not in _AFTER_LUNGS:
+        if taken_from in AFTER_LUNGS and given_to not in AFTER_LUNGS:
             arterial = taken_from in ARTERIAL_SITES
             reason = "an arterio-venous shunt" if arterial else "a shunt from the left to the right heart"
         message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: {reason}"

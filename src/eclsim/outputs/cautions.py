@@ -44,6 +44,12 @@ SLOW_BPM, FAST_BPM = 40.0, 150.0
 """Heart rates beyond which a systole of a fixed share of the beat is far from a patient's [bpm]."""
 SYSTOLE_SHARE = VentricularSystole().end
 """Share of the beat that the ventricles of the published patient contract."""
+TIGHT_PERICARDIUM_MMHG = 3.0
+"""Pericardial pressure clearly above the usual one of about 0 (0.4 in the model's resting man) [mmHg]."""
+PERICARDIAL_SHARE = 0.4
+"""Share of the right atrial pressure from which so much of it is the pericardium's that it misleads."""
+EQUAL_FILLING_MMHG = 4.0
+"""Difference of right atrial and wedge pressure up to which the two sides count as filled alike [mmHg]."""
 _DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
 """Outputs of arterial blood, and the side on which their alarms begin."""
 _AT_TEMPERATURE = ("PaCO2", "PaO2", "pHa", "PaCO2_lower", "PaO2_lower", "PpostO2", "PpostCO2", "PvO2")
@@ -83,6 +89,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
     result += _unanswered_gases(outputs, values)
     result += _hypercapnia(outputs, values) + _at_another_temperature(outputs, values)
     result += _more_than_of_this_size(outputs, values) + _far_from_resting_rate(outputs, values)
+    result += _constraining_pericardium(outputs)
     return result + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
 
 
@@ -327,6 +334,28 @@ def _far_from_resting_rate(outputs: Mapping[str, float], values: Mapping[str, fl
             "a patient's about 0.4 s: output and arterial pressure are up to a tenth too high"
         )
     return [Finding.without_limit(CAUTION, "heart_rate", rate, text, *concerns)]
+
+
+def _constraining_pericardium(outputs: Mapping[str, float]) -> list[Finding]:
+    """Caution about filling pressures that are those of a tight pericardium, as in a tamponade."""
+    names = ("pericardial_pressure", "right_atrial_pressure", "PCWP")
+    if not set(names) <= outputs.keys():
+        return []
+    pericardial, right, left = (outputs[name] for name in names)
+    tight = pericardial > max(TIGHT_PERICARDIUM_MMHG, PERICARDIAL_SHARE * right)
+    if not tight or abs(left - right) > EQUAL_FILLING_MMHG:
+        return []
+    text = (
+        f"pericardial pressure {pericardial:.1f} mmHg (usually about 0): the pericardium constrains filling, "
+        "as in a tamponade or around an overfilled heart; right atrial "
+        f"{right:.1f} and wedge pressure {left:.1f} mmHg are nearly equal, and only "
+        f"{right - pericardial:.1f} and {left - pericardial:.1f} mmHg of them distend the heart "
+        "(transmural pressure): judge its filling by these"
+    )
+    concerns = [
+        n for n in ("CVP", *names, "left_atrial_pressure", "end_diastolic_pressure_lv") if n in outputs
+    ]
+    return [Finding.without_limit(CAUTION, names[0], pericardial, text, *concerns)]
 
 
 def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:

@@ -37,6 +37,10 @@ ARTERIAL_SITES = ("ao", "sart", "arch", "descending", "upper", "lower")
 VENOUS_SITES = ("svn", "ra", "svc", "ivc")
 RIGHT_HEART = ("rv", "pas")
 LEFT_HEART = ("pvn", "la", "lv")
+BEFORE_LUNGS = (*VENOUS_SITES, *RIGHT_HEART, "part")
+"""Sites of venous blood."""
+AFTER_LUNGS = (*LEFT_HEART, *ARTERIAL_SITES)
+"""Sites whose blood reaches the body's organs without passing the lungs."""
 
 
 def patient_sites(regional: bool = False) -> dict[str, str]:

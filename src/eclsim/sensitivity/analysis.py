@@ -31,8 +31,16 @@ from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.sensitivity.design import Design, DesignError
 from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, missing_outputs, varied_inputs
-from eclsim.sensitivity.results import SensitivityResult, indices_of_runs
-from eclsim.sensitivity.runs import Analysis, SampleFolder, SteadyBeatEvaluator, design_resolution
+from eclsim.sensitivity.results import NO_CENTRAL_BEAT, SensitivityResult, indices_of_runs
+from eclsim.sensitivity.runs import (
+    Analysis,
+    Evaluator,
+    SampleFolder,
+    SteadyBeatEvaluator,
+    design_resolution,
+    status_message,
+    status_word,
+)
 from eclsim.simulation.target_flow import with_speed
 
 if TYPE_CHECKING:
@@ -124,9 +132,21 @@ def sensitivity(
         plan, model = plan_analysis(case, settings), model_of(case)
         around = replace(model, values={**model.values, **(settings.values or {})})
         warnings = beat_warnings(around, settings.volume_policy, plan.evaluator.outputs)
-        plan = replace(plan, warnings=warnings)
+        central = missing_central_beat(plan.evaluator)
+        plan = replace(plan, warnings=(*central, *warnings))
         place = stack.enter_context(TemporaryDirectory(prefix="eclsim-")) if folder is None else folder
         return run_analysis(plan, Path(place), distribution, until=settings.until, progress=progress)
+
+
+def missing_central_beat(evaluator: Evaluator) -> tuple[str, ...]:
+    """A sentence if the case itself, around which the inputs vary, ends without a result; else none."""
+    status = int(evaluator({}, 1).status[0])
+    if not status:
+        return ()
+    why = "valves of the heart stay shut, so its beat is one of many"
+    if status != Status.ONE_OF_MANY:
+        why = status_message(status)
+    return (f"{NO_CENTRAL_BEAT} ({status_word(status)}: {why})",)
 
 
 def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
@@ -202,7 +222,8 @@ def run_analysis(
     for rows in _stages(design, until):
         blocks = range(rows // design.rows_per_block)
         run_tasks(plan.tasks, store, blocks, executor.run, progress)
-        result = indices_of_runs(replace(design, samples=rows), plan.evaluator.outputs, store.load(blocks))
+        part, runs = replace(design, samples=rows), store.load(blocks)
+        result = indices_of_runs(part, plan.evaluator.outputs, runs, plan.warnings)
         certain = until is not None and result.indices.estimates.ST_conf.max() <= until
         if certain and result.indices.ranked:
             break
@@ -227,7 +248,7 @@ def merge_shards(folder: Path, shards: int | None = None) -> SensitivityResult:
         blocks = range(store.design.blocks)
         tasks = Tasks("sensitivity", "blocks", store.blocks.load, blocks)
         run_tasks(tasks, store, blocks, executor.run)
-        result = indices_of_runs(store.design, store.outputs, store.load(blocks))
+        result = indices_of_runs(store.design, store.outputs, store.load(blocks), store.warnings)
         store.finish(result.runs)
     return replace(result, indices=replace(result.indices, warnings=store.warnings))
 

@@ -173,6 +173,8 @@ class Estimates:
         S2: second order, shape (outputs, factors, factors), filled above the diagonal, NaN elsewhere; None
             for a design without BA points.
         S2_conf: half width of its interval.
+        sum_covariance: covariance over the resamples of the total orders summed over the outputs, shape
+            (factors, factors); None if it was not computed.
     """
 
     S1: np.ndarray
@@ -181,6 +183,31 @@ class Estimates:
     ST_conf: np.ndarray
     S2: np.ndarray | None = None
     S2_conf: np.ndarray | None = None
+    sum_covariance: np.ndarray | None = None
+
+    def sum_conf(self) -> np.ndarray | None:
+        """Half width of the interval of each sum of total orders, shape (factors,).
+
+        The outputs come from the same runs, so their errors do not average out.
+        """
+        if self.sum_covariance is None:
+            return None
+        return interval_width() * np.sqrt(np.diag(self.sum_covariance))
+
+    def order_of_sums_known(self, first: int, second: int) -> bool:
+        """Whether two sums of total orders differ by more than the half width of their difference."""
+        sums, spread = self.ST.sum(axis=0), self.sum_covariance
+        if spread is None:
+            return True
+        variance = spread[first, first] + spread[second, second] - 2.0 * spread[first, second]
+        return bool(abs(sums[first] - sums[second]) > interval_width() * np.sqrt(max(variance, 0.0)))
+
+
+def interval_width() -> float:
+    """Half width of the intervals in standard deviations of the resamples."""
+    from scipy.stats import norm
+
+    return float(norm.ppf(0.5 + CONFIDENCE / 2))
 
 
 def sobol_indices(values: np.ndarray, factors: int, *, seed: int = 1, size: float = 0.0) -> Estimates:
@@ -192,8 +219,6 @@ def sobol_indices(values: np.ndarray, factors: int, *, seed: int = 1, size: floa
         seed: seed of the resampling.
         size: smallest size of an output, in its unit, with which the standard deviation is compared.
     """
-    from scipy.stats import norm
-
     rows, scaled = len(values), _scaled(values, size)
     a, b, ab = scaled[:, 0], scaled[:, -1], scaled[:, 1 : factors + 1]
     chosen = np.random.default_rng(seed).integers(rows, size=(rows, RESAMPLES))
@@ -203,8 +228,11 @@ def sobol_indices(values: np.ndarray, factors: int, *, seed: int = 1, size: floa
     variance = 0.5 * _means(weights, a**2 + b**2) - mean**2  # of A and B together
     first = _over(_means(weights, b[:, None] * (ab - a[:, None])), variance)
     total = _over(_means(weights, 0.5 * (a[:, None] - ab) ** 2), variance)
-    width = float(norm.ppf(0.5 + CONFIDENCE / 2))
-    estimates = Estimates(*_with_width(first, width), *_with_width(total, width))
+    width = interval_width()
+    estimates = Estimates(
+        *_with_width(first, width), *_with_width(total, width),
+        sum_covariance=np.atleast_2d(np.cov(total[1:].sum(axis=-1), rowvar=False)),
+    )  # fmt: skip
     if values.shape[1] < 2 * factors + 2:
         return estimates
     pairs, widths = _with_width(_second_order(scaled, weights, first, variance), width)

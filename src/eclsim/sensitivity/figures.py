@@ -71,6 +71,7 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
     if indices.estimates.S2 is not None and len(indices.factors) > 1:
         figures["pairs"] = lambda: plot_pairs(indices)
     doubts = [] if indices.ranked else [TOO_FEW_ROWS_TEXT.format(indices.rows_used, indices.samples)]
+    doubts += [f"{indices.domain[0].upper()}{indices.domain[1:]}"] if indices.domain else []
     return _save(figures, folder, [*untrusted(indices.warnings), *doubts])
 
 
@@ -190,6 +191,8 @@ def plot_bars(result: Indices) -> Figure:
 def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> Figure:
     """Total orders of each factor stacked over the outputs; those selected for any output are in bold.
 
+    Lines are the 95 % half widths of the sums.
+
     Args:
         result: the indices.
         published: sums to compare with, by factor (the paper's Table 2).
@@ -209,7 +212,12 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
             linewidth=0.4, facecolor=colours[k % len(colours)], hatch=("", "///", "...", "xxx")[k % 4],
         )  # fmt: skip
         bottom += heights
-    _label_sums(axes, names, bottom, published or {})
+    widths = np.array([result.sums_conf.get(name, 0.0) for name in names])
+    if result.sums_conf:
+        axes.errorbar(
+            range(len(order)), bottom, widths, fmt="none", ecolor="black", elinewidth=0.8, capsize=2
+        )
+    _label_sums(axes, names, bottom, widths, published or {})
     labels = list(map(short_name, names))
     axes.set_xticks(range(len(names)), labels, rotation=turned_names(names))
     for label, name in zip(axes.get_xticklabels(), names, strict=True):
@@ -219,8 +227,10 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
     return fig
 
 
-def _label_sums(axes: Axes, names: Sequence[str], sums: np.ndarray, published: Mapping[str, float]) -> None:
-    """Write the sums above the bars and mark the published ones as diamonds."""
+def _label_sums(
+    axes: Axes, names: Sequence[str], sums: np.ndarray, widths: np.ndarray, published: Mapping[str, float]
+) -> None:
+    """Write the sums above the bars and their half widths, and mark the published ones as diamonds."""
     known = [x for x, name in enumerate(names) if name in published]
     marks = [published[names[x]] for x in known]
     if known:
@@ -228,9 +238,9 @@ def _label_sums(axes: Axes, names: Sequence[str], sums: np.ndarray, published: M
         axes.scatter(known, marks, zorder=3, label="paper", **look)
     tops = dict(zip(known, marks, strict=True))
     room = 0.01 * float(sums.max())
-    for x, height in enumerate(sums):
+    for x, (height, width) in enumerate(zip(sums, widths, strict=True)):
         if height >= 0.005:
-            place = max(height, tops[x] + 2.5 * room if x in tops else 0.0) + room
+            place = max(height + width, tops[x] + 2.5 * room if x in tops else 0.0) + room
             axes.text(x, place, f"{height:.2f}", ha="center", va="bottom", fontsize=6)
 
 

@@ -3,21 +3,15 @@
 Convergence: an aligned part of 2^k rows of a scrambled Sobol sequence is itself a design of 2^k rows. A
 design of N rows therefore contains N/n designs of n rows, which are repeats without additional runs (the
 paper's Figure S-1).
-
-Failed runs: one or two inputs describe the region in which most of them lie. A condition is a threshold on
-one input beyond which most failed runs lie, but few others. It is placed where the two distribution functions
-differ most (the Kolmogorov-Smirnov statistic). A second condition is searched for among the runs that meet
-the first. Runs of a row share their values, so rows are counted, not runs. A difference is significant if
-chance exceeds it for any input in less than one of a hundred designs (Dvoretzky, Kiefer and Wolfowitz, with
-Massart's constant: 1990, doi 10.1214/aop/1176990746).
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +23,8 @@ from eclsim.files import csv_text, write_json, write_text
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
-from eclsim.sensitivity.runs import Runs, status_word
+from eclsim.sensitivity.failed_region import FailedRegion, failed_region
+from eclsim.sensitivity.runs import Runs, gas_words, status_word
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,9 +37,9 @@ FEWEST_ROWS = 64
 SMALLEST_SIZE = 1.0
 """Smallest size of an output, in its unit, with which its standard deviation is compared."""
 FIRST_CONVERGENCE_ROWS = 16
-CHANCE_LEVEL = 0.01
-MOST_CONDITIONS = 2
 MOST_PAIRS = 20
+NO_CENTRAL_BEAT = "the case itself has no definite steady beat"
+"""Start of the warning about a case whose beat at the base values is none, or one of many."""
 SMALLEST_PAIR_INDEX = 0.005
 """Smaller second-order indices are rounding of the first orders and not shown."""
 
@@ -120,6 +115,37 @@ class Indices:
         order = np.argsort(-total, kind="stable") if self.ranked else range(len(total))
         return {self.factors[k]: float(total[k]) for k in order}
 
+    @property
+    def sums_conf(self) -> dict[str, float]:
+        """Half widths of the 95 % intervals of the sums; empty if they were not computed."""
+        widths = self.estimates.sum_conf()
+        return {} if widths is None else {n: float(widths[self.factors.index(n)]) for n in self.sums}
+
+    @property
+    def open_orders(self) -> list[tuple[str, str]]:
+        """Neighbours by their sums, the first of them selected, whose order the intervals leave open."""
+        names, chosen, known = list(self.sums), self.union(), self.estimates.order_of_sums_known
+        at = self.factors.index
+        return [(a, b) for a, b in pairwise(names) if a in chosen and not known(at(a), at(b))]
+
+    @property
+    def rows_lost(self) -> int:
+        """Rows with a failed run, which are left out."""
+        return self.samples - self.rows_used
+
+    @property
+    def domain(self) -> str:
+        """What part of the ranges the indices describe, in words; empty if no run failed."""
+        if not self.rows_lost:
+            return ""
+        has = "a steady beat"
+        if any(run.status in gas_words() for run in self.failed):
+            has += " and steady blood gases"
+        lost = f"{self.rows_lost} of {self.samples} rows are lost"
+        region = self.where_failed
+        where = "" if region is None else f", most of them where {region.where}"
+        return f"the indices describe only the part of the ranges where the case has {has}: {lost}{where}"
+
     def ranking(self, output: str) -> list[str]:
         """Factors by total order, largest first; none with too few rows or if the output does not vary."""
         if not self.ranked or output in self.constant:
@@ -154,13 +180,17 @@ class Indices:
         numbers = {n: v for n, v in vars(self.estimates).items() if v is not None}
         dims = ("output", "factor", "other_factor")
         chosen = self.selected()
+        numbers.pop("sum_covariance", None)
         numbers["selected"] = np.array([[f in chosen[o] for f in self.factors] for o in self.outputs])
         data = {name: (dims[: values.ndim], values, {"units": "1"}) for name, values in numbers.items()}
+        for name, sums in (("ST_sum", self.sums), ("ST_sum_conf", self.sums_conf)):
+            if sums:
+                data[name] = (("factor",), np.array([sums[f] for f in self.factors]), {"units": "1"})
         factors = list(self.factors)
         names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
         about = {
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
-            "rows_used": self.rows_used, "impossible": self.impossible,
+            "rows_used": self.rows_used, "impossible": self.impossible, "domain": self.domain,
             "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
         }  # fmt: skip
         used = dims[: 3 if "S2" in numbers else 2]
@@ -185,10 +215,12 @@ class Indices:
         return {
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
             "where_failed": None if self.where_failed is None else self.where_failed.as_object(),
-            "rows_used": self.rows_used, "impossible": self.impossible, "seconds": round(self.seconds, 3),
+            "rows_used": self.rows_used, "rows_lost": self.rows_lost, "domain": self.domain,
+            "impossible": self.impossible, "seconds": round(self.seconds, 3),
             "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
             "outputs": {o: self._output_object(k, second_order) for k, o in enumerate(self.outputs)},
-            "sum_ST": self.sums, "selected": self.selected(), "union": self.union(),
+            "sum_ST": self.sums, "sum_ST_conf": self.sums_conf, "order_not_known": self.open_orders,
+            "selected": self.selected(), "union": self.union(),
         }  # fmt: skip
 
     def _output_object(self, k: int, second_order: bool) -> dict[str, dict[str, Any]]:
@@ -273,21 +305,22 @@ class SensitivityResult:
         return xr.Dataset({**data, "repeats": repeats}, dict(zip(dims, labels, strict=True)))
 
 
-def indices_of_runs(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
+def indices_of_runs(
+    design: Design, outputs: tuple[str, ...], runs: Runs, warnings: Sequence[str] = ()
+) -> SensitivityResult:
     """Indices of the runs of a whole design.
 
     A row with a failed run is left out as a whole, since the estimators compare runs of a row.
+
+    Args:
+        design: design of the runs.
+        outputs: names of the outputs.
+        runs: results of the runs.
+        warnings: warnings about the beat at the base values, to explain why too few rows are left.
     """
     values, good = runs.complete_rows(design)
     if good.sum() < 2:
-        counts = Counter(status_word(int(status)) for status in runs.status[runs.status != 0])
-        reasons = ", ".join(f"{word} {count}" for word, count in counts.most_common())
-        region = failed_region(design, runs.status != 0)
-        where = "" if region is None else f"; {region}"
-        raise ValueError(
-            f"{int((~good).sum())} of {len(good)} rows have a failed run: too few are left for an estimate "
-            f"(failed runs by status: {reasons}){where}; eclsim simulate explains it for one patient"
-        )
+        raise ValueError(_too_few_rows(design, runs, good, warnings))
     estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SMALLEST_SIZE)
     moves = varies(values[good], SMALLEST_SIZE)
     constant = tuple(name for name, moving in zip(outputs, moves, strict=True) if not moving)
@@ -301,6 +334,21 @@ def indices_of_runs(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sen
         where_failed=failed_region(design, runs.status != 0) if failed else None,
     )  # fmt: skip
     return SensitivityResult(design, indices, runs)
+
+
+def _too_few_rows(design: Design, runs: Runs, good: np.ndarray, warnings: Sequence[str]) -> str:
+    """Why nothing can be estimated: the case itself has no beat, or where its runs fail."""
+    counts = Counter(status_word(int(status)) for status in runs.status[runs.status != 0])
+    reasons = ", ".join(f"{word} {count}" for word, count in counts.most_common())
+    lost = (
+        f"{int((~good).sum())} of {len(good)} rows have a failed run: too few are left for an estimate "
+        f"(failed runs by status: {reasons})"
+    )
+    if central := [text for text in warnings if text.startswith(NO_CENTRAL_BEAT)]:
+        return f"{central[0]}; around it, {lost}: change the case (eclsim simulate explains its beat)"
+    region = failed_region(design, runs.status != 0)
+    where = "" if region is None else f"; {region}"
+    return f"{lost}{where}; eclsim simulate explains it for one patient"
 
 
 def _failed_run(design: Design, run: int, status: int) -> FailedRun:
@@ -338,117 +386,6 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
     write_text(csv_text(head, rows, digits=None), folder / "failed.csv")
 
 
-# --- where runs fail --------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Condition:
-    """A range of one input.
-
-    Args:
-        name: name of the input.
-        relation: ">", "<" or "=".
-        limit: threshold, or the choice.
-    """
-
-    name: str
-    relation: str
-    limit: float | str
-
-    def __str__(self) -> str:
-        limit = self.limit if isinstance(self.limit, str) else f"{self.limit:.3g}"
-        return f"{self.name} {self.relation} {limit}"
-
-
-@dataclass(frozen=True)
-class FailedRegion:
-    """Region that holds most of the failed runs.
-
-    Args:
-        conditions: conditions that define the region; the first is the most informative.
-        failed: number of failed runs in the region.
-        of_failed: number of all failed runs.
-        share: share of failed runs among the runs in the region.
-        share_elsewhere: share of failed runs among all others.
-    """
-
-    conditions: tuple[Condition, ...]
-    failed: int
-    of_failed: int
-    share: float
-    share_elsewhere: float
-
-    def __str__(self) -> str:
-        where = " and ".join(map(str, self.conditions))
-        return (
-            f"runs fail mostly where {where}: {self.failed} of the {self.of_failed} failed ones are there "
-            f"({100.0 * self.share:.2g} % of the runs there, {100.0 * self.share_elsewhere:.2g} % elsewhere)"
-        )
-
-    def as_object(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {**vars(self), "conditions": [vars(condition) for condition in self.conditions]}
-
-
-def failed_region(design: Design, failed: np.ndarray) -> FailedRegion | None:
-    """Find the region that holds most of the failed runs; None if no input separates them.
-
-    Args:
-        design: design of the runs.
-        failed: whether each run failed, shape (runs,).
-    """
-    unit = design.unit(0, len(failed) // design.runs_per_row)
-    columns = {chosen.name: chosen.table_column(unit[:, k]) for k, chosen in enumerate(design.inputs)}
-    rows = np.arange(len(failed)) // design.runs_per_row
-    in_region, conditions = np.ones(len(failed), dtype=bool), []
-    for _ in range(MOST_CONDITIONS):
-        best, best_condition, within = _least_by_chance(rows[in_region & failed], columns), None, in_region
-        for name, values in columns.items():
-            for condition, beyond in _conditions(name, values, in_region, failed):
-                difference = float(beyond[in_region & failed].mean() - beyond[in_region & ~failed].mean())
-                if difference > best:
-                    best, best_condition, within = difference, condition, in_region & beyond
-        if best_condition is None:
-            break
-        conditions.append(best_condition)
-        in_region = within
-        del columns[best_condition.name]
-        if failed[in_region].all():
-            break
-    if not conditions:
-        return None
-    return FailedRegion(
-        tuple(conditions), int(failed[in_region].sum()), int(failed.sum()), float(failed[in_region].mean()),
-        float(failed[~in_region].mean()),
-    )  # fmt: skip
-
-
-def _least_by_chance(failed_rows: np.ndarray, columns: dict[str, np.ndarray]) -> float:
-    """Difference that chance does not exceed for any input and side, at `CHANCE_LEVEL`."""
-    rows, sides = len(np.unique(failed_rows)), 2 * len(columns)
-    return float(np.sqrt(np.log(max(sides, 1) / CHANCE_LEVEL) / (2.0 * rows))) if rows else np.inf
-
-
-def _conditions(
-    name: str, values: np.ndarray, in_region: np.ndarray, failed: np.ndarray
-) -> Iterator[tuple[Condition, np.ndarray]]:
-    """Conditions on an input (each choice, or the best threshold on each side) and the runs meeting them."""
-    bad, good = values[in_region & failed], values[in_region & ~failed]
-    if not len(bad) or not len(good):
-        return
-    if values.dtype == object or values.dtype.kind in "US":
-        for choice in np.unique(bad.astype(str)):
-            yield Condition(name, "=", str(choice)), values == choice
-        return
-    bad, good = np.sort(bad), np.sort(good)
-    above = 1.0 - np.arange(len(bad)) / len(bad) - (1.0 - np.searchsorted(good, bad) / len(good))
-    least = bad[int(np.argmax(above))]
-    yield Condition(name, ">", float(least)), values >= least
-    below = np.arange(1, len(bad) + 1) / len(bad) - np.searchsorted(good, bad, side="right") / len(good)
-    most = bad[int(np.argmax(below))]
-    yield Condition(name, "<", float(most)), values <= most
-
-
 # --- terminal text ----------------------------------------------------------------------------------
 
 
@@ -461,23 +398,36 @@ def indices_text(indices: Indices, state: str = "") -> str:
     rows = []
     for name, total in indices.sums.items():
         j = indices.factors.index(name)
+        width = f"±{indices.sums_conf[name]:.2f}" if indices.sums_conf else ""
         cells = [
             "-" if o in indices.constant
             else f"{e.ST[k, j]:.3f}±{e.ST_conf[k, j]:.3f}{'*' if name in selected[o] else ' '}"
             for k, o in enumerate(indices.outputs)
         ]  # fmt: skip
-        rows.append((name, *cells, f"{total:.2f}"))
+        rows.append((name, *cells, f"{total:.2f}{width}"))
     head = ("factor", *indices.outputs, "sum")
     took = f" in {indices.seconds:.0f} s" if indices.seconds else ""  # not known after a merge of shards
     lines = [
         f"{title} ({used}{indices.samples} rows, {indices.evaluations} runs{took})",
         text_table(head, rows, numeric=range(1, len(head))),
     ]
+    if indices.domain:
+        lines.append(f"{indices.domain[0].upper()}{indices.domain[1:]}")
     if indices.ranked:
         lines.insert(1, "* the largest, which together make up 90 % of the total orders of that output, and")
         lines.insert(2, "  whose 95 % half width is below their own index")
+        lines += _open_orders_text(indices)
         lines.append(f"marked * for at least one output: {', '.join(indices.union())}")
     return "\n".join(lines)
+
+
+def _open_orders_text(indices: Indices) -> list[str]:
+    """A line that names the neighbours whose order the intervals of their sums leave open."""
+    if not (pairs := indices.open_orders):
+        return []
+    named = "; ".join(f"{a} and {b}" for a, b in pairs)
+    which = "sums differ" if len(pairs) == 1 else "sums, two by two, differ"
+    return [f"order not known: {named} (their {which} by less than the 95 % half width of the difference)"]
 
 
 def pairs_text(indices: Indices) -> str:
@@ -512,7 +462,8 @@ def _doubts(indices: Indices) -> Iterator[str]:
     if indices.failed:
         kinds = ", ".join(sorted({f.status for f in indices.failed}))
         failed = f"{len(indices.failed)} of {indices.evaluations} runs failed ({kinds})"
-        yield f"{failed}; {indices.samples - indices.rows_used} rows are left out"
+        yield f"{failed}; {indices.rows_lost} rows are left out"
+        yield indices.domain
         yield str(indices.where_failed or "no input sets the failed runs apart from the others")
     if indices.impossible:
         share = 100.0 * indices.impossible / (indices.rows_used * indices.evaluations / indices.samples)

@@ -149,6 +149,21 @@ def status_word(status: int) -> str:
     return Status(status).word
 
 
+def status_message(status: int) -> str:
+    """Explanation of the way in which a run ended."""
+    from eclsim.orbit.status import Status
+
+    kind = GasStatus(status - WITHOUT_GASES) if status >= WITHOUT_GASES else Status(status)
+    return kind.message
+
+
+def gas_words() -> set[str]:
+    """Names of ways to end that only runs with a steady beat and without steady gases have."""
+    from eclsim.orbit.status import Status
+
+    return {status.word for status in GasStatus} - {status.word for status in Status}
+
+
 @dataclass(frozen=True)
 class Analysis:
     """An analysis to be run.
