@@ -1,4 +1,4 @@
-"""Terminal text and HTML pages of fits, posteriors and followed patients, from their JSON data."""
+"""Terminal text and HTML pages of fits and posteriors, from their JSON data."""
 
 from __future__ import annotations
 
@@ -54,22 +54,14 @@ COHORT = {
     "scatter": "Simulated against measured values of all data points, poor fits included.",
     "boxes": "Distributions of measured and simulated values.",
 }
-TRACKED = {
-    "outputs": (
-        "Outputs. Pale bars: where 90 % of measurements were expected beforehand. Diamonds: measured. Dark "
-        "bars: the model afterwards, median and 90 %."
-    ),
-    "parameters": "Parameters after each measurement, median and 90 %.",
-}
-"""Figures of a followed patient, in order, with their captions."""
 
 
-def _figures(value: float | None, digits: int = 4) -> str:
+def figures(value: float | None, digits: int = 4) -> str:
     """A number as text with significant digits; "-" for none."""
     return "-" if value is None else significant(value, digits)
 
 
-def _names(points: Sequence[Data], key: str) -> list[str]:
+def names_in(points: Sequence[Data], key: str) -> list[str]:
     """Names of the parameters or outputs of several points, without repetition."""
     return list(dict.fromkeys(name for point in points for name in point[key]))
 
@@ -107,12 +99,12 @@ def _about_r2(value: float) -> str:
 def _one_fit(point: Data) -> str:
     off = differences_of(point)
     outputs = [
-        (n, _figures(c["measured"]), _figures(c["simulated"]), signed(off[n]) if n in off else "-")
+        (n, figures(c["measured"]), figures(c["simulated"]), signed(off[n]) if n in off else "-")
         for n, c in point["outputs"].items()
     ]
     rows = [
         (
-            n, *map(_figures, (p["value"], *_wider(p))), unit_of_parameter(n),
+            n, *map(figures, (p["value"], *_wider(p))), unit_of_parameter(n),
             "yes" if p["identifiable"] else "no: " + p["reason"],
         )
         for n, p in point["parameters"].items()
@@ -125,7 +117,7 @@ def _one_fit(point: Data) -> str:
         *(f"  {_SIGNS[r['level']]} {r['sentence']}" for r in point["verdict"]["reasons"]),
         "",
         f"Search: {point['message']} ({share}, {point['seconds']:.1f} s)",
-        f"Sum of squared residuals: {_figures(point['cost'])}",
+        f"Sum of squared residuals: {figures(point['cost'])}",
         text_table(("output", "measured", "fitted", "standard uncertainties off"), outputs, (1, 2, 3)),
         "",
         text_table(head, rows, numeric=(1, 2, 3)),
@@ -142,11 +134,11 @@ def _wider(parameter: Data) -> tuple[float | None, float | None]:
 
 
 def _several_fits(points: Sequence[Data]) -> str:
-    names, rows, lines = _names(points, "parameters"), [], []
+    names, rows, lines = names_in(points, "parameters"), [], []
     for p in points:
         level, cells = p["verdict"]["level"], (p["parameters"][n] for n in names)
-        values = (_figures(cell["value"]) + ("*" if cell["at_bound"] else "") for cell in cells)
-        rows.append((p["id"], level, _figures(p["cost"]), *values, str(p["starts_agreeing"]), p["status"]))
+        values = (figures(cell["value"]) + ("*" if cell["at_bound"] else "") for cell in cells)
+        rows.append((p["id"], level, figures(p["cost"]), *values, str(p["starts_agreeing"]), p["status"]))
         if level != Level.GOOD:
             lines.append(f"{p['id']}: {level}: {p['verdict']['reasons'][0]['sentence']}")
     head = ("id", "verdict", "cost", *names, "agree", "status")
@@ -193,7 +185,7 @@ def posterior_text(content: Data) -> str:
     ]
     chains = content["method"] == "nuts"
     shown = ("median", "lower", "upper", *(("r_hat", "effective_bulk", "effective_tail") if chains else ()))
-    rows = [(n, *(_figures(p[q]) for q in shown)) for n, p in content["parameters"].items()]
+    rows = [(n, *(figures(p[q]) for q in shown)) for n, p in content["parameters"].items()]
     more = ("R-hat", "effective draws", "in the tails") if chains else ()
     head = ("parameter", "median", "5 %", "95 %", *more)
     lines.append(text_table(head, rows, range(1, len(head))))
@@ -224,7 +216,7 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
     verdict = content["verdict"] or ("NOT TO BE TRUSTED" if prediction["doubts"] else "")
     yield from _doubted(verdict, prediction["doubts"])
     quantiles = ("median", "lower", "upper")
-    rows = [(n, *(_figures(p[q]) for q in quantiles)) for n, p in prediction["outputs"].items()]
+    rows = [(n, *(figures(p[q]) for q in quantiles)) for n, p in prediction["outputs"].items()]
     yield text_table(("output", "median", "5 %", "95 %"), rows, range(1, 4))
     if without := prediction["draws_without_steady_beat"]:
         yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
@@ -239,40 +231,6 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
 
 def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
     return [f"{verdict}:", *(f"  {doubt}" for doubt in doubts)] if doubts else []
-
-
-# --- terminal text of followed patients ---------------------------------------------------------------
-
-
-def series_text(series: Data) -> str:
-    """Text of medians after each measurement, remarks, and the current parameters."""
-    points = series["points"]
-    names = _names(points, "parameters")
-    rows = [
-        (
-            p["id"], *(_figures(p["parameters"].get(n, {}).get("median"), 3) for n in names),
-            _figures(p["probability"], 3),
-        )
-        for p in points
-    ]  # fmt: skip
-    head = ("id", *names, "p")
-    lines = [
-        f"{series['id']}: medians after each measurement, and the probability p of deviations this large"
-    ]
-    lines.append(text_table(head, rows, numeric=range(1, len(head))))
-    lines += [f"  !  {p['id']}: {p['message']}" for p in points if p["message"]]
-    lines += [
-        f"  !  the patient after {points[-1]['id']}: {warning}" for warning in points[-1].get("warnings", ())
-    ]
-    if not names:
-        return "\n".join(lines)
-    known = [p for p in points if p["parameters"]][-1]
-    now = [
-        (n, *(_figures(i[q], 3) for q in ("median", "lower", "upper")), unit_of_parameter(n))
-        for n, i in known["parameters"].items()
-    ]
-    head = (f"after {known['id']}", "median", "5 %", "95 %", "unit")
-    return "\n".join([*lines, "", text_table(head, now, numeric=range(1, 4))]) + "\n"
 
 
 # --- the page of a fit --------------------------------------------------------------------------------
@@ -443,7 +401,7 @@ def cohort_page(content: Data, drawings: Mapping[str, str]) -> str:
     for point in points:
         level, reasons = point["verdict"]["level"], point["verdict"]["reasons"]
         rows.append((point["id"], level, "" if level == Level.GOOD else reasons[0]["sentence"]))
-    names = _names(points, "parameters")
+    names = names_in(points, "parameters")
     head = ["data point", *map(axis_label, names)]
     return render(
         "identification/cohort.html",
@@ -478,107 +436,3 @@ def _cell(parameter: Data | None) -> str:
     if not parameter["identifiable"]:
         return f"({value})"
     return f"{value}, {interval(parameter['lower'], parameter['upper'])}"
-
-
-# --- the page of followed patients --------------------------------------------------------------------
-
-
-def track_page(content: Data, drawings: Mapping[tuple[str, str], str]) -> str:
-    """Return the page of followed patients: current state, unusual measurements, course, assumptions.
-
-    Args:
-        content: data as in track.json.
-        drawings: figures as SVG text, by id of the patient and key of `TRACKED`.
-    """
-    ids = [series["id"] for series in content["series"]]
-    return render(
-        "identification/track.html",
-        title=f"Following {ids[0]}" if len(ids) == 1 else f"Following {len(ids)} patients",
-        refused=content["refused"],
-        patients=[_patient(series) for series in content["series"]],
-        rates=", ".join(f"{drift:g}" for drift in content["settings"]["drifts"]),
-        drawings=drawings,
-        captions=TRACKED,
-    )
-
-
-def _patient(series: Data) -> dict[str, object]:
-    points = series["points"]
-    state = _state(points)
-    course = [
-        (p["id"], number(p["hours_since_last"]), number(p["probability"]),
-         p["message"] or ("fits" if p["probability"] is not None else "first estimate"))
-        for p in points
-    ]  # fmt: skip
-    head = ("Measurement", "Hours since the last", "Probability", "Remark")
-    return {
-        "id": series["id"],
-        "last": points[-1]["id"],
-        "state": state,
-        "doubtful": len(state) > 1 or points[-1]["failed"],
-        "warnings": points[-1].get("warnings", ()),
-        "outputs": _tracked_outputs(points[-1]),
-        "parameters": _tracked_parameters(points),
-        "course": Table(head, course, numeric=(0, 1, 2)),
-        "assumed_hours": series["assumed_interval_hours"] if len(points) > 1 else None,
-        "notes": series.get("notes", ()),
-    }
-
-
-def _state(points: Sequence[Data]) -> list[str]:
-    """State whether the last measurement fits, and earlier remarks."""
-    last = points[-1]
-    message = last["message"]
-    for doubt in last.get("doubts", ()):
-        message = message.replace(doubt, "")
-    if last["failed"]:
-        first = f"{last['id']} could not be used: the estimate is that of the previous measurement"
-    elif last["probability"] is None:
-        first = f"{last['id']} is the only measurement: there is nothing to compare it with yet"
-    elif last["unusual"]:
-        first = f"{last['id']} does not fit the patient so far"
-    elif message.strip("; "):
-        first = f"{last['id']} fits the patient so far as a whole, but not in every output"
-    else:
-        first = f"{last['id']} fits the patient so far (probability {last['probability']:.2g})"
-    return [first, *(f"{p['id']}: {p['message']}" for p in points if p["message"])]
-
-
-def _tracked_outputs(point: Data) -> Table:
-    rows = []
-    for name in dict.fromkeys([*point["outputs"], *point["measurements"]]):
-        measurement = point["measurements"].get(name, {})
-        off = measurement.get("deviation")
-        remark = "unusual" if measurement.get("unusual") else ""
-        remark = remark if measurement.get("used", True) else "not used"
-        if name in point.get("doubtful", ()):
-            remark = "doubtful: see above"
-        rows.append(
-            (f"{name} [{unit_of(name)}]", number(measurement.get("measured")),
-             _range(point["expected"].get(name)), MISSING if off is None else f"{off:+.1f}",
-             _median(point["outputs"].get(name)), remark)
-        )  # fmt: skip
-    head = ("Output", "Measured", "Expected", "Deviation [SD]", "Model afterwards", "Remark")
-    return Table(head, rows, numeric=(1, 2, 3, 4))
-
-
-def _tracked_parameters(points: Sequence[Data]) -> Table | None:
-    known = [p for p in points if p["parameters"]]
-    if not known:
-        return None
-    first, last = known[0], known[-1]
-    rows = []
-    for name, now in last["parameters"].items():
-        before, after = first["parameters"][name]["median"], now["median"]
-        ratio = f"{after / before:.2f}" if min(before, after) > 0.0 else MISSING
-        rows.append((name, unit_of_parameter(name), _median(first["parameters"][name]), _median(now), ratio))
-    head = ("Parameter", "Unit", f"After {first['id']}", f"After {last['id']}", "Ratio of medians")
-    return Table(head, rows, numeric=(2, 3, 4))
-
-
-def _median(limits: Mapping[str, float] | None) -> str:
-    return MISSING if limits is None else f"{limits['median']:.3g} ({_range(limits)})"
-
-
-def _range(limits: Mapping[str, float] | None) -> str:
-    return MISSING if limits is None else interval(limits["lower"], limits["upper"])
