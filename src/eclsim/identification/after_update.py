@@ -16,8 +16,8 @@ from eclsim.identification.quantities import measurement_errors, unit_of
 from eclsim.reporting.numbers import significant
 from eclsim.sensitivity.inputs import Uncertainty
 
-FARTHEST = 1.96
-"""Standard deviations that a measurement may lie from the estimate: 95 % of a normal distribution."""
+FARTHEST = 2.576
+"""Standard deviations that a measurement may lie from the estimate: 99 % of a normal distribution."""
 MOVED = 2.0
 """A measurement has moved if it differs from the last by more standard uncertainties of the difference,"""
 MOVED_FROM_FORECAST = 1.0
@@ -36,7 +36,7 @@ _FAST = "the patient has changed faster than the drift of the parameters allows,
 
 
 class Miss(NamedTuple):
-    """A measurement outside the 95 % interval of measurements that the updated estimate would give."""
+    """A measurement outside the 99 % interval of measurements that the updated estimate would give."""
 
     name: str
     measured: float

@@ -26,7 +26,7 @@ from eclsim.outputs.signals import output_names, parameters_read, watched_wavefo
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.reporting.numbers import significant
 
-DRAWN = 128
+DRAWN = 64
 """Draws with which limits are compared."""
 LIKELY, POSSIBLE = 0.5, 0.25
 """Probabilities from which on a broken limit is reported: any limit, and an alarm."""

@@ -188,7 +188,7 @@ def _tracked_parameters(points: Sequence[Data]) -> Table | None:
 
 
 def _median(limits: Mapping[str, float] | None) -> str:
-    return MISSING if limits is None else f"{limits['median']:.3g} ({_range(limits)})"
+    return MISSING if limits is None else f"{number(limits['median'], digits=3)} ({_range(limits)})"
 
 
 def _range(limits: Mapping[str, float] | None) -> str:
