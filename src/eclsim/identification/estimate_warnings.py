@@ -50,7 +50,7 @@ class _Drawn:
         known = self._estimate(name)
         if known is not None:
             return known
-        return Interval(*np.quantile(self.beat.output(name)[list(self.members)], SHARES).tolist())
+        return Interval(*np.quantile(self._of_draws(name), SHARES).tolist())
 
     def probability(self, limit: Limit) -> float:
         """Probability that an output is beyond a limit; it agrees with the interval."""
@@ -58,8 +58,13 @@ class _Drawn:
         if known is not None and known.upper > known.lower:
             beyond = (known.median - limit.value) * SPREADS_OF_90 / (known.upper - known.lower)
             return float(ndtr(beyond if limit.side == "above" else -beyond))
-        values = self.beat.output(limit.quantity)[list(self.members)].tolist()
-        return float(np.mean([limit.broken_by(value) for value in values]))
+        values = self._of_draws(limit.quantity).tolist()
+        return float(np.mean([limit.broken_by(value) for value in values])) if values else 0.0
+
+    def _of_draws(self, name: str) -> np.ndarray:
+        """Values of the draws that have one: without a steady gas state there is none of gases."""
+        values = self.beat.output(name)[list(self.members)]
+        return values[np.isfinite(values)]
 
     def _estimate(self, name: str) -> Interval | None:
         return next((i for n, i in self.outputs.items() if first_name(n) == first_name(name)), None)
