@@ -1,5 +1,6 @@
 """Warnings about a followed patient agree with the estimate that stands beside them."""
 
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -57,3 +58,11 @@ def test_limits_are_compared_with_the_draws():
     alarm, warning = mixed
     assert "may be below 55 mmHg (probability 44 %)" in alarm
     assert "is below 65 mmHg (probability above 99 %)" in warning
+
+
+def test_an_interval_that_alone_reaches_beyond_a_limit_gives_no_warning():
+    """An alarm of a saturation of 74.5 (52.8 to 96.3) %, to first order, where no draw had less than 80 %."""
+    beat = cast("Any", SimpleNamespace(output=lambda name: np.full(8, 10.0)))
+    wide = Interval(5.0, 16.0, 27.0)
+    assert _Drawn(beat, tuple(range(8)), 0, {"CVP": wide}, {}).probability(CONGESTION) == 0.0
+    assert _Drawn(NO_BEAT, (), 0, {"CVP": wide}, {}).probability(CONGESTION) > 0.7

@@ -53,13 +53,18 @@ class _Drawn:
         return Interval(*np.quantile(self._of_draws(name), SHARES).tolist())
 
     def probability(self, limit: Limit) -> float:
-        """Probability that an output is beyond a limit; it agrees with the interval."""
+        """Probability that an output is beyond a limit: the smaller of the draws' and the interval's.
+
+        The interval is of first order, and where the model bends it may reach beyond a limit alone.
+        """
+        values = self._of_draws(limit.quantity).tolist() if self.members else []
+        by_draws = float(np.mean([limit.broken_by(value) for value in values])) if values else None
         known = self._estimate(limit.quantity)
-        if known is not None and known.upper > known.lower:
-            beyond = (known.median - limit.value) * SPREADS_OF_90 / (known.upper - known.lower)
-            return float(ndtr(beyond if limit.side == "above" else -beyond))
-        values = self._of_draws(limit.quantity).tolist()
-        return float(np.mean([limit.broken_by(value) for value in values])) if values else 0.0
+        if known is None or not known.upper > known.lower:
+            return by_draws or 0.0
+        beyond = (known.median - limit.value) * SPREADS_OF_90 / (known.upper - known.lower)
+        by_interval = float(ndtr(beyond if limit.side == "above" else -beyond))
+        return by_interval if by_draws is None else min(by_draws, by_interval)
 
     def _of_draws(self, name: str) -> np.ndarray:
         """Values of the draws that have one: without a steady gas state there is none of gases."""
