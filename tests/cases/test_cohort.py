@@ -367,8 +367,8 @@ def test_a_date_that_does_not_exist_and_a_time_in_two_spellings_are_refused(writ
     reading = read_cohort(write(HEAD, *rows, row(4)))
     assert [(m.line, m.message) for m in reading.refused] == [
         (2, "no such date or time"),
-        (3, "the same patient and measurement as in line 4"),
-        (4, "the same patient and measurement as in line 3"),
+        (3, "the same patient and measurement as in line 4: keep one of lines 3 and 4"),
+        (4, "the same patient and measurement as in line 3: keep one of lines 3 and 4"),
     ]
 
 

@@ -8,7 +8,6 @@ import xarray as xr
 from eclsim.cases.reading import read_mapping
 from eclsim.identification.figures import plot_outputs
 from eclsim.identification.files import write_tracks
-from eclsim.identification.report import track_page
 from eclsim.identification.series import (
     copied_measurements,
     falling_clotting,
@@ -16,6 +15,7 @@ from eclsim.identification.series import (
     series_parameters,
 )
 from eclsim.identification.settings import FitSettings
+from eclsim.identification.track_report import track_page
 from eclsim.identification.tracking import (
     Innovation,
     Interval,

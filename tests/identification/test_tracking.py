@@ -8,6 +8,7 @@ import pytest
 
 from eclsim.cases import write_case
 from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.devices.ecmo import Ecmo
 from eclsim.identification import tracking as track_module
 from eclsim.identification.filtering import GaussianMixture, InnovationTest
 from eclsim.identification.quantities import measurement_errors
@@ -357,3 +358,47 @@ def test_an_output_that_misses_a_second_time_in_the_same_direction_is_used(misse
     assert result.unusual.tolist() == [True] + [False] * 3
     assert result.left_out.tolist() == [not used] + [False] * 3
     assert ("used now" if used else "not used") in result.message("abcd")
+
+
+@pytest.mark.slow
+def test_a_flow_that_nothing_free_explains_is_doubted_until_it_is_measured_again():
+    """It was "used", and the flow afterwards was another, with an interval of 1 %."""
+    patient = Patient(id="E", sex="male", age_years=62, height_cm=176, weight_kg=84, heart_rate_bpm=100)
+    ecmo = Ecmo(pump="Rotaflow", speed_rpm=3300, oxygenator="Quadrox-i Adult", drainage_fr=25, return_fr=17,
+                mode="VA")  # fmt: skip
+    case = Case(patient=patient, ecmo=ecmo)
+    beat = simulate(model_of(case))
+    known = {name: float(beat[name]) for name in ("SP", "MAP", "CVP", "PF")}
+    less = [{**known, "PF": known["PF"] - by} for by in (0.9, 1.0)]
+    tracker = Tracker(TrackSettings(FitSettings(("fluid.extra_volume_ml", "Rmc", "Emaxlv"))))
+    points = [
+        tracker.update(str(k), case.model_copy(update={"measurements": Measurements(**each)}), 1.0)
+        for k, each in enumerate((known, *less, {"MAP": known["MAP"]}, known))
+    ]
+    _, fell, again, missing, _ = points
+    assert (fell.innovations["PF"].used, again.innovations["PF"].used) == (False, True)
+    assert not any(p.innovations["PF"].met for p in (fell, again))
+    assert fell.message.startswith(
+        "PF does not fit the forecast and the other measurements: not used; check it"
+    )
+    assert "was used but cannot be met by the free parameters" in again.message
+    assert "PF" in fell.doubtful
+    assert "PF" in again.doubtful
+    assert missing.doubts[0].startswith("PF: ")
+    assert "the last measured, was not met" in missing.doubts[0]
+    assert missing.message == ""
+    assert points[-1].doubts == ()
+    for point in points:
+        for warning in (w for w in point.warnings if w.startswith("mean right atrial pressure")):
+            assert f"pressure {point.outputs['CVP'].median:.3g} mmHg" in warning
+
+
+def test_a_value_that_falls_with_others_is_a_sudden_change_in_the_message():
+    tracker = Tracker(SETTINGS)
+    tracker._course.learn({"MAP": 70.0, "CVP": 12.0, "PF": 3.9})
+    one, three = np.array([False, False, True]), np.array([-2.4, 1.6, -4.4])
+    test = InnovationTest(three, one, one, ~one & one, 30.0, 1e-6)
+    names, fallen = ("MAP", "CVP", "PF"), {"MAP": 58.0, "CVP": 19.0, "PF": 3.1}
+    assert "sudden change of the patient" in tracker._message(test, names, fallen)
+    alone = {"MAP": 70.0, "CVP": 12.0, "PF": 3.1}
+    assert "not used; check it" in tracker._message(test, names, alone)

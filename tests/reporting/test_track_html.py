@@ -3,19 +3,23 @@
 import pytest
 
 from eclsim.identification.figures import TimeAxis
-from eclsim.identification.report import track_page
+from eclsim.identification.track_report import series_text, track_page
 
 RANGE = {"lower": 70.0, "median": 80.0, "upper": 90.0}
+HELD = {"measured": 82.0, "deviation": 0.4, "unusual": False, "used": True, "met": True}
 
 
 def point(name, **more):
-    held = {"measured": 82.0, "deviation": 0.4, "unusual": False, "used": True}
     return {
         "id": name, "hours_since_last": 12.0, "probability": 0.4, "message": "", "failed": False,
         "unusual": False,
-        "measurements": {"MAP": held}, "expected": {"MAP": RANGE}, "outputs": {"MAP": RANGE},
+        "measurements": {"MAP": HELD}, "expected": {"MAP": RANGE}, "outputs": {"MAP": RANGE},
         "parameters": {"Rmc": {"lower": 0.5, "median": 0.8, "upper": 1.1}}, **more,
     }  # fmt: skip
+
+
+def misfit(**marks):
+    return {"MAP": HELD, "CO": {"measured": 9.0, "deviation": 3.4, "unusual": False, "used": True, **marks}}
 
 
 def content(*points, patient="P01", assumed=None):
@@ -32,7 +36,12 @@ FIRST = point("1", probability=None, hours_since_last=None, expected={})
     [
         (point("2"), "2 fits the patient so far (probability 0.4)"),
         (point("2", message="CO does not fit", unusual=True), "2 does not fit the patient so far"),
-        (point("2", message="CO is far from the forecast"), "2 fits the patient so far as a whole"),
+        (point("2", message="CO is far from the forecast", measurements=misfit(unusual=True)),
+         "2 fits the patient so far as a whole, but not in CO"),
+        (point("2", message="CO: 9 was used", measurements=misfit(met=False)),
+         "2 fits the patient so far as a whole, but not in CO"),
+        (point("2", message="all 7 measurements are the same as in 1: if copied forward"),
+         "2 fits the patient so far (probability"),
         (point("2", message="CO is held", doubts=["CO is held"]), "2 fits the patient so far (probability"),
         (point("2", failed=True, probability=None, message="no steady heartbeat", outputs={}, expected={}),
          "2 could not be used"),
@@ -43,6 +52,20 @@ def test_the_box_says_whether_the_last_measurement_fits(last, message):
     assert message in page
     assert last["message"] in page
     assert ('class="box warn"' in page) == bool(last["message"])
+
+
+def test_the_terminal_shows_the_outputs_beside_what_was_measured():
+    """It had warnings on them alone."""
+    now = point("2", doubtful=["MAP"], warnings=["mean arterial pressure 80 mmHg"])
+    lines = [" ".join(line.split()) for line in series_text(content(FIRST, now)["series"][0]).splitlines()]
+    assert "after 2 measured estimate 5 % 95 % unit" in lines
+    assert "MAP 82 80 70 90 mmHg doubtful" in lines
+
+
+def test_an_output_that_is_not_met_is_marked_in_the_table():
+    page = track_page(content(FIRST, point("2", measurements=misfit(met=False), doubtful=["MAP"])), {})
+    assert "<td>not met</td>" in page.replace(' class="text"', "")
+    assert "doubtful: see above" in page
 
 
 def test_doubts_of_the_first_estimate_stay_in_sight():

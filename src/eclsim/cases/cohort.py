@@ -223,7 +223,8 @@ def _repeats(rows: Rows, remarks: Remarks) -> set[int]:
     repeated = {line: same for same in lines.values() if len(same) > 1 for line in same}
     for line, same in repeated.items():
         others = ", ".join(str(k) for k in same if k != line)
-        message = f"the same patient and measurement as in line {others}"
+        every = " and ".join(filter(None, (", ".join(map(str, same[:-1])), str(same[-1]))))
+        message = f"the same patient and measurement as in line {others}: keep one of lines {every}"
         remarks.error("measurement", message, shown(rows[line]["measurement"]), line=line)
     return set(repeated)
 

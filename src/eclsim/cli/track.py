@@ -85,7 +85,7 @@ def track(options: TrackOptions) -> None:
     _note_assumed_times(series, timed, left_out, options.interval)
 
     from eclsim.identification.files import write_tracks
-    from eclsim.identification.report import series_text
+    from eclsim.identification.track_report import series_text
     from eclsim.identification.tracks import PRELOAD, PatientSeries, follow_patients
 
     folder = Path(options.out)

@@ -520,6 +520,7 @@ def plot_outputs(series: Series) -> Figure:
         expected, outputs = (_values_of_points(series, key, name) for key in ("expected", "outputs"))
         _band(ax, time, expected, "sky blue", "90 % of measurements expected")
         _band(ax, time, outputs, "blue", "model afterwards, 90 %")
+        _doubted(ax, time, outputs, [name in p.get("doubtful", ()) for p in series["points"]])
         _measured(ax, time, _values_of_points(series, "measurements", name))
         ax.yaxis.set_major_locator(MaxNLocator(4))
         doubtful = any(name in p.get("doubtful", ()) for p in series["points"])
@@ -563,6 +564,17 @@ def _band(
     ax.vlines(time.at, low, high, color=OKABE_ITO[colour], linewidth=width, alpha=alpha, label=label)
     if not single:
         ax.plot(time.at, middle, "-o", color=OKABE_ITO[colour], linewidth=0.8, markersize=3)
+
+
+def _doubted(
+    ax: Axes, time: TimeAxis, outputs: Sequence[Mapping[str, float] | None], doubtful: Sequence[bool]
+) -> None:
+    """Draw medians in doubt as open circles."""
+    chosen = {k: i["median"] for k, i in enumerate(outputs) if i is not None and doubtful[k]}
+    if chosen:
+        ax.plot(time.at[list(chosen)], list(chosen.values()), "o", color=OKABE_ITO["vermillion"],
+                markerfacecolor="white", markersize=4.5, linestyle="", zorder=5,
+                label="model afterwards, doubtful")  # fmt: skip
 
 
 def _measured(ax: Axes, time: TimeAxis, measurements: Sequence[Mapping[str, Any] | None]) -> None:

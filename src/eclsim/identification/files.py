@@ -14,7 +14,8 @@ from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.draws import write_samples
 from eclsim.identification.objective import RISE_90
 from eclsim.identification.quantities import unit_of, unit_of_parameter
-from eclsim.identification.report import REPORT, differences_of, track_page, wider_interval
+from eclsim.identification.report import REPORT, differences_of, wider_interval
+from eclsim.identification.track_report import track_page
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE, Level, headline
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
 
 
 _TRACKED_HEAD = (
-    "patient", "id", "output", "measured", "deviation", "unusual", "used",
+    "patient", "id", "output", "measured", "deviation", "unusual", "used", "met",
     *(f"forecast_{q}" for q in _QUANTILES), *(f"expected_{q}" for q in _QUANTILES), *_QUANTILES,
     DOUBTS,
 )  # fmt: skip
@@ -192,7 +193,7 @@ def _tracked_rows(each: Iterable[tuple[str, Mapping[str, Any]]]) -> Iterable[Seq
             measurement = point["measurements"].get(name, {})
             kinds = (point["forecast"], point["expected"], point["outputs"])
             quantiles = [kind.get(name, {}).get(q) for kind in kinds for q in _QUANTILES]
-            columns = [measurement.get(k) for k in ("measured", "deviation", "unusual", "used")]
+            columns = [measurement.get(k) for k in ("measured", "deviation", "unusual", "used", "met")]
             doubts = _doubts_of_point(point, name)
             yield (patient, point["id"], name, *columns, *quantiles, doubts)
 

@@ -356,12 +356,22 @@ class InnovationTest:
                 left_out[k] = not persistent[k]
         return cls(deviations, unusual, left_out, persistent, square, probability)
 
-    def message(self, names: Sequence[str]) -> str:
-        """State which outputs do not fit and whether they were used; empty if all fit."""
+    def message(self, names: Sequence[str], changes: str = "") -> str:
+        """State which outputs do not fit and whether they were used; empty if all fit.
+
+        Args:
+            names: names of the outputs.
+            changes: how others moved with an output that does not fit; empty if they did not.
+        """
         left_out, persistent, unusual = (
             ", ".join(itertools.compress(names, chosen))
             for chosen in (self.left_out, self.persistent, self.unusual)
         )
+        if left_out and changes:
+            return (
+                f"{changes}: a sudden change of the patient is likelier than a wrong value: look at the "
+                f"patient; {left_out} is not used, as the free parameters do not explain it with the others"
+            )
         if left_out:
             return f"{left_out} does not fit the forecast and the other measurements: not used; check it"
         if persistent:

@@ -1,4 +1,4 @@
-"""Terminal text and HTML pages of fits, posteriors and followed patients, from their JSON data."""
+"""Terminal text and HTML pages of fits and posteriors, from their JSON data."""
 
 from __future__ import annotations
 
@@ -52,17 +52,9 @@ COHORT = {
     "scatter": "Simulated against measured values of all data points, poor fits included.",
     "boxes": "Distributions of measured and simulated values.",
 }
-TRACKED = {
-    "outputs": (
-        "Outputs. Pale bars: where 90 % of measurements were expected beforehand. Diamonds: measured. Dark "
-        "bars: the model afterwards, median and 90 %."
-    ),
-    "parameters": "Parameters after each measurement, median and 90 %.",
-}
-"""Figures of a followed patient, in order, with their captions."""
 
 
-def _names(points: Sequence[Data], key: str) -> list[str]:
+def names_in(points: Sequence[Data], key: str) -> list[str]:
     """Names of the parameters or outputs of several points, without repetition."""
     return list(dict.fromkeys(name for point in points for name in point[key]))
 
@@ -149,7 +141,7 @@ def wider_interval(parameter: Data) -> tuple[float | None, float | None]:
 
 
 def _several_fits(points: Sequence[Data]) -> str:
-    names, rows, lines = _names(points, "parameters"), [], []
+    names, rows, lines = names_in(points, "parameters"), [], []
     for p in points:
         level, cells = p["verdict"]["level"], (p["parameters"][n] for n in names)
         values = (
@@ -190,40 +182,6 @@ def _counted(points: Sequence[Data]) -> str:
     """Number of fits with each verdict, as text."""
     levels = [p["verdict"]["level"] for p in points]
     return ", ".join(f"{levels.count(level)} {level}" for level in Level)
-
-
-# --- terminal text of followed patients ---------------------------------------------------------------
-
-
-def series_text(series: Data) -> str:
-    """Text of medians after each measurement, remarks, and the current parameters."""
-    points = series["points"]
-    names = _names(points, "parameters")
-    rows = [
-        (
-            p["id"], *(dashed(p["parameters"].get(n, {}).get("median"), 3) for n in names),
-            dashed(p["probability"], 3),
-        )
-        for p in points
-    ]  # fmt: skip
-    head = ("id", *names, "p")
-    lines = [
-        f"{series['id']}: medians after each measurement, and the probability p of deviations this large"
-    ]
-    lines.append(text_table(head, rows, numeric=range(1, len(head))))
-    lines += [f"  !  {p['id']}: {p['message']}" for p in points if p["message"]]
-    lines += [
-        f"  !  the patient after {points[-1]['id']}: {warning}" for warning in points[-1].get("warnings", ())
-    ]
-    if not names:
-        return "\n".join(lines)
-    known = [p for p in points if p["parameters"]][-1]
-    now = [
-        (n, *(dashed(i[q], 3) for q in ("median", "lower", "upper")), unit_of_parameter(n))
-        for n, i in known["parameters"].items()
-    ]
-    head = (f"after {known['id']}", "median", "5 %", "95 %", "unit")
-    return "\n".join([*lines, "", text_table(head, now, numeric=range(1, 4))]) + "\n"
 
 
 # --- the page of a fit --------------------------------------------------------------------------------
@@ -399,7 +357,7 @@ def cohort_page(content: Data, drawings: Mapping[str, str]) -> str:
     for point in points:
         level, reasons = point["verdict"]["level"], point["verdict"]["reasons"]
         rows.append((point["id"], level, "" if level == Level.GOOD else reasons[0]["sentence"]))
-    names = _names(points, "parameters")
+    names = names_in(points, "parameters")
     head = ["data point", *map(axis_label, names)]
     return render(
         "identification/cohort.html",
@@ -434,107 +392,3 @@ def _cell(parameter: Data | None) -> str:
     if not parameter["identifiable"]:
         return f"({value})"
     return f"{value}, {interval(parameter['lower'], parameter['upper'])}"
-
-
-# --- the page of followed patients --------------------------------------------------------------------
-
-
-def track_page(content: Data, drawings: Mapping[tuple[str, str], str]) -> str:
-    """Return the page of followed patients: current state, unusual measurements, course, assumptions.
-
-    Args:
-        content: data as in track.json.
-        drawings: figures as SVG text, by id of the patient and key of `TRACKED`.
-    """
-    ids = [series["id"] for series in content["series"]]
-    return render(
-        "identification/track.html",
-        title=f"Following {ids[0]}" if len(ids) == 1 else f"Following {len(ids)} patients",
-        refused=content["refused"],
-        patients=[_patient(series) for series in content["series"]],
-        rates=", ".join(f"{drift:g}" for drift in content["settings"]["drifts"]),
-        drawings=drawings,
-        captions=TRACKED,
-    )
-
-
-def _patient(series: Data) -> dict[str, object]:
-    points = series["points"]
-    state = _state(points)
-    course = [
-        (p["id"], number(p["hours_since_last"]), number(p["probability"]),
-         p["message"] or ("fits" if p["probability"] is not None else "first estimate"))
-        for p in points
-    ]  # fmt: skip
-    head = ("Measurement", "Hours since the last", "Probability", "Remark")
-    return {
-        "id": series["id"],
-        "last": points[-1]["id"],
-        "state": state,
-        "doubtful": len(state) > 1 or points[-1]["failed"],
-        "warnings": points[-1].get("warnings", ()),
-        "outputs": _tracked_outputs(points[-1]),
-        "parameters": _tracked_parameters(points),
-        "course": Table(head, course, numeric=(0, 1, 2)),
-        "assumed_hours": series["assumed_interval_hours"] if len(points) > 1 else None,
-        "notes": series.get("notes", ()),
-    }
-
-
-def _state(points: Sequence[Data]) -> list[str]:
-    """State whether the last measurement fits, and earlier remarks."""
-    last = points[-1]
-    message = last["message"]
-    for doubt in last.get("doubts", ()):
-        message = message.replace(doubt, "")
-    if last["failed"]:
-        first = f"{last['id']} could not be used: the estimate is that of the previous measurement"
-    elif last["probability"] is None:
-        first = f"{last['id']} is the only measurement: there is nothing to compare it with yet"
-    elif last["unusual"]:
-        first = f"{last['id']} does not fit the patient so far"
-    elif message.strip("; "):
-        first = f"{last['id']} fits the patient so far as a whole, but not in every output"
-    else:
-        first = f"{last['id']} fits the patient so far (probability {last['probability']:.2g})"
-    return [first, *(f"{p['id']}: {p['message']}" for p in points if p["message"])]
-
-
-def _tracked_outputs(point: Data) -> Table:
-    rows = []
-    for name in dict.fromkeys([*point["outputs"], *point["measurements"]]):
-        measurement = point["measurements"].get(name, {})
-        off = measurement.get("deviation")
-        remark = "unusual" if measurement.get("unusual") else ""
-        remark = remark if measurement.get("used", True) else "not used"
-        if name in point.get("doubtful", ()):
-            remark = "doubtful: see above"
-        rows.append(
-            (f"{name} [{unit_of(name)}]", number(measurement.get("measured")),
-             _range(point["expected"].get(name)), MISSING if off is None else f"{off:+.1f}",
-             _median(point["outputs"].get(name)), remark)
-        )  # fmt: skip
-    head = ("Output", "Measured", "Expected", "Deviation [SD]", "Model afterwards", "Remark")
-    return Table(head, rows, numeric=(1, 2, 3, 4))
-
-
-def _tracked_parameters(points: Sequence[Data]) -> Table | None:
-    known = [p for p in points if p["parameters"]]
-    if not known:
-        return None
-    first, last = known[0], known[-1]
-    rows = []
-    for name, now in last["parameters"].items():
-        before, after = first["parameters"][name]["median"], now["median"]
-        ratio = f"{after / before:.2f}" if min(before, after) > 0.0 else MISSING
-        rows.append((name, unit_of_parameter(name), _median(first["parameters"][name]), _median(now), ratio))
-    head = ("Parameter", "Unit", f"After {first['id']}", f"After {last['id']}", "Ratio of medians")
-    return Table(head, rows, numeric=(2, 3, 4))
-
-
-def _median(limits: Mapping[str, float] | None) -> str:
-    return MISSING if limits is None else f"{limits['median']:.3g} ({_range(limits)})"
-
-
-def _range(limits: Mapping[str, float] | None) -> str:
-    return MISSING if limits is None else interval(limits["lower"], limits["upper"])

@@ -39,7 +39,7 @@ from eclsim.outputs.signals import parameters_read
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
-    from eclsim.identification.tracking import TrackedPoint
+    from eclsim.identification.points import TrackedPoint
     from eclsim.orbit.model import CaseSource
 
 SECONDS_PER_HOUR = 3600.0

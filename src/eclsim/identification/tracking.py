@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.stats import qmc
 
 from eclsim.arguments import FiniteNumber, Kind, WholeNumber, check_fields, number_of
 from eclsim.cases.cohort import plain_id
+from eclsim.identification.after_update import Course, Miss, slope_in_z, unmet
 from eclsim.identification.density import (
     KNOWN_PRIOR,
     Gaussian,
@@ -36,13 +38,14 @@ from eclsim.identification.filtering import (
 from eclsim.identification.importance import Transport, WeightedDraws, importance_sample
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
-from eclsim.identification.quantities import (
-    OUTPUTS,
-    measurement_errors,
-    possible_range,
-    unit_of,
-    unit_of_parameter,
+from eclsim.identification.points import (
+    SHARES,
+    Innovation,
+    Interval,
+    TrackedPoint,
+    TrackResult,
 )
+from eclsim.identification.quantities import OUTPUTS, measurement_errors, possible_range
 from eclsim.identification.series import (
     Series,
     copied_measurements,
@@ -65,16 +68,13 @@ from eclsim.identification.verdict import (
 )
 from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
-from eclsim.outputs.signals import gas_dependent_outputs, output_names, parameters_read
+from eclsim.outputs.signals import gas_dependent_outputs, output_names
 from eclsim.outputs.steady_beat import SteadyBeat
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
 
-SHARES = (0.05, 0.5, 0.95)
 HOURS_PER_DAY = 24.0
 EXPLORED = 512
 MAXIMISATIONS = 4
@@ -121,156 +121,6 @@ class TrackSettings:
 
 
 @dataclass(frozen=True)
-class Interval:
-    """Median and central 90 % interval, in the unit of the quantity."""
-
-    lower: float
-    median: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class Innovation:
-    """A measurement compared with its forecast.
-
-    Args:
-        measured: value [mmHg or L/min].
-        deviation: (measured - forecast) / standard deviation of the difference; None without a forecast.
-        unusual: whether the measurement does not fit.
-        used: whether the parameters were updated with it.
-    """
-
-    measured: float
-    deviation: float | None = None
-    unusual: bool = False
-    used: bool = True
-
-
-@dataclass(frozen=True)
-class TrackedPoint:
-    """The state of a patient at one time of a series.
-
-    Args:
-        name: name of the point.
-        innovations: comparison of each measurement with its forecast.
-        parameters: parameters after the update.
-        outputs: outputs of the model after the update.
-        drift: standard deviation of the change of a latent variable over a day, estimated so far.
-        forecast: forecast outputs of the model; empty at the first point.
-        expected: 90 % intervals of the expected measurements: the forecast with measurement noise.
-        chi_square: chi-square of all innovations together; None at the first point.
-        probability: probability of a larger chi-square.
-        unusual: whether the measurements together do not fit the patient so far.
-        verdict: whether the model can reproduce the first measurements; None at later points.
-        message: remarks; empty if there are none.
-        failed: whether the point could not be used.
-        warnings: warnings about the beat at the medians of the parameters.
-        hours: time since the previous measurement, known or assumed [h]; None at the first point.
-        seconds: wall time of forecast and update [s].
-        doubts: unknown quantities that are held, so that the estimate compensates for them, and open
-            questions.
-    """
-
-    name: str
-    innovations: Mapping[str, Innovation]
-    parameters: Mapping[str, Interval]
-    outputs: Mapping[str, Interval]
-    drift: float
-    forecast: Mapping[str, Interval] = field(default_factory=dict)
-    expected: Mapping[str, Interval] = field(default_factory=dict)
-    chi_square: float | None = None
-    probability: float | None = None
-    unusual: bool = False
-    verdict: FitVerdict | None = None
-    message: str = ""
-    failed: bool = False
-    warnings: tuple[str, ...] = ()
-    hours: float | None = None
-    seconds: float = 0.0
-    doubts: tuple[str, ...] = ()
-
-    @property
-    def doubtful(self) -> tuple[str, ...]:
-        """Outputs whose intervals are not to be trusted; `doubts` gives the reason."""
-        return tuple(n for n in self.outputs if any(doubt.startswith(f"{n}: ") for doubt in self.doubts))
-
-    def as_object(self) -> dict[str, Any]:
-        """Plain data for JSON; null for unknown values."""
-        names = {"name": "id", "hours": "hours_since_last", "innovations": "measurements"}
-        content = {names.get(name, name): value for name, value in asdict(self).items()}
-        verdict = None if self.verdict is None else self.verdict.as_object()
-        return {**content, "doubtful": self.doubtful, "verdict": verdict, "seconds": round(self.seconds, 3)}
-
-
-@dataclass(frozen=True)
-class TrackResult:
-    """A patient followed through a series of measurements.
-
-    Args:
-        patient: id of the patient.
-        points: points in order of time.
-        assumed_interval_hours: assumed time between measurements [h]; None if their names are times.
-        notes: assumptions for all times, and set points that the series gave because the cases leave them
-            open.
-    """
-
-    patient: str
-    points: tuple[TrackedPoint, ...] = field(repr=False)
-    assumed_interval_hours: float | None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def dataset(self) -> xr.Dataset:
-        """Parameters, forecasts and measurements over the points, with units; NaN for unknown values."""
-        import xarray as xr
-
-        points = self.points
-        parameters = list(dict.fromkeys(n for p in points for n in p.parameters))
-        outputs = [n for n in OUTPUTS if any(n in p.outputs or n in p.innovations for p in points)]
-
-        def intervals(each: Sequence[Mapping[str, Interval]], names: Sequence[str]) -> np.ndarray:
-            nothing = Interval(np.nan, np.nan, np.nan)
-            result = [[by_name.get(n, nothing) for n in names] for by_name in each]
-            return np.array([[(i.lower, i.median, i.upper) for i in row] for row in result])
-
-        def of_measured(attribute: str) -> np.ndarray:
-            rows = [[getattr(p.innovations.get(n), attribute, None) for n in outputs] for p in points]
-            return np.array(rows, dtype=float)
-
-        of_parameters = ("point", "parameter", "quantile")
-        of_points, of_outputs = ("point", "output"), ("point", "output", "quantile")
-        data = {
-            "parameters": (of_parameters, intervals([p.parameters for p in points], parameters)),
-            "forecast": (of_outputs, intervals([p.forecast for p in points], outputs)),
-            "expected": (of_outputs, intervals([p.expected for p in points], outputs)),
-            "outputs": (of_outputs, intervals([p.outputs for p in points], outputs)),
-            **{name: (of_points, of_measured(name)) for name in ("measured", "deviation", "used")},
-        }  # fmt: skip
-        for name, unit in (("chi_square", "1"), ("probability", "1"), ("drift", "1"), ("hours", "h")):
-            values = np.array([getattr(p, name) for p in points], dtype=float)
-            data[name] = ("point", values, {"units": unit})
-        data |= {name: ("point", [getattr(p, name) for p in points]) for name in ("failed", "unusual")}
-        data["message"] = ("point", [p.message for p in points])
-        data["doubts"] = ("point", ["; ".join(p.doubts) for p in points])
-        coordinates = {
-            "point": [p.name for p in points], "parameter": parameters, "output": outputs,
-            "quantile": list(SHARES),
-            "parameter_units": ("parameter", list(map(unit_of_parameter, parameters))),
-            "output_units": ("output", [unit_of(n) for n in outputs]),
-        }  # fmt: skip
-        return xr.Dataset(data, coordinates, {"patient": self.patient, "notes": list(self.notes)})
-
-    def as_object(self) -> dict[str, Any]:
-        """Plain data for JSON; null for unknown values."""
-        return {
-            "id": self.patient,
-            "assumed_interval_hours": self.assumed_interval_hours,
-            "notes": list(self.notes),
-            "points": [p.as_object() for p in self.points],
-        }
-
-
-@dataclass(frozen=True)
 class _Estimate:
     """The patient's prior, the transport coordinates, and the distribution in these coordinates."""
 
@@ -305,6 +155,9 @@ class Tracker:
         self._prior: Prior | None = None
         self._starts: dict[Circuit, dict[str, float]] = {}
         self._left_out: dict[str, float] = {}
+        self._course = Course(self.settings.fit.uncertainties)
+        self._misses: dict[str, Miss] = {}
+        self._still_open: dict[str, str] = {}
         self._reported_doubts: set[str] = set()
         self._before: TrackedPoint | None = None
 
@@ -334,6 +187,7 @@ class Tracker:
             else:
                 point = self._next(name, self._forecast(self.estimate, days), model, measured)
             point = self._doubted(replace(point, warnings=self._warnings(model, point)), doubts)
+            self._course.learn(measured)
         except NoSteadyBeatError as error:
             point = self._failed(name, measured, str(error), days)
         return replace(point, seconds=time.perf_counter() - started, hours=since)
@@ -386,7 +240,10 @@ class Tracker:
 
     def _doubted(self, point: TrackedPoint, doubts: tuple[str, ...]) -> TrackedPoint:
         """Return the point with its doubts; the message includes those that no earlier point had."""
-        new = [doubt for doubt in doubts if doubt not in self._reported_doubts]
+        own = [miss.sentence(point.outputs[n]) for n, miss in self._misses.items()]
+        still_open = {n: d for n, d in self._still_open.items() if n not in point.innovations}
+        self._still_open = still_open | {n: m.sentence_later(point.name) for n, m in self._misses.items()}
+        new = [*own, *(doubt for doubt in doubts if doubt not in self._reported_doubts)]
         if self._before is not None:
             new = [copied_measurements(self._before, point), falling_clotting(self._before, point), *new]
         self._before = point
@@ -394,7 +251,7 @@ class Tracker:
         reasons = [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", doubt) for doubt in doubts]
         verdict = None if point.verdict is None else point.verdict.with_reasons(reasons)
         message = "; ".join(filter(None, (point.message, *new)))
-        return replace(point, verdict=verdict, message=message, doubts=doubts)
+        return replace(point, verdict=verdict, message=message, doubts=(*own, *still_open.values(), *doubts))
 
     def _first(self, name: str, prior: Prior, model: Model, measured: Mapping[str, float]) -> TrackedPoint:
         """Estimate the posterior of the first measurement by itself."""
@@ -446,21 +303,36 @@ class Tracker:
         self._left_out |= dict(zip(names, left.tolist(), strict=True))
         state = updated(simulate, forecast.state, first, values, scales, used)
         self.estimate = replace(forecast, state=state)
+        message, after, self._misses = self._message(test, names, measured), {}, {}
+        try:
+            given = outputs_after(simulate, forecast.state, first, state)
+            slope = slope_in_z(forecast.state, first.slope, forecast.transport)
+            self._misses, after = unmet(names, values, scales, given, used, slope), _intervals(names, given)
+        except NoSteadyBeatError as error:
+            message = "; ".join(filter(None, (message, f"after the update {error}")))
         innovations = {
-            n: Innovation(float(values[k]), float(test.deviations[k]), bool(test.unusual[k]), bool(used[k]))
+            n: Innovation(
+                float(values[k]),
+                float(test.deviations[k]),
+                bool(test.unusual[k]),
+                bool(used[k]),
+                n not in self._misses,
+            )
             for k, n in enumerate(names)
             if available[k]
         }
-        message = test.message(names)
-        try:
-            after = _intervals(names, outputs_after(simulate, forecast.state, first, state))
-        except NoSteadyBeatError as error:
-            after, message = {}, "; ".join(filter(None, (message, f"after the update {error}")))
         return TrackedPoint(
             name, innovations, self.estimate.parameters(self.settings.seed), after, self._drift(state),
             _intervals(names, outputs), self._expected(names, outputs, errors), test.chi_square,
             test.probability, test.probability < UNUSUAL_SERIES, message=message,
         )  # fmt: skip
+
+    def _message(self, test: InnovationTest, names: Sequence[str], measured: Mapping[str, float]) -> str:
+        """What does not fit, and whether others changed with an output that does not."""
+        deviations = dict(zip(names, np.nan_to_num(test.deviations).tolist(), strict=True))
+        alone = list(itertools.compress(names, test.left_out))
+        changes = [self._course.sudden_change(n, measured, deviations) for n in alone]
+        return test.message(names, "; ".join(filter(None, changes)))
 
     def _failed(self, name: str, measured: Mapping[str, float], message: str, days: float) -> TrackedPoint:
         """Return a point without a steady beat; the estimate only drifts for the elapsed time."""
@@ -472,11 +344,13 @@ class Tracker:
         return TrackedPoint(name, innovations, parameters, {}, np.nan, message=message, failed=True)
 
     def _warnings(self, model: Model, point: TrackedPoint) -> tuple[str, ...]:
-        from eclsim.outputs.results import beat_warnings
+        from eclsim.identification.estimate_warnings import DRAWN, estimate_warnings
 
-        read = parameters_read(model.circuit)
-        medians = {name: i.median for name, i in point.parameters.items() if name in read}
-        return beat_warnings(model.with_values(medians), self._policy(model), tuple(point.outputs))
+        assert self.estimate is not None
+        density = PosteriorDensity(model, {}, {}, self.estimate.prior, self._policy(model))
+        z, _ = self.estimate.transport.z_of(self.estimate.state.draws(DRAWN, self.settings.seed))
+        measured = {n: i.measured for n, i in point.innovations.items()}
+        return estimate_warnings(density, z, point.outputs, measured)
 
     def _forecast(self, estimate: _Estimate, days: float) -> _Estimate:
         return replace(estimate, state=estimate.state.forecast(self.drifts, estimate.transport, days))

@@ -190,7 +190,7 @@ def levels(outputs: Mapping[str, float], values: Mapping[str, float] = NO_VALUES
         values: parameters of the patient.
     """
     result = dict.fromkeys(outputs, "ok")
-    for limit in reversed(_applied(outputs, values)):
+    for limit in reversed(applied_limits(outputs, values)):
         if limit.broken_by(outputs[limit.quantity]):
             result[limit.quantity] = limit.kind
     return result
@@ -245,7 +245,7 @@ def broken_limits(outputs: Mapping[str, float], values: Mapping[str, float] = NO
         values: parameters of the patient.
     """
     result: dict[tuple[str, str], Limit] = {}
-    for limit in _applied(outputs, values):
+    for limit in applied_limits(outputs, values):
         if limit.broken_by(outputs[limit.quantity]):
             result.setdefault((group_of(limit.quantity), limit.side), limit)
     return list(result.values())
@@ -261,7 +261,7 @@ def consecutive_runs(places: Sequence[int]) -> list[list[int]]:
     return runs
 
 
-def _applied(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:
+def applied_limits(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Limit]:
     """Limits of a beat's outputs by severity; the heart rate is included if it is not the patient's own."""
     limits = [limit for limit in of_patient(_in_order(outputs), values) if _runs(limit, outputs)]
     rate, own = outputs.get("heart_rate"), values.get(HEART_RATE)
