@@ -451,8 +451,8 @@ def held_but_missed(moved_by: Mapping[str, Sequence[str]], free: Sequence[str]) 
     return [
         Reason(
             Aspect.AGREEMENT, Level.DOUBTFUL, "",
-            f"{name} depends on {' and '.join(held)} as well, which this fit holds at usual values: before "
-            f"you doubt the measurement, repeat the fit with --free {','.join((*free, *held))}",
+            f"{name} depends on {' and '.join(held)} as well, held at usual values by this fit: before you "
+            f"doubt the measurement, free {' and '.join(held)} as well (--free {','.join((*free, *held))})",
         )
         for name, held in moved_by.items()
         if held
