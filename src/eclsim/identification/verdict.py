@@ -239,11 +239,11 @@ def agreement(
         reasons.append(Reason(Aspect.AGREEMENT, reasons[0].level, "", sentence))
     chance = goodness.probability
     if chance is None:
-        sentence = (
-            f"the {len(measured)} measurements determine about the same number of combinations of "
-            "parameters: a close "
-            "fit is therefore no test of the model"
+        several = (
+            f"the {len(measured)} measurements determine about the same number of combinations of parameters"
         )
+        what = several if len(measured) > 1 else "one measurement determines one combination of parameters"
+        sentence = f"{what}: a close fit is therefore no test of the model"
         reasons.append(Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence))
     elif chance < DOUBTFUL_PROBABILITY:
         level = Level.POOR if chance < POOR_PROBABILITY else Level.DOUBTFUL
