@@ -209,6 +209,24 @@ def test_a_fit_that_is_wrong_has_no_tick_and_says_why(open_page, shots):
     expect(page.get_by_role("button", name=text("fit_use_poor"))).to_be_visible()
 
 
+def test_outputs_of_a_fit_that_nothing_determines_are_shaded_and_named(open_page, shots):
+    """A cardiac output that nothing determines stood there like a measured one."""
+    page = open_page()
+    show(page, "identify")
+    page.wait_for_function("eclsim.bus.last('form')")
+    data = fit_of(page, 0.4)
+    data["fit"]["outputs"]["MAP"] |= {"lower": 77.2, "upper": 87.1, "determined": True}
+    open_one = {"measured": None, "simulated": 1.34, "lower": 0.0, "upper": 15.1, "determined": False}
+    data["fit"]["outputs"]["CO"] = open_one
+    page.evaluate("(data) => eclsim.bus.publish('fit_ended', data)", data)
+    shaded = page.locator(".ecl-identify .result table").first.locator("tr.vague")
+    expect(shaded).to_have_count(1)
+    expect(shaded).to_contain_text("CO")
+    expect(shaded).to_contain_text("0 \u2013 15.1")
+    expect(page.locator(".ecl-identify .result")).to_contain_text(text("fit_undetermined", names="CO"))
+    picture(page, shots, "fit_undetermined")
+
+
 def test_a_row_of_a_cohort_says_which_one_it_is_and_that_it_is_not_fitted(open_page, tmp_path, shots):
     page = open_page("healthy")
     page.get_by_role("button", name=text("open")).click()

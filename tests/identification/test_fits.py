@@ -476,7 +476,7 @@ def test_a_missed_measurement_names_the_held_parameters_that_move_it(twin):
     more = twin.measurements.model_copy(update={"MPAP": 32.0, "PCWP": 20.0})
     found = fit_case(twin.model_copy(update={"measurements": more}), settings=QUICK)
     (sentence,) = (r.sentence for r in found.verdict.doubts if r.sentence.startswith("PCWP depends on"))
-    assert "which this fit holds at usual values" in sentence
+    assert "held at usual values by this fit" in sentence
     assert "--free Rmc,Emaxlv," in sentence
     assert "fluid.extra_volume_ml" in sentence
     assert not any("set of parameters" in r.sentence for r in found.verdict.reasons)

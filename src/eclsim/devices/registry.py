@@ -117,7 +117,7 @@ def cached_by_devices(maxsize: int) -> Callable[[Callable[Arguments, Result]], C
         @wraps(function)
         def cached(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
             given: tuple[Any, ...] = arguments
-            if any([one.__hash__ is None for one in given]):
+            if None in [one.__hash__ for one in given]:
                 given = tuple(tuple(one) if one.__hash__ is None else one for one in given)
             return result(registered(), *given, **named)
 

@@ -239,11 +239,11 @@ def agreement(
         reasons.append(Reason(Aspect.AGREEMENT, reasons[0].level, "", sentence))
     chance = goodness.probability
     if chance is None:
-        sentence = (
-            f"the {len(measured)} measurements determine about the same number of combinations of "
-            "parameters: a close "
-            "fit is therefore no test of the model"
+        several = (
+            f"the {len(measured)} measurements determine about the same number of combinations of parameters"
         )
+        what = several if len(measured) > 1 else "one measurement determines one combination of parameters"
+        sentence = f"{what}: a close fit is therefore no test of the model"
         reasons.append(Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence))
     elif chance < DOUBTFUL_PROBABILITY:
         level = Level.POOR if chance < POOR_PROBABILITY else Level.DOUBTFUL
@@ -451,8 +451,8 @@ def held_but_missed(moved_by: Mapping[str, Sequence[str]], free: Sequence[str]) 
     return [
         Reason(
             Aspect.AGREEMENT, Level.DOUBTFUL, "",
-            f"{name} depends on {' and '.join(held)} as well, which this fit holds at usual values: before "
-            f"you doubt the measurement, repeat the fit with --free {','.join((*free, *held))}",
+            f"{name} depends on {' and '.join(held)} as well, held at usual values by this fit: before you "
+            f"doubt the measurement, free {' and '.join(held)} as well (--free {','.join((*free, *held))})",
         )
         for name, held in moved_by.items()
         if held

@@ -75,17 +75,21 @@ export default {
           <th scope="col">{{ texts.output }}</th>
           <th scope="col" class="n">{{ texts.fit_measured }}</th>
           <th scope="col" class="n">{{ texts.fit_fitted }}</th>
+          <th scope="col" class="n">{{ texts.fit_interval }}</th>
           <th scope="col" class="n">{{ texts.fit_difference }}</th>
           <th v-if="pinned" scope="col" class="n pinned">{{ texts.pinned }}</th>
         </tr></thead>
-        <tbody><tr v-for="(o, name) in result.outputs" :key="name">
+        <tbody><tr v-for="(o, name) in result.outputs" :key="name"
+          :class="{ vague: o.determined === false }">
           <th scope="row"><b>{{ name }}</b> <small>{{ unitOf(name) }}</small></th>
           <td class="n">{{ compact(o.measured) }}</td>
           <td class="n"><b>{{ compact(o.simulated) }}</b></td>
+          <td class="n">{{ Number.isFinite(o.lower) ? interval(o) : "" }}</td>
           <td :class="['n', offLevel(name)]" :title="off(name)">{{ difference(o) }}</td>
           <td v-if="pinned" class="n pinned">{{ compact(pinned.outputs[name]) }}</td>
         </tr></tbody>
       </table></div>
+      <p v-if="undetermined" class="message">{{ fill(texts.fit_undetermined, { names: undetermined }) }}</p>
       <div class="ecl-table parameters"><table>
         <thead><tr>
           <th scope="col">{{ texts.fit_parameter }}</th>
@@ -209,6 +213,10 @@ export default {
         count: all.filter((p) => p.identifiable).length,
         all: all.length,
       });
+    },
+    undetermined() {
+      const open = Object.entries(this.result.outputs).filter(([, o]) => o.determined === false);
+      return open.map(([name]) => name).join(", ");
     },
     trust() {
       const { trusted, doubts } = this.posterior;
