@@ -262,7 +262,7 @@ def test_draws_are_called_what_they_are(result):
     assert "Gaussian" not in table
     assert f"{result.weighted.effective:.0f} effective draws, Pareto k {result.weighted.shape:.2f}" in table
     heads = [line.split() for line in table.splitlines() if line.startswith("output")]
-    assert heads == [["output", "median", "5", "%", "95", "%"]] * 2
+    assert heads == [["output", "unit", "median", "5", "%", "95", "%"]] * 2
     assert "patient.heart_rate_bpm=100: posterior (weighted draws)" in table
 
 
