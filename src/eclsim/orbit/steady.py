@@ -144,7 +144,7 @@ class Batch:
     @cached_property
     def _resolutions(self) -> np.ndarray:
         assembly = assemble(self.circuit)
-        if self.count > 1:
+        if self.count != 1:
             return np.broadcast_to(needed_resolution(assembly, self.values), (self.count,))
         read = read_for_resolution(assembly)
         numbers = tuple(self.value_of(name, 0) for name in read)
