@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
-from eclsim.crrt_study.limits import LIMITS, Limit
+from eclsim.crrt_study.limits import LIMITS, Limit, any_bounded
 from eclsim.reporting.beat_values import two_beats
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
@@ -292,7 +292,7 @@ def plot_crrt_limits(
     all_limits = limits.sel(limit="crrt", scheme=ranked)
     end = 1.04 * float(np.nanmax([1.0, case_flow, *limits["largest_flow"].values.ravel()]))
     flow_kept = all_limits["largest_flow"].fillna(0.0).values
-    limited = not all(limit.unbounded for limit in rule_limits if limit.of_crrt)
+    limited = any_bounded(limit for limit in rule_limits if limit.of_crrt)
     kept = "all limits of the CRRT lines kept" if limited else "studied: the rule sets no limits of the lines"
     ax.barh(rows, flow_kept, height=0.55, color="#C9D9E6", label=kept)
     unsure = np.isin(all_limits["state"].values, ("not_known_above", "not_known"))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -77,6 +77,13 @@ LIMITS = (
         "drainage pressure below which suction and haemolysis are feared (a convention)", False,
     ),
 )  # fmt: skip
+
+
+def any_bounded(limits: Iterable[Limit]) -> bool:
+    """Whether any limit has a bound."""
+    return not all(limit.unbounded for limit in limits)
+
+
 CRRT_LIMITS = "crrt"
 """Key of the combination of all limits by which a scheme is judged."""
 USUAL_ALARMS = {
@@ -142,7 +149,7 @@ def largest_flows(
             of = [o for o in rule_limits if keys[k] == o.name or (keys[k] == CRRT_LIMITS and o.of_crrt)]
             noun = "its limits" if keys[k] == CRRT_LIMITS else "it"
             texts[p, s, k] = limit_range_text(ranges[p, s, k], missing, noun)
-            if all(limit.unbounded for limit in of):
+            if not any_bounded(of):
                 texts[p, s, k] = f"{NO_LIMITS}; {missing}" if missing else NO_LIMITS
     dims = ("policy", "scheme", "limit")
     data: Variables = {

@@ -26,7 +26,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, field_validator
 
-from eclsim.crrt_study.limits import LIMITS, Limit
+from eclsim.crrt_study.limits import LIMITS, Limit, any_bounded
 from eclsim.spelling import spelling_hint
 
 FLOW = "largest_flow"
@@ -149,7 +149,7 @@ class Rule:
     @property
     def limited(self) -> bool:
         """Whether any limit of the CRRT lines has a bound."""
-        return not all(limit.unbounded for limit in self.limits if limit.of_crrt)
+        return any_bounded(limit for limit in self.limits if limit.of_crrt)
 
     @property
     def access_mmhg(self) -> float:

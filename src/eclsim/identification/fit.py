@@ -36,7 +36,7 @@ from eclsim.identification.multi_start import (
     optimum_without_fit,
     silent,
 )
-from eclsim.identification.objective import RISE_90, Box, Objective, Target, correlation
+from eclsim.identification.objective import Box, Objective, Target, correlation, within_90
 from eclsim.identification.output_intervals import (
     FIRST,
     ONE_OF_MANY,
@@ -521,7 +521,7 @@ def _reaches(
     measured, errors = (np.array(list(each.values())) for each in (result.measured, result.uncertainties))
     squares = np.sum(((held.outputs[:, rows] - measured) / errors) ** 2, axis=1)
     least = result.verdict.goodness.chi_square
-    meeting = held.outputs[squares <= np.nanmin(squares, initial=least) + RISE_90]
+    meeting = held.outputs[within_90(squares, least)]
     ends = np.stack([meeting.min(axis=0), meeting.max(axis=0)], axis=1).tolist() if len(meeting) else []
     of_outputs = {n: (low, high) for n, (low, high) in zip(result.simulated, ends, strict=False)}
     return held.intervals(result.box.names, result.optimum.x, squares, least), of_outputs

@@ -24,12 +24,12 @@ from eclsim.identification.least_squares import (
     refine,
 )
 from eclsim.identification.objective import (
-    RISE_90,
     Box,
     Explored,
     LeastSquaresProblem,
     Objective,
     SharedObjective,
+    within_90,
 )
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
@@ -175,8 +175,7 @@ class Starts:
             least: chi-square of the optimum; an end may have a smaller one if the fit has other weights.
         """
         squares = np.sum(((self.outputs[:, rows] - measured) / errors) ** 2, axis=1)
-        within: np.ndarray = squares <= np.nanmin(squares, initial=least) + RISE_90
-        return within
+        return within_90(squares, least)
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,12 @@ RISE_90 = 2.705543454095404
 """90 % quantile of the chi-square distribution with one degree of freedom."""
 
 
+def within_90(squares: np.ndarray, least: float) -> np.ndarray:
+    """Whether each chi-square is within `RISE_90` of the smallest of all and of `least`; NaN is not."""
+    within: np.ndarray = squares <= np.nanmin(squares, initial=least) + RISE_90
+    return within
+
+
 def execution_of(members: int) -> Execution:
     """Return how a given number of members is computed."""
     return Execution(width=SIDE_BY_SIDE if members >= FEWEST_SIDE_BY_SIDE else 1)
