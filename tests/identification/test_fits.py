@@ -450,6 +450,10 @@ def test_outputs_that_nothing_determines_are_named_and_make_a_fit_doubtful(of_pr
     assert found.intervals["MAP"].determined
     assert flow.low <= found.simulated["CO"] <= flow.high
     assert flow.low < truth < flow.high
+    for warning in found.warnings:
+        assert warning.endswith("one of many who meet the measurements") is not warning.startswith(
+            "caution: "
+        )
     text = fits_text(fits_object([found.as_object()], {}))
     (line,) = (line for line in text.splitlines() if line.startswith("CO "))
     assert line.split()[1:4] == ["L/min", "-", f"({found.simulated['CO']:.4g})"]

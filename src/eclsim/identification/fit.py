@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
+from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.files import finite
 from eclsim.identification.fitted_parameters import (
     SAME_PARAMETER_SHARE,
@@ -424,7 +425,8 @@ def checked_by_simulation(result: FitResult) -> FitResult:
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     warnings = tuple(beat.attrs["warnings"])
     if FIRST in result.intervals and not result.intervals[FIRST].determined:
-        warnings = tuple(f"{warning}; {ONE_OF_MANY}" for warning in warnings)
+        advice = labelled_sentence(CAUTION, "")  # how to read a number holds for every patient
+        warnings = tuple(w if w.startswith(advice) else f"{w}; {ONE_OF_MANY}" for w in warnings)
     return replace(result, implied=implied, warnings=warnings).judged(reasons)
 
 
