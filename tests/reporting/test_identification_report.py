@@ -41,6 +41,17 @@ def test_the_verdict_comes_first_then_measured_against_fitted(fitted_point):
     assert "<script" not in html
 
 
+def test_brackets_are_explained_where_there_are_some(fitted_point):
+    """The terminal explained them, the page had an output in brackets and no word about it."""
+    point = copy.deepcopy(fitted_point)
+    assert "in brackets:" not in words(fit_page(content(point), paper_case(), {}))
+    name = next(iter(point["outputs"]))
+    point["outputs"][name] |= {"lower": 1.0, "upper": 90.0, "determined": False}
+    shown = words(fit_page(content(point), paper_case(), {}))
+    assert f"({point['outputs'][name]['simulated']:.4g}" in shown
+    assert "in brackets: the measurements do not determine it" in shown
+
+
 def test_the_table_of_a_cohort_explains_stars_only_where_it_has_some(fitted_point):
     points = [copy.deepcopy(fitted_point) | {"id": name} for name in ("P01", "P02")]
     for point in points:

@@ -115,7 +115,7 @@ def _one_fit(point: Data) -> str:
         f"Search: {point['message']} ({share}, {point['seconds']:.1f} s)",
         f"Sum of squared residuals: {dashed(point['cost'])}",
         text_table(_FITTED_OUTPUTS, outputs, range(2, len(_FITTED_OUTPUTS))),
-        *([BRACKETS] if any(not c.get("determined", True) for c in point["outputs"].values()) else []),
+        *([BRACKETS] if _has_open_outputs(point) else []),
         "",
         text_table(head, rows, numeric=(1, 2, 3)),
         *(["(the wider of the Gaussian approximation and the profile likelihood)"] * profiled),
@@ -124,6 +124,11 @@ def _one_fit(point: Data) -> str:
 
 _FITTED_OUTPUTS = ("output", "unit", "measured", "fitted", "5 %", "95 %", "standard uncertainties off")
 BRACKETS = "(in brackets: the measurements do not determine it; it is one of many values that fit as well)"
+
+
+def _has_open_outputs(point: Data) -> bool:
+    """Whether any output of a fit is not determined."""
+    return not all(cell.get("determined", True) for cell in point["outputs"].values())
 
 
 def bracketed(value: float | None, determined: bool, digits: int = 4) -> str:
@@ -221,6 +226,7 @@ def fit_page(content: Data, case: Case, drawings: Mapping[str, str]) -> str:
         doubts=sentences[False],
         remarks=sentences[True],
         outputs=_outputs_table(point),
+        brackets=BRACKETS if _has_open_outputs(point) else "",
         parameters=_parameters_table(point, posterior),
         undetermined=[
             f"{n}: {p['reason']}." for n, p in point["parameters"].items() if not p["identifiable"]
