@@ -22,7 +22,7 @@ from eclsim.components.base import Values
 from eclsim.components.exchangers import TEMPERATURE, Tissue
 from eclsim.devices.description import CAUTION, GASES
 from eclsim.devices.registry import assist_connections, cached_by_devices, namings
-from eclsim.gas.network import STATUS, GasStatus
+from eclsim.gas.network import STATUS, GasStatus, gas_of
 from eclsim.inputs.mistakes import as_settings
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
@@ -385,6 +385,8 @@ def measured(
         measures = Measures(waves, phases, circuit, parameters, batch=count)
         measures.measure_means(recorded, series)
         measures.measure_extremes(recorded, series)
+        if with_gas:
+            measures.measure_one_way(gas_of(circuit).connections, recorded, series)
         for row, name in zip(values, names, strict=True):
             row[members] = computed(name, measures)[: len(members)]
         if with_gas:
