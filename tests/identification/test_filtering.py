@@ -51,8 +51,11 @@ def test_update_of_a_straight_model_is_kalmans(belief):
     assert found.covariance == pytest.approx(COVARIANCE - gain @ total @ gain.T)
 
 
-def test_outputs_after_a_sudden_change_are_those_of_the_estimate():
-    """Extrapolated from the forecast a heart that fails suddenly had a cardiac output of -5 L/min."""
+def test_outputs_after_an_update_are_those_of_the_estimate():
+    """Extrapolated from the forecast a heart that fails suddenly had a cardiac output of -5 L/min.
+
+    With what is not linear over the forecast, a measured saturation of 83 % stood beside 53 to 96 %.
+    """
 
     def falling(z):
         return np.exp(-z)
@@ -61,15 +64,13 @@ def test_outputs_after_a_sudden_change_are_those_of_the_estimate():
         means, covariances = np.array([[mean], [mean]]), np.full((2, 1, 1), spread**2)
         return GaussianMixture(np.array(weights), means, covariances)
 
-    forecast, near, far = state(0.0, 0.1), state(0.05, 0.02), state(2.0, 0.02)
-    first = regress(falling, forecast.means, forecast.covariances)
-    assert outputs_after(falling, forecast, first, far).mean == pytest.approx(np.exp(-2.0), rel=0.01)
-    extrapolated = first.mean + first.slope[:, 0] * near.means
-    assert outputs_after(falling, forecast, first, near).means.tolist() == extrapolated.tolist()
-    unlikely = GaussianMixture(np.array([1e-6, 1.0]), np.array([[9.0], [0.05]]), near.covariances)
-    assert outputs_after(falling, forecast, first, unlikely).mean == pytest.approx(np.exp(-0.05), rel=0.01)
+    far = outputs_after(falling, state(2.0, 0.02))
+    assert far.mean == pytest.approx(np.exp(-2.0), rel=0.001)
+    assert np.sqrt(far.covariance) == pytest.approx(0.02 * np.exp(-2.0), rel=0.001)
+    unlikely = GaussianMixture(np.array([1e-6, 1.0]), np.array([[9.0], [0.05]]), state(0.0, 0.02).covariances)
+    assert outputs_after(falling, unlikely).mean == pytest.approx(np.exp(-0.05), rel=0.001)
     with pytest.raises(NoSteadyBeatError):
-        outputs_after(lambda z: np.where(z < 1.0, z, np.nan), forecast, first, far)
+        outputs_after(lambda z: np.where(z < 1.0, z, np.nan), state(2.0, 0.02))
 
 
 def test_an_output_that_is_not_used_changes_nothing(belief):

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -234,30 +234,20 @@ def updated(
     return GaussianMixture(weights, means, covariances)
 
 
-def outputs_after(
-    simulate: Simulate, forecast: GaussianMixture, first: Regression, state: GaussianMixture
-) -> GaussianMixture:
-    """Outputs after an update.
+def outputs_after(simulate: Simulate, state: GaussianMixture) -> GaussianMixture:
+    """Outputs after an update, by a regression over the filters that are likely.
 
-    To first order in what the update moved; where that is further than the points of the regression over the
-    forecast, by a regression over the state itself.
+    The regression over the forecast would add what is not linear over the width of the forecast, which the
+    update has narrowed.
 
     Args:
         simulate: outputs of latent variables.
-        forecast: of the latent variables.
-        first: regression over the forecast.
         state: of the latent variables after the update.
 
     Raises:
-        NoSteadyBeatError: At a mean of the state, where the outputs are taken from there.
+        NoSteadyBeatError: At a mean of the state.
     """
-    moved = state.means - forecast.means
-    scaled = np.linalg.solve(forecast.covariances, moved[..., None])[..., 0]
-    within = np.einsum("fp,fp->f", moved, scaled) <= moved.shape[1]
     likely = state.weights >= min(LIKELY_FILTER, state.weights.max())
-    if within[likely].all():
-        means = first.mean + np.einsum("fop,fp->fo", first.slope, moved)
-        return replace(first, mean=means).outputs(state)
     weights = state.weights[likely] / state.weights[likely].sum()
     chosen = GaussianMixture(weights, state.means[likely], state.covariances[likely])
     return regress(simulate, chosen.means, chosen.covariances).outputs(chosen)

@@ -305,7 +305,7 @@ class Tracker:
         self.estimate = replace(forecast, state=state)
         message, after, self._misses = self._message(test, names, measured), {}, {}
         try:
-            given = outputs_after(simulate, forecast.state, first, state)
+            given = outputs_after(simulate, state)
             slope = slope_in_z(forecast.state, first.slope, forecast.transport)
             self._misses, after = unmet(names, values, scales, given, used, slope), _intervals(names, given)
         except NoSteadyBeatError as error:
