@@ -218,6 +218,14 @@ def test_a_beat_that_has_not_settled_is_named_where_no_device_parts_the_flows():
     assert "through the pulmonary artery in a beat that has not settled; the lungs get 9.70" in sentence
 
 
+def test_a_device_that_drains_the_pulmonary_artery_is_named():
+    """A steady beat with such a device was called one that had not settled."""
+    flows = {"CO": 8.14, "LVO": 6.58, "pulmonary_flow": 6.58}
+    circuit = circulation() + ecmo("part", "ao")
+    (sentence,) = [one.sentence for one in findings(flows, {}, circuit) if one.quantity == "CO"]
+    assert "through the pulmonary artery before the ECMO drains it; the left ventricle" in sentence
+
+
 CAUTIONS = {
     "levosimendan in an empty heart": ({"PCWP": 6.0}, {"drugs.levosimendan": 0.1}, "levosimendan: fitted to"),
     "vasopressin without sepsis": (

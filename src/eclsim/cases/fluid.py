@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.dialysed_blood import HAEMATOCRIT_IN, USUAL_HAEMOGLOBIN, check_red_cells
+from eclsim.devices.dialysed_blood import HAEMATOCRIT_IN, HAEMOGLOBIN, USUAL_HAEMOGLOBIN, check_red_cells
 from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, read_share, switch
@@ -216,6 +217,20 @@ def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
         return {}
     excess = standard_base_excess(bicarbonate, case.gas.haemoglobin_g_dl)
     return {"gas.base_excess_mmol_l": float(excess)}
+
+
+def remarks_on_viscosity(varied: Collection[str]) -> list[str]:
+    """A remark if the haemoglobin varies without the haematocrit.
+
+    Args:
+        varied: names of the varied numbers.
+    """
+    if HAEMOGLOBIN not in varied or fluid.HAEMATOCRIT in varied:
+        return []
+    return [
+        f"{HAEMOGLOBIN} varies what blood carries, not its viscosity: pressures and flows stay; vary "
+        f"{fluid.HAEMATOCRIT} with it, in about the same ratio, and give {fluid.REFERENCE}"
+    ]
 
 
 def base_excess_of_bicarbonate(case: Case) -> dict[str, float]:

@@ -314,6 +314,7 @@ class Readings:
 
 def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None = None) -> Readings:
     """Read the cases of a sweep; report all errors and exit with status 2 if there are any."""
+    from eclsim.cases.fluid import remarks_on_viscosity
     from eclsim.cases.settings import parse_settings
     from eclsim.simulation.sweep import SweepError, parse_sweep, remarks_on_last_values
 
@@ -328,7 +329,7 @@ def read_sweep(file: str, settings: Sequence[str], text: str, policy: str | None
         fail(f"--sweep {key}: changes nothing that the simulation reads; sweep a setting or a parameter")
     if (section, name) in _set_keys(settings):
         fail(f"--sweep {key}: is also given by --set; remove one of the two")
-    note(remarks_on_last_values(text))
+    note([*remarks_on_last_values(text), *remarks_on_viscosity([f"{section}.{name}"])])
     wanted = [(file, [*settings, f"{key}={text}"], policy) for text in texts]
     readings = read_each(wanted, lambda mistake: _for_swept_key(mistake, key))
     warn(dict.fromkeys(str(_for_swept_key(m, key)) for r in readings for m in r.warnings))

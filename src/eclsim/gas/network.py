@@ -46,6 +46,7 @@ class GasStatus(IntEnum):
     NO_OXYGEN = 1
     NO_REMOVAL = 2
     NOT_CONVERGED = 3
+    INVALID_INPUT = 4
 
     @property
     def word(self) -> str:
@@ -71,6 +72,7 @@ _MESSAGES = {
     GasStatus.NOT_CONVERGED: (
         "no steady gas state found: check the keys of [gas] and the sweep against their ranges"
     ),
+    GasStatus.INVALID_INPUT: "no gases computed: a value is one that no blood or gas can have",
 }
 
 

@@ -311,8 +311,9 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         return []
     place = "lungs"
     if "the lungs get {}" in apart:
-        device = device_returning_to_pulmonary_artery(circuit)
-        place = f"pulmonary artery before the {device}return" if device else _NOT_SETTLED
+        returning, draining = device_returning_to_pulmonary_artery(circuit), _device_draining(circuit)
+        drained = f"pulmonary artery before the {draining}drains it" if draining else _NOT_SETTLED
+        place = f"pulmonary artery before the {returning}return" if returning else drained
     messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
     if (organs := organ_flow(outputs)) is not None:
         messages.append(f"the organs get {organs:.2f} L/min")
@@ -323,5 +324,15 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
 def device_returning_to_pulmonary_artery(circuit: Circuit | None) -> str:
     """Return the name of the device that returns blood to the pulmonary artery; empty if there is none."""
     paths = () if circuit is None else circuit.connections
-    result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
-    return next((f"{names.label} " for names in result if names), "")
+    return _first_label(path.group for path in paths if path.target in _PULMONARY_ARTERY)
+
+
+def _device_draining(circuit: Circuit | None) -> str:
+    """Return the name of the device that draws blood from the pulmonary artery; empty if there is none."""
+    paths = () if circuit is None else circuit.connections
+    return _first_label(path.group for path in paths if path.source in _PULMONARY_ARTERY)
+
+
+def _first_label(groups: Iterable[str]) -> str:
+    named = filter(None, map(naming_of, groups))
+    return next((f"{names.label} " for names in named), "")

@@ -15,6 +15,7 @@ from eclsim.arguments import written
 from eclsim.beat.grid import RESOLUTIONS, PhaseGrid, resolution_for_derivatives
 from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.beat.recording import all_signals, with_rates
+from eclsim.cases.fluid import remarks_on_viscosity
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
 from eclsim.gas.network import STATUS, GasStatus
@@ -37,6 +38,7 @@ from eclsim.outputs.alarms import (
 )
 from eclsim.outputs.gas import recirculation
 from eclsim.outputs.measures import Measures
+from eclsim.outputs.ranges import out_of_range
 from eclsim.outputs.registry import computed, leading_outputs, output
 from eclsim.outputs.regulation import REFLEX_USE, corner_at_set_point
 from eclsim.outputs.second_beat import findings_of_second_beat
@@ -64,7 +66,8 @@ def simulate(
     model = as_model(case)
     batch = Batch.of(model, volume_policy)
     beat = steady_beat(batch, waveforms=None, keep=None, options=options, resolution=resolution)
-    return labelled(beat, 0, model.name, model.doubts, findings_of_second_beat(beat))
+    beyond = out_of_range(model.circuit, model.values, 1)[0] if isinstance(case, Model) else []
+    return labelled(beat, 0, model.name, (*model.doubts, *beyond), findings_of_second_beat(beat))
 
 
 def labelled(
@@ -147,11 +150,15 @@ def simulate_many(
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(batch, outputs, waveforms=watched, options=options, start=start, execution=execution)
     member_findings = [beat.findings(k) for k in range(count)]
+    beyond = out_of_range(model.circuit, changes, count)
     data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
     texts = {
         "status": [Status(int(status)).word for status in beat.status],
         "message": [beat.message(k) for k in range(count)],
-        "warnings": ["\n".join(sentences(one)) for one in member_findings],
+        "warnings": [
+            "\n".join([*outside, *sentences(one)])
+            for outside, one in zip(beyond, member_findings, strict=True)
+        ],
     }
     data |= {name: ("member", np.array(each, dtype=str)) for name, each in texts.items()}
     data["impossible"] = ("member", np.array([impossible(one) for one in member_findings], dtype=int))
@@ -167,7 +174,8 @@ def simulate_many(
         "id": model.name,
         "blood_volume_policy": batch.policy,
         "failed": int((~beat.converged).sum()),
-        "warnings": list(model.doubts),
+        **({"without_gases": int(beat.without_gases.sum())} if beat.of_gases else {}),
+        "warnings": [*model.doubts, *remarks_on_viscosity(changes)],
     }
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
 

@@ -41,6 +41,7 @@ from eclsim.outputs.coupling import (
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gas import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, in_two_columns, whole_beat
+from eclsim.outputs.ranges import impossible_contents, reasons_of_contents
 from eclsim.outputs.registry import computed, is_users_output, leading_outputs, output
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import Sealed, TrappedBlood, closed_valves, sealed, valve_flows
@@ -190,7 +191,8 @@ class SteadyBeat:
         text = status.message
         if self.unsettled is not None and self.unsettled[member]:
             gases = GasStatus(int(self.gas_status[member]))
-            reason = gases.message if gases is not GasStatus.STEADY else "gases and circulation do not settle"
+            steady = gases is GasStatus.STEADY
+            reason = "gases and circulation do not settle" if steady else self._gas_message(member)
             return f"no steady beat found in which regulation and blood gases agree: {reason}"
         if status is Status.INVALID_INPUT:
             mistakes = allowed_values(self.batch.circuit).reasons(self.batch.member(member))
@@ -198,7 +200,7 @@ class SteadyBeat:
         if status is Status.ONE_OF_MANY:
             text = f"{text}: {self.undetermined[member].reason}"
         elif status is Status.CONVERGED and self.gas_status[member]:
-            text = f"{text}, but {GasStatus(int(self.gas_status[member])).message}"
+            text = f"{text}, but {self._gas_message(member)}"
         elif status is not Status.CONVERGED:
             residual, drift = self.orbits.residual[member], self.orbits.drift[member]
             native = f"native output {self.native_l_min[member]:.3g} L/min, "
@@ -206,6 +208,13 @@ class SteadyBeat:
             text += f"drift {drift:.2g} mL a beat)"
         doubt = self.orbits.grid_warning(member)
         return f"{text}; {doubt}" if doubt else text
+
+    def _gas_message(self, member: int) -> str:
+        status, batch = GasStatus(int(self.gas_status[member])), self.batch
+        if status is not GasStatus.INVALID_INPUT:
+            return status.message
+        reasons = reasons_of_contents(batch.circuit, batch.all_values_of(member))
+        return f"{status.message}: {'; '.join(reasons)}"
 
     def determined_only(self) -> SteadyBeat:
         """Return the same beats with NaN where a beat is one of many."""
@@ -262,7 +271,7 @@ class SteadyBeat:
         """Findings about gases, other than limits."""
         read, status = self.of_gases, GasStatus(int(self.gas_status[member]))
         if status is not GasStatus.STEADY:
-            return [Finding.without_limit("alarm", "VO2", np.nan, status.message, *read)]
+            return [Finding.without_limit("alarm", "VO2", np.nan, self._gas_message(member), *read)]
         if "VO2" not in read:
             return []
         vo2 = float(self.output("VO2")[member])
@@ -287,7 +296,9 @@ class SteadyBeat:
             raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
         gases = GasStatus(int(self.gas_status[member]))
         if gases is not GasStatus.STEADY and gas_dependent_outputs(self.batch.circuit, outputs):
-            raise NoDerivativesError(Status(int(self.status[member])), gases.message, gases=gases.word)
+            raise NoDerivativesError(
+                Status(int(self.status[member])), self._gas_message(member), gases=gases.word
+            )
         read = (*outputs, *(SOLVED_BY[name] for name in self.coupled))
         names = (*parameters, *self.coupled)
         program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))
@@ -401,6 +412,11 @@ def measured(
 
     in_threads(measure, _blocks(orbits), threads)
     outcome = dict(zip(names, values, strict=True))
+    if with_gas and (wrong := impossible_contents(orbits.batch)).any():
+        gas_status[wrong] = GasStatus.INVALID_INPUT
+        for name in gas_dependent_outputs(circuit, names):
+            outcome[name][wrong] = np.nan
+        gases = {k: found for k, found in gases.items() if not wrong[k]}
     return with_status(orbits, requested, outcome, signals, statistics, kept, gas_status, gases)
 
 
