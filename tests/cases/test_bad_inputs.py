@@ -193,6 +193,10 @@ ROWS = [
         ("systemic embolism", "venous blood, which bypasses lungs"),
     ),
     Row(65, FULL.replace('"pre_oxy"', '"ra"'), {}, "OK"),
+    Row(
+        65, FULL.replace('"pre_oxy"', '"pre_rc"'), {}, "W",
+        ("crrt.return_site", "behind the oxygenator of an ECMO that returns to the arteries"),
+    ),
     Row(66, FULL, {"speed_rpm": "0"}, "W", ("ecmo.speed_rpm = 0", "flows back")),
     Row(68, FULL, {"pump": "0"}, "E", ("a name is needed", "Rotaflow, DP3")),
     Row(68, FULL, {"pump": '"rotaflow"'}, "E", ("did you mean Rotaflow?",)),

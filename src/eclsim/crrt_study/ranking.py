@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.crrt_study.beats import GASES, joined_with_and, schemes_named, speeds_without_solution
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, LIMITS, USUAL_ALARMS
 from eclsim.crrt_study.rule import DEFAULT_RULE, FLOW, ON_PATIENT, PAST_OXYGENATOR, Rule
-from eclsim.crrt_study.schemes import site_words
+from eclsim.devices.crrt import embolism_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -234,10 +234,7 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
             f"{100.0 * ranked.recirculated:.0f} % of the access flow comes straight from the return line"
         )
     if scheme.returns_after_lungs:
-        texts.append(
-            f"returns to the {site_words(scheme.return_site)}: air or clots from the CRRT go to the arteries "
-            "of the body (systemic embolism), as neither lungs nor an oxygenator hold them back"
-        )
+        texts.append(embolism_text(scheme.return_site))
     elif scheme.returns_behind_oxygenator:
         texts.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
     if (share := float(means[PAST_OXYGENATOR])) > 0.0:

@@ -15,7 +15,7 @@ from eclsim.arguments import number_of, written
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.crrt import Crrt
 from eclsim.devices.device import device_key
-from eclsim.devices.ecmo import ECMO, POSITION_WORDS, PUMPS
+from eclsim.devices.ecmo import BEFORE_OXYGENATOR, BEHIND_OXYGENATOR, ECMO, POSITION_WORDS, PUMPS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
 from eclsim.devices.plausibility import check_speed
 from eclsim.inputs.mistakes import Remarks
@@ -31,10 +31,6 @@ from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
-
-BEFORE_OXYGENATOR = ("post_dc", "pre_pump", "post_pump", "pre_oxy")
-BEHIND_OXYGENATOR = ("post_oxy", "pre_rc")
-"""Positions upstream and downstream of the oxygenator."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,7 +53,7 @@ from eclsim.devices.dialysed_blood import (
     no_plasma_water,
     warn_of_other_filters,
 )
-from eclsim.devices.ecmo import ECMO, POSITIONS
+from eclsim.devices.ecmo import BEHIND_OXYGENATOR, ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
@@ -427,6 +427,12 @@ class CrrtDevice(Device[Crrt]):
             remarks.warning(f"{key}.return_site", "drains an artery into a vein: a shunt", shown(back))
         if back in AFTER_LUNGS:
             _warn_of_embolism(f"{key}.return_site", access, str(back), remarks)
+        elif _reaches_arteries(back, case):
+            message = (
+                "returns behind the oxygenator of an ECMO that returns to the arteries: nothing holds back "
+                "air or clots from the CRRT before them"
+            )
+            remarks.warning(f"{key}.return_site", message, shown(back), "a position before the oxygenator")
         if "ecmo" in circuits and access in POSITIONS and back in POSITIONS:
             _check_flow(f"{key}.flow_ml_min", values.get("flow_ml_min"), circuits["ecmo"], remarks)
         check_fluids(values, case, key, remarks)
@@ -492,12 +498,24 @@ def _check_position(key: str, site: str | None, case: CaseValues, remarks: Remar
     remarks.error(key, message, shown(site), allowed)
 
 
-def _warn_of_embolism(key: str, access: str | None, back: str, remarks: Remarks) -> None:
-    """Warn of a return line that ends where neither lungs nor an oxygenator hold back air and clots."""
-    message = (
-        f"returns to the {PATIENT_SITES[back]}: air and clots from the CRRT go to the arteries of the body "
+def _reaches_arteries(back: str | None, case: CaseValues) -> bool:
+    """Whether a return line ends between an oxygenator and the left heart or an artery."""
+    section, _, position = str(back).rpartition(".")
+    circuit = case.of("ecmo").get(section or "ecmo", {})
+    return position in BEHIND_OXYGENATOR and circuit.get("return_site") in AFTER_LUNGS
+
+
+def embolism_text(site: str) -> str:
+    """What follows if a return line ends at a site of the left heart or the arteries."""
+    return (
+        f"returns to the {PATIENT_SITES[site]}: air or clots from the CRRT go to the arteries of the body "
         "(systemic embolism), as neither lungs nor an oxygenator hold them back"
     )
+
+
+def _warn_of_embolism(key: str, access: str | None, back: str, remarks: Remarks) -> None:
+    """Warn of a return line that ends where neither lungs nor an oxygenator hold back air and clots."""
+    message = embolism_text(back)
     if access in BEFORE_LUNGS:
         message += "; it drains venous blood, which bypasses lungs and oxygenator"
     remarks.warning(key, message, shown(back), "a vein, or a position before the oxygenator")

@@ -245,6 +245,7 @@ POSITIONS = {
     "pre_rc": "ecmoreturn",
 }
 """Positions in the circuit, in flow direction, and the compartment at each."""
+BEFORE_OXYGENATOR, BEHIND_OXYGENATOR = tuple(POSITIONS)[:4], tuple(POSITIONS)[4:]
 
 POSITION_WORDS = {
     "post_dc": "post drainage cannula",
