@@ -190,6 +190,8 @@ def test_blood_that_stands_still_has_no_gases_on_the_page():
     places = shown["gas"]["places"]
     assert {"rv", "pas", "part", "pvn", "la", "lv"} == {n for n, one in places.items() if "standing" in one}
     assert set(places["pas"]["values"].values()) == {None}
+    assert shown["outputs"]["SvO2"] is None, "100 % stood in the table of outputs"
+    assert shown["outputs"]["PvO2"] is None
     assert 40.0 < places["svn"]["values"]["SO2"] < 80.0
     assert "no blood flows through the lungs" in shown["cautions"]["SvO2"]
     assert shown["cautions"].keys() >= {"SvO2", "PvO2"}

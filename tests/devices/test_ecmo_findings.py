@@ -177,3 +177,48 @@ def test_recirculation_is_that_of_the_blood_of_both_drainage_cannulae():
         shares.append(float(beat["recirculation_fraction"]))
         assert shares[-1] == pytest.approx((of["pre"] - venous) / (of["post"] - venous), rel=0.08)
     assert shares[1] < 0.75 * shares[0]
+
+
+BAD_LUNGS = {
+    "format": 1,
+    "patient": {"id": "h", "sex": "male", "age_years": 60, "heart_rate_bpm": 90},
+    "gas": {"haemoglobin_g_dl": 10, "shunt_fraction": 0.6, "fio2": 0.6},
+    "ecmo": {"mode": "VA", "pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult",
+             "drainage_fr": 23, "return_fr": 17},
+}  # fmt: skip
+
+
+def harlequin(gas=None, ecmo=None, **sections):
+    """The cautions on differential hypoxaemia, and the beat."""
+    changed = {"gas": {**BAD_LUNGS["gas"], **(gas or {})}, "ecmo": {**BAD_LUNGS["ecmo"], **(ecmo or {})}}
+    beat = eclsim.simulate(read_mapping({**BAD_LUNGS, **changed, **sections}).case)
+    return [text for text in beat.attrs["warnings"] if "differential hypoxaemia" in text], beat
+
+
+def test_one_artery_hides_desaturated_blood_of_the_heart_and_that_is_said():
+    """A radial saturation of 93 % stood over a heart that ejected 6 L/min of 86 %; with femoral return it is 88 %."""
+    (said,), beat = harlequin()
+    assert float(beat["SaO2"]) > 92.0
+    named = float(said.split("of about ")[1].split(" %")[0])
+    assert named == pytest.approx(beat["Ppvn"].attrs["SO2"], abs=1.5)
+    assert '[physiology] regional = true and ecmo.return_site = "lower"' in said
+    assert beat["SaO2"].attrs["read_with_care"] == 1
+    assert harlequin(gas={"shunt_fraction": 0.1})[0] == []
+
+
+@pytest.mark.slow
+def test_central_return_in_regions_is_named_and_femoral_return_needs_no_caution():
+    regions = {"physiology": {"regional": True}}
+    (said,), beat = harlequin(**regions)
+    assert "returns to the ascending aorta (central cannulation)" in said
+    assert "regional = true" not in said
+    none, femoral = harlequin(ecmo={"return_site": "lower"}, **regions)
+    assert none == []
+    assert float(femoral["SaO2"]) < float(beat["SaO2"]) - 4.0
+
+
+def test_suction_is_said_where_the_pump_draws():
+    """The venous pressure of the console is measured before the pump; -115 mmHg there was no warning."""
+    beat = eclsim.simulate(read_mapping({**BAD_LUNGS, "ecmo": {**BAD_LUNGS["ecmo"], "speed_rpm": 5000}}).case)
+    assert float(beat["pump_inlet_pressure"]) < -100.0 < float(beat["lowest_drainage_pressure"])
+    assert beat["pump_inlet_pressure"].attrs["finding"] == "warning"

@@ -55,6 +55,7 @@ def _same(circuit: Circuit) -> Circuit:
 # --- the beat ---------------------------------------------------------------------------------------
 
 
+_MIXED_VENOUS = {"SvO2", "PvO2"}
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
 """Blood gas quantities shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
 POINTS = 200
@@ -239,7 +240,7 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
     return {
         "period": round(beat.period, 5),
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
-        "means": finite(beat.means, digits=6), "outputs": finite(beat.outputs, digits=6),
+        "means": finite(beat.means, digits=6), "outputs": finite(_of_moving_blood(beat), digits=6),
         "notes": [[f.kind, with_minus(f.sentence)] for f in beat.findings],
         "cautions": _cautions(beat.findings), "levels": beat.levels(), "places": beat.place_levels(),
         "possible": beat.possible, "converged": beat.converged, "transient": beat.transient,
@@ -247,6 +248,13 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "apart": _apart(beat.outputs),
         "status": beat.status.word, "message": with_minus(beat.message), "gas": _plain_gases(beat),
     }  # fmt: skip
+
+
+def _of_moving_blood(beat: Beat) -> dict[str, float]:
+    """Return the outputs, without gases of mixed venous blood that stands still."""
+    if beat.gases is None or "pas" not in beat.gases.standing:
+        return dict(beat.outputs)
+    return {**beat.outputs, **dict.fromkeys(_MIXED_VENOUS & beat.outputs.keys(), math.nan)}
 
 
 def _apart(outputs: Mapping[str, float]) -> list[str]:

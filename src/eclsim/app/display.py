@@ -75,8 +75,8 @@ PATIENT = Views(
     ),
     samples=(
         *(
-            Sample(place, text("sample_radial"), {"SO2": "SaO2", "PO2": "PaO2", "PCO2": "PaCO2", "pH": "pHa"})
-            for place in ("sart", "upper")
+            Sample(place, text(label), {"SO2": "SaO2", "PO2": "PaO2", "PCO2": "PaCO2", "pH": "pHa"})
+            for place, label in (("sart", "sample_mixed"), ("upper", "sample_radial"))
         ),
         Sample(
             "lower", text("sample_femoral"),
@@ -160,14 +160,20 @@ def display(case: Case) -> dict[str, Any]:
 def figures_of(case: Case) -> list[KeyFigure]:
     """Return the numbers that are always visible: arterial pressure, all flows, then the rest."""
     label = _label_of_output(case)
+    labels = {"CO": label} | ({} if _is_divided(case) else {"SaO2": text("key_SaO2_mixed")})
     figures = [
-        replace(figure, label=label) if figure.key == "CO" else figure
+        replace(figure, label=labels.get(figure.key, figure.label))
         for _, views in _displays(case)
         for figure in views.figures
         if figure.key != LUNGS or label != text("key_CO")
     ]
     flows = [figure for figure in figures[1:] if figure.unit == "L/min"]
     return [figures[0], *flows, *(figure for figure in figures[1:] if figure not in flows)]
+
+
+def _is_divided(case: Case) -> bool:
+    """Return whether upper and lower body have their own arteries."""
+    return any(c.name == "upper" for c in circuit_of(case).compartments)
 
 
 def _label_of_output(case: Case) -> str:

@@ -262,6 +262,10 @@ _OTHER_SITE = {"drainage_site": "return_site", "return_site": "drainage_site"}
 MIXED_SITE = "ra"
 """Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
 _GREAT_VEINS = frozenset((*VENOUS_SITES, *DRAINED.values()))
+LEAST_EJECTED_L_MIN, DESATURATED_PERCENT = 0.3, 90.0
+"""Output of the heart from which, and its saturation below which, a caution names differential hypoxaemia."""
+USUAL_PO2 = 60.0
+"""PO2 of such blood, of which little is dissolved [mmHg]."""
 SMALLEST_EXCESS_L_MIN = 0.1
 """Flow of veno-venous ECMO beyond the venous return from which a caution says so."""
 _CIRCUIT_GASES = ("SpreO2", "SpostO2", "PpostO2", "PpostCO2", "PexhaustCO2", "recirculation_fraction")
@@ -663,6 +667,10 @@ class EcmoDevice(Device[Ecmo]):
             "the vessel collapses and the pump would not reach this flow: lower its speed", _ELSO,
         ),
         Limit(
+            "pump_inlet_pressure", "warning", "below", SUCTION_MMHG, "suction: lower the pump speed",
+            "warning limit of the Cardiohelp system",
+        ),
+        Limit(
             "pump_inlet_pressure", "alarm", "below", COLLAPSE_MMHG,
             "cavitation and haemolysis: lower the pump speed", _ELSO,
         ),
@@ -891,6 +899,7 @@ class EcmoDevice(Device[Ecmo]):
             *_without_exhaust_gas(names, outputs, values),
             *_more_than_venous_return(names, outputs, circuit),
             *_caution_on_left_ventricle(names, outputs, circuit),
+            *_caution_on_mixed_artery(names, outputs, circuit, values),
             *caution_on_chart(names, outputs, circuit),
             *ejection_fraction_findings(names, outputs, circuit, ("ecmodrain", "ecmodrain2"), "PF"),
         ]
@@ -1015,6 +1024,52 @@ def _caution_on_left_ventricle(
     )
     concerns = (name for name in LEFT_SIDE if name in outputs)
     return [Finding.without_limit(CAUTION, "EDVLV", outputs["EDVLV"], text, *concerns)]
+
+
+def _caution_on_mixed_artery(
+    names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+) -> list[Finding]:
+    """Caution that desaturated blood of the heart is not seen where the pump's blood mixes with all of it."""
+    back = {c.target for c in circuit.connections if c.name == names.place("ecmoreturn")}
+    divided = any(c.name == "upper" for c in circuit.compartments)
+    if "SaO2" not in outputs or not back & ({"ao", "arch"} if divided else set(ARTERIAL_SITES)):
+        return []
+    lungs = _saturation_of_the_heart(names, outputs, values)
+    if not lungs < DESATURATED_PERCENT:
+        return []
+    place = (
+        "the pump returns to the ascending aorta (central cannulation)"
+        if divided
+        else "one artery holds the blood of pump and heart, mixed"
+    )
+    ways = ("" if divided else "[physiology] regional = true and ") + 'ecmo.return_site = "lower"'
+    text = (
+        f"{place}: SaO2 {outputs['SaO2']:.0f} % is not that of a patient with femoral return, whose heart, "
+        f"brain and right hand first get what the heart ejects, {outputs['LVO']:.1f} L/min of about "
+        f"{max(lungs, 0.0):.0f} % (differential hypoxaemia); {ways} shows it"
+    )
+    concerns = [name for name in ("SaO2", "PaO2", "SaO2_lower", "PaO2_lower") if name in outputs]
+    return [Finding.without_limit(CAUTION, "SaO2", outputs["SaO2"], text, *concerns)]
+
+
+def _saturation_of_the_heart(
+    names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]
+) -> float:
+    """Saturation [%] of the blood that the heart ejects, from the oxygen of its mixture with the pump's.
+
+    NaN if the heart ejects next to nothing, or gases are not known.
+    """
+    from eclsim.blood.standard import OXYGEN_SOLUBILITY
+    from eclsim.components.exchangers import HAEMOGLOBIN, OXYGEN_CAPACITY
+
+    own = [names.output(name) for name in ("SreturnO2", "PpostO2", "PF")]
+    known = [outputs.get(name, math.nan) for name in ("SaO2", "PaO2", *own, "LVO")]
+    mixed, mixed_po2, pumped, pumped_po2, flow, ejected = known
+    if not ejected > LEAST_EJECTED_L_MIN:
+        return math.nan
+    dissolved = 100.0 * OXYGEN_SOLUBILITY / (values[OXYGEN_CAPACITY] * values[HAEMOGLOBIN])
+    excess = pumped - mixed + dissolved * (pumped_po2 - mixed_po2)
+    return mixed + dissolved * (mixed_po2 - USUAL_PO2) - flow * excess / ejected
 
 
 def _reason_for_left_ventricle(circuit: Circuit) -> str:

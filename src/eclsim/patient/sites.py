@@ -47,4 +47,4 @@ def patient_sites(regional: bool = False) -> dict[str, str]:
     """Names and labels of the sites of the published or of the regional patient."""
     if not regional:
         return _PUBLISHED | _HEART_AND_LUNGS
-    return {"ao": _PUBLISHED["ao"]} | _HEART_AND_LUNGS | _REGIONAL
+    return {"ao": "ascending aorta"} | _HEART_AND_LUNGS | _REGIONAL
