@@ -20,7 +20,7 @@ import numpy as np
 
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.devices.description import placed_sentence
-from eclsim.files import csv_text, write_json, write_text
+from eclsim.files import ORIGIN, csv_text, write_json, write_text
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
@@ -196,7 +196,7 @@ class Indices:
         factors = list(self.factors)
         names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
         about = {
-            "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
+            **ORIGIN, "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
             "rows_used": self.rows_used, "impossible": self.impossible, "domain": self.domain,
             "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
             "inputs": [range_text(chosen) for chosen in self.inputs],
@@ -311,7 +311,8 @@ class SensitivityResult:
         data = {"mean": (dims, mean), "spread": (dims, spread), "mean_conf": (dims, width)}
         repeats = ("rows", design.samples // np.array(sizes))
         labels = (sizes, list(names), list(outputs), list(design.factors))
-        return xr.Dataset({**data, "repeats": repeats}, dict(zip(dims, labels, strict=True)))
+        coordinates = dict(zip(dims, labels, strict=True))
+        return xr.Dataset({**data, "repeats": repeats}, coordinates, ORIGIN)
 
 
 def indices_of_runs(
