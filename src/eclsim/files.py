@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 MADE_BY = "made_by"
 """Key in every JSON object, and attribute of every NetCDF file, that states the version that wrote it."""
 VERSION_NAME = f"eclsim {__version__}"
+ORIGIN = {MADE_BY: VERSION_NAME}
+"""Attributes of every labelled result, so that a file that a user writes from it states its version."""
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 _Cell = TypeVar("_Cell")
@@ -120,7 +122,7 @@ def finite(value: object, digits: int | None = None) -> Json:
 
 def json_text(data: object) -> str:
     """Format data as JSON: an object states the version that wrote it; non-finite numbers become null."""
-    marked = {MADE_BY: VERSION_NAME, **data} if isinstance(data, dict) else data
+    marked = {**ORIGIN, **data} if isinstance(data, dict) else data
     return json.dumps(finite(marked), indent=1, allow_nan=False) + "\n"
 
 
@@ -143,7 +145,7 @@ def write_netcdf(datasets: Mapping[str, xr.Dataset], path: Path) -> None:
     with whole_file(path, sum(data.nbytes for data in datasets.values())) as partial:
         for count, (group, data) in enumerate(datasets.items()):
             texts = {name: "\n".join(value) for name, value in data.attrs.items() if isinstance(value, list)}
-            stored = data.assign_attrs(texts | {MADE_BY: VERSION_NAME})
+            stored = data.assign_attrs(texts | ORIGIN)
             stored = stored.map(lambda one: one.astype(str) if one.dtype == object else one, keep_attrs=True)
             mode = "a" if count else "w"
             # `to_netcdf` loads Dask, where it is installed, to find a lock that no single process needs

@@ -420,7 +420,11 @@ def test_arviz_opens_the_netcdf(result, folder):
             "patient.heart_rate_bpm=100",
         ]
         summary = arviz.summary(data, var_names=list(NAMES))
+        tree = result.draws
+        taken = arviz.from_datatree(tree) if hasattr(arviz, "from_datatree") else tree  # as docs/python.md
+        direct = arviz.summary(taken, var_names=list(NAMES))
     assert set(summary.index) == set(NAMES)
+    assert direct["mean"].to_dict() == summary["mean"].to_dict()
 
 
 @pytest.mark.slow

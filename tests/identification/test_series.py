@@ -192,6 +192,7 @@ def test_tables_picture_and_labelled_result_name_what_is_doubtful_or_was_not_use
     assert [axes.get_ylabel() for axes in plot_outputs(series).axes] == ["CO [L/min]\ndoubtful", "MAP [mmHg]"]
     result.dataset.to_netcdf(tmp_path / "track.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "track.nc", engine="h5netcdf") as read:
+        assert read.attrs["made_by"].startswith("eclsim ")
         assert read["failed"].values.tolist() == [False, True, False]
         assert read["message"].values.tolist() == ["", "no steady heartbeat", ""]
         assert read["doubts"].values.tolist() == ["; ".join(doubts), "", ""]

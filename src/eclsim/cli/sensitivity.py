@@ -40,6 +40,13 @@ class SensitivityOptions(CaseChanges, Distributed):
         2048, "Rows N of Saltelli's design, a power of two; N (2 D + 2) runs for D inputs.", minimum=2
     )
     perturbation: float = option(25.0, "Half width of the range of each input [%].", metavar="PERCENT")
+    ranges: list[str] = option(
+        [],
+        "Own range of an input in its unit, in place of --perturbation: Rmc=0.5:1.5. Rmc=0.1:10:log is "
+        "uniform in the logarithm. May be repeated.",
+        "--range",
+        metavar="NAME=LOW:HIGH",
+    )
     parameters: str | None = option(
         None, "Parameters to vary: Rmc,Emaxlv ...; default: the paper's 24.", metavar="NAMES"
     )
@@ -168,10 +175,12 @@ def _merged(o: SensitivityOptions, shards: int | None) -> Mapping[str, Indices]:
 def _settings(o: SensitivityOptions, case: Case, state: str) -> SobolSettings:
     from eclsim.orbit.model import model_of
     from eclsim.sensitivity.analysis import SobolSettings, state_values
+    from eclsim.sensitivity.ranges import read_ranges
 
     return SobolSettings(
-        samples=o.samples, perturbation_percent=o.perturbation, parameters=names_of(o.parameters),
-        include=names_of(o.include) or (), groups=names_of(o.groups) or (), outputs=names_of(o.outputs),
+        samples=o.samples, perturbation_percent=o.perturbation, ranges=read_ranges(o.ranges),
+        parameters=names_of(o.parameters), include=names_of(o.include) or (),
+        groups=names_of(o.groups) or (), outputs=names_of(o.outputs),
         seed=o.seed, second_order=o.second_order is not False, until=o.until,
         values=state_values(model_of(case), state, case.volume_policy) if state else None,
     )  # fmt: skip

@@ -21,7 +21,7 @@ from eclsim.course.result import IMPOSSIBLE, TIME
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION
 from eclsim.execution import Executor, Progress, as_executor, as_folder
-from eclsim.files import finite
+from eclsim.files import ORIGIN, finite
 from eclsim.orbit.model import CASE, CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import THIN_WALLED
@@ -127,7 +127,7 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     )  # fmt: skip
     failed = [course for course in courses if not course.attrs["converged"]]
     shared = ("id", CASE, "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
-    about = {key: first.attrs[key] for key in shared}
+    about = {**ORIGIN, **{key: first.attrs[key] for key in shared}}
     coordinates = {
         TIME: variable(TIME, time, units="min", long_name="time from the start"),
         "quantile": np.array(QUANTILES),

@@ -15,6 +15,7 @@ from eclsim.course.fluid_remarks import remarks_on_fluids
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION, Finding, labelled_sentence
+from eclsim.files import ORIGIN
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.orbit.status import Status
@@ -75,6 +76,7 @@ def attributes_of(
     """
     cautions = [*remarks_on_fluids(timeline), *remarks] if balance else []  # none if the course did not begin
     return {
+        **ORIGIN,
         "id": timeline.case.patient.id,
         CASE: json.dumps(case_record(timeline.case, policy)),
         "case_values": json.dumps(dict(timeline.overrides)),

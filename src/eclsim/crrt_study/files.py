@@ -16,7 +16,7 @@ from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.ranking import choice_text, first_choice
 from eclsim.crrt_study.report import EXCHANGE_COLUMNS, drawings, study_page
 from eclsim.crrt_study.study import CrrtStudy, compared_with_schemes
-from eclsim.files import Json, finite, frame_text, json_text, write_texts
+from eclsim.files import MADE_BY, Json, finite, frame_text, json_text, write_texts
 from eclsim.orbit.model import AS_PUBLISHED, CASE, case_record
 
 FILES = ("report.html", "study.json", "study.nc")
@@ -188,7 +188,7 @@ def _uncertainty(result: xr.Dataset) -> dict[str, object]:
         }
         spread = {n.removesuffix("_quantiles"): scheme_result[n].values.tolist() for n in names}
         schemes[letter] = {**shares, "quantiles": spread, "settled": scheme_result["settled"].item()}
-    about = {str(key): value for key, value in result.attrs.items()}
+    about = {str(key): value for key, value in result.attrs.items() if key != MADE_BY}
     return {**about, "quantiles": result["quantile"].values.tolist(), "schemes": schemes}
 
 

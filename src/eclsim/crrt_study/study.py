@@ -43,6 +43,7 @@ from eclsim.crrt_study.schemes import (
 from eclsim.devices.crrt import CRRT, Crrt
 from eclsim.devices.dialysed_blood import FILTER_PARAMETERS, FLUIDS, HAEMATOCRIT_IN
 from eclsim.devices.renox import GROUP, Renox
+from eclsim.files import ORIGIN
 from eclsim.orbit.model import CaseSource, as_case, circuit_of, values_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import assumptions
@@ -101,6 +102,11 @@ class CrrtStudy:
     renox: xr.Dataset | None = None
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for result in vars(self).values():
+            if isinstance(result, xr.Dataset):
+                result.attrs |= ORIGIN
 
     def __repr__(self) -> str:
         orders = (f"{policy}: {' '.join(r.letter for r in rank)}" for policy, rank in self.ranking.items())

@@ -15,7 +15,7 @@ from eclsim.cases.cohort import read_table
 from eclsim.cases.fit_mark import DOUBTS, POSTERIOR
 from eclsim.cases.quantities import quantity
 from eclsim.devices.registry import parameters
-from eclsim.files import csv_text, write_text
+from eclsim.files import ORIGIN, csv_text, write_text
 from eclsim.identification.quantities import unit_of, unit_of_parameter
 from eclsim.identification.verdict import SIDES, possible_limits
 from eclsim.inputs.mistakes import CaseError
@@ -48,6 +48,7 @@ def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
     of_predictions = {"chain": [0], "draw": np.arange(len(first.values))}
     pair, outputs = ("chain", "draw"), tuple(dict.fromkeys(n for p in result.predictions for n in p.outputs))
     attributes = {
+        **ORIGIN,
         "inference_library": "eclsim", "inference_library_version": __version__,
         "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
         "doubts": "; ".join(result.doubts), "warnings": "; ".join(first.warnings),
@@ -89,7 +90,8 @@ def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
             values = result.chains.statistics[numpyro_name]
             groups["sample_stats"][0][name] = xr.Variable(pair, -values if name == "lp" else values)
     return xr.DataTree.from_dict(
-        {group: xr.Dataset(data, coords, attributes) for group, (data, coords) in groups.items()}
+        {"/": xr.Dataset(attrs=ORIGIN)}
+        | {group: xr.Dataset(data, coords, attributes) for group, (data, coords) in groups.items()}
     )
 
 

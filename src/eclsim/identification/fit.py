@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.quantities import with_values
 from eclsim.devices.description import CAUTION, labelled_sentence
-from eclsim.files import finite
+from eclsim.files import ORIGIN, finite
 from eclsim.identification.fitted_parameters import (
     SAME_PARAMETER_SHARE,
     FittedParameter,
@@ -201,7 +201,7 @@ class FitResult:
             "output_units": ("output", [unit_of(n) for n in outputs]),
         }  # fmt: skip
         attributes = {
-            "id": self.name, "status": str(self.status), "message": self.status.message,
+            **ORIGIN, "id": self.name, "status": str(self.status), "message": self.status.message,
             "verdict": str(self.verdict.level), "headline": self.verdict.headline,
             "sum_of_squares": self.optimum.cost, "warnings": list(self.warnings),
         }  # fmt: skip

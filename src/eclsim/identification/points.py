@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.files import ORIGIN
 from eclsim.identification.quantities import OUTPUTS, unit_of, unit_of_parameter
 from eclsim.identification.verdict import FitVerdict
 
@@ -158,7 +159,8 @@ class TrackResult:
             "parameter_units": ("parameter", list(map(unit_of_parameter, parameters))),
             "output_units": ("output", [unit_of(n) for n in outputs]),
         }  # fmt: skip
-        return xr.Dataset(data, coordinates, {"patient": self.patient, "notes": list(self.notes)})
+        about = {**ORIGIN, "patient": self.patient, "notes": list(self.notes)}
+        return xr.Dataset(data, coordinates, about)
 
     def as_object(self) -> dict[str, Any]:
         """Plain data for JSON; null for unknown values."""

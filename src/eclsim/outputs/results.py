@@ -18,6 +18,7 @@ from eclsim.beat.recording import all_signals, with_rates
 from eclsim.cases.fluid import remarks_on_viscosity
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
+from eclsim.files import ORIGIN
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
@@ -109,6 +110,7 @@ def labelled(
     data |= _recirculation(beat, member)
     status, orbits = Status(int(beat.status[member])), beat.orbits
     attributes: dict[str, Any] = {
+        **ORIGIN,
         "id": name,
         "converged": int(beat.converged[member]),
         "status": status.word,
@@ -171,6 +173,7 @@ def simulate_many(
         k: ("member", np.broadcast_to(values[k], (count,)), {"units": unit_of_value(k)}) for k in changes
     }
     attributes = {
+        **ORIGIN,
         "id": model.name,
         "blood_volume_policy": batch.policy,
         "failed": int((~beat.converged).sum()),
@@ -287,6 +290,7 @@ def derivatives(
             "parameter_units": ("parameter", [unit_of_value(name) for name in parameters]),
         },
         attrs={
+            **ORIGIN,
             "long_name": "d output / d parameter, in output_units per parameter_units",
             "id": model.name,
             "status": status,
@@ -406,6 +410,7 @@ def simulate_course(
     }  # fmt: skip
     extremes = {n: (float(s.min()), float(s.max())) for n, s in zip(signals, course.signals.T, strict=True)}
     attributes = {
+        **ORIGIN,
         "id": model.name,
         "seconds": float(seconds),
         "status": "finite" if np.isfinite(course.signals).all() else "not_finite",

@@ -30,7 +30,15 @@ from eclsim.outputs.results import beat_warnings
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.sensitivity.design import Design, DesignError
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, missing_outputs, varied_inputs
+from eclsim.sensitivity.inputs import (
+    CARDIOVASCULAR,
+    OUTPUTS,
+    InputError,
+    Range,
+    missing_outputs,
+    varied_inputs,
+)
+from eclsim.sensitivity.ranges import checked_ranges
 from eclsim.sensitivity.results import NO_CENTRAL_BEAT, SensitivityResult, indices_of_runs
 from eclsim.sensitivity.runs import (
     Analysis,
@@ -59,7 +67,9 @@ class SobolSettings:
 
     Args:
         samples: N, rows of Saltelli's design, a power of two.
-        perturbation_percent: half width of the range of each number.
+        perturbation_percent: half width of the range of each number that is not in `ranges`.
+        ranges: own ranges of inputs in their units, `{"Rmc": (0.5, 1.5)}`; `(0.1, 10.0, "log")` is uniform
+            in the logarithm. For a cannula the sizes sold within the range are equally likely.
         parameters: names of the varied parameters; None for the paper's 24 cardiovascular ones.
         include: further inputs, such as `ecmo.speed_rpm`, `ecmo.drainage_fr`, `crrt.flow_ml_min`,
             `crrt.scheme`.
@@ -75,6 +85,7 @@ class SobolSettings:
 
     samples: int = 2048
     perturbation_percent: float = 25.0
+    ranges: Mapping[str, Range] | None = None
     parameters: Sequence[str] | None = None
     include: Sequence[str] = ()
     groups: Sequence[str] = ()
@@ -92,7 +103,7 @@ class SobolSettings:
         check_fields(
             self, samples=WholeNumber(None), perturbation_percent=number_of, seed=WholeNumber(None),
             second_order=flag, values=Kind(Mapping, 'numbers by parameter, such as {"Rmc": 0.8}'),
-            until=number_of,
+            until=number_of, ranges=checked_ranges,
         )  # fmt: skip
 
 
@@ -133,7 +144,7 @@ def sensitivity(
         around = replace(model, values={**model.values, **(settings.values or {})})
         warnings = beat_warnings(around, settings.volume_policy, plan.evaluator.outputs)
         central = missing_central_beat(plan.evaluator)
-        plan = replace(plan, warnings=(*central, *warnings))
+        plan = replace(plan, warnings=(*central, *plan.warnings, *warnings))
         place = stack.enter_context(TemporaryDirectory(prefix="eclsim-")) if folder is None else folder
         return run_analysis(plan, Path(place), distribution, until=settings.until, progress=progress)
 
@@ -156,7 +167,7 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
         raise InputError([f"until = {s.until:g}: allowed: above 0, such as 0.02"])
     base = dict(model_of(case).with_values(s.values).values)
     parameters = CARDIOVASCULAR if s.parameters is None else s.parameters
-    chosen = varied_inputs(case, base, parameters, s.include, s.groups, s.perturbation_percent)
+    chosen = varied_inputs(case, base, parameters, s.include, s.groups, s.perturbation_percent, s.ranges)
     available = output_names(chosen.circuit)
     usual = [o for o in OUTPUTS if o in available]
     outputs = tuple(dict.fromkeys(usual if s.outputs is None else s.outputs))
@@ -169,7 +180,7 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     evaluator = SteadyBeatEvaluator(
         chosen.circuit, chosen.base, outputs, policy, case.patient.id, resolution=resolution
     )
-    return Analysis(design, evaluator)
+    return Analysis(design, evaluator, chosen.warnings)
 
 
 def check_memory(design: Design, outputs: int) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -35,6 +36,7 @@ from eclsim.reporting.style import (
     turned_names,
 )
 from eclsim.sensitivity.inputs import GROUPS
+from eclsim.sensitivity.ranges import own_ranges_text
 from eclsim.sensitivity.results import Indices, SensitivityResult
 
 if TYPE_CHECKING:
@@ -50,6 +52,8 @@ LETTER_MM = 1.7
 LONGEST_LINE = 10
 """Number of letters above which the last part of a factor's name is broken at its first underscore."""
 MOST_PAIRED = 10
+LONGEST_SENTENCE = 300
+"""Letters of a sentence above a figure, of which no end is cut off."""
 TOO_FEW_ROWS_TEXT = "Only {} of {} rows have results: too few to rank from"
 SMALLEST_PAIR = 0.005
 Layout = Literal["sums", "paper"]
@@ -72,7 +76,8 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
         figures["pairs"] = lambda: plot_pairs(indices)
     doubts = [] if indices.ranked else [TOO_FEW_ROWS_TEXT.format(indices.rows_used, indices.samples)]
     doubts += [f"{indices.domain[0].upper()}{indices.domain[1:]}"] if indices.domain else []
-    return _save(figures, folder, [*untrusted(indices.warnings), *doubts])
+    ranges = wrap(own_ranges_text(indices.inputs), LONGEST_SENTENCE, initial_indent="Inputs: ")
+    return _save(figures, folder, [*untrusted(indices.warnings), *doubts, *ranges])
 
 
 def write_identifiability_figures(result: Identifiability, folder: Path) -> list[Path]:
@@ -88,7 +93,7 @@ def write_identifiability_figures(result: Identifiability, folder: Path) -> list
 
 
 def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubts: Sequence[str]) -> list[Path]:
-    """Save figures with the doubts above each of them."""
+    """Save figures with the doubts, and ranges that differ, above each of them."""
     return [
         path for name, draw in figures.items() for path in save_figure(draw(), folder / name, above=doubts)
     ]

@@ -17,6 +17,7 @@ import xarray as xr
 
 from eclsim.arguments import number_of
 from eclsim.cases.quantities import quantity
+from eclsim.files import ORIGIN
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
 from eclsim.outputs.results import beat_warnings, derivatives
@@ -376,7 +377,7 @@ class Identifiability:
                 "proposed": ("parameter", [name in self.proposal.chosen for name in names]),
             },
             {"output": list(self.scaled.outputs), "parameter": names, "other_parameter": names},
-            {"id": self.name, "warnings": [*self.warnings, *self.doubts]},
+            {**ORIGIN, "id": self.name, "warnings": [*self.warnings, *self.doubts]},
         )
 
     def as_object(self) -> dict[str, Any]:

@@ -8,10 +8,10 @@ uncertainties of the clinical measurements.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from eclsim.devices.dialysed_blood import follows_blood_hint
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
 from eclsim.inputs.mistakes import ListedError
 from eclsim.outputs.registry import find_output, unavailable
+from eclsim.outputs.results import unit_of_value
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -40,6 +41,11 @@ MOST_LISTED = 60
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 
 
+RANGE_OF = "the range of "
+"""Start of the warnings about the ranges themselves, which are not about the beat at the central values."""
+
+Range = tuple[float, float] | tuple[float, float, Literal["log"]]
+"""Lower and upper bound of an input, in its unit; with "log" its logarithm is uniform, else the number."""
 Description = dict[str, Any]
 """Plain data that describe a design or a model, stored in its file and compared with others."""
 
@@ -50,20 +56,26 @@ class InputError(ListedError):
 
 @dataclass(frozen=True)
 class Continuous:
-    """A number, uniform between two bounds.
+    """A number, uniform between two bounds, or with a uniform logarithm.
 
     Args:
         name: parameter of the model.
         low: lower bound, in the parameter's unit.
         high: upper bound.
+        log: whether the logarithm is uniform; the bounds are then above 0.
+        own: whether the range was given for this input; else it is the common perturbation.
     """
 
     name: str
     low: float
     high: float
+    log: bool = False
+    own: bool = False
 
     def settings(self, unit: np.ndarray) -> dict[str, np.ndarray]:
         """Values of the parameter for numbers in [0, 1), scaled as SALib does."""
+        if self.log:
+            return {self.name: np.clip(self.low * (self.high / self.low) ** unit, self.low, self.high)}
         return {self.name: unit * (self.high - self.low) + self.low}
 
     def table_column(self, unit: np.ndarray) -> np.ndarray:
@@ -72,7 +84,9 @@ class Continuous:
 
     def description(self) -> Description:
         """Plain data that describe the input."""
-        return {"name": self.name, "low": self.low, "high": self.high}
+        marks = {"log": self.log, "own": self.own}  # left out if false: descriptions of old folders stay
+        bounds = {"name": self.name, "low": self.low, "high": self.high}
+        return bounds | {name: True for name, marked in marks.items() if marked}
 
 
 @dataclass(frozen=True)
@@ -116,7 +130,7 @@ Input = Continuous | Categorical
 def described_input(description: Description) -> Input:
     """Return the input with a given description."""
     if "levels" not in description:
-        return Continuous(description["name"], description["low"], description["high"])
+        return Continuous(**description)
     sets = tuple((name, tuple(values)) for name, values in description["sets"].items())
     return Categorical(description["name"], tuple(description["levels"]), sets)
 
@@ -130,12 +144,14 @@ class VariedInputs:
         base: value of every parameter.
         inputs: varied inputs.
         groups: factor of each input; empty if each is its own factor.
+        warnings: ranges that are cut at a bound, or do not contain the value of the case.
     """
 
     circuit: Circuit
     base: Mapping[str, float]
     inputs: tuple[Input, ...]
     groups: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
 
 
 def varied_inputs(
@@ -145,6 +161,7 @@ def varied_inputs(
     include: Sequence[str] = (),
     groups: Sequence[str] = (),
     perturbation_percent: float = 25.0,
+    ranges: Mapping[str, Range] | None = None,
 ) -> VariedInputs:
     """Build the inputs of an analysis around a case.
 
@@ -154,10 +171,12 @@ def varied_inputs(
         parameters: names of parameters, uniform within the perturbation.
         include: further inputs: parameters, device settings, `crrt.scheme`, `crrt.access_site`, ...
         groups: kinds (R, C, L, E, see `GROUPS`) whose parameters are one factor together.
-        perturbation_percent: half width of the range of each number.
+        perturbation_percent: half width of the range of each number without a range of its own.
+        ranges: own ranges of inputs, as `checked_ranges` returns them.
     """
     from eclsim.outputs.signals import parameters_read
 
+    ranges = ranges or {}
     lines = _line_inputs(case)
     circuit, positions = _circuit(case, [name for name in include if name in lines])
     known = [*parameters_read(circuit), *lines]
@@ -165,6 +184,7 @@ def varied_inputs(
     mistakes = unknown_names(requested, known, "parameter that this case reads") + _wrong_groups(
         groups, parameters
     )
+    mistakes += _ranges_of_others(ranges, requested, known)
     if not 0.0 < perturbation_percent < 100.0:
         mistakes.append(f"perturbation {perturbation_percent:g} %: allowed: above 0 and below 100 %")
     for scheme in (name for name in include if lines.get(name)):
@@ -174,11 +194,12 @@ def varied_inputs(
         raise InputError(mistakes)
     base = dict(base) | positions
     names = [*dict.fromkeys([*parameters, *include])]
-    inputs = tuple(_make_input(name, case, circuit, base, perturbation_percent / 100.0) for name in names)
+    share = perturbation_percent / 100.0
+    inputs = tuple(_make_input(name, case, circuit, base, share, ranges.get(name)) for name in names)
     _check_ranges(inputs, case)
     kinds = {n: letter_of(n) for n in parameters}
     labels = tuple(kinds[n] if kinds.get(n) in groups else n for n in names) if groups else ()
-    return VariedInputs(circuit, base, inputs, labels)
+    return VariedInputs(circuit, base, inputs, labels, tuple(_range_warnings(inputs, base, share)))
 
 
 def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
@@ -257,7 +278,20 @@ def _wrong_groups(groups: Sequence[str], parameters: Sequence[str]) -> list[str]
     ]
 
 
-def _make_input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], share: float) -> Input:
+def _ranges_of_others(ranges: Mapping[str, Range], inputs: Sequence[str], known: Sequence[str]) -> list[str]:
+    """One sentence for each range of a name that is unknown or not among the inputs."""
+    wrong = unknown_names([name for name in ranges if name not in inputs], known, "parameter of this case")
+    wrong = [f"range of {sentence}" for sentence in wrong]
+    return wrong + [
+        f"range of {name}: not among the inputs; add it to --parameters or --include"
+        for name in ranges
+        if name in known and name not in inputs
+    ]
+
+
+def _make_input(
+    name: str, case: Case, circuit: Circuit, base: Mapping[str, float], share: float, own: Range | None
+) -> Input:
     section, _, key = name.rpartition(".")
     device = case.instance(section)
     choices = {
@@ -266,6 +300,8 @@ def _make_input(name: str, case: Case, circuit: Circuit, base: Mapping[str, floa
         for site in (path.source, path.target)
         if isinstance(site, Choice)
     }
+    if own is not None and (key == SCHEME or name in choices):
+        raise InputError([f"range of {name}: it is a choice of positions, which has no range; leave it out"])
     if device is not None and key == SCHEME:
         return _schemes(name, device, case)
     if name in choices:
@@ -275,10 +311,13 @@ def _make_input(name: str, case: Case, circuit: Circuit, base: Mapping[str, floa
         return Categorical(name, labels, ((name, tuple(float(k) for k in range(len(labels)))),))
     sizes = device.device.sizes(device.section, key) if device is not None else ()
     if sizes:
-        return _sizes_within(name, sizes, base[name], share)
+        return _sizes_within(name, sizes, base[name], share, own)
+    if own is not None:
+        return Continuous(name, own[0], own[1], log=len(own) == 3, own=True)
     if (parameter := parameters().get(name)) is not None:
         return Continuous(name, *parameter.varied(base[name], share))
-    return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
+    low, high = sorted((base[name] * (1.0 - share), base[name] * (1.0 + share)))
+    return Continuous(name, low, high)
 
 
 def _schemes(name: str, device: Instance, case: Case) -> Categorical:
@@ -296,11 +335,20 @@ def _schemes(name: str, device: Instance, case: Case) -> Categorical:
     return Categorical(name, tuple(device.device.schemes), settings)
 
 
-def _sizes_within(name: str, sizes: Sequence[float], size: float, share: float) -> Categorical:
-    """Return the manufacturer's sizes within the perturbation as an input."""
-    inside = [s for s in sizes if abs(s - size) <= share * size]
+def _sizes_within(
+    name: str, sizes: Sequence[float], size: float, share: float, own: Range | None
+) -> Categorical:
+    """Return the manufacturer's sizes within the perturbation, or within an own range, as an input."""
+    if own is not None and len(own) == 3:
+        raise InputError([f"range of {name}: its sizes are equally likely; leave out log"])
+    if own is not None:
+        inside, where = [s for s in sizes if own[0] <= s <= own[1]], f"from {own[0]:g} to {own[1]:g} Fr"
+    else:
+        inside = [s for s in sizes if abs(s - size) <= share * size]
+        where = f"within {100 * share:g} % of {size:g} Fr"
     if len(inside) < 2:
-        raise InputError([f"{name}: fewer than two sizes within {100 * share:g} % of {size:g} Fr"])
+        sold = ", ".join(f"{s:g}" for s in sizes)
+        raise InputError([f"{name}: fewer than two sizes {where}; sizes sold: {sold} Fr"])
     return Categorical(name, tuple(f"{s:g} Fr" for s in inside), ((name, tuple(inside)),))
 
 
@@ -317,9 +365,34 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
             )
         elif allowed and not allowed[0] <= chosen.low <= chosen.high <= allowed[1]:
             reached = f"{chosen.low:g} to {chosen.high:g}; allowed: {allowed[0]:g} to {allowed[1]:g}"
-            wrong.append(f"{chosen.name}: the perturbation reaches {reached}")
+            own = f"range of {chosen.name}: {reached}"
+            wrong.append(own if chosen.own else f"{chosen.name}: the perturbation reaches {reached}")
     if wrong:
         raise InputError(wrong)
+
+
+def _range_warnings(inputs: Sequence[Input], base: Mapping[str, float], share: float) -> Iterator[str]:
+    """Sentences about ranges that are cut at a bound, or do not contain the value of the case."""
+    for chosen in inputs:
+        if not isinstance(chosen, Continuous):
+            continue
+        name, value, unit = chosen.name, base[chosen.name], unit_of_value(chosen.name)
+        range_ = f"{chosen.low:g} to {chosen.high:g}{_after(unit)}"
+        if chosen.own and not chosen.low <= value <= chosen.high:
+            yield f"{RANGE_OF}{name}, {range_}, does not contain the value of the case, {value:g}"
+        if chosen.own or (parameter := parameters().get(name)) is None:
+            continue
+        low, high = replace(parameter, clipped=False).varied(value, share)
+        if (low, high) != (chosen.low, chosen.high):
+            yield (
+                f"{RANGE_OF}{name} is cut at what is allowed: {range_} in place of {low:g} to {high:g}; "
+                "--range sets another"
+            )
+
+
+def _after(unit: str) -> str:
+    """A unit after a number; nothing for a share."""
+    return f" {unit}" if unit not in ("", "1") else ""
 
 
 def _allowed_range(name: str, case: Case) -> tuple[float, float] | None:

@@ -13,17 +13,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.devices.description import placed_sentence
-from eclsim.files import csv_text, write_json, write_text
+from eclsim.files import ORIGIN, csv_text, write_json, write_text
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
 from eclsim.sensitivity.failed_region import FailedRegion, failed_region
+from eclsim.sensitivity.inputs import RANGE_OF, Input
+from eclsim.sensitivity.ranges import input_object, input_rows, range_text, ranges_text
 from eclsim.sensitivity.runs import Runs, gas_words, status_word
 
 if TYPE_CHECKING:
@@ -38,6 +41,8 @@ SMALLEST_SIZE = 1.0
 """Smallest size of an output, in its unit, with which its standard deviation is compared."""
 FIRST_CONVERGENCE_ROWS = 16
 MOST_PAIRS = 20
+LINE = 110
+"""Letters of a line of the terminal text."""
 NO_CENTRAL_BEAT = "the case itself has no definite steady beat"
 """Start of the warning about a case whose beat at the base values is none, or one of many."""
 SMALLEST_PAIR_INDEX = 0.005
@@ -76,12 +81,13 @@ class Indices:
         failed: runs without a result; their rows are left out of the estimates.
         rows_used: number of rows that the estimates are based on.
         seconds: wall clock time.
-        warnings: warnings about the beat at the base values of the inputs.
+        warnings: warnings about the ranges, and about the beat at the base values of the inputs.
         constant: outputs that vary by no more than rounding, whose indices are zero.
         impossible: number of runs in these rows with a beat that no patient can have, with a chamber without
             blood or a vein sucked shut.
         where_failed: region that holds most of the failed runs; None if no input separates them.
         until: half width that every total order was to reach; None if the number of rows was fixed.
+        inputs: the inputs with their ranges.
     """
 
     factors: tuple[str, ...]
@@ -97,6 +103,7 @@ class Indices:
     impossible: int = 0
     where_failed: FailedRegion | None = None
     until: float | None = None
+    inputs: tuple[Input, ...] = ()
 
     @property
     def ranked(self) -> bool:
@@ -189,9 +196,10 @@ class Indices:
         factors = list(self.factors)
         names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
         about = {
-            "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
+            **ORIGIN, "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
             "rows_used": self.rows_used, "impossible": self.impossible, "domain": self.domain,
             "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
+            "inputs": [range_text(chosen) for chosen in self.inputs],
         }  # fmt: skip
         used = dims[: 3 if "S2" in numbers else 2]
         return xr.Dataset(data, {dim: names[dim] for dim in used}, about)
@@ -217,6 +225,7 @@ class Indices:
             "where_failed": None if self.where_failed is None else self.where_failed.as_object(),
             "rows_used": self.rows_used, "rows_lost": self.rows_lost, "domain": self.domain,
             "impossible": self.impossible, "seconds": round(self.seconds, 3),
+            "inputs": {chosen.name: input_object(chosen) for chosen in self.inputs},
             "warnings": [*self.warnings, *self.doubts], "constant": list(self.constant),
             "outputs": {o: self._output_object(k, second_order) for k, o in enumerate(self.outputs)},
             "sum_ST": self.sums, "sum_ST_conf": self.sums_conf, "order_not_known": self.open_orders,
@@ -302,7 +311,8 @@ class SensitivityResult:
         data = {"mean": (dims, mean), "spread": (dims, spread), "mean_conf": (dims, width)}
         repeats = ("rows", design.samples // np.array(sizes))
         labels = (sizes, list(names), list(outputs), list(design.factors))
-        return xr.Dataset({**data, "repeats": repeats}, dict(zip(dims, labels, strict=True)))
+        coordinates = dict(zip(dims, labels, strict=True))
+        return xr.Dataset({**data, "repeats": repeats}, coordinates, ORIGIN)
 
 
 def indices_of_runs(
@@ -331,7 +341,7 @@ def indices_of_runs(
     indices = Indices(
         design.factors, outputs, estimates, len(values), evaluations, failed, used, constant=constant,
         impossible=int(runs.impossible.reshape(len(good), -1)[good].sum()),
-        where_failed=failed_region(design, runs.status != 0) if failed else None,
+        where_failed=failed_region(design, runs.status != 0) if failed else None, inputs=design.inputs,
     )  # fmt: skip
     return SensitivityResult(design, indices, runs)
 
@@ -369,7 +379,7 @@ def point_name(design: Design, position: int) -> str:
 
 
 def write_results(folder: Path, result: SensitivityResult) -> None:
-    """Write indices.json, indices.csv, second_order.csv, failed.csv and convergence.csv."""
+    """Write indices.json, indices.csv, second_order.csv, inputs.csv, failed.csv and convergence.csv."""
     indices = result.indices
     write_json(indices.as_object(second_order=True), folder / "indices.json")
     order = ["rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf"]
@@ -381,6 +391,8 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
         frame = with_doubts(frame, indices.warnings)
         text = csv_text(list(frame.columns), frame.itertuples(index=False))
         write_text(text, folder / f"{name}.csv")
+    head = ("input", "distribution", "low", "high", "unit", "choices")
+    write_text(csv_text(head, input_rows(indices.inputs), digits=None), folder / "inputs.csv")
     head = ("run", "row", "point", "status", *(indices.failed[0].inputs if indices.failed else ()))
     rows = ((f.run, f.row, f.point, f.status, *f.inputs.values()) for f in indices.failed)
     write_text(csv_text(head, rows, digits=None), folder / "failed.csv")
@@ -411,6 +423,8 @@ def indices_text(indices: Indices, state: str = "") -> str:
         f"{title} ({used}{indices.samples} rows, {indices.evaluations} runs{took})",
         text_table(head, rows, numeric=range(1, len(head))),
     ]
+    if indices.inputs:
+        lines[1:1] = wrap(f"inputs: {ranges_text(indices.inputs)}", LINE, subsequent_indent="  ")
     if indices.domain:
         lines.append(f"{indices.domain[0].upper()}{indices.domain[1:]}")
     if indices.ranked:
@@ -451,9 +465,12 @@ def pairs_text(indices: Indices) -> str:
 
 
 def doubts(indices: Indices, state: str = "", reported: Collection[str] = ()) -> list[str]:
-    """Warnings about the base beat that are not in `reported`, and number and kind of failed runs."""
+    """Warnings about ranges and the base beat that are not in `reported`; number and kind of failed runs."""
     fresh = (line for line in indices.warnings if line not in reported)
-    around = (placed_sentence("at the central values", line) for line in fresh)
+    around = (
+        line if line.startswith(RANGE_OF) else placed_sentence("at the central values", line)
+        for line in fresh
+    )
     messages = [*around, *indices.doubts]
     return [placed_sentence(state, message) for message in messages] if state else messages
 
@@ -470,13 +487,13 @@ def _doubts(indices: Indices) -> Iterator[str]:
         yield (
             f"{indices.impossible} of the runs that count ({share:.2g} %) are beats {IMPOSSIBLE_BEAT}: "
             "the indices include them; narrow "
-            "--perturbation, or lower the speed"
+            "--perturbation or --range, or lower the speed"
         )
     if not indices.ranked:
         yield (
             f"{indices.rows_used} of {indices.samples} rows are left to estimate from: nothing is ranked or "
             f"selected from fewer than {FEWEST_ROWS} or than half; raise --samples, or narrow --perturbation "
-            "where runs failed"
+            "or --range where runs failed"
         )
     widest = float(indices.estimates.ST_conf.max())
     if indices.until is not None and widest > indices.until:

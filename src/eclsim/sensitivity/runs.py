@@ -171,7 +171,7 @@ class Analysis:
     Args:
         design: design with the points.
         evaluator: model that is run.
-        warnings: warnings about the beat at the base values.
+        warnings: warnings about the ranges and about the beat at the base values.
     """
 
     design: Design

@@ -11,6 +11,7 @@ import xarray as xr
 
 from eclsim.arguments import OneOf, flag
 from eclsim.cases.case import Case
+from eclsim.files import ORIGIN, finite
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 
+VALUES = "values"
+"""Attribute of variants of a model that holds the values of its parameters as JSON text."""
 NOT_REACHED = "flow_not_reached"
 """Status of a case whose target pump flow no speed can reach."""
 
@@ -99,7 +102,8 @@ def simulate_many(
         outputs with units, `status` (see `Status`; "flow_not_reached" if no speed gives the flow), `message`,
         `beats` and `residual`, `warnings` about these outputs (one line each) and whether the beat is
         `impossible` in a patient. Outputs of a member that did not converge are NaN, and its message gives
-        the reason.
+        the reason. The attribute `case` is the case as JSON text, for `Case.model_validate_json`; with it and
+        the coordinates the variants can be repeated. For a model, `values` are those of its parameters.
 
     Raises:
         ValueError: Arrays have different lengths.
@@ -110,13 +114,22 @@ def simulate_many(
     if not isinstance(source, Model):
         solved = solve_speeds(source, changes, volume_policy, options=options, execution=execution)
     if solved is None:
-        return results.simulate_many(source, changes, outputs, *how)
+        result = results.simulate_many(source, changes, outputs, *how)
+        return result.assign_attrs(_base(source, volume_policy))
     model, speeds = model_of(solved.case_at(0.0)), {solved.speed: solved.speeds}
     result = results.simulate_many(model, {**solved.changes, **speeds}, outputs, *how)
     unreachable = np.array(solved.reasons) != ""
     for name, texts in (("status", [NOT_REACHED] * len(unreachable)), ("message", solved.reasons)):
         result[name] = result[name].dims, np.where(unreachable, texts, result[name])
-    return result.assign_coords({solved.flow_key: ("member", solved.flows, {"units": "L/min"})})
+    flows = {solved.flow_key: ("member", solved.flows, {"units": "L/min"})}
+    return result.assign_coords(flows).assign_attrs(_base(solved.case, volume_policy))
+
+
+def _base(source: Case | Model, policy: str | None) -> dict[str, str]:
+    """Attribute that states what variants were made of: the case, or the values of a model, as JSON text."""
+    if isinstance(source, Model):
+        return {VALUES: json.dumps(finite(dict(source.values)))}
+    return {CASE: json.dumps(case_record(source, policy))}
 
 
 def derivatives(
@@ -202,6 +215,7 @@ def _no_derivatives(solved: SolvedSpeeds, outputs: Sequence[str], parameters: Se
     nothing = np.full((len(outputs), len(parameters)), np.nan)
     coordinates = {"output": list(outputs), "parameter": list(parameters)}
     about = {
+        **ORIGIN,
         "id": solved.case.patient.id,
         "status": NOT_REACHED,
         "message": solved.reasons[0],
@@ -223,6 +237,7 @@ def _beat(
 def result_without_flow(case: Case, policy: str, sentence: str) -> xr.Dataset:
     """Return a result without numbers, with the reason, for a case whose target flow cannot be reached."""
     attributes = {
+        **ORIGIN,
         "id": case.patient.id,
         "converged": 0,
         "status": NOT_REACHED,

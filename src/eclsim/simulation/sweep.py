@@ -229,6 +229,7 @@ def as_table(sweep: Sweep) -> xr.Dataset:
         data[name] = ("value", [str(r.attrs.get(name, "")) for r in results])
     data["warnings"] = ("value", ["\n".join(r.attrs.get("warnings", ())) for r in results])
     attributes = {
+        **files.ORIGIN,
         "id": sweep.case_id,
         "key": sweep.key,
         "own_value": "" if sweep.case_value is None else sweep.case_value,
