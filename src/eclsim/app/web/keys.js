@@ -77,12 +77,13 @@ export default {
     },
     // Short text of the exceeded limits, the most serious first.
     broken() {
-      const words = this.limits.map(([kind, text]) => SIGNS[kind] + text.split(": ")[0]);
+      const words = this.limits.map(([kind, , brief]) => SIGNS[kind] + brief);
       const first = this.texts[isPossible(this.beat) ? doubtOf(this.beat) : "impossible"];
       return [first, ...words].filter(Boolean).join("; ");
     },
     limits() {
-      return (this.beat?.notes ?? []).filter(([kind]) => kind in SIGNS);
+      const { notes = [], brief } = this.beat ?? {};
+      return notes.map(([kind, text], k) => [kind, text, brief?.[k]]).filter(([kind]) => kind in SIGNS);
     },
     gravest() {
       return this.limits[0]?.[0] ?? "warning";
