@@ -28,7 +28,7 @@ export default {
       <dd class="more">{{ k.unit }}<em v-for="m in k.more" :key="m">{{ m }}</em></dd>
     </div>
   </dl>
-  <div v-if="away" class="ecl-strip" aria-hidden="true">
+  <div v-if="away" class="ecl-strip" ref="strip" aria-hidden="true">
     <span v-for="k in brief" :key="k.key" :class="k.level"><small>{{ k.label }}</small> <b>{{
       k.sign }} {{ k.value }}</b> <small>{{ k.unit }}</small></span>
     <p v-if="cut || broken" :class="cut ? 'alarm cut' : gravest">{{ cut || broken }}</p>
@@ -67,6 +67,10 @@ export default {
     };
     this.sizing = new ResizeObserver(measure);
     for (const one of [header, document.documentElement]) this.sizing.observe(one);
+  },
+  updated() {
+    const height = this.$refs.strip?.offsetHeight ?? 0; // what stays in sight stands below it
+    document.documentElement.style.setProperty("--strip-height", `${height}px`);
   },
   unmounted() {
     for (const one of [this.seeing, this.sizing]) one?.disconnect();
