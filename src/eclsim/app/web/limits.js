@@ -75,7 +75,7 @@ export default {
     other() {
       return fill(this.texts.one_of_two_long, { other: this.second });
     },
-    // Outputs by the label of their tile or their short name, else by a symbol of the paper, if they have one.
+    // Outputs by the label of their tile, their short name, or their symbol in the paper, if they have one.
     heading() {
       const symbol = (name) => (name === name.toUpperCase() ? name : "");
       const short = (name) => this.labels[name] ?? this.texts[`short_${name}`] ?? symbol(name);
