@@ -149,7 +149,7 @@ def test_flow_backwards_through_the_pump_is_an_alarm_everywhere(open_page, serve
     expect(page.locator('.ecl-keys [data-key="PF"]')).to_have_class("alarm")
     expect(page.locator(".ecl-schematic .flow.alarm")).to_have_text(re.compile(r"^\s*▲"))
     expect(page.locator(".ecl-status")).to_have_class(re.compile(r"\bbroken\b"))
-    expect(page.locator(".ecl-status")).to_contain_text("ECMO pump flow")
+    expect(page.locator(".ecl-status")).to_contain_text(re.compile(r"ECMO \u2212\d\.\d\d L/min, too low"))
     picture(page, shots, "backflow")
 
 
@@ -215,3 +215,37 @@ def test_a_pump_that_sucks_the_heart_dry_is_named_and_no_impossible_number_shown
 
     eventually(nothing_overlaps)
     picture(page, shots, f"sucked_dry_{viewport['width']}")
+
+
+WIDTHS = {
+    "laptop": LAPTOP, "tablet": {"width": 768, "height": 1024}, "phone": PHONE,
+    "zoomed": {"width": 640, "height": 400},
+}  # fmt: skip
+CUT = """() => {
+  const message = document.querySelector('.ecl-status .message');
+  const { right } = message.getBoundingClientRect();
+  return message.scrollHeight > message.clientHeight + 1 || right > innerWidth;
+}"""
+
+
+@pytest.mark.parametrize("window", WIDTHS)
+def test_the_header_names_a_broken_limit_with_its_number_in_every_window(open_page, served, shots, window):
+    """ "pulmonary capillary wedge pressure 28.3 mmHg is abov…" or "broken: pulmonary…" stood there."""
+    failing = link(served, "cardiogenic-shock", {"parameters.Emaxlv": 0.4, "volume_ml": 600})
+    page = open_page(url=failing, viewport=WIDTHS[window])
+    message = page.locator(".ecl-status .message")
+    expect(message).to_contain_text(re.compile(r": Arterial \d+ mmHg, too low$"))
+    picture(page, shots, f"header_limit_{window}")
+    eventually(lambda: page.evaluate(CUT) and pytest.fail(f"cut: {message.inner_text()}"))
+    expect(message).to_have_attribute("title", re.compile("mean arterial pressure .* is below 55"))
+    expect(page.locator(".ecl-outcome [role=status]")).to_contain_text("mean arterial pressure")
+
+
+def test_what_is_to_be_done_is_said_with_the_labels_of_the_knobs(open_page, served):
+    """ "raise Emaxlv or Emaxrv" and "How to read PCWP" stood beside "LV contractility" and "Wedge"."""
+    page = open_page(url=link(served, "paper", ARREST))
+    limits = page.locator(".ecl-limits")
+    expect(limits).to_contain_text("raise LV contractility or RV contractility")
+    expect(limits).not_to_contain_text(re.compile("Emax[lr]v"))
+    expect(limits.locator("summary")).to_contain_text(text("key_PCWP"))
+    expect(limits.locator("summary")).not_to_contain_text(re.compile("PCWP|E[DS]VLV"))

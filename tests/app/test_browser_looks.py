@@ -348,6 +348,42 @@ def test_a_dark_preference_is_followed(open_page, shots):
     picture(page, shots, "dark")
 
 
+PALE_LETTERS = """() => {
+  const bright = (colour) => {
+    const [r, g, b, opacity = 1] = colour.match(/[0-9.]+/g).map(Number);
+    return opacity > 0.5 && (r + g + b) / 3 > 150;
+  };
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const found = [];
+  while (texts.nextNode()) {
+    const { parentElement: element, textContent } = texts.currentNode;
+    const own = textContent.trim();
+    const isDrawn = own && element.checkVisibility({ visibilityProperty: true });
+    if (isDrawn && !element.closest('svg, .numbers, .q-notifications, i[style]')
+        && bright(getComputedStyle(element).color)) found.push(own);
+  }
+  return found;
+}"""
+"""Nearly white texts, as on the dark screen, but those on coloured ground and the inverted monitor."""
+
+
+@pytest.mark.parametrize("view", ["outputs", "gases", "loops", "identify", "compare"])
+def test_a_dark_screen_is_printed_in_dark_letters(open_page, served, shots, view):
+    """Tables were white on white paper."""
+    case = connect(PRESETS["paper"].case(), "gas")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}", color_scheme="dark")
+    if view == "compare":
+        page.keyboard.press("Alt+s")
+        page.wait_for_function("eclsim.bus.last('saved')?.length === 1")
+    show(page, view)
+    shown = {"loops": ".ecl-chart", "identify": ".ecl-identify"}.get(view, f".ecl-{view} td")
+    page.locator(f"{shown}:visible").first.wait_for()
+    page.emulate_media(media="print", color_scheme="dark")
+    eventually(lambda: page.evaluate(PALE_LETTERS) == [] or pytest.fail(str(page.evaluate(PALE_LETTERS)[:9])))
+    assert page.evaluate("getComputedStyle(document.documentElement).colorScheme") == "light"
+    picture(page, shots, f"paper_from_dark_{view}")
+
+
 def axe() -> Path:
     """The script of axe-core."""
     named = os.environ.get("ECLSIM_AXE")

@@ -9,7 +9,7 @@ from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
-from page_in_browser import beat, expect, knob, picture, show, turn, wait_for
+from page_in_browser import beat, eventually, expect, knob, picture, show, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 COURSE = "eclsim.bus.last('course')?.of === eclsim.bus.last('state').of"
@@ -265,3 +265,31 @@ def test_what_is_pinned_saved_and_compared_at_a_later_minute_is_of_that_minute(o
     page.wait_for_function("eclsim.bus.last('pinned') && eclsim.bus.last('saved')?.length === 1")
     kept = page.evaluate("[eclsim.bus.last('pinned'), eclsim.bus.last('saved')[0]].map((b) => b.outputs.MAP)")
     assert kept == pytest.approx([slow, slow], abs=0.01)
+
+
+WINDOWS = {"low": (1280, 800), "high": (1280, 1400), "tablet": (768, 1024), "phone": (390, 844)}
+IN_SIGHT = """() => {
+  const box = (name) => document.querySelector(name)?.getBoundingClientRect();
+  const [screen, form, notice] = ['.ecl-monitor .screen', '.ecl-timeline .new', '.ecl-notice'].map(box);
+  const above = ['.ecl-header', '.ecl-strip'].map((name) => box(name)?.bottom ?? 0);
+  const edge = Math.max(...above, innerWidth > 1210 ? box('.ecl-views').top : 0);
+  const faults = [];
+  if (screen.top < edge - 1) faults.push(`waveforms at ${screen.top}, hidden above ${edge}`);
+  if (screen.height < 150) faults.push(`waveforms ${screen.height} px high`);
+  if (form.top < screen.bottom) faults.push(`event at ${form.top}, under waveforms until ${screen.bottom}`);
+  if (form.bottom > notice.top + 1) faults.push(`event until ${form.bottom}, below ${notice.top}`);
+  return faults;
+}"""
+"""What of waveforms and the form of an event is out of sight or covered."""
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_an_event_is_chosen_with_the_waveforms_in_sight(open_page, shots, window):
+    """On a laptop the open timeline pushed them out of the panel."""
+    width, height = WINDOWS[window]
+    page = open_page("cardiogenic-shock", viewport={"width": width, "height": height})
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    page.locator(".ecl-timeline .new").evaluate("form => form.scrollIntoView({ block: 'end' })")
+    picture(page, shots, f"timeline_in_sight_{window}")
+    eventually(lambda: page.evaluate(IN_SIGHT) == [] or pytest.fail(str(page.evaluate(IN_SIGHT))))

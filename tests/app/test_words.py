@@ -18,7 +18,7 @@ SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
 MODULES = "\n".join(p.read_text(encoding="utf-8") for p in HERE.glob("*.py"))
 PREFIXES = (
     "group_", "key_", "frame_", "export_", "legend_", "provenance_", "badge_", "verdict_", "box_",
-    "wire_", "kind_", "scheme_", "gases_", "sample_", "exchange_", "give_", "lane_",
+    "wire_", "kind_", "scheme_", "gases_", "sample_", "exchange_", "give_", "lane_", "short_",
 )  # fmt: skip
 SUFFIXES = ("_hint", "_long")
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.app.brief import brief_findings
 from eclsim.app.display import PATIENT
-from eclsim.app.texts import in_page_words, text, with_minus
+from eclsim.app.texts import in_knob_labels, in_page_words, text, with_minus
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import switched_circuit
 from eclsim.circuit import Circuit
+from eclsim.devices.description import KeyFigure
 from eclsim.files import finite
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of, values_of
@@ -235,18 +237,26 @@ def _evenly(
     return {n: wave + unstressed_volume(circuit, n, values) for n, wave in zip(series, waves.T, strict=True)}
 
 
-def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
-    """Return a beat as compact plain data for the browser; null for numbers that are not finite."""
+def plain(
+    beat: Beat, waves: tuple[str, ...], figures: Sequence[KeyFigure] = PATIENT.figures
+) -> dict[str, Any]:
+    """Return a beat as compact plain data for the browser; null for numbers that are not finite.
+
+    Args:
+        beat: the beat.
+        waves: names of the waveforms to include.
+        figures: tiles of the page, by whose labels findings are named where there is little room.
+    """
     return {
         "period": round(beat.period, 5),
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
         "means": finite(beat.means, digits=6), "outputs": finite(_of_moving_blood(beat), digits=6),
-        "notes": [[f.kind, with_minus(f.sentence)] for f in beat.findings],
+        "notes": [[f.kind, _said(f)] for f in beat.findings], "brief": brief_findings(beat.findings, figures),
         "cautions": _cautions(beat.findings), "levels": beat.levels(), "places": beat.place_levels(),
         "possible": beat.possible, "converged": beat.converged, "transient": beat.transient,
         "undetermined": list(beat.undetermined), "second": with_minus(beat.second),
-        "apart": _apart(beat.outputs),
-        "status": beat.status.word, "message": with_minus(beat.message), "gas": _plain_gases(beat),
+        "apart": _apart(beat.outputs), "gas": _plain_gases(beat),
+        "status": beat.status.word, "message": with_minus(in_knob_labels(beat.message)),
     }  # fmt: skip
 
 
@@ -289,13 +299,17 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
     return result
 
 
+def _said(finding: Finding) -> str:
+    return with_minus(in_knob_labels(finding.sentence))
+
+
 def _cautions(findings: Iterable[Finding]) -> dict[str, str]:
     """Return the remarks on how to read each number, by output."""
     result: dict[str, list[str]] = {}
     for finding in findings:
         for name in finding.concerns if finding.kind == CAUTION else ():
-            result.setdefault(name, []).append(finding.sentence)
-    return {name: with_minus("; ".join(sentences)) for name, sentences in result.items()}
+            result.setdefault(name, []).append(_said(finding))
+    return {name: "; ".join(sentences) for name, sentences in result.items()}
 
 
 def _rounded(wave: np.ndarray) -> list[float | None]:

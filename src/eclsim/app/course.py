@@ -403,7 +403,8 @@ class ShownBeat(NamedTuple):
         case, minute, origin = self.state.case, self.moment.minute, provenance(self.state)
         key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
         return {
-            **plain(self.beat, waves_of(case)), "of": key, "name": origin["title"], "minute": minute,
+            **plain(self.beat, waves_of(case), figures_of(case)),
+            "of": key, "name": origin["title"], "minute": minute,
             "badge": origin["badge"], "level": origin["level"],
             "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,
             "events": plain_events(case), "compared": compared_of(case), "specs": named_specs(case),

@@ -21,7 +21,7 @@ from eclsim.app.course import (
     with_turn,
     without_event,
 )
-from eclsim.app.display import display, panel_of, waves_of
+from eclsim.app.display import display, figures_of, panel_of, waves_of
 from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import provenance, title_of
 from eclsim.app.state import (
@@ -407,7 +407,7 @@ class Session:
         about = {"seq": seq, "of": key_of(state), "values": self._values(state), "minute": minute}
         if minute:
             about["values_then"] = knobs_at(state.case, minute)
-        self.send("beat", {**plain(beat, waves_of(state.case)), **about})
+        self.send("beat", {**plain(beat, waves_of(state.case), figures_of(state.case)), **about})
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         self.shown = (state, beat)

@@ -61,3 +61,14 @@ def in_page_words(sentence: str) -> str:
         return instead if match[0].startswith("(") else instead.strip("()")
 
     return with_minus(_OPTION.sub(words, sentence))
+
+
+_NAMES = {
+    key.removeprefix("parameters."): label for key, label in ENGLISH.items() if key[:11] == "parameters."
+}
+_NAME = re.compile(rf"\b({'|'.join(map(re.escape, _NAMES))})\b")
+
+
+def in_knob_labels(sentence: str) -> str:
+    """Return a sentence with the labels of knobs in place of their names in case files, such as Emaxlv."""
+    return _NAME.sub(lambda match: _NAMES[match[0]], sentence)

@@ -1,6 +1,18 @@
 // Hands messages of the server to the views, and keys pressed anywhere to the server.
 import { markRaw } from "vue";
-import { addressOf, bus, clock, doubtOf, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
+import {
+  addressOf,
+  briefs,
+  bus,
+  clock,
+  doubtOf,
+  fill,
+  linkIn,
+  remember,
+  setTexts,
+  subjects,
+  tab,
+} from "eclsim-page";
 
 const ANSWER_TIMEOUT = 5000; // ms within which the server must answer
 const ASK_AFTER = 1500; // ms without an answer after which the server is pinged
@@ -8,6 +20,7 @@ const PALE_AFTER = 400; // ms after which numbers that do not yet include a chan
 const REPORT_TIMEOUT = 2000; // ms without a progress report after which the server is pinged as well
 const ANNOUNCE_AFTER = 1000; // ms without another outcome after which a screen reader announces it
 const HANDSHAKE = 1000; // ms after a new connection; if the server refuses it, the page is reloaded
+const GRAVE = ["collapse", "alarm"];
 const SHORTCUTS = [
   ["z", "ctrl", "undo"],
   ["y", "ctrl", "redo"],
@@ -26,12 +39,12 @@ export default {
   template: `
   <div class="ecl-outcome">
     <div class="ecl-status" :class="shownKind">
-      <span class="dot"></span><span class="message" :title="shown">{{ shown }}</span>
+      <span class="dot"></span><span class="message" :title="whole">{{ shown }}</span>
     </div>
     <span class="ecl-hidden" role="status">{{ announced }}</span>
   </div>`,
   props: { texts: Object },
-  data: () => ({ message: "", kind: "busy", cut: "", late: false, warnings: "", announced: "" }),
+  data: () => ({ message: "", long: "", kind: "busy", cut: "", late: false, warnings: "", announced: "" }),
   computed: {
     // Announce a delayed beat: its numbers are not there, whatever the last ones were.
     isLate() {
@@ -40,12 +53,16 @@ export default {
     shown() {
       return this.cut || (this.isLate ? this.texts.computing : this.message);
     },
+    // With the names and limits of what is exceeded, for which the header has no room.
+    whole() {
+      return this.shown === this.message ? this.long : this.shown;
+    },
     shownKind() {
       return this.cut ? "bad" : this.isLate ? "busy" : this.kind;
     },
     spoken() {
       const known = !this.cut && this.shownKind !== "busy"; // else they are of an earlier beat
-      return [this.shown, known ? this.warnings : ""].filter(Boolean).join("; ");
+      return [this.whole, known ? this.warnings : ""].filter(Boolean).join("; ");
     },
   },
   watch: {
@@ -236,25 +253,25 @@ export default {
     },
     judge(beat) {
       this.isThere();
-      const grave = beat.notes.filter(([kind]) => kind === "alarm" || kind === "collapse");
-      const brief = (notes) => notes.map(([, text]) => text.split(": ")[0]).join("; ");
-      const alarms = brief(grave);
-      const warnings = brief(beat.notes.filter(([kind]) => kind === "warning"));
+      const warnings = subjects(beat, ["warning"]);
       this.warnings = warnings && beat.converged ? `${this.texts.kind_warning}: ${warnings}` : "";
+      const [alarms, brief] = [subjects(beat, GRAVE), briefs(beat, GRAVE)];
       if (!beat.converged) this.say("bad", `${this.texts.not_converged}: ${beat.message}`);
-      else if (!beat.possible) this.say("bad", `${this.texts.impossible}: ${alarms}`);
-      else {
-        const doubt = doubtOf(beat);
-        const outcome = doubt || (alarms ? "limit_broken" : "ready");
-        const what = beat.transient ? beat.message : this.texts[outcome];
-        const words = beat.minute ? `${what}, ${clock(beat.minute, beat.transient)}` : what;
-        this.say(alarms || doubt ? "broken" : "good", alarms ? `${words}: ${alarms}` : words);
-      }
+      else if (!beat.possible) this.sayOf("bad", this.texts.impossible, alarms, brief);
+      else this.sayOf(alarms || doubtOf(beat) ? "broken" : "good", this.outcome(beat, alarms), alarms, brief);
       this.markStale();
     },
-    say(kind, message) {
-      this.kind = kind;
-      this.message = message;
+    outcome(beat, alarms) {
+      const outcome = doubtOf(beat) || (alarms ? "limit_broken" : "ready");
+      const what = beat.transient ? beat.message : this.texts[outcome];
+      return beat.minute ? `${what}, ${clock(beat.minute, beat.transient)}` : what;
+    },
+    sayOf(kind, words, alarms, brief) {
+      if (alarms) this.say(kind, `${words}: ${brief}`, `${words}: ${alarms}`);
+      else this.say(kind, words);
+    },
+    say(kind, message, long = message) {
+      Object.assign(this, { kind, message, long });
     },
     // Nothing changes behind a dialog, not even by the browser's undo.
     key(event) {

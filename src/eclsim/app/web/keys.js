@@ -28,7 +28,7 @@ export default {
       <dd class="more">{{ k.unit }}<em v-for="m in k.more" :key="m">{{ m }}</em></dd>
     </div>
   </dl>
-  <div v-if="away" class="ecl-strip" aria-hidden="true">
+  <div v-if="away" class="ecl-strip" ref="strip" aria-hidden="true">
     <span v-for="k in brief" :key="k.key" :class="k.level"><small>{{ k.label }}</small> <b>{{
       k.sign }} {{ k.value }}</b> <small>{{ k.unit }}</small></span>
     <p v-if="cut || broken" :class="cut ? 'alarm cut' : gravest">{{ cut || broken }}</p>
@@ -68,6 +68,10 @@ export default {
     this.sizing = new ResizeObserver(measure);
     for (const one of [header, document.documentElement]) this.sizing.observe(one);
   },
+  updated() {
+    const height = this.$refs.strip?.offsetHeight ?? 0; // what stays in sight stands below it
+    document.documentElement.style.setProperty("--strip-height", `${height}px`);
+  },
   unmounted() {
     for (const one of [this.seeing, this.sizing]) one?.disconnect();
   },
@@ -77,12 +81,13 @@ export default {
     },
     // Short text of the exceeded limits, the most serious first.
     broken() {
-      const words = this.limits.map(([kind, text]) => SIGNS[kind] + text.split(": ")[0]);
+      const words = this.limits.map(([kind, , brief]) => SIGNS[kind] + brief);
       const first = this.texts[isPossible(this.beat) ? doubtOf(this.beat) : "impossible"];
       return [first, ...words].filter(Boolean).join("; ");
     },
     limits() {
-      return (this.beat?.notes ?? []).filter(([kind]) => kind in SIGNS);
+      const { notes = [], brief } = this.beat ?? {};
+      return notes.map(([kind, text], k) => [kind, text, brief?.[k]]).filter(([kind]) => kind in SIGNS);
     },
     gravest() {
       return this.limits[0]?.[0] ?? "warning";

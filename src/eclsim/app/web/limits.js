@@ -75,9 +75,10 @@ export default {
     other() {
       return fill(this.texts.one_of_two_long, { other: this.second });
     },
-    // Symbols of the paper unchanged; other outputs by the label of their tile, if they have one.
+    // Outputs by the label of their tile, their short name, or their symbol in the paper, if they have one.
     heading() {
-      const short = (name) => (name === name.toUpperCase() ? name : this.labels[name]);
+      const symbol = (name) => (name === name.toUpperCase() ? name : "");
+      const short = (name) => this.labels[name] ?? this.texts[`short_${name}`] ?? symbol(name);
       const names = new Set(this.concerned.map(short).filter(Boolean));
       return fill(this.texts.cautions, { names: [...names].join(", ") || this.texts.cautions_further });
     },

@@ -88,6 +88,12 @@ export function signed(value, digits) {
 export const limitsOf = (notes) =>
   notes.map(([kind, text]) => kind + text.replace(/[\d.\u2212-]+/g, "#")).join();
 
+// Limits of some kinds that a beat exceeds: each with its name and its limit, or in few words.
+const listed = (beat, kinds, words) =>
+  beat.notes.flatMap(([kind, text], k) => (kinds.includes(kind) ? [words(text, k)] : [])).join("; ");
+export const subjects = (beat, kinds) => listed(beat, kinds, (text) => text.split(": ")[0]);
+export const briefs = (beat, kinds) => listed(beat, kinds, (_, k) => beat.brief[k]);
+
 // The most serious of the levels of some outputs.
 export const gravest = (levels, outputs) =>
   GRAVEST.find((kind) => outputs.some((name) => levels[name] === kind)) ?? "ok";
