@@ -196,7 +196,7 @@ def harlequin(gas=None, ecmo=None, **sections):
 
 
 def test_one_artery_hides_desaturated_blood_of_the_heart_and_that_is_said():
-    """A radial saturation of 93 % stood over a heart that ejected 6 L/min of 86 %; after femoral return 88 %."""
+    """A radial saturation of 93 % stood over a heart that ejected 6 L/min of 86 %."""
     (said,), beat = harlequin()
     assert float(beat["SaO2"]) > 92.0
     named = float(said.split("of about ")[1].split(" %")[0])
