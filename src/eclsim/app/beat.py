@@ -23,7 +23,7 @@ from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, flows_differ, gravest_first, impossible
-from eclsim.outputs.gas import PlaceGases, recirculation
+from eclsim.outputs.gas import OF_LUNG_FLOW, PlaceGases, recirculation
 from eclsim.outputs.limits import levels, place_levels
 from eclsim.outputs.second_beat import caution_of_two, flows_in_words, second_beat
 from eclsim.outputs.signals import unstressed_volume
@@ -57,7 +57,6 @@ def _same(circuit: Circuit) -> Circuit:
 # --- the beat ---------------------------------------------------------------------------------------
 
 
-_MIXED_VENOUS = {"SvO2", "PvO2"}
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
 """Blood gas quantities shown: %, mmHg, mmHg, -, and contents [mL/dL]."""
 POINTS = 200
@@ -264,7 +263,7 @@ def _of_moving_blood(beat: Beat) -> dict[str, float]:
     """Return the outputs, without gases of mixed venous blood that stands still."""
     if beat.gases is None or "pas" not in beat.gases.standing:
         return dict(beat.outputs)
-    return {**beat.outputs, **dict.fromkeys(_MIXED_VENOUS & beat.outputs.keys(), math.nan)}
+    return {**beat.outputs, **dict.fromkeys(beat.outputs.keys() & set(OF_LUNG_FLOW), math.nan)}
 
 
 def _apart(outputs: Mapping[str, float]) -> list[str]:

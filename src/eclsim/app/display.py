@@ -17,7 +17,7 @@ from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Output, 
 from eclsim.devices.registry import device_of, devices, naming_of, parameter_of
 from eclsim.gas.network import gas_exchanges
 from eclsim.outputs.alarms import device_returning_to_pulmonary_artery
-from eclsim.outputs.gas import recirculation_labels
+from eclsim.outputs.gas import artery_of, recirculation_labels
 from eclsim.outputs.limits import NO_VALUES, limits_of
 from eclsim.outputs.registry import all_outputs
 from eclsim.parameters.adult_ranges import Sex, adult_ranges
@@ -160,7 +160,8 @@ def display(case: Case) -> dict[str, Any]:
 def figures_of(case: Case) -> list[KeyFigure]:
     """Return the numbers that are always visible: arterial pressure, all flows, then the rest."""
     label = _label_of_output(case)
-    labels = {"CO": label} | ({} if _is_divided(case) else {"SaO2": text("key_SaO2_mixed")})
+    mixed = artery_of(circuit_of(case)) == "sart"
+    labels = {"CO": label} | ({"SaO2": text("key_SaO2_mixed")} if mixed else {})
     figures = [
         replace(figure, label=labels.get(figure.key, figure.label))
         for _, views in _displays(case)
@@ -169,11 +170,6 @@ def figures_of(case: Case) -> list[KeyFigure]:
     ]
     flows = [figure for figure in figures[1:] if figure.unit == "L/min"]
     return [figures[0], *flows, *(figure for figure in figures[1:] if figure not in flows)]
-
-
-def _is_divided(case: Case) -> bool:
-    """Return whether upper and lower body have their own arteries."""
-    return any(c.name == "upper" for c in circuit_of(case).compartments)
 
 
 def _label_of_output(case: Case) -> str:

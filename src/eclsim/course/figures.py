@@ -17,7 +17,6 @@ from eclsim.cases.fluid import DialysedDrug
 from eclsim.course.alarms import clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
 from eclsim.course.result import (
-    OF_LUNG_FLOW,
     drawn_values,
     impossible_moments,
     spans_in_words,
@@ -27,6 +26,7 @@ from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
+from eclsim.outputs.gas import OF_LUNG_FLOW
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.reporting import style
 from eclsim.simulation.figures import draw_legend_above, legend_start

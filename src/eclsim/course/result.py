@@ -19,7 +19,7 @@ from eclsim.files import ORIGIN
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CASE, case_record
 from eclsim.orbit.status import Status
-from eclsim.outputs.gas import STANDING_L_MIN
+from eclsim.outputs.gas import OF_LUNG_FLOW, STANDING_L_MIN
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
@@ -124,8 +124,7 @@ def impossible_moments(result: xr.Dataset) -> np.ndarray:
     return result[IMPOSSIBLE].to_numpy() == 1 if IMPOSSIBLE in result else np.zeros(result.sizes[TIME], bool)
 
 
-LUNG_FLOW, OF_LUNG_FLOW = "pulmonary_flow", ("SvO2", "PvO2")
-"""Flow through the lungs, and gases of mixed venous blood, which have no meaning without it."""
+LUNG_FLOW = "pulmonary_flow"
 
 
 def undetermined_moments(result: xr.Dataset) -> np.ndarray:

@@ -11,7 +11,7 @@ from eclsim.blood.types import NEUTRAL_PH_SLOPE
 from eclsim.components.chambers import VentricularSystole
 from eclsim.components.exchangers import TEMPERATURE
 from eclsim.devices.description import CAUTION, Finding
-from eclsim.outputs.gas import STANDING_L_MIN
+from eclsim.outputs.gas import OF_LUNG_FLOW, STANDING_L_MIN
 from eclsim.outputs.limits import HEART_RATE, limits_of
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.gas import NORMAL_C, TEMPERATURE_DOUBT_C
@@ -367,4 +367,4 @@ def _without_lung_flow(outputs: Mapping[str, float]) -> list[Finding]:
         "no blood flows through the lungs: the blood in the pulmonary artery stands still, and its gases "
         "are not those of mixed venous blood; read the saturation of the drained or venous blood instead"
     )
-    return [Finding.without_limit(CAUTION, "SvO2", saturation, text, "SvO2", "PvO2")]
+    return [Finding.without_limit(CAUTION, "SvO2", saturation, text, *OF_LUNG_FLOW)]

@@ -31,6 +31,8 @@ from eclsim.units import ML_S_PER_L_MIN
 
 STANDING_L_MIN = 1e-3
 """Mean flow below which blood counts as standing; its gases could not be sampled [L/min]."""
+OF_LUNG_FLOW = ("SvO2", "PvO2")
+"""Gases of mixed venous blood, which have no meaning where no blood flows through the lungs."""
 ARTERY = ("upper", "sart")
 """Compartment of the right radial artery: the first of these that a circuit has."""
 

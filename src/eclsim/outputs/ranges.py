@@ -30,11 +30,13 @@ class Range(NamedTuple):
     high: float
     unit: str
 
-    def broken_by(self, name: str, value: float) -> str:
-        """Value with the range; empty for a value within it."""
+    def excludes(self, values: np.ndarray) -> np.ndarray:
+        """Whether each value lies outside."""
         margin = SLACK * (self.high - self.low)
-        if self.low - margin <= value <= self.high + margin:
-            return ""
+        return ~((self.low - margin <= values) & (values <= self.high + margin))
+
+    def text(self, name: str, value: float) -> str:
+        """A value with the range."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{name} = {value:g}{unit} ({self.low:g} to {self.high:g})"
 
@@ -66,12 +68,11 @@ def out_of_range(circuit: Circuit, values: Mapping[str, npt.ArrayLike], count: i
     """
     beyond: list[list[str]] = [[] for _ in range(count)]
     for name, given in values.items():
-        allowed = allowed_range(circuit, name)
-        if allowed is None:
+        if (allowed := allowed_range(circuit, name)) is None:
             continue
-        for found, value in zip(beyond, np.broadcast_to(np.asarray(given, float), (count,)), strict=True):
-            if reason := allowed.broken_by(name, float(value)):
-                found.append(reason)
+        numbers = np.broadcast_to(np.asarray(given, float), (count,))
+        for member in np.flatnonzero(allowed.excludes(numbers)).tolist():
+            beyond[member].append(allowed.text(name, float(numbers[member])))
     before = (
         "outside the range of case files, where laws are extrapolated and numbers may be those of no patient "
         "or device"
@@ -79,20 +80,29 @@ def out_of_range(circuit: Circuit, values: Mapping[str, npt.ArrayLike], count: i
     return [[f"{before}: {', '.join(found)}"] if found else [] for found in beyond]
 
 
-class _Contents(NamedTuple):
-    """Smallest and largest values that parameters of gases can have."""
+class _Possible(NamedTuple):
+    """Values that a parameter of gases can have."""
 
     name: str
-    low: float
     high: float
+
+    def excludes(self, values: npt.ArrayLike) -> np.ndarray:
+        """Whether each value is none of them."""
+        numbers = np.asarray(values)
+        return (numbers < -SLACK) | (numbers > self.high + SLACK)
+
+    @property
+    def allowed(self) -> str:
+        """These values in words."""
+        return f"0 to {self.high:g}" if np.isfinite(self.high) else "0 or more"
 
 
 @cached_by_devices(256)
-def _contents(circuit: Circuit) -> tuple[_Contents, ...]:
-    """Bounds that follow from what a parameter is: 0 for what is never below it, and 1 for a share."""
+def _possible(circuit: Circuit) -> tuple[_Possible, ...]:
+    """What follows from the meaning of the parameters: most are never below 0, and shares never above 1."""
     known = {name: one for name in circuit.content_names() if (one := quantity(name)) is not None}
     return tuple(
-        _Contents(name, 0.0, 1.0 if one.unit == "1" and one.maximum <= 1.0 else np.inf)
+        _Possible(name, 1.0 if one.unit == "1" and one.maximum <= 1.0 else np.inf)
         for name, one in known.items()
         if one.minimum >= 0.0
     )
@@ -101,16 +111,14 @@ def _contents(circuit: Circuit) -> tuple[_Contents, ...]:
 def impossible_contents(batch: Batch) -> np.ndarray:
     """Whether a parameter of gases of each member is one that none can have, shape (members,)."""
     result = np.zeros(batch.count, dtype=bool)
-    for name, low, high in _contents(batch.circuit):
-        if name in batch.values:
-            value = np.asarray(batch.values[name])
-            result |= (value < low - SLACK) | (value > high + SLACK)
+    for one in _possible(batch.circuit):
+        if one.name in batch.values:
+            result |= one.excludes(batch.values[one.name])
     return result
 
 
-def reasons_of_contents(circuit: Circuit, values: Mapping[str, npt.ArrayLike]) -> Iterator[str]:
+def reasons_of_contents(circuit: Circuit, values: Mapping[str, float]) -> Iterator[str]:
     """Sentences on the parameters of gases of one member that none can have."""
-    for name, low, high in _contents(circuit):
-        if name in values and not low - SLACK <= float(np.asarray(values[name])) <= high + SLACK:
-            allowed = f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} or more"
-            yield f"{name} = {float(np.asarray(values[name])):g}: allowed: {allowed}"
+    for one in _possible(circuit):
+        if one.name in values and one.excludes(values[one.name]):
+            yield f"{one.name} = {values[one.name]:g}: allowed: {one.allowed}"
