@@ -19,7 +19,7 @@ from eclsim.outputs.registry import find_output, output
         ("PCWP", "above", 28.3, "Wedge 28 mmHg, too high"),
         ("MAP", "below", 47.8, "Arterial 48 mmHg, too low"),
         ("pulse_pressure", "below", 3.7, "Pulse pressure 4 mmHg, too low"),
-        ("pHa", "below", 6.9, "pH rad. 6.90, too low"),
+        ("pHa", "below", 6.9, "pH 6.90, too low"),
         ("PF", "below", -0.5, "ECMO pump flow \u22120.50 L/min, too low"),
     ],
 )
