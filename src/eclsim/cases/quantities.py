@@ -15,6 +15,7 @@ from eclsim.cases.fluid import Fluid, base_excess_of_bicarbonate
 from eclsim.cases.sections import Patient, is_instance_name, section_of
 from eclsim.devices.dialysed_blood import HAEMOGLOBIN
 from eclsim.devices.registry import devices, parameters
+from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
 from eclsim.inputs.sections import Section
@@ -52,15 +53,20 @@ def quantity(name: str) -> Parameter | None:
     """
     if (known := _in_tables(name)) is not None:
         return known
-    place = section_and_key(name)
-    kind = None if place is None else section_of(place[0])
-    field = None if place is None or kind is None else kind.fields()[place[1]]
-    if field is None or field.kind != "number" or field.read is not None:
+    if (field := numeric_field(name)) is None:
         return None
     return Parameter(
         name, field.typical, field.unit, field.description, "a case's own", field.minimum, field.maximum,
-        place[0] if place else "",
+        place[0] if (place := section_and_key(name)) else "",
     )  # fmt: skip
+
+
+def numeric_field(name: str) -> Field | None:
+    """Return the key of a section that contains a number; None for one of the tables, and for no number."""
+    place = section_and_key(name)
+    kind = None if place is None else section_of(place[0])
+    field = None if place is None or kind is None else kind.fields()[place[1]]
+    return field if field is not None and field.kind == "number" else None
 
 
 def _in_tables(name: str) -> Parameter | None:

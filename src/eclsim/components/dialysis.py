@@ -257,13 +257,15 @@ def performance(numbers: Array) -> Array:
     blood, settings = _moving(blood), Settings.of(rest, patients_haematocrit)
     fluids, haematocrit = settings.fluids, settings.haematocrit
 
+    plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
+
     def cleared(name: str) -> Array:
         solute = settings.solute(name)
-        return clearance(solute.water_flow(blood, haematocrit), fluids, solute)
+        done = clearance(solute.water_flow(blood, haematocrit), fluids, solute)
+        return jnp.where(plasma_water > fluids.after + fluids.net, done, jnp.nan)
 
     carbon_dioxide, base = _losses(blood, settings, PlasmaCarbonDioxide.of(pco2, ph, temperature))
     dose = 1e-3 * settings.citrate * blood
-    plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
     urea_water = settings.solute("urea").water_flow(blood, haematocrit)
     citrate = cleared("citrate_ion")
     load = dose * (1.0 - citrate / plasma_water)

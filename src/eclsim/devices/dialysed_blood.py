@@ -50,6 +50,10 @@ CARBON_DIOXIDE_FROM_GASES = 0.0
 """Value of plasma carbon dioxide that selects the one computed from the gases of the entering blood."""
 HAEMATOCRIT_OF_PATIENT = 0.0
 """Value of `haematocrit_in` that selects the haematocrit of the patient's blood, whatever it is."""
+OF_PATIENT = {
+    "haematocrit_in": HAEMATOCRIT_OF_PATIENT, "plasma_bicarbonate_mmol_l": CARBON_DIOXIDE_FROM_GASES,
+}  # fmt: skip
+"""Keys that need not be given, each with the value that selects the patient's own."""
 HAEMOGLOBIN = "gas.haemoglobin_g_dl"
 BLOOD_PARAMETERS = (HAEMOGLOBIN, HAEMATOCRIT)
 """Parameters that the patient's haematocrit is computed from: the second if gases are not computed."""
@@ -70,10 +74,8 @@ def fluid_flow(
 
 def dialysed_blood(section: Section, gases: bool) -> dict[str, float]:
     """Values of `haematocrit_in` and `plasma_bicarbonate_mmol_l` that select the patient's, if not set."""
-    own = {"haematocrit_in": HAEMATOCRIT_OF_PATIENT}
-    if gases:
-        own["plasma_bicarbonate_mmol_l"] = CARBON_DIOXIDE_FROM_GASES
-    return {f"{section.section}.{key}": own[key] for key in own if getattr(section, key) is None}
+    keys = OF_PATIENT if gases else ("haematocrit_in",)
+    return {f"{section.section}.{key}": OF_PATIENT[key] for key in keys if getattr(section, key) is None}
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ class Fibres:
         entering: connection of the exchange whose entering blood gases are used, if gases are computed.
         read_at: waveform of the place that the outputs describe.
         prefix: prefix of the names of the outputs.
+        pump: parameter of the flow of a blood pump, with which the fluids stand still; empty if none has.
     """
 
     signals: tuple[str, str, str]
@@ -93,6 +96,20 @@ class Fibres:
     entering: str
     read_at: str
     prefix: str = ""
+    pump: str = ""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters of the performance."""
+        return (*self.settings, self.pump) if self.pump else self.settings
+
+    def _settings(self, m: BeatMeasures) -> list[Numbers]:
+        """Values of the settings; no fluid flows while the blood pump stands still."""
+        values = [m.parameter(name) for name in self.settings]
+        if not self.pump:
+            return values
+        runs = m.parameter(self.pump) != 0.0
+        return [runs * value if k < len(FLUIDS) else value for k, value in enumerate(values)]
 
     def performance(self, m: BeatMeasures, by_gases: bool = False) -> Performance:
         """Performance in a beat (`eclsim.components.dialysis.Performance`)."""
@@ -106,23 +123,22 @@ class Fibres:
         if by_gases and GASES in m.circuit.content_names():
             gases = [m.gas(what, "into", self.entering) for what in ("PCO2", "pH")]
             gases = [*gases, m.parameter(TEMPERATURE)]
-        settings = map(m.parameter, self.settings)
-        numbers = [60.0 * flow, *pressures, *gases, patients_haematocrit(m), *settings]
+        numbers = [60.0 * flow, *pressures, *gases, patients_haematocrit(m), *self._settings(m)]
         return dialysis.Performance(*m.apply(dialysis.performance, numbers))
 
     def drug(self, m: BeatMeasures) -> Sequence[Numbers]:
         """Clearance of the drug of [dialysed_drug] and flow of plasma in a beat [mL/min]."""
         from eclsim.components import dialysis
 
-        of_drug, settings = map(m.parameter, DRUG), map(m.parameter, self.settings)
-        numbers = [60.0 * m.mean(self.signals[0]), *of_drug, patients_haematocrit(m), *settings]
+        of_drug = map(m.parameter, DRUG)
+        numbers = [60.0 * m.mean(self.signals[0]), *of_drug, patients_haematocrit(m), *self._settings(m)]
         return m.apply(dialysis.drug_clearance, numbers)
 
     def drug_output(self, name: str, long_name: str, compute: Callable[[BeatMeasures], Numbers]) -> Output:
         """Output of a clearance of the drug [mL/min], which only a case with a drug has."""
         return Output(
             f"{self.prefix}{name}", long_name, "mL/min", DRUG_DEFINITION, self.signals[:1], compute,
-            parameters=(*self.settings, *DRUG), blood_parameters=BLOOD_PARAMETERS,
+            parameters=(*self.parameters, *DRUG), blood_parameters=BLOOD_PARAMETERS,
             read_at=self.read_at,
         )  # fmt: skip
 
@@ -133,7 +149,7 @@ class Fibres:
         """Output that is a field of the performance."""
         return Output(
             f"{self.prefix}{name}", long_name, unit, definition, self.signals,
-            lambda m: getattr(self.performance(m, by_gases), field), parameters=self.settings,
+            lambda m: getattr(self.performance(m, by_gases), field), parameters=self.parameters,
             blood_parameters=BLOOD_PARAMETERS, all_flows=by_gases, by_gases=by_gases,
             read_at=self.read_at, absolute=absolute,
         )  # fmt: skip
@@ -258,11 +274,11 @@ def no_plasma_water(
     fraction = names.output(fraction)
     lacking = tuple(name for name in map(names.output, cleared) if math.isnan(outputs.get(name, 0.0)))
     share = outputs.get(fraction, 0.0)
-    if not lacking or not PLASMA_WATER <= share <= 1.0:
+    if not lacking or not share >= PLASMA_WATER:
         return []
     text = (
-        f"{names.label}: {100.0 * share:.0f} % of the plasma would be filtered, which is all of its water: "
-        "clearances and what the filter does to bicarbonate and carbon dioxide are not computed; lower the "
+        f"{names.label}: {100.0 * share:.0f} % of the plasma would be filtered, and {100.0 * PLASMA_WATER:.0f} % "
+        "is its water: clearances and what the filter does to bicarbonate and carbon dioxide are not computed; lower the "
         "net ultrafiltration or the replacement behind the filter, or raise the blood flow"
     )
     return [Finding("alarm", fraction, share, PLASMA_WATER, text, concerns=(fraction, *lacking))]
@@ -332,7 +348,7 @@ BY_PLASMA_WATER = (
 )  # fmt: skip
 """Outputs that are not computed where the filter would take all water of the plasma."""
 _EFFECTIVE_SHARES = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
-_FIBRES = Fibres(("Qcrrtpump", "Pcrrtfil", "Pcrrttuout"), SETTINGS, "crrtfil", "Qcrrtfil")
+_FIBRES = Fibres(("Qcrrtpump", "Pcrrtfil", "Pcrrttuout"), SETTINGS, "crrtfil", "Qcrrtfil", pump=f"{GROUP}.flow_ml_min")
 
 
 def _share(m: BeatMeasures, what: str) -> Numbers:
@@ -381,7 +397,7 @@ def _for_patient(
 ) -> Output:
     """Output of the filter's effect on the patient, which depends on recirculation."""
     return Output(
-        name, long_name, unit, definition, _FIBRES.signals, compute, parameters=SETTINGS,
+        name, long_name, unit, definition, _FIBRES.signals, compute, parameters=_FIBRES.parameters,
         blood_parameters=BLOOD_PARAMETERS, all_flows=True, by_gases=by_gases,
         read_at=_FIBRES.read_at,
     )  # fmt: skip

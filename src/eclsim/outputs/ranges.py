@@ -12,33 +12,53 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from eclsim.cases.quantities import quantity
+from eclsim.cases.quantities import numeric_field, quantity
 from eclsim.circuit.network import Circuit
 from eclsim.components.vessels import Cannula
 from eclsim.devices.cannulae import CANNULAE
+from eclsim.devices.dialysed_blood import OF_PATIENT
 from eclsim.devices.registry import cached_by_devices
 from eclsim.orbit.steady import Batch
 
 SLACK = 0.01
-"""Part of the width of a range by which a derivative by differences may leave it."""
+"""Part of a bound by which a derivative by differences may leave a range."""
+SLACK_AT_ZERO = 1e-3
+"""The same at a bound of 0, as a part of the typical value."""
 
 
 class Range(NamedTuple):
-    """Allowed range of a number, in its unit."""
+    """Allowed range of a number, in its unit.
+
+    Args:
+        low: lower bound.
+        high: upper bound.
+        unit: unit of all of these.
+        typical: a typical value.
+        least: smallest value above 0, where 0 is allowed and no device can be set to less.
+        own: value outside the range that selects the patient's own; else None.
+    """
 
     low: float
     high: float
     unit: str
+    typical: float = 0.0
+    least: float = 0.0
+    own: float | None = None
 
     def excludes(self, values: np.ndarray) -> np.ndarray:
         """Whether each value lies outside."""
-        margin = SLACK * (self.high - self.low)
-        return ~((self.low - margin <= values) & (values <= self.high + margin))
+        outside = ~((self.low - self._slack(self.low) <= values) & (values <= self.high + self._slack(self.high)))
+        outside |= (self._slack(0.0) < values) & (values < self.least - self._slack(self.least))
+        return outside & (values != self.own) if self.own is not None else outside
+
+    def _slack(self, bound: float) -> float:
+        return SLACK * abs(bound) if bound else SLACK_AT_ZERO * abs(self.typical)
 
     def text(self, name: str, value: float) -> str:
         """A value with the range."""
         unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{name} = {value:g}{unit} ({self.low:g} to {self.high:g})"
+        smallest = f"0, or {self.least:g}" if self.least else f"{self.low:g}"
+        return f"{name} = {value:g}{unit} ({smallest} to {self.high:g})"
 
 
 @cached_by_devices(1024)
@@ -55,7 +75,9 @@ def allowed_range(circuit: Circuit, name: str) -> Range | None:
             sizes = [c.sizes_fr for c in CANNULAE.values() if c.coefficients == law.coefficients]
             if sizes:
                 return Range(min(map(min, sizes)), max(map(max, sizes)), known.unit)
-    return Range(known.minimum, known.maximum, known.unit)
+    least = field.least if (field := numeric_field(name)) is not None else 0.0
+    own = OF_PATIENT.get(name.rpartition(".")[2])
+    return Range(known.minimum, known.maximum, known.unit, known.value, least, own)
 
 
 def out_of_range(circuit: Circuit, values: Mapping[str, npt.ArrayLike], count: int) -> list[list[str]]:
