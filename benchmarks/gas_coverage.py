@@ -18,8 +18,8 @@ from eclsim.cases.reading import read_mapping
 from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
-from eclsim.identification.quantities import measurement_errors
 from eclsim.orbit.model import model_of
+from eclsim.outputs.uncertainty import measurement_errors
 
 CASE = {
     "format": 1,

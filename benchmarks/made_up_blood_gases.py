@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from eclsim.cases.reading import read_case
-from eclsim.identification.quantities import measurement_errors
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
+from eclsim.outputs.uncertainty import measurement_errors
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CASE, TABLE = EXAMPLES / "veno_venous_blood_gases.toml", "ageing_oxygenator.csv"

@@ -26,10 +26,11 @@ from eclsim.identification.density import PosteriorDensity, Prior, gaussian_appr
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, diagnose, sample
 from eclsim.identification.posterior import predict
-from eclsim.identification.quantities import BEAT_OUTPUTS, measurement_errors
+from eclsim.identification.quantities import BEAT_OUTPUTS
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.thiel2025 import BOUNDS
 
 PREDICTION_DRAWS = 400

@@ -13,8 +13,8 @@ from eclsim.identification.quantities import BEAT_OUTPUTS
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.uncertainty import DEFAULTS
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.sensitivity.inputs import DEFAULTS
 
 NAMES = tuple(BOUNDS)
 LIKELY = {"MAP": (45.0, 120.0), "MPAP": (8.0, 40.0), "PCWP": (3.0, 25.0), "CO": (0.8, 9.0), "PF": (0.5, 6.0)}

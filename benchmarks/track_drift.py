@@ -15,9 +15,10 @@ from simulated_patients import NAMES, simulated_series
 from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.least_squares import refine
 from eclsim.identification.objective import Box, Objective, Target
-from eclsim.identification.quantities import BEAT_OUTPUTS, measurement_errors
+from eclsim.identification.quantities import BEAT_OUTPUTS
 from eclsim.identification.tracking import Tracker
 from eclsim.orbit.model import model_of
+from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.thiel2025 import BOUNDS
 
 

@@ -39,6 +39,7 @@ class SlowState(NamedTuple):
         words: name in words, such as "plasma volume".
         scale: smallest change that matters; the error tolerance of the integrator is relative to it.
         is_amount: whether the state cannot be negative; a course ends where it would become so.
+        fades: whether the state approaches 0 from above; what the integrator leaves below 0 is shown as 0.
     """
 
     name: str
@@ -46,6 +47,7 @@ class SlowState(NamedTuple):
     words: str
     scale: float
     is_amount: bool = False
+    fades: bool = False
 
 
 class DerivedQuantity(NamedTuple):

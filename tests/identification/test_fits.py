@@ -29,8 +29,8 @@ from eclsim.identification.settings import FitSettings, checked_fit, read_bounds
 from eclsim.identification.verdict import Aspect, Level, interval_agreement
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
+from eclsim.outputs.uncertainty import Uncertainty
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.sensitivity.inputs import Uncertainty
 
 QUICK = FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart(10, 0.2, round_size=4, rediscoveries=2))
 TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}

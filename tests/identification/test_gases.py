@@ -22,7 +22,7 @@ from eclsim.identification.fit import fit
 from eclsim.identification.multi_start import FitStatus, MultiStart
 from eclsim.identification.objective import Box
 from eclsim.identification.posterior import PosteriorSettings, posterior, predict
-from eclsim.identification.quantities import Scale, measurement_errors
+from eclsim.identification.quantities import Scale
 from eclsim.identification.settings import (
     FitSettings,
     avoidable_assumptions,
@@ -36,6 +36,7 @@ from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.reporting.numbers import number, significant
 

@@ -13,9 +13,9 @@ from eclsim.identification.density import (
     Prior,
     gaussian_approximation,
 )
-from eclsim.identification.quantities import measurement_errors
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
+from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.thiel2025 import BOUNDS
 
 NAMES = ("Csart", "Emaxlv", "Rmc")

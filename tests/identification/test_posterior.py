@@ -28,7 +28,7 @@ from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
-from eclsim.sensitivity.inputs import Uncertainty
+from eclsim.outputs.uncertainty import Uncertainty
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
 NAMES = ("Rmc", "Emaxlv")

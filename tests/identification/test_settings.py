@@ -5,8 +5,8 @@ import pytest
 from eclsim.cases import read_mapping
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.settings import FitSettings, check_fit, checked_fit
+from eclsim.outputs.uncertainty import Uncertainty
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.sensitivity.inputs import Uncertainty
 
 ALL = {"SP": 101, "DP": 47, "MAP": 70, "MPAP": 26, "PCWP": 9, "CO": 5.8, "PF": 2.2}
 

@@ -11,13 +11,13 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.devices.ecmo import Ecmo
 from eclsim.identification import tracking as track_module
 from eclsim.identification.filtering import GaussianMixture, InnovationTest
-from eclsim.identification.quantities import measurement_errors
 from eclsim.identification.series import elapsed_hours, notes_on_bounds
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import Tracker, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
+from eclsim.outputs.uncertainty import measurement_errors
 
 NAMES = ("Rmc", "Emaxlv")
 MEASURED = ("SP", "DP", "MAP", "CO")

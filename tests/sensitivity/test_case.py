@@ -14,6 +14,7 @@ from eclsim.cli import main
 from eclsim.devices.crrt import SCHEMES
 from eclsim.orbit.model import UnknownValueError
 from eclsim.orbit.status import Status
+from eclsim.outputs.uncertainty import Uncertainty
 from eclsim.sensitivity.analysis import (
     TARGETS,
     Analysis,
@@ -24,7 +25,7 @@ from eclsim.sensitivity.analysis import (
     state_values,
 )
 from eclsim.sensitivity.identifiability import identifiability
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, InputError, Uncertainty, varied_inputs
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, InputError, varied_inputs
 from eclsim.sensitivity.results import indices_of_runs
 from eclsim.validation.reference_cases import DATA
 

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, standard_uncertainties
 from eclsim.sensitivity.identifiability import (
     ScaledSensitivities,
     _in_words,
@@ -11,14 +12,7 @@ from eclsim.sensitivity.identifiability import (
     propose,
     relative_errors,
 )
-from eclsim.sensitivity.inputs import (
-    DEFAULTS,
-    InputError,
-    Uncertainty,
-    read_uncertainties,
-    standard_uncertainties,
-    uncertainties_of,
-)
+from eclsim.sensitivity.inputs import InputError, read_uncertainties, uncertainties_of
 
 
 def scaled(columns: dict[str, list[float]]) -> ScaledSensitivities:

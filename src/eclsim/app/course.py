@@ -38,6 +38,7 @@ from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.fluid.solutes import TISSUE_PCO2
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.numbers import is_number
+from eclsim.outputs.uncertainty import NOT_THE_MEASURED
 from eclsim.parameters.fluid import sets_initial_value
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.slow import DOSE, INFLOWS
@@ -178,7 +179,10 @@ def plain_course(course: PageCourse, minutes: float, shown: Beat | None = None) 
         "drug": drug_in_words(result),
         "approximations": [
             *filter(None, [another_start(course.state.case, shown, first_outputs(result))]),
-            *(with_minus(str(s)) for kind in ("approximations", "cautions") for s in result.attrs[kind]),
+            *(
+                with_minus(str(one)) for kind in ("approximations", "cautions") for one in result.attrs[kind]
+                if NOT_THE_MEASURED not in one  # measurements stand beside the tiles
+            ),
         ],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip

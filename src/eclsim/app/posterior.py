@@ -22,11 +22,12 @@ from eclsim.identification.draws import several_solutions
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.multi_start import MultiStart, sobol
 from eclsim.identification.objective import Box, Explored
-from eclsim.identification.quantities import Scale, measurement_errors
+from eclsim.identification.quantities import Scale
 from eclsim.identification.settings import checked_fit
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import VolumePolicy, model_of
 from eclsim.outputs.signals import parameters_read
+from eclsim.outputs.uncertainty import measurement_errors
 
 BAND_MEMBERS = 128
 """Number of draws used for bands."""

@@ -64,6 +64,8 @@ class Case(PublishedDevices):
     events: tuple[Event, ...] = ()
     as_written: Case | None = Field(default=None, exclude=True, repr=False)
     """The case of the file before settings changed it; open set points of reflexes refer to it."""
+    changed: bool = Field(default=False, exclude=True, repr=False)
+    """Whether settings changed the case of the file, so that its measurements are of other settings."""
     fit_mark: FitMark | None = Field(default=None, exclude=True, repr=False)
     """Verdict in the case file on the fit that gave the parameters."""
 

@@ -85,7 +85,7 @@ def read_case(
     if volume_policy is not None:
         notes += _with_policy(merged, volume_policy, file)
     reading = _checked(merged, file, lines_of_keys(text), keys_set(settings), remarks.mistakes, slips)
-    case = reading.case.model_copy(update={"fit_mark": read_mark(text)})
+    case = reading.case.model_copy(update={"fit_mark": read_mark(text), "changed": bool(settings)})
     if settings and case.regulation and case.regulation.open_set_points:
         case = case.model_copy(update={"as_written": _as_written(raw)})
     doubts = (Mistake("", sentence, file=file) for sentence in case.doubts)

@@ -151,8 +151,9 @@ def fit_settings(
     """Create settings from the options; report all errors and exit with status 2 if there are any."""
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings, read_bounds
+    from eclsim.outputs.uncertainty import DEFAULTS
     from eclsim.parameters.thiel2025 import BOUNDS
-    from eclsim.sensitivity.inputs import DEFAULTS, InputError, read_uncertainties
+    from eclsim.sensitivity.inputs import InputError, read_uncertainties
 
     wrong: list[str] = []
     uncertainties, limits = {}, {}

@@ -158,8 +158,6 @@ def _simulate_each(
     ]
     _write(places, cases, results, courses, names, labels)
     _warn_of_doubts(readings, results)
-    if not o.settings:
-        _warn_of_misses(readings, results)
     return results
 
 
@@ -225,18 +223,6 @@ def _warn_of_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Datase
             kind = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
             lines.insert(0, f"{kind}{result.attrs.get('message', '')}")
         warn_of_new_findings(reading, lines)
-
-
-def _warn_of_misses(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
-    """Warn of beats that miss the measurements of their case, which nothing but a fit uses."""
-    from eclsim.identification.quantities import sentence_on_misses
-
-    for reading, result in zip(readings, results, strict=True):
-        stated = reading.case.measurements
-        measured = {} if stated is None else stated.model_dump(exclude_none=True)
-        beat = {name: float(result[name]) for name in measured if name in result and not result[name].ndim}
-        if result.attrs["converged"] and (said := sentence_on_misses(measured, beat)):
-            warn([f"caution: {reading.file}: {said}"])
 
 
 # --- before and after a change --------------------------------------------------------------------

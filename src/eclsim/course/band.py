@@ -27,6 +27,7 @@ from eclsim.orbit.status import Status
 from eclsim.outputs.alarms import THIN_WALLED
 from eclsim.outputs.registry import find_output
 from eclsim.outputs.results import variable
+from eclsim.outputs.uncertainty import NOT_THE_MEASURED
 from eclsim.simulation.target_flow import with_speed
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -257,7 +258,8 @@ def approximations_of_draws(courses: Sequence[xr.Dataset], of: str) -> list[str]
     kinds: dict[str, list[str]] = {}
     remarks_of_each = ([*one.attrs["approximations"], *one.attrs.get("cautions", ())] for one in courses)
     for sentence in (sentence for remarks in remarks_of_each for sentence in remarks):
-        kinds.setdefault(NUMBER.sub("", sentence), []).append(sentence)
+        kind = NOT_THE_MEASURED if NOT_THE_MEASURED in sentence else NUMBER.sub("", sentence)
+        kinds.setdefault(kind, []).append(sentence)
     return [f"in {len(alike)} of {len(courses)} {of}, such as {alike[0]}" for alike in kinds.values()]
 
 

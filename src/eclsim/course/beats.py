@@ -26,7 +26,14 @@ from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms, alarms_text, not_survived
 from eclsim.course.gases import GasDynamics, Gases
 from eclsim.course.laws import Laws, laws_of, message_without_rates
-from eclsim.course.result import IMPOSSIBLE, attributes_of, balance_of, impossible_among, labelled_course
+from eclsim.course.result import (
+    IMPOSSIBLE,
+    attributes_of,
+    balance_of,
+    impossible_among,
+    labelled_course,
+    remarks_on_measurements,
+)
 from eclsim.course.timeline import MINUTE, START, Timeline, refuse_reconnection
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
@@ -550,7 +557,8 @@ class BeatMarch:
         broken = [*not_survived(minute, outputs), *alarms(beat_findings, outputs, minute, by_beat)]
         warnings = [self.stopped] * bool(self.stopped) + [alarm.labelled for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)
-        about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)
+        remarks = remarks_on_measurements(self.timeline, outputs)
+        about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings, remarks=remarks)
         about |= {"alarms": alarms_text(broken), "settling_s": 0.0, "beat_by_beat": 1}
         return result.assign_attrs(about, steps=len(beats))
 

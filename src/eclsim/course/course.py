@@ -39,6 +39,7 @@ from eclsim.course.result import (
     balance_of,
     impossible_among,
     labelled_course,
+    remarks_on_measurements,
     undetermined_in_words,
 )
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
@@ -305,6 +306,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     sentences = [message] * bool(message) + [alarm.labelled for alarm in broken]
     balance = balance_of(laws, states, in_effect)
     remarks = remarks_on_protein(minute, dict(zip(laws.names, states, strict=True)))
+    remarks += remarks_on_measurements(engine.timelines[member], outputs)
     attributes = attributes_of(
         engine.timelines[member], engine.policy, message, balance, sentences, ahead, remarks
     )

@@ -22,6 +22,7 @@ from eclsim.files import (
     write_text,
 )  # fmt: skip
 from eclsim.orbit.model import CASE
+from eclsim.outputs.uncertainty import NOT_THE_MEASURED
 from eclsim.simulation.files import column_head
 
 if TYPE_CHECKING:
@@ -188,7 +189,8 @@ def write_courses(
         lowest = float(result["MAP"].min()) if "MAP" in result else math.nan
         count = sum(alarm["kind"] == "alarm" for alarm in course["alarms"])
         said = course["message"], "; ".join(result.attrs["approximations"])
-        doubts = "; ".join(untrusted(result.attrs["warnings"]))
+        others = [one for one in result.attrs["cautions"] if NOT_THE_MEASURED in one]
+        doubts = "; ".join([*untrusted(result.attrs["warnings"]), *others])
         rows.append((course["id"], course["status"], course["minutes"], count, lowest, *said, doubts))
     rows += [(name, "refused", None, None, None, why, "", "") for name, why in content["refused"].items()]
     doubted = any(row[-1] for row in rows)

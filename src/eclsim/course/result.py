@@ -22,6 +22,7 @@ from eclsim.orbit.status import Status
 from eclsim.outputs.gas import OF_LUNG_FLOW, STANDING_L_MIN
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.outputs.results import output_labels, variable
+from eclsim.outputs.uncertainty import misses_of
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.slow import DerivedQuantity
 
@@ -49,7 +50,8 @@ def labelled_course(
     """
     data = {name: variable(TIME, values, **output_labels(name)) for name, values in outputs.items()}
     for row, state in zip(states, laws.states, strict=True):
-        data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state: {state.words}")
+        shown = np.where(row < 0.0, 0.0, row) if state.fades else row
+        data[state.name] = variable(TIME, shown, units=state.unit, long_name=f"slow state: {state.words}")
     for quantity in derived:
         data[quantity.name] = variable(
             TIME, quantity.values, units=quantity.unit, long_name=quantity.description
@@ -93,6 +95,19 @@ def attributes_of(
         "cautions": cautions,
         "blood_volume_policy": policy,
     }  # fmt: skip
+
+
+def remarks_on_measurements(timeline: Timeline, outputs: Mapping[str, np.ndarray]) -> list[str]:
+    """A sentence if a course does not begin with the beat of the patient who was measured, else none.
+
+    Args:
+        timeline: timeline of the course; variants such as draws of a posterior have no sentence.
+        outputs: outputs at the moments, by name.
+    """
+    if timeline.overrides:
+        return []
+    first = {name: float(values[0]) for name, values in outputs.items() if len(values)}
+    return misses_of(timeline.case, first, "the beat at 00:00")
 
 
 def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarray]) -> dict[str, float]:

@@ -277,9 +277,10 @@ def no_plasma_water(
     if not lacking or not share >= PLASMA_WATER:
         return []
     text = (
-        f"{names.label}: {100.0 * share:.0f} % of the plasma would be filtered, and {100.0 * PLASMA_WATER:.0f} % "
-        "is its water: clearances and what the filter does to bicarbonate and carbon dioxide are not computed; lower the "
-        "net ultrafiltration or the replacement behind the filter, or raise the blood flow"
+        f"{names.label}: {100.0 * share:.0f} % of the plasma would be filtered, of which "
+        f"{100.0 * PLASMA_WATER:.0f} % is water: clearances and what the filter does to bicarbonate and "
+        "carbon dioxide are not computed; lower the net ultrafiltration or the replacement behind the "
+        "filter, or raise the blood flow"
     )
     return [Finding("alarm", fraction, share, PLASMA_WATER, text, concerns=(fraction, *lacking))]
 
@@ -348,7 +349,9 @@ BY_PLASMA_WATER = (
 )  # fmt: skip
 """Outputs that are not computed where the filter would take all water of the plasma."""
 _EFFECTIVE_SHARES = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
-_FIBRES = Fibres(("Qcrrtpump", "Pcrrtfil", "Pcrrttuout"), SETTINGS, "crrtfil", "Qcrrtfil", pump=f"{GROUP}.flow_ml_min")
+_FIBRES = Fibres(
+    ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout"), SETTINGS, "crrtfil", "Qcrrtfil", pump=f"{GROUP}.flow_ml_min"
+)
 
 
 def _share(m: BeatMeasures, what: str) -> Numbers:

@@ -74,7 +74,11 @@ class InfusedDoses(SlowLaw):
         """Dose in effect of each drug."""
         return tuple(
             SlowState(
-                f"{dose(d.name)}_in_effect", DRUG_DOSES[d.name].unit, f"{d.name} in effect", 0.1 * d.half_dose
+                f"{dose(d.name)}_in_effect",
+                DRUG_DOSES[d.name].unit,
+                f"{d.name} in effect",
+                0.1 * d.half_dose,
+                fades=True,
             )
             for d in self.drugs
         )

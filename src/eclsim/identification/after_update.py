@@ -12,9 +12,9 @@ import numpy as np
 from eclsim.identification.filtering import GaussianMixture
 from eclsim.identification.importance import Transport
 from eclsim.identification.points import Interval
-from eclsim.identification.quantities import measurement_errors, unit_of
+from eclsim.identification.quantities import unit_of
+from eclsim.outputs.uncertainty import Uncertainty, measurement_errors
 from eclsim.reporting.numbers import significant
-from eclsim.sensitivity.inputs import Uncertainty
 
 FARTHEST = 2.576
 """Standard deviations that a measurement may lie from the estimate: 99 % of a normal distribution."""

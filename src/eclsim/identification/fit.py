@@ -47,7 +47,7 @@ from eclsim.identification.output_intervals import (
     widened,
 )
 from eclsim.identification.profiles import HeldFits, held_fits
-from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
+from eclsim.identification.quantities import relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
     FitSettings,
     avoidable_assumptions,
@@ -78,6 +78,7 @@ from eclsim.identification.verdict import (
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
 from eclsim.orbit.model import CaseSource, as_case, model_of
+from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.sensitivity.identifiability import ScaledSensitivities
 

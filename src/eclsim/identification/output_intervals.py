@@ -15,9 +15,9 @@ import numpy as np
 
 from eclsim.identification.held_parameters import KEY_OUTPUTS
 from eclsim.identification.objective import NORMAL_90
-from eclsim.identification.quantities import measurement_errors, unit_of
+from eclsim.identification.quantities import unit_of
 from eclsim.identification.verdict import Aspect, Level, Reason
-from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty
+from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, measurement_errors
 
 WIDEST_DETERMINED = 2.0
 """Width of the interval of a determined output, relative to the 90 % interval of a measurement of it."""

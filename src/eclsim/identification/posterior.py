@@ -36,7 +36,7 @@ from eclsim.identification.nuts import (
     sample,
 )
 from eclsim.identification.objective import Explored
-from eclsim.identification.quantities import measurement_errors, predicted_outputs
+from eclsim.identification.quantities import predicted_outputs
 from eclsim.identification.settings import (
     avoidable_assumptions,
     measured_open_set_points,
@@ -49,8 +49,8 @@ from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.outputs.signals import output_names, watched_waveforms
 from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
+from eclsim.outputs.uncertainty import Uncertainty, as_uncertainties, measurement_errors
 from eclsim.parameters.adult_ranges import adult_ranges
-from eclsim.sensitivity.inputs import Uncertainty, as_uncertainties
 
 if TYPE_CHECKING:
     import xarray as xr

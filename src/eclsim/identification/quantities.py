@@ -23,7 +23,6 @@ from eclsim.devices.registry import instances_in, is_of_user
 from eclsim.outputs.registry import find_output
 from eclsim.outputs.signals import output_names
 from eclsim.reporting.numbers import number, significant
-from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
 _DIGITS = 12
 
@@ -168,39 +167,3 @@ def relative_scale(output: str, value: float) -> float:
     """Scale of a relative difference: the size of the value; at least a typical one if it may be negative."""
     usual = abs(Measurements.fields()[output].typical) if output in FURTHER_MEASUREMENTS else 0.0
     return max(abs(value), usual)
-
-
-def measurement_errors(
-    measured: Mapping[str, float], uncertainties: Mapping[str, Uncertainty] | None = None
-) -> dict[str, float]:
-    """Standard uncertainty of each measurement, in its unit.
-
-    Args:
-        measured: values [mmHg, L/min].
-        uncertainties: uncertainties that differ from the defaults.
-    """
-    return standard_uncertainties(measured, {**DEFAULTS, **(uncertainties or {})})
-
-
-NOT_THE_MEASURED_PATIENT = 3.0
-"""Standard uncertainties beyond which a beat is not that of the patient who was measured."""
-
-
-def sentence_on_misses(measured: Mapping[str, float], beat: Mapping[str, float]) -> str:
-    """Sentence on measurements that a beat misses by more than measurement error; empty if there are none.
-
-    Args:
-        measured: measurements, in their units.
-        beat: outputs of the beat.
-    """
-    both = {name: value for name, value in measured.items() if math.isfinite(beat.get(name, math.nan))}
-    errors = measurement_errors(both)
-    off = {name: abs(beat[name] - value) / errors[name] for name, value in both.items()}
-    missed = sorted((n for n in off if off[n] > NOT_THE_MEASURED_PATIENT), key=off.__getitem__, reverse=True)
-    if not missed:
-        return ""
-    parts = "; ".join(f"{name} {number(both[name])} measured, {number(beat[name])} here" for name in missed)
-    return (
-        f"this beat is not that of the patient who was measured ({parts}): the case is simulated as it is "
-        "written; eclsim identify fits it to [measurements]"
-    )

@@ -17,11 +17,12 @@ from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import example_setting, parameters
 from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale, measurement_errors, unit_of
+from eclsim.identification.quantities import BEAT_OUTPUTS, OUTPUTS, Scale, unit_of
 from eclsim.inputs.mistakes import CaseError, Mistake, Remarks, as_names, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
+from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, as_uncertainties, measurement_errors
 from eclsim.parameters.regulation import (
     EXTRA_VOLUME,
     PACO2_SET_POINT,
@@ -33,7 +34,7 @@ from eclsim.parameters.regulation import (
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
 from eclsim.patient.sites import ARTERIAL_SITES
-from eclsim.sensitivity.inputs import DEFAULTS, InputError, Uncertainty, as_uncertainties
+from eclsim.sensitivity.inputs import InputError
 from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:

@@ -45,7 +45,7 @@ from eclsim.identification.points import (
     TrackedPoint,
     TrackResult,
 )
-from eclsim.identification.quantities import OUTPUTS, measurement_errors, possible_range
+from eclsim.identification.quantities import OUTPUTS, possible_range
 from eclsim.identification.series import (
     Series,
     copied_measurements,
@@ -70,6 +70,7 @@ from eclsim.inputs.mistakes import CaseError, Mistake, as_settings, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.outputs.signals import gas_dependent_outputs, output_names
 from eclsim.outputs.steady_beat import SteadyBeat
+from eclsim.outputs.uncertainty import measurement_errors
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

@@ -62,6 +62,10 @@ class ListedError(ValueError):
         super().__init__("\n".join(mistakes))
 
 
+class InputError(ListedError):
+    """Raised for inputs and uncertainties of a study that a case cannot have."""
+
+
 @dataclass(slots=True)
 class Remarks:
     """Collection of errors, warnings and notes about an input, so that one error does not hide another.

@@ -30,6 +30,8 @@ LARGEST_DILATING_ADRENALINE = 0.15
 """Larger dose of the study to which adrenaline is fitted [ug/kg/min]."""
 ROUNDING = 1e-3
 """Share of a bound by which a dose must exceed it: an infusion that settles at the bound does not."""
+TRACE_SHARE = 2e-3
+"""Share of the largest usual dose below which a dose in effect is the rest of one that was washed out."""
 PRESSORS = ("noradrenaline", "vasopressin")
 NOTABLE_LOGARITHM = 0.02
 """Logarithm of a drug's factor below which the drug hardly acts."""
@@ -77,7 +79,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
     doses = {
         drug: given * values.get(keys.sensitivity(drug), 1.0)
         for drug in keys.DRUG_DOSES
-        if (given := values.get(keys.dose(drug), 0.0)) > 0.0
+        if (given := values.get(keys.dose(drug), 0.0)) > TRACE_SHARE * keys.DRUG_DOSES[drug].usual
     }
     result = (
         _venodilators_without_congestion(outputs, doses)

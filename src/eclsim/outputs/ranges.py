@@ -47,7 +47,9 @@ class Range(NamedTuple):
 
     def excludes(self, values: np.ndarray) -> np.ndarray:
         """Whether each value lies outside."""
-        outside = ~((self.low - self._slack(self.low) <= values) & (values <= self.high + self._slack(self.high)))
+        outside = ~(
+            (self.low - self._slack(self.low) <= values) & (values <= self.high + self._slack(self.high))
+        )
         outside |= (self._slack(0.0) < values) & (values < self.least - self._slack(self.least))
         return outside & (values != self.own) if self.own is not None else outside
 

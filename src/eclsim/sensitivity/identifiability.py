@@ -22,15 +22,13 @@ from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
 from eclsim.outputs.results import beat_warnings, derivatives
 from eclsim.outputs.signals import output_names, parameters_read
+from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, standard_uncertainties
 from eclsim.reporting.numbers import number, significant, text_table
 from eclsim.sensitivity.inputs import (
     CARDIOVASCULAR,
-    DEFAULTS,
     OUTPUTS,
     InputError,
-    Uncertainty,
     missing_outputs,
-    standard_uncertainties,
     uncertainties_of,
     unknown_names,
 )
