@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from eclsim.app.texts import ENGLISH, in_page_words, text, with_minus
 from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
-from eclsim.course.alarms import clock_time
+from eclsim.course.alarms import clock_time, finding_after_arrest
 from eclsim.course.drug import drug_in_words
 from eclsim.course.result import drawn_values, impossible_moments
 from eclsim.course.timeline import case_with_settings
@@ -90,8 +90,12 @@ class PageCourse:
 
         moment = self.computed.at(minute)
         if isinstance(moment, TransientBeat):
-            return transient_beat(self.state, moment)
-        return beat_of(self.state, moment.circuit, moment.values, blood=moment.blood)
+            beat = transient_beat(self.state, moment)
+        else:
+            beat = beat_of(self.state, moment.circuit, moment.values, blood=moment.blood)
+        alarms, pressure = str(self.computed.result.attrs["alarms"]), beat.outputs.get("MAP", math.nan)
+        ended = finding_after_arrest(alarms, minute, pressure)
+        return replace(beat, findings=(*ended, *beat.findings)) if ended else beat
 
 
 def usual_length(case: Case) -> int:

@@ -375,9 +375,9 @@ _DECIMALS = {"L/min": 2, "1": 2, "bpm": 0, "mL/min": 0}
 
 def _text(result: xr.Dataset) -> str:
     """Format some moments of the course as a table, followed by the blood balance."""
+    from eclsim.course.alarms import NO_PATIENT
     from eclsim.course.drug import drug_in_words
     from eclsim.course.result import impossible_moments, spans_in_words, undetermined_moments
-    from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 
     if not result.sizes["time_min"]:
         return "no moment of this course has a steady beat"
@@ -404,7 +404,7 @@ def _text(result: xr.Dataset) -> str:
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
     if any(impossible):
-        words = f"* a beat {IMPOSSIBLE_BEAT}: ignore its numbers\n\n{words}"
+        words = f"* a beat {NO_PATIENT}: ignore its numbers\n\n{words}"
     if undetermined_moments(result).any():
         words = f"{MISSING}: not determined by the case, as valves stay shut\n\n{words}"
     if spans:

@@ -27,6 +27,8 @@ NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 ARREST_MMHG, ARREST_MIN = 30.0, 10.0
 """Mean arterial pressure and time below it after which a course describes no living patient (convention)."""
+NO_PATIENT = "that no patient can have (a chamber without blood, a vein sucked shut, not survived)"
+"""Description of the moments of a course whose numbers are to be ignored."""
 
 
 class Alarm(NamedTuple):
@@ -131,6 +133,31 @@ def not_survived(minute: np.ndarray, outputs: Mapping[str, np.ndarray]) -> list[
             worst = float(np.min(np.asarray(pressure)[run]))
             return [Alarm(float(minute[run[0]]), None, "collapse", "MAP", None, worst, text)]
     return []
+
+
+def is_not_survived(alarm: Alarm) -> bool:
+    """Whether an alarm is that of `not_survived`."""
+    return alarm.kind == "collapse" and alarm.quantity == "MAP" and alarm.limit is None
+
+
+def after_arrest(broken: Sequence[Alarm], minute: np.ndarray) -> np.ndarray:
+    """Whether each moment comes after an arrest that is not survived."""
+    ends = [alarm.at_min + ARREST_MIN for alarm in broken if is_not_survived(alarm)]
+    return minute >= min(ends, default=np.inf)
+
+
+def finding_after_arrest(alarms: str, minute: float, pressure: float) -> list[Finding]:
+    """The finding about a beat of a course that comes after an arrest that is not survived, or none.
+
+    Args:
+        alarms: alarms of the course as JSON, as in its attribute.
+        minute: time of the beat [min].
+        pressure: its mean arterial pressure [mmHg].
+    """
+    broken = [alarm for one in json.loads(alarms) if is_not_survived(alarm := Alarm(**one))]
+    if not after_arrest(broken, np.array([minute])).any():
+        return []
+    return [Finding.without_limit("collapse", "MAP", pressure, broken[0].sentence, "MAP")]
 
 
 def findings_of_derived_quantities(shown: Sequence[DerivedQuantity], moments: int) -> list[list[Finding]]:

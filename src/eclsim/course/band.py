@@ -14,7 +14,7 @@ import xarray as xr
 
 from eclsim.arguments import WholeNumber, number_of
 from eclsim.cases.quantities import as_samples, check_samples
-from eclsim.course.alarms import NUMBER, clock_time
+from eclsim.course.alarms import NO_PATIENT, NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
 from eclsim.course.course import checked_interval_min, refuse_unknown
 from eclsim.course.result import IMPOSSIBLE, TIME
@@ -218,7 +218,7 @@ def _early_ends_text(failed: Sequence[xr.Dataset], count: int) -> str:
 
 
 _UNREADABLE = (
-    ("draws_impossible", IMPOSSIBLE, 1, "a chamber is empty of blood, which no patient can have"),
+    ("draws_impossible", IMPOSSIBLE, 1, f"the beat is one {NO_PATIENT}"),
     (
         "draws_undetermined", "status", Status.ONE_OF_MANY.word,
         "no valve opens during the beat, so that volumes and pressures of the heart are not determined",

@@ -552,9 +552,10 @@ class BeatMarch:
         in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
         derived = self.laws.derived_quantities(states, in_effect)
         result = labelled_course(time, outputs, self.laws, states, derived)
-        result[IMPOSSIBLE] = impossible_among(beat_findings)
         minute, by_beat = time / MINUTE, np.ones(len(beats), dtype=bool)
-        broken = [*not_survived(minute, outputs), *alarms(beat_findings, outputs, minute, by_beat)]
+        arrest = not_survived(minute, outputs)
+        result[IMPOSSIBLE] = impossible_among(beat_findings, arrest, minute)
+        broken = [*arrest, *alarms(beat_findings, outputs, minute, by_beat)]
         warnings = [self.stopped] * bool(self.stopped) + [alarm.labelled for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)
         remarks = remarks_on_measurements(self.timeline, outputs)

@@ -287,16 +287,16 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     shown = laws.derived_quantities(states, in_effect)
     result = labelled_course(time, outputs, laws, states, shown)
     moment_findings: list[list[Finding]] = []
+    minute, settling = time / MINUTE, engine.settling_s[member]
+    arrest = not_survived(minute, outputs) if with_alarms else []
     if with_alarms:
         outputs |= {quantity.name: quantity.values for quantity in shown}
         of_shown = findings_of_derived_quantities(shown, len(places))
         moment_findings = [[*moments.findings[k], *of_shown[i]] for i, k in enumerate(places)]
-        result[IMPOSSIBLE] = impossible_among(moment_findings)
+        result[IMPOSSIBLE] = impossible_among(moment_findings, arrest, minute)
     result["beat_by_beat"] = variable(TIME, moments.by_beat[places].astype(int))
     words = [Status(int(s)).word for s in moments.status[places]]
     result["status"] = variable(TIME, np.array(words, dtype=str))
-    minute, settling = time / MINUTE, engine.settling_s[member]
-    arrest = not_survived(minute, outputs) if with_alarms else []
     broken = [*arrest, *alarms(moment_findings, outputs, minute, moments.by_beat[places], shown)]
     message = _early_end_text(moments.stopped[member], minute)
     ahead = _skipped_transients_text(history) + _fast_slow_states(history, laws, settling)

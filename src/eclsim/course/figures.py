@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from eclsim.cases.events import Event
 from eclsim.cases.fit_mark import untrusted
 from eclsim.cases.fluid import DialysedDrug
-from eclsim.course.alarms import clock_time
+from eclsim.course.alarms import NO_PATIENT, clock_time
 from eclsim.course.drug import dialysed_drug_of, drug_in_words
 from eclsim.course.result import (
     drawn_values,
@@ -25,7 +25,6 @@ from eclsim.course.result import (
 from eclsim.devices.description import Panel
 from eclsim.fluid.dialysed_drug import CONCENTRATION, UNBOUND
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
-from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.outputs.gas import OF_LUNG_FLOW
 from eclsim.outputs.limits import consecutive_runs
 from eclsim.reporting import style
@@ -210,7 +209,7 @@ def _notes(result: xr.Dataset) -> list[str]:
             f"curves: median of {result.attrs['draws']} draws; bands: 50 % and 90 % of those followed so far"
         )
     if impossible_spans(result):
-        lines.append(f"grey areas: beats {IMPOSSIBLE_BEAT}: ignore their numbers")
+        lines.append(f"grey areas: beats {NO_PATIENT}: ignore their numbers")
     if undetermined_moments(result).any():
         lines.append(
             "gaps in the curves: valves stay shut, so that the case does not determine the number; fluid and "

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from eclsim.circuit.network import BLOOD_VOLUME
-from eclsim.course.alarms import clock_time
+from eclsim.course.alarms import Alarm, after_arrest, clock_time
 from eclsim.course.fluid_remarks import remarks_on_fluids
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
@@ -128,10 +128,18 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
     return doors | ends | {"error_ml": after - before - moved}
 
 
-def impossible_among(moment_findings: Sequence[Sequence[Finding]]) -> xr.Variable:
-    """Whether at each moment a chamber is empty or a vein sucked shut, as variable `IMPOSSIBLE`."""
+def impossible_among(
+    moment_findings: Sequence[Sequence[Finding]], arrest: Sequence[Alarm], minute: np.ndarray
+) -> xr.Variable:
+    """Whether at each moment a chamber is empty, a vein sucked shut or the patient not alive: `IMPOSSIBLE`.
+
+    Args:
+        moment_findings: findings of each moment.
+        arrest: alarm of an arrest that is not survived, if there is one.
+        minute: time of each moment [min].
+    """
     collapses = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
-    return variable(TIME, np.array(collapses, dtype=int))
+    return variable(TIME, (np.array(collapses, dtype=bool) | after_arrest(arrest, minute)).astype(int))
 
 
 def impossible_moments(result: xr.Dataset) -> np.ndarray:
