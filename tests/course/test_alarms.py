@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from eclsim.course.alarms import alarms, alarms_text, not_survived
+from eclsim.course.alarms import alarms, alarms_text, finding_after_arrest, not_survived
+from eclsim.course.result import impossible_among
 from eclsim.devices.description import Finding
 
 
@@ -51,3 +52,18 @@ def test_an_alarm_ends_where_its_quantity_is_not_determined():
     (alarm,) = alarms([[], [low], [], []], pressures(80, 40, np.nan, np.nan), minute)
     assert alarm.until_min == 6.0
     assert ", not determined from 00:06 on (40 mmHg at worst)" in alarm.sentence
+
+
+def test_moments_after_an_arrest_that_is_not_survived_are_no_patients():
+    """The page said "no limit is broken" of a patient given blood back after two hours without circulation."""
+    minute = np.array([0.0, 60.0, 66.0, 80.0, 120.0, 130.0])
+    broken = not_survived(minute, pressures(80, 70, 28, 5, 12, 60))
+    low = Finding("alarm", "MAP", 40.0, None, "a pressure without a limit")
+    marked = impossible_among([[low] for _ in minute], broken, minute)
+    assert marked.values.tolist() == [0, 0, 0, 1, 1, 1]
+    assert not impossible_among([[]] * 6, [], minute).values.any()
+    text = alarms_text([*broken, *alarms([[low]] * 6, pressures(80, 70, 28, 5, 12, 60), minute)])
+    assert finding_after_arrest(text, 70.0, 28.0) == []
+    (finding,) = finding_after_arrest(text, 130.0, 60.0)
+    assert (finding.kind, finding.quantity, finding.value) == ("collapse", "MAP", 60.0)
+    assert "does not survive" in finding.sentence

@@ -122,9 +122,9 @@ def test_no_filter_takes_all_water_of_the_plasma(case):
         update={"crrt": case.crrt.model_copy(update={"flow_ml_min": 100.0, "replacement_post_ml_h": 3950.0})}
     )
     beat = eclsim.simulate(too_much)
-    assert np.isnan(float(beat["clearance_creatinine"]))
-    (line,) = [line for line in beat.attrs["warnings"] if "all of its water" in line]
-    assert "96 % of the plasma would be filtered" in line
+    assert np.isnan([float(beat[f"clearance_{solute}"]) for solute in SOLUTES]).all()
+    (line,) = [line for line in beat.attrs["warnings"] if "96 % of the plasma would be filtered" in line]
+    assert "of which 93 % is water: clearances" in line
 
 
 @pytest.mark.slow
@@ -364,6 +364,10 @@ def test_a_pump_that_stands_still_clears_nothing_and_its_fluids_stand_still_too(
     assert [float(result[name]) for name in zero] == pytest.approx([0.0] * len(zero), abs=1e-5)
     for line, site in (("access", "post_oxygenator"), ("return", "pre_oxygenator")):
         assert float(result[f"crrt_{line}_pressure"] - result[f"{site}_pressure"]) == pytest.approx(0, abs=1)
+    running = read_mapping(VV | {"crrt": ON_ECMO | FLUIDS | {"citrate_mmol_l": 3}}).case
+    in_batch = eclsim.simulate_many(running, {"crrt.flow_ml_min": [0.0, 200.0]}, zero)
+    assert [float(in_batch[name][0]) for name in zero] == pytest.approx([0.0] * len(zero), abs=1e-5)
+    assert all(float(in_batch[name][1]) > 0.0 for name in zero)
     (said,) = [line for line in result.attrs["warnings"] if "pump and fluids stand still" in line]
     assert "is lost if it cannot be given back: bleed_ml" in said
     assert "its lines raise no alarms of pressure" in said

@@ -185,3 +185,11 @@ def test_an_infusion_that_settles_at_a_bound_is_not_beyond_it():
     usual = DRUG_DOSES["adrenaline"].usual
     assert not any("extrapolated" in text for text in said(usual * (1.0 + 1e-6)))
     assert any("extrapolated" in text for text in said(1.1 * usual))
+
+
+def test_what_is_left_of_a_drug_that_was_washed_out_raises_no_caution():
+    """An hour after its pump was stopped, 6e-9 ug/kg/min of dobutamine "made pressures too low"."""
+    beat = {"MAP": 65.0, "PCWP": 5.0, "CO": 5.0, "right_atrial_pressure": 5.0, "systemic_flow": 5.0}
+    kept, gone = ([one.sentence for one in cautions(beat, {dose("dobutamine"): d})] for d in (0.1, 1e-5))
+    assert any("dobutamine" in text for text in kept)
+    assert gone == []

@@ -17,6 +17,7 @@ RAW = {
              "drainage_fr": 23, "return_fr": 17},
     "gas": {},
 }  # fmt: skip
+CRRT = {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy", "dialysate_ml_h": 2000}
 CASE = read_mapping(RAW).case
 
 
@@ -43,6 +44,31 @@ def test_results_say_what_is_extrapolated():
     one = simulate(model_of(CASE).with_values({"ecmo.drainage_fr": 31.0}))
     assert any("ecmo.drainage_fr = 31 Fr" in text for text in one.attrs["warnings"])
     assert not any("outside the range of case files" in text for text in simulate(CASE).attrs["warnings"])
+
+
+def test_a_case_file_never_lies_outside_its_own_ranges():
+    """A CRRT with gases was said to have a bicarbonate of 0, which stands for that of the blood."""
+    filtered = read_mapping({**RAW, "crrt": CRRT}).case
+    model = model_of(filtered)
+    assert model.values["crrt.plasma_bicarbonate_mmol_l"] == 0.0
+    assert out_of_range(model.circuit, model.values, 1) == [[]]
+
+
+@pytest.mark.parametrize(
+    ("name", "inside", "beyond", "said"),
+    [
+        ("crrt.haematocrit_in", [0.0, 0.3], [-0.2, 0.9, 30.0], "(0.05 to 0.7)"),
+        ("crrt.dialysate_ml_h", [0.0, 20.0], [-5.0, 10.0], "(0, or 20 to 20000)"),
+        ("crrt.flow_ml_min", [0.0, 10.0], [5.0], "(0, or 10 to 600)"),
+        ("KoAurea", [5.0], [0.0, 1.0], "(5 to 3000)"),
+    ],
+)
+def test_a_small_number_may_be_a_wrong_one(name, inside, beyond, said):
+    """A hundredth of a wide range let -5 mL/h of dialysate pass."""
+    circuit = model_of(read_mapping({**RAW, "crrt": CRRT}).case).circuit
+    found = out_of_range(circuit, {name: [*inside, *beyond]}, len(inside) + len(beyond))
+    assert [bool(one) for one in found] == [False] * len(inside) + [True] * len(beyond)
+    assert said in found[-1][0]
 
 
 @pytest.mark.parametrize(
