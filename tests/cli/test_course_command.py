@@ -192,6 +192,18 @@ def test_events_of_a_file_have_to_fit_each_patient(shell):
     assert "(for P01, P02)" in done.stderr
 
 
+def test_a_file_of_events_alone_is_enough(shell):
+    """It was refused for want of a patient, and a missing [ecmo] was said in eight lines of missing keys."""
+    case, events = shell.case(more=shell.ecmo), shell.folder / "events.toml"
+    event = '[[events]]\nat_min = 2\nset = { "ecmo.speed_rpm" = 2500 }\n'
+    events.write_text(f"format = 1\n{event}")
+    (reading,), _ = _cases(CourseOptions(files=[case], events=str(events)))
+    assert reading.case.events[0].as_object()["set"] == {"ecmo.speed_rpm": 2500.0}
+    done = shell.run("course", shell.case("b.toml", "P02"), "--events", events, "--until", "8", "--json", "-")
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error")]
+    assert "events.toml:4: events[1].set.ecmo.speed_rpm = 2500: the case has no [ecmo]" in line
+
+
 def test_an_event_of_a_file_that_is_without_effect_in_a_patient_is_named(shell, capsys):
     """A sweep turned off in patients without gases was followed without a word."""
     event = '[[events]]\nat_min = 2\nset = { "ecmo.sweep_l_min" = 0.5 }\n'

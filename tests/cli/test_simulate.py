@@ -228,16 +228,6 @@ def test_warnings_name_the_oxygenators_label(shell, instant):
     assert "0.5 to 5 L/min" in done.stderr
 
 
-@pytest.mark.parametrize(("pressure", "said"), [(70, True), (118, False)])
-def test_a_beat_that_is_not_the_measured_patients_is_said(shell, instant, pressure, said):
-    """A case with a measured mean pressure of 58 mmHg was simulated at 139 without a word."""
-    file = shell.case(more=f"\n[measurements]\nSP = {pressure}\nCO = 4.1\n")
-    stderr = " ".join(shell.run("simulate", file, "--json", "-").stderr.split())
-    words = f"not that of the patient who was measured (SP {pressure} measured, 120 here)"
-    assert (words in stderr) == said
-    assert "who was measured" not in shell.run("simulate", file, "--set", "Rmc=0.9", "--json", "-").stderr
-
-
 def test_a_warning_of_the_beat_is_said_once_and_is_in_the_file_too(shell, instant, monkeypatch):
     said = ["ECMO flow of 6.5 L/min is outside the label", "alarm: suction", "caution: read with care"]
     plain, warned = single.simulate, {"warnings": said}

@@ -55,7 +55,7 @@ def test_an_alarm_ends_where_its_quantity_is_not_determined():
 
 
 def test_moments_after_an_arrest_that_is_not_survived_are_no_patients():
-    """The page said "no limit is broken" of a patient given blood back after two hours without circulation."""
+    """The page said "no limit is broken" of a patient given blood after two hours without circulation."""
     minute = np.array([0.0, 60.0, 66.0, 80.0, 120.0, 130.0])
     broken = not_survived(minute, pressures(80, 70, 28, 5, 12, 60))
     low = Finding("alarm", "MAP", 40.0, None, "a pressure without a limit")

@@ -222,6 +222,6 @@ def test_draws_whose_numbers_are_not_to_be_read_are_counted_and_left_out():
     assert band["draws_impossible"].values.tolist() == [0, 1]
     assert band_object(band)["draws_undetermined"] == [1, 1]
     first, second = band.attrs["warnings"]
-    assert first.startswith("in 1 of 3 draws, most at 00:05, a chamber is empty of blood")
+    assert first.startswith("in 1 of 3 draws, most at 00:05, the beat is one that no patient can have")
     assert second.startswith("in 1 of 3 draws, most at 00:00, no valve opens during the beat")
     assert second.endswith("the quantiles leave them out there")

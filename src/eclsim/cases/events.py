@@ -222,6 +222,10 @@ class _EventChecker:
         checked = self.check(merged)
         new = [mistake for mistake in checked.mistakes if _key_and_message(mistake) not in self.known]
         new += remarks.mistakes
+        if new and all(one.message == "missing" and one.key.startswith(f"{path[0]}.") for one in new):
+            message = f"the case has no [{path[0]}]; events change devices, and connect none"
+            self.remarks.error(key, message, shown(value), f"[{path[0]}] in the case, or leave this key out")
+            return False
         for refused in new:
             same_key = refused.key in own
             message = refused.message if same_key else f"{refused.key}: {refused.message}"

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eclsim.arguments import written
 from eclsim.cases.case import Case
@@ -120,6 +120,48 @@ def read_mapping(raw: object, file: str = "", refused: Sequence[Mistake] = ()) -
         CaseError: The case has errors; all are listed.
     """
     return _checked(raw, file, {}, set(), refused)
+
+
+class EventFile(NamedTuple):
+    """Events of a file, which may be a case or hold nothing else.
+
+    Attributes:
+        events: events as written.
+        lines: line of each key.
+        file: name of the file.
+    """
+
+    events: object
+    lines: Mapping[str, int]
+    file: str
+
+    def applied_to(self, case: Case) -> CaseReading:
+        """Return a case with these events in place of its own.
+
+        Raises:
+            CaseError: Events are not possible for this case; all mistakes are listed.
+        """
+        return _checked(case.as_mapping() | {"events": self.events}, self.file, self.lines, set(), ())
+
+
+def read_events(path: str | os.PathLike[str]) -> EventFile:
+    """Read the events of a file; they are checked when they are applied to a case.
+
+    Args:
+        path: A TOML file with [[events]]; other sections are not read.
+
+    Raises:
+        CaseError: The file is not valid TOML or holds no events.
+    """
+    file = os.fsdecode(path)
+    text = _text_of(file)
+    raw, slips = _parse(text, file)
+    if slips:
+        raise CaseError(slips)
+    if not raw.get("events"):
+        raise CaseError([Mistake("", "holds no [[events]]", file=file)])
+    lines = {key: line for key, line in lines_of_keys(text).items() if key.startswith("events")}
+    return EventFile(raw["events"], lines, file)
 
 
 def _checked(

@@ -65,7 +65,10 @@ class CourseOptions(CaseChanges, Distributed):
         minimum=0.01,
     )
     events: str | None = option(
-        None, "Take [[events]] from this case file for every patient.", "--events", metavar="CASE.toml"
+        None,
+        "Take [[events]] from this file, a case or a file with nothing else, for every patient.",
+        "--events",
+        metavar="EVENTS.toml",
     )
     posterior: str | None = option(
         None,
@@ -147,27 +150,23 @@ def _with_events(
     readings: Sequence[CaseReading], file: str, refuses_rows: bool
 ) -> tuple[Sequence[CaseReading], dict[str, str]]:
     """Return the cases with a file's events, and the patients of a table for whom these are invalid."""
-    from eclsim.cases import read_case
-    from eclsim.cases.reading import read_mapping
+    from eclsim.cases.reading import read_events
 
     with refusing(CaseError):
-        events = read_case(file).case.events
-    if not events:
-        fail(f"{file}: holds no [[events]]")
-    plain, wrong = [event.as_object() for event in events], dict[str, list[str]]()
-    doubtful = dict[str, list[str]]()
+        events = read_events(file)
+    wrong, doubtful = dict[str, list[str]](), dict[str, list[str]]()
     followed: list[CaseReading] = []
     for reading in readings:
         case = reading.case
         try:
-            checked = read_mapping(case.as_mapping() | {"events": plain}, file)
+            checked = events.applied_to(case)
         except CaseError as error:
             for mistake in error.mistakes:
                 wrong.setdefault(str(mistake), []).append(case.patient.id)
         else:
             for doubt in (doubt for doubt in checked.warnings if doubt.key.startswith("events[")):
                 doubtful.setdefault(str(doubt), []).append(case.patient.id)
-            followed.append(replace(reading, case=case.model_copy(update={"events": events})))
+            followed.append(replace(reading, case=case.model_copy(update={"events": checked.case.events})))
     lines = [f"{message} (for {_names_text(names)})" for message, names in wrong.items()]
     if lines and not (refuses_rows and followed):
         fail(*lines)
