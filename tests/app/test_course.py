@@ -202,6 +202,21 @@ def test_a_knob_that_is_turned_later_is_an_event_of_its_minute():
 
 
 @pytest.mark.slow
+def test_a_patient_who_was_long_without_circulation_stays_none_on_the_page():
+    """Given blood half an hour after it stopped, he stood there as healthy, with no limit broken."""
+    back = {"at_min": 40, "give": {"blood_ml": 3300}, "over_min": 5}
+    bled = with_event(HEALTHY, {"at_min": 10, "give": {"bleed_ml": 3200}, "over_min": 5})
+    course = compute_course(PageState(with_event(bled, back)), 60)
+    before, after = course.beat(5), course.beat(60)
+    assert before.possible
+    assert (after.possible, after.outputs["MAP"] > 50.0) == (False, True)
+    assert "does not survive" in after.findings[0].sentence
+    rows = plain_course(course, 60)["rows"]
+    (pressure,) = [row for row in rows if row["name"] == "MAP"]
+    assert pressure["values"][-1] is None
+
+
+@pytest.mark.slow
 def test_minutes_are_followed_beat_by_beat():
     case = with_event(HEALTHY, {"at_min": 1, "set": {"Rmc": 0.35}})
     course = compute_course(PageState(case), BEATS[0])
