@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.app.fit_remarks import judged_again, remarks_of
 from eclsim.app.fitting import CancelledError, FitError, doubts_about_draws, judged
 from eclsim.app.knobs import ambiguous_number, as_written
 from eclsim.app.posterior import PosteriorDraws
@@ -167,7 +168,10 @@ class Identification:
     def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, result: Mapping[str, Any]) -> str:
         """Store the fitted patient; return the link that restores it after the server has forgotten it."""
         case, verdict = read_mapping(raw).case, str((result.get("verdict") or {}).get("level", ""))
-        state = PageState(case, policy, "fit", self.bands.new_key(), verdict=verdict, subject=subject)
+        state = PageState(
+            case, policy, "fit", self.bands.new_key(), verdict=verdict, subject=subject,
+            remarks=remarks_of(result),
+        )  # fmt: skip
         self._fitted[subject], self._fits[subject] = state, result
         return link_of(state)
 
@@ -216,7 +220,8 @@ class Identification:
             verdict = judged(self._fits.get(subject) or dict(result or {}), others)
         except (TypeError, KeyError, ValueError, AttributeError):  # the browser stored other data
             return {}
-        new = replace(fitted, verdict=verdict["verdict"]["level"])
+        remarks = judged_again(fitted.remarks, verdict)
+        new = replace(fitted, verdict=verdict["verdict"]["level"], remarks=remarks)
         self._fitted[subject] = new
         self.session.judge(fitted, new)
         return {"judged": verdict}

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from eclsim.app.display import group_name
+from eclsim.app.fit_remarks import reason_of
 from eclsim.app.knobs import (
     ASSUMED_SHUNTS,
     START_PRESSURES,
@@ -58,7 +59,9 @@ def provenance(state: PageState) -> dict[str, Any]:
     sentences = [text(f"provenance_{kind}", source=source)]
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
-        sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
+        key, why = "provenance_verdict", reason_of(state)
+        said = text(f"verdict_{state.verdict}")
+        sentences[0] += " " + (text(f"{key}_why", verdict=said, why=why) if why else text(key, verdict=said))
     before, not_stated = _read(state.start.case.patient.id)[2], kind == "parameters" and measured is not None
     if kind == "fit" and (others := held_parameters(state.start.case)):
         sentences[0] += " " + text("provenance_held", what=", ".join(others))

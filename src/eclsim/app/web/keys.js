@@ -105,7 +105,9 @@ export default {
       const { outputs, levels, cautions, possible } = this.beat;
       const value = outputs[output];
       const level = possible ? gravest(levels, limits) : "collapse";
-      const caution = limits.map((name) => cautions[name]).find(Boolean);
+      const read = [...limits, output, ...(extremes ?? [])];
+      const said = new Set(read.map((name) => cautions[name]).filter(Boolean));
+      const caution = [...said].join("; ");
       const full = `${words} [${unit}]`;
       const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
       const about = aboutSign(this.beat, output);
