@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -93,8 +93,7 @@ def _value_and_interval(name: str, cell: Mapping[str, Any]) -> str:
     return with_minus(text("remark_interval", value=number, low=low, high=high, unit=unit)).replace(" )", ")")
 
 
-def _with_followers(names: Iterable[str]) -> tuple[str, ...]:
+def _with_followers(names: Sequence[str]) -> tuple[str, ...]:
     """Return outputs with the other names by which they are shown, and those that follow from them."""
-    return tuple(
-        dict.fromkeys(one for name in names for one in (name, first_name(name), *FOLLOWING.get(name, ())))
-    )
+    first = [first_name(name) for name in names]
+    return tuple(dict.fromkeys([*first, *names, *(one for name in names for one in FOLLOWING.get(name, ()))]))

@@ -4,6 +4,7 @@ import {
   SIGNS,
   UNDETERMINED,
   aboutSign,
+  careOf,
   doubtOf,
   fill,
   fixed,
@@ -102,12 +103,10 @@ export default {
   },
   methods: {
     tile({ key, label, text: words, unit, digits, output, limits, extremes }) {
-      const { outputs, levels, cautions, possible } = this.beat;
+      const { outputs, levels, possible } = this.beat;
       const value = outputs[output];
       const level = possible ? gravest(levels, limits) : "collapse";
-      const read = [...limits, output, ...(extremes ?? [])];
-      const said = new Set(read.map((name) => cautions[name]).filter(Boolean));
-      const caution = [...said].join("; ");
+      const caution = careOf(this.beat, [...limits, output, ...(extremes ?? [])]);
       const full = `${words} [${unit}]`;
       const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
       const about = aboutSign(this.beat, output);
