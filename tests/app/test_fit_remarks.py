@@ -48,7 +48,7 @@ def fit(emaxlv: bool = False, volume: bool = True, **outputs: dict) -> dict:
 
 
 OPEN = {"SP": cell(126.6, (43.6, 209.5), False), "DP": cell(21.5, (-17.2, 61.2), False)}
-STATE = PageState(CASE, origin="fit", verdict="doubtful", remarks=remarks_of(fit(**OPEN)))
+STATE = PageState(CASE, origin="fit", verdict="doubtful", remarks=remarks_of(fit(**OPEN)), free=("Rmc",))
 
 
 def test_the_numbers_of_a_fitted_patient_that_nothing_determines_are_marked_with_their_intervals():
@@ -109,3 +109,9 @@ def test_no_other_remarks_come_in_by_a_link(remarks):
     with pytest.raises(CaseError, match="damaged"):
         state_of(packed({"v": 2, "state": plain}))
     assert all(isinstance(remark, FitRemark) for remark in STATE.remarks)
+
+
+@pytest.mark.parametrize("free", ["Rmc", [1], ["a" * 300], ["Rmc"] * 100])
+def test_no_other_names_of_fitted_parameters_come_in_by_a_link(free):
+    with pytest.raises(CaseError, match="damaged"):
+        state_of(packed({"v": 2, "state": STATE.as_object() | {"free": free}}))
