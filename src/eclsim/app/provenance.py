@@ -23,7 +23,7 @@ from eclsim.app.knobs import (
 )
 from eclsim.app.state import POLICIES, PageState
 from eclsim.app.texts import text
-from eclsim.cases.case import Case, Measurements
+from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.quantities import section_and_key, stated
@@ -51,8 +51,8 @@ def provenance(state: PageState) -> dict[str, Any]:
     """Return the origin of the numbers as plain data.
 
     Returns:
-        `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, the
-        values `measured` in this patient [mmHg, L/min], and the `circuit`.
+        `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, and the
+        `circuit`.
     """
     kind, measured = kind_of(state), state.start.case.measurements
     badge = kind
@@ -81,7 +81,6 @@ def provenance(state: PageState) -> dict[str, Any]:
     return {
         "title": title_of(state), "badge": _badge(badge, state.changed),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
-        "measured": _measured(measured) if measured else {},
         "circuit": fitted_with(state),
     }  # fmt: skip
 
@@ -95,10 +94,20 @@ def _badge(kind: str, changed: bool) -> str:
     return text("badge_doubt_changed", doubt=text(f"badge_{kind}"))
 
 
-def _measured(measurements: Measurements) -> dict[str, float]:
-    """Return the measurements by the name of every output that they measure."""
-    values = measurements.model_dump(exclude_none=True)
-    return values | {first_name(name): value for name, value in values.items()}
+def measured_values(state: PageState) -> dict[str, Any]:
+    """Return the patient's measurements, to be sent with the beat of the state beside which they are shown.
+
+    Returns:
+        `measured`: values by the name of every output that they measure [mmHg, L/min]; `measured_before`:
+        whether the settings were changed since, so that the beat is not that of the measurements.
+    """
+    start = state.start
+    known = start.case.measurements
+    values = known.model_dump(exclude_none=True) if known else {}
+    values |= {first_name(name): value for name, value in values.items()}
+    at_start = state.case.model_copy(update={"events": start.case.events}), state.policy
+    changed = at_start != (start.case, start.policy) or _read(start.case.patient.id)[2]
+    return {"measured": values, "measured_before": changed}
 
 
 def kind_of(state: PageState) -> str:

@@ -24,7 +24,7 @@ from eclsim.app.course import (
 from eclsim.app.display import display, figures_of, panel_of, waves_of
 from eclsim.app.fit_remarks import with_remarks
 from eclsim.app.knobs import connect, connected, switchable, turn
-from eclsim.app.provenance import provenance, title_of
+from eclsim.app.provenance import measured_values, provenance, title_of
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
@@ -408,6 +408,7 @@ class Session:
 
         beat = with_remarks(beat, state)
         about = {"seq": seq, "of": key_of(state), "values": self._values(state), "minute": minute}
+        about |= measured_values(state)
         if minute:
             about["values_then"] = knobs_at(state.case, minute)
         self.send("beat", {**plain(beat, waves_of(state.case), figures_of(state.case)), **about})
