@@ -19,7 +19,7 @@ from eclsim.app.texts import in_page_words
 from eclsim.app.updates import PosteriorBands
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.quantities import with_values
+from eclsim.cases.quantities import stated, with_values
 from eclsim.cases.reading import read_case
 from eclsim.identification.verdict import (
     Aspect,
@@ -293,6 +293,7 @@ def test_what_a_fit_found_is_no_setting_of_the_next_one():
         assert not re.search(r"342\.|0\.68|888|61\.2|vo2|Rcrrtfil", words)
     assert fitted_case(used).gas == before.case.gas
     assert not fitted_case(used).parameters
+    assert all(stated(used.case, name) == value for name, value in FREED.items()), "the patient keeps them"
     turned = used.with_case(turn(used.case, "gas.vo2_ml_min", 250.0))
     assert "vo2_ml_min 250" in fitted_with(turned), "the user's own"
     assert fitted_case(turned).gas.vo2_ml_min == 250.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from copy import deepcopy
 from functools import reduce
 from types import MappingProxyType
 from typing import Any
@@ -173,7 +174,7 @@ def _without_fitted(state: PageState) -> Case:
     own = [name for name in opened.free if stated(case, name) == stated(opened.case, name) is not None]
     if not own:
         return case
-    plain = case.as_mapping()
+    plain = deepcopy(case.as_mapping())  # which shares parts with the case
     for section, key in filter(None, map(section_and_key, own)):
         plain.get(section, {}).pop(key, None)
     return read_mapping(plain).case
