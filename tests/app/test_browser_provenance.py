@@ -82,6 +82,12 @@ def test_measured_and_simulated_stand_side_by_side(open_page, tmp_path, shots):
     unit = row.get_by_text("mmHg", exact=True).filter(visible=True)
     expect(unit).to_have_count(1)  # it stood behind the value and beside it
     picture(page, shots, "measured")
+    turn(page, "ecmo.speed_rpm", "3800")
+    tile = page.locator(".ecl-keys [data-key=MAP]")
+    expect(tile).to_have_attribute("title", re.compile(text("key_measured_before", values="99")))
+    expect(page.get_by_text(f"{text('key_measured')} 99")).to_have_count(0)  # it was, at another speed
+    expect(heads.nth(2)).to_have_text(text("output_measured_before"))
+    picture(page, shots, "measured_before")
     page.evaluate("eclsim.bus.publish('beat', { ...eclsim.bus.last('beat'), minute: 30 })")
     expect(heads.nth(2)).not_to_have_text(text("output_measured"))  # later in a course: not measured then
     expect(page.get_by_text(f"{text('key_measured')} 99")).to_have_count(0)

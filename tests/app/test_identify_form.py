@@ -1,6 +1,7 @@
 """The form of measurements, and a fit that can be cancelled and never runs twice."""
 
 import asyncio
+import re
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from eclsim.app.texts import in_page_words
 from eclsim.app.updates import PosteriorBands
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.quantities import stated, with_values
 from eclsim.cases.reading import read_case
 from eclsim.identification.verdict import (
     Aspect,
@@ -202,7 +204,7 @@ class StubFitter:
         if isinstance(self.answer, Exception):
             raise self.answer
         if job == "fit":
-            return self.answer | {"case": case}
+            return {"case": case} | self.answer
         return {
             "names": ["Rmc"], "members": [[0.8], [1.0]], "method": "importance", "doubts": [], "draws": 2,
             "parameters": {"Rmc": {"lower": 0.74, "median": 0.8, "upper": 0.92}},
@@ -271,6 +273,57 @@ def test_a_fit_that_the_browser_kept_is_used_by_a_server_that_does_not_know_it(s
     messages_of(slow, second)
     assert "3425 rpm" in fit["of"]
     assert CASE.patient.id in fit["of"]
+
+
+FREED = {"gas.shunt_fraction": 0.684086732662, "gas.vo2_ml_min": 342.573462433, "Rcrrtfil": 61.2, "Rmc": 0.55}
+
+
+def with_gases_fitted():
+    """A V-V patient whose consumption, shunt and filter a fit found, as used and before."""
+    case = connect(PRESETS["paper"].case(), "gas").model_copy(update={"parameters": {}})
+    fitted = with_values(case, FREED | {"fluid.extra_volume_ml": 888.16})
+    names = (*FREED, "fluid.extra_volume_ml")
+    return PageState(case, origin="file"), PageState(fitted, origin="fit", verdict="good", free=names)
+
+
+def test_what_a_fit_found_is_no_setting_of_the_next_one():
+    """342.573462433 mL/min were listed as set, and the next fit took them for known."""
+    before, used = with_gases_fitted()
+    for words in (fitted_with(used), provenance(used)["text"]):
+        assert not re.search(r"342\.|0\.68|888|61\.2|vo2|Rcrrtfil", words)
+    assert fitted_case(used).gas == before.case.gas
+    assert not fitted_case(used).parameters
+    assert all(stated(used.case, name) == value for name, value in FREED.items()), "the patient keeps them"
+    turned = used.with_case(turn(used.case, "gas.vo2_ml_min", 250.0))
+    assert "vo2_ml_min 250" in fitted_with(turned), "the user's own"
+    assert fitted_case(turned).gas.vo2_ml_min == 250.0
+    exact = used.with_case(turn(used.case, "gas.temperature_c", 36.123456))
+    assert "temperature_c 36.12" in fitted_with(exact)
+    assert "36.123" not in fitted_with(exact)
+
+
+def test_a_patient_in_use_does_not_make_its_own_fit_an_older_one(slow):
+    """ "The settings were changed after this fit: press Fit" stood there as soon as the patient was used."""
+    slow.may_end.set()
+    before, used = with_gases_fitted()
+    slow.answer = {
+        "usable": True, "case": used.case.as_mapping(), "parameters": {key: {} for key in used.free},
+    }  # fmt: skip
+
+    async def action(one, messages):
+        one.session.state = before
+        typed = values_of(before) | {"measurements.CVP": "12"}
+        await one.start(typed)
+        assert one.use()
+        (fitted,) = one.session.loaded
+        assert set(fitted.free) == set(used.free)
+        known = next(data["fit"] for topic, data in messages if topic == "fit_ended")["settings"]
+        for state in (before, fitted):
+            assert provenance(state)["circuit"] in known
+        for key, value in (("ecmo.speed_rpm", 3000.0), ("gas.vo2_ml_min", 250.0)):
+            assert provenance(fitted.with_case(turn(fitted.case, key, value)))["circuit"] not in known
+
+    messages_of(slow, action)
 
 
 def test_a_posterior_that_excludes_the_interval_of_the_fit_makes_it_a_poor_one(slow):

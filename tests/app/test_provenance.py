@@ -2,9 +2,18 @@
 
 import pytest
 
+from eclsim.app.course import with_event
 from eclsim.app.files import export, parse_file
 from eclsim.app.knobs import connect, turn
-from eclsim.app.provenance import MOST_NAMED, changes, kind_of, opened_state, provenance, title_of
+from eclsim.app.provenance import (
+    MOST_NAMED,
+    changes,
+    kind_of,
+    measured_values,
+    opened_state,
+    provenance,
+    title_of,
+)
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.case import Measurements
 from eclsim.cases.fit_mark import with_mark
@@ -30,9 +39,9 @@ def test_a_row_of_a_cohort_that_is_not_fitted_is_not_the_patient():
     assert message["badge"] == "Not fitted"
     assert message["level"] == "warning"
     assert "ward.csv" in message["text"]
-    assert message["measured"] == {"MAP": 75.0, "CO": 3.0}
+    assert measured_values(PageState(UNFITTED, origin="file"))["measured"] == {"MAP": 75.0, "CO": 3.0}
     measured = UNFITTED.model_copy(update={"measurements": Measurements(CVP=14.0)})
-    said = provenance(PageState(measured, origin="file"))["measured"]
+    said = measured_values(PageState(measured, origin="file"))["measured"]
     assert said == {"CVP": 14.0, "right_atrial_pressure": 14.0}, (
         "the tile and the row with limits show it too"
     )
@@ -108,7 +117,9 @@ def test_a_file_does_not_wash_off_how_a_patient_was_fitted(state, marks, badge, 
             assert (said["badge"], said["level"]) == (badge, "warning" if turned else level)
             assert "mine.toml" in said["text"]
             assert ("Changed by hand" in said["text"]) == turned
-            assert said["measured"] == provenance(state.start)["measured"]
+            known = measured_values(state)
+            assert known["measured"] == measured_values(state.start)["measured"]
+            assert known["measured_before"] == turned
         assert content.decode().startswith("# ")
 
 
@@ -186,3 +197,30 @@ def test_what_was_changed_is_named_and_a_long_list_is_cut():
     named = changes(state.with_case(case))
     assert len(named) == MOST_NAMED + 1
     assert named[-1] == "2 more"
+
+
+def test_measurements_are_of_the_settings_at_which_they_were_made():
+    """ECMO 6.12 stood beside "meas. 4.60", measured at another speed of the pump."""
+    case = PAPER.model_copy(update={"measurements": MEASURED})
+    state = PageState(case, origin="fit", verdict="good")
+    assert not measured_values(state)["measured_before"]
+    faster = state.with_case(turn(case, "ecmo.speed_rpm", 3800))
+    assert measured_values(faster) == {"measured": {"MAP": 75.0, "CO": 3.0}, "measured_before": True}
+    assert measured_values(state.with_policy("patient_held"))["measured_before"]
+    later = state.with_case(with_event(case, {"at_min": 30.0, "set": {"ecmo.speed_rpm": 3000.0}}))
+    assert not measured_values(later)["measured_before"], "what happens later changes nothing at the start"
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_file_says_that_its_measurements_are_of_other_settings(measured):
+    case = PAPER.model_copy(update={"measurements": MEASURED if measured else None})
+    state = PageState(case, origin="file", source="p.toml")
+    turned = state.with_case(turn(case, "ecmo.speed_rpm", 3800))
+    words = "do not run eclsim identify on it"
+    assert words not in export(state, "case")[1].decode()
+    content = export(turned, "case")[1]
+    assert (words in content.decode().partition("format = ")[0]) == measured
+    ((_, saved),) = parse_file("mine.toml", content).cases
+    again = opened_state(saved, "mine.toml")
+    assert measured_values(again)["measured_before"]
+    assert (words in export(again, "case")[1].decode()) == measured

@@ -12,8 +12,18 @@ from eclsim.app import beat as beat_of_page
 from eclsim.app import updates
 from eclsim.app.beat import Beat, page_circuit
 from eclsim.app.session import BEATS_WORTH_A_CLOSER_START, Session
-from eclsim.app.state import MOST_SAVED, START, PageState, key_of, link_of, preset_state, read_snapshot
+from eclsim.app.state import (
+    MOST_SAVED,
+    START,
+    FitRemark,
+    PageState,
+    key_of,
+    link_of,
+    preset_state,
+    read_snapshot,
+)
 from eclsim.app.updates import SecondBeats
+from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
 from eclsim.devices.description import Finding
 from eclsim.orbit.status import Status
@@ -522,3 +532,44 @@ def test_of_knobs_that_do_not_rest_no_second_beat_is_sought(second_beats, monkey
 
     asyncio.run(turns())
     assert engine.studying == 1
+
+
+def test_what_a_fit_left_open_stands_at_its_numbers_and_at_those_of_later_turns():
+    """Once used, a pressure that was "not to be read off this fit" stood in its tile like a measured one."""
+    engine, messages = StubEngine(), []
+    case, remark = PRESETS["healthy"].case(), FitRemark("MAP 70 (40 to 90 mmHg)", ("MAP",))
+
+    async def turns():
+        one = session(engine, messages)
+        one.load(PageState(case, origin="fit", verdict="doubtful", remarks=(remark,)))
+        await until(lambda: beats(messages))
+        one.pin()
+        one.turn("patient.heart_rate_bpm", 88.0, 7)
+        await until(lambda: beats(messages)[-1]["seq"] == 7)
+        one.load(PageState(case, origin="file"))
+        await until(lambda: beats(messages)[-1]["cautions"] == {})
+
+    asyncio.run(turns())
+    said = [beat["cautions"].get("MAP") for beat in beats(messages)]
+    assert said == ["MAP 70 (40 to 90 mmHg)", "At the fitted settings: MAP 70 (40 to 90 mmHg)", None]
+    pinned = next(data for topic, data in messages if topic == "pinned")
+    assert pinned["cautions"] == {"MAP": said[0]}
+
+
+def test_a_beat_has_the_measurements_of_its_own_patient():
+    """Beside the numbers of the last patient stood what had been measured in one still compiling."""
+    engine, messages = StubEngine(delay=0.05), []
+    case = PRESETS["healthy"].case().model_copy(update={"measurements": Measurements(MAP=72.0)})
+
+    async def turns():
+        one = session(engine, messages)
+        one.start()
+        await asyncio.sleep(0.01)
+        one.load(PageState(case, origin="file"))
+        await until(lambda: len(beats(messages)) > 1)
+        one.turn("patient.heart_rate_bpm", 88.0, 7)
+        await until(lambda: beats(messages)[-1]["seq"] == 7)
+
+    asyncio.run(turns())
+    told = [(beat["measured"], beat["measured_before"]) for beat in beats(messages)]
+    assert told == [({}, False), ({"MAP": 72.0}, False), ({"MAP": 72.0}, True)]

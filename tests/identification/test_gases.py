@@ -220,7 +220,7 @@ def without_shunt(gas):
 
 def _about_oxygenator(*known):
     """Remarks on the oxygenator; there may be others."""
-    return [one for one in remarks_on_assumptions(*known) if "oxygenator" in one]
+    return [one for one in remarks_on_assumptions(*known).values() if "oxygenator" in one]
 
 
 @pytest.mark.slow

@@ -5,7 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from eclsim.identification.fitted_parameters import FittedParameter, nothing_identifiable
 from eclsim.identification.multi_start import FitStatus
+from eclsim.identification.output_intervals import OutputInterval, undetermined_reasons
 from eclsim.identification.verdict import (
     Aspect,
     FitVerdict,
@@ -223,3 +225,26 @@ def test_an_optimum_of_one_start_alone_is_remarked(agreeing, refined, remarks):
     reasons = single_start(agreeing, refined)
     assert len(reasons) == remarks
     assert all(r.level is Level.GOOD and "1 of 60 starts" in r.sentence for r in reasons)
+
+
+@pytest.mark.parametrize(
+    ("name", "level"), [("SP", "doubtful"), ("MPAP", "doubtful"), ("CVP", "doubtful"), ("PaO2", "good")]
+)
+def test_a_fit_that_leaves_open_what_every_reader_takes_off_it_is_not_good(name, level):
+    """From MAP and CO alone SP was 127 (44 to 210) mmHg under "GOOD FIT ... plausible"."""
+    fitted, intervals = {"MAP": 65.0, name: 127.0}, {"MAP": OutputInterval(60.0, 70.0, True)}
+    intervals[name] = OutputInterval(43.6, 210.0, False)
+    (reason,) = undetermined_reasons(intervals, fitted, ())
+    assert f"{name} 127 (43.6 to 210 mmHg)" in reason.sentence
+    assert reason.level == level
+    assert undetermined_reasons(intervals, fitted, (name,)) == []
+
+
+def test_a_fit_that_determines_no_parameter_is_not_good():
+    """0 of 7 parameters were identifiable under "GOOD FIT"."""
+    open_one = FittedParameter(3.2, 0.1, 4.5, False, False, "too little effect")
+    (reason,) = nothing_identifiable({"Emaxrv": open_one, "Rmc": open_one})
+    assert reason.level is Level.DOUBTFUL
+    assert "none of the fitted parameters (Emaxrv, Rmc)" in reason.sentence
+    known = FittedParameter(0.8, 0.7, 0.9, False, True, "")
+    assert nothing_identifiable({"Emaxrv": open_one, "Rmc": known}) == nothing_identifiable({}) == []

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from eclsim.app.display import compared_of, figures_of, named_specs, panel_of, unit_of, waves_of, written_unit
+from eclsim.app.fit_remarks import with_remarks
 from eclsim.app.knobs import (
     VOLUME,
     ambiguous_number,
@@ -411,7 +412,7 @@ class ShownBeat(NamedTuple):
         case, minute, origin = self.state.case, self.moment.minute, provenance(self.state)
         key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
         return {
-            **plain(self.beat, waves_of(case), figures_of(case)),
+            **plain(with_remarks(self.beat, self.state), waves_of(case), figures_of(case)),
             "of": key, "name": origin["title"], "minute": minute,
             "badge": origin["badge"], "level": origin["level"],
             "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,

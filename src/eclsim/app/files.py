@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.provenance import marked_id, provenance
+from eclsim.app.provenance import marked_id, measured_values, provenance
 from eclsim.app.texts import text, with_minus
 from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import FitMark
@@ -273,7 +273,9 @@ def _case_with_origin(state: PageState, about: str, stem: str, minutes: int, sho
     """Return a case file that begins with the origin of its numbers and how to get the page's from it."""
     from eclsim.app.course import another_start, replay_command
 
-    lines = [about]
+    lines, known = [about], measured_values(state)
+    if known["measured"] and known["measured_before"]:
+        lines.append(text("export_measured_before"))
     if state.case.events:
         lines.append(f"{text('export_replay')} {replay_command(state.case, stem, minutes)}")
     if shown is not None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.app.fit_remarks import judged_again, remarks_of
 from eclsim.app.fitting import CancelledError, FitError, doubts_about_draws, judged
 from eclsim.app.knobs import ambiguous_number, as_written
 from eclsim.app.posterior import PosteriorDraws
@@ -157,19 +158,25 @@ class Identification:
         if result is not None:
             case = result.pop("case")
             of = text("fit_of", name=raw["patient"]["id"], circuit=fitted_with(state))
-            fit = result | {"seconds": ended["seconds"], "of": of}
+            fit = result | {"seconds": ended["seconds"], "of": of, "settings": [fitted_with(state)]}
             if result["usable"]:
-                fit["link"] = self._keep_fit(case, policy, subject, result)
+                fitted = self._keep_fit(case, policy, subject, result)
+                fit |= {"link": link_of(fitted), "settings": [*fit["settings"], fitted_with(fitted)]}
             ended = {"fit": fit}
         ended["subject"] = subject
         self.send("fit_ended", ended)
 
-    def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, result: Mapping[str, Any]) -> str:
-        """Store the fitted patient; return the link that restores it after the server has forgotten it."""
+    def _keep_fit(
+        self, raw: Mapping[str, Any], policy: str, subject: str, result: Mapping[str, Any]
+    ) -> PageState:
+        """Store and return the fitted patient."""
         case, verdict = read_mapping(raw).case, str((result.get("verdict") or {}).get("level", ""))
-        state = PageState(case, policy, "fit", self.bands.new_key(), verdict=verdict, subject=subject)
+        state = PageState(
+            case, policy, "fit", self.bands.new_key(), verdict=verdict, subject=subject,
+            remarks=remarks_of(result), free=tuple(result.get("parameters") or ()),
+        )  # fmt: skip
         self._fitted[subject], self._fits[subject] = state, result
-        return link_of(state)
+        return state
 
     def _fit_of(self, link: str) -> PageState | None:
         """Return the fit of the displayed patient: that of this session, else that in the browser's link."""
@@ -216,7 +223,8 @@ class Identification:
             verdict = judged(self._fits.get(subject) or dict(result or {}), others)
         except (TypeError, KeyError, ValueError, AttributeError):  # the browser stored other data
             return {}
-        new = replace(fitted, verdict=verdict["verdict"]["level"])
+        remarks = judged_again(fitted.remarks, verdict)
+        new = replace(fitted, verdict=verdict["verdict"]["level"], remarks=remarks)
         self._fitted[subject] = new
         self.session.judge(fitted, new)
         return {"judged": verdict}

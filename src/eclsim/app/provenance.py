@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from copy import deepcopy
 from functools import reduce
 from types import MappingProxyType
 from typing import Any
 
 from eclsim.app.display import group_name
+from eclsim.app.fit_remarks import reason_of
 from eclsim.app.knobs import (
     ASSUMED_SHUNTS,
     START_PRESSURES,
@@ -21,9 +24,11 @@ from eclsim.app.knobs import (
 )
 from eclsim.app.state import POLICIES, PageState
 from eclsim.app.texts import text
-from eclsim.cases.case import Case, Measurements
+from eclsim.cases.case import Case
 from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.quantities import section_and_key, stated
+from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import CaseError, shown
@@ -47,8 +52,8 @@ def provenance(state: PageState) -> dict[str, Any]:
     """Return the origin of the numbers as plain data.
 
     Returns:
-        `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, the
-        values `measured` in this patient [mmHg, L/min], and the `circuit`.
+        `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, and the
+        `circuit`.
     """
     kind, measured = kind_of(state), state.start.case.measurements
     badge = kind
@@ -58,9 +63,11 @@ def provenance(state: PageState) -> dict[str, Any]:
     sentences = [text(f"provenance_{kind}", source=source)]
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
-        sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
+        key, why = "provenance_verdict", reason_of(state)
+        said = text(f"verdict_{state.verdict}")
+        sentences[0] += " " + (text(f"{key}_why", verdict=said, why=why) if why else text(key, verdict=said))
     before, not_stated = _read(state.start.case.patient.id)[2], kind == "parameters" and measured is not None
-    if kind == "fit" and (others := held_parameters(state.start.case)):
+    if kind == "fit" and (others := held_parameters(state.start.case, state.start.free)):
         sentences[0] += " " + text("provenance_held", what=", ".join(others))
     if kind == "fit" and state.source:
         sentences[0] += " " + text("provenance_read", source=source)
@@ -75,7 +82,6 @@ def provenance(state: PageState) -> dict[str, Any]:
     return {
         "title": title_of(state), "badge": _badge(badge, state.changed),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
-        "measured": _measured(measured) if measured else {},
         "circuit": fitted_with(state),
     }  # fmt: skip
 
@@ -89,10 +95,20 @@ def _badge(kind: str, changed: bool) -> str:
     return text("badge_doubt_changed", doubt=text(f"badge_{kind}"))
 
 
-def _measured(measurements: Measurements) -> dict[str, float]:
-    """Return the measurements by the name of every output that they measure."""
-    values = measurements.model_dump(exclude_none=True)
-    return values | {first_name(name): value for name, value in values.items()}
+def measured_values(state: PageState) -> dict[str, Any]:
+    """Return the patient's measurements, to be sent with the beat of the state beside which they are shown.
+
+    Returns:
+        `measured`: values by the name of every output that they measure [mmHg, L/min]; `measured_before`:
+        whether the settings were changed since, so that the beat is not that of the measurements.
+    """
+    start = state.start
+    known = start.case.measurements
+    values = known.model_dump(exclude_none=True) if known else {}
+    values |= {first_name(name): value for name, value in values.items()}
+    at_start = state.case.model_copy(update={"events": start.case.events}), state.policy
+    changed = at_start != (start.case, start.policy) or _read(start.case.patient.id)[2]
+    return {"measured": values, "measured_before": changed}
 
 
 def kind_of(state: PageState) -> str:
@@ -124,15 +140,27 @@ def fitted_with(state: PageState) -> str:
             if (shunt := getattr(section, "shunt_fraction", None)) in ASSUMED_SHUNTS:
                 settings.pop("shunt_fraction", None)
                 assumed = [text("assumed_shunt", value=shown(shunt))]
-            words = ", ".join([*(f"{name} {shown(value)}" for name, value in settings.items()), *assumed])
-            sections.append(f"{group_name(kind.section)} ({words})" if words else group_name(kind.section))
+            words = ", ".join([*(f"{name} {_rounded(value)}" for name, value in settings.items()), *assumed])
+            if words or not any(name.startswith(f"{kind.section}.") for name in state.start.free):
+                name = group_name(kind.section)
+                sections.append(f"{name} ({words})" if words else name)
     policy = [f"{text('policy')} {text(state.policy)}"] if state.policy != POLICIES[0] else []
     return "; ".join([circuit_text(case), *sections, *held_parameters(case), *policy])
 
 
+def _rounded(value: object) -> str:
+    """Return a setting with few digits: a larger number is one of a count, such as a speed."""
+    is_long = isinstance(value, float) and 0.0 < abs(value) < 10_000.0
+    return f"{value:.4g}" if is_long else shown(value)
+
+
 def fitted_case(state: PageState) -> Case:
-    """Return the case from which a fit starts; a preset's parameters of heart and vessels are left out."""
-    case = state.case
+    """Return the case from which a fit starts.
+
+    A preset's parameters of heart and vessels are left out, and those that an earlier fit of this patient
+    gave, unless they were set to other values since: they are to be fitted again, not taken as known.
+    """
+    case = _without_fitted(state)
     if state.start.origin not in PRESETS:
         return case
     own = {entry.key for instance in case.instances() for entry in instance.device.parameters}
@@ -140,9 +168,21 @@ def fitted_case(state: PageState) -> Case:
     return case.model_copy(update={"parameters": of_devices})
 
 
-def held_parameters(case: Case) -> list[str]:
-    """Return the parameters of a case that fits do not vary, in words."""
-    others = {name: value for name, value in case.parameters.items() if name not in BOUNDS}
+def _without_fitted(state: PageState) -> Case:
+    """Return the case without what its own fit gave."""
+    case, opened = state.case, state.start
+    own = [name for name in opened.free if stated(case, name) == stated(opened.case, name) is not None]
+    if not own:
+        return case
+    plain = deepcopy(case.as_mapping())  # which shares parts with the case
+    for section, key in filter(None, map(section_and_key, own)):
+        plain.get(section, {}).pop(key, None)
+    return read_mapping(plain).case
+
+
+def held_parameters(case: Case, free: Collection[str] = ()) -> list[str]:
+    """Return the parameters of a case that fits do not vary, except those that one freed, in words."""
+    others = {n: value for n, value in case.parameters.items() if n not in BOUNDS and n not in free}
     start = [others.pop(name) for name in START_PRESSURES if name in others]
     given = [f"{text(VOLUME)} {value_of(case, VOLUME):.0f} mL"] if start else []
     return [*given, *(f"{name} {value:g}" for name, value in others.items())]

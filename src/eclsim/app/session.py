@@ -22,8 +22,9 @@ from eclsim.app.course import (
     without_event,
 )
 from eclsim.app.display import display, figures_of, panel_of, waves_of
+from eclsim.app.fit_remarks import with_remarks
 from eclsim.app.knobs import connect, connected, switchable, turn
-from eclsim.app.provenance import provenance, title_of
+from eclsim.app.provenance import measured_values, provenance, title_of
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
@@ -262,7 +263,8 @@ class Session:
         def rejudged(state: PageState) -> PageState:
             if state.start != old:
                 return state
-            return replace(state, verdict=new.verdict, opened=new) if state.opened else new
+            judged = replace(state, verdict=new.verdict, remarks=new.remarks, opened=new)
+            return judged if state.opened else new
 
         history = self.history
         history.now = rejudged(history.now)
@@ -404,7 +406,9 @@ class Session:
     def _send_beat(self, state: PageState, beat: Beat, seq: int, minute: float = 0.0) -> None:
         from eclsim.app.beat import plain
 
+        beat = with_remarks(beat, state)
         about = {"seq": seq, "of": key_of(state), "values": self._values(state), "minute": minute}
+        about |= measured_values(state)
         if minute:
             about["values_then"] = knobs_at(state.case, minute)
         self.send("beat", {**plain(beat, waves_of(state.case), figures_of(state.case)), **about})

@@ -30,9 +30,23 @@ MOST_UNDONE = 40
 MOST_STATES = 2 * MOST_UNDONE + MOST_SAVED + 2
 LONGEST_SNAPSHOT, LARGEST_SNAPSHOT = 120_000, 1_000_000
 SNAPSHOT_VERSION = 1
+MOST_REMARKS, LONGEST_REMARK, MOST_CONCERNED = 5, 700, 64
+"""Largest numbers of remarks of a fit, of their characters, and of outputs or parameters that are named."""
 VERDICTS = ("", "good", "doubtful", "poor")
 ORIGINS = ("", "file", "cohort", "unfitted", "fit", "posterior", *PRESETS)
 POLICIES = ("as_published", "patient_held")
+
+
+class FitRemark(NamedTuple):
+    """What a fit says against reading numbers off its patient.
+
+    Attributes:
+        sentence: the remark.
+        outputs: outputs that it concerns; empty for the first reason of the verdict.
+    """
+
+    sentence: str
+    outputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -48,6 +62,8 @@ class PageState:
         verdict: verdict on the fit, if the parameters were fitted: "good", "doubtful" or "poor".
         subject: key of the patient whose measurements these are, if not the patient as opened: that of a
             fitted patient is the one to which it was fitted.
+        remarks: what the fit says against reading numbers off this patient.
+        free: names of the fitted parameters.
         opened: the patient as opened, before any knob was turned; None if this is that state.
     """
 
@@ -58,6 +74,8 @@ class PageState:
     source: str = ""
     verdict: str = ""
     subject: str = ""
+    remarks: tuple[FitRemark, ...] = ()
+    free: tuple[str, ...] = ()
     opened: PageState | None = None
 
     @property
@@ -97,7 +115,8 @@ class PageState:
         result = {"case": self.case.as_mapping(), "policy": self.policy}
         result |= {name: getattr(self, name) for name in _NAMES if getattr(self, name)}
         if self.opened is None or self.origin in PRESETS:  # presets can be opened without it
-            return result
+            of_fit = {"remarks": [list(remark) for remark in self.remarks], "free": list(self.free)}
+            return result | {name: content for name, content in of_fit.items() if content}
         return result | {"opened": self.opened.as_object()}
 
 
@@ -162,18 +181,19 @@ def read_state(data: object) -> PageState:
         return preset_state(state.origin)._changed(case, state.policy)
     opened = data.get("opened")
     if opened is None:
-        return state
+        free = _read_several(data.get("free", []))
+        return replace(state, remarks=_read_remarks(data.get("remarks", [])), free=free)
     if not isinstance(opened, dict) or opened.get("opened") is not None:
         raise refused_link("damaged")
     start = read_state(opened)
     if start.case.patient.id != case.patient.id or any(getattr(start, n) != names[n] for n in names):
         raise refused_link("inconsistent: it holds two patients")
-    return replace(state, opened=start)
+    return replace(state, opened=start, remarks=start.remarks, free=start.free)
 
 
 def _read_names(data: dict[str, Any]) -> dict[str, str]:
     """Return the texts of a state; an unknown one is an error and never omitted or replaced."""
-    if data.keys() - {"case", "policy", "opened", *_NAMES}:
+    if data.keys() - {"case", "policy", "opened", "remarks", "free", *_NAMES}:
         raise refused_link("from another version")
     names = {name: data.get(name, "") for name in _NAMES}
     words = [name for name in names.values() if isinstance(name, str)]
@@ -184,6 +204,29 @@ def _read_names(data: dict[str, Any]) -> dict[str, str]:
     if names["verdict"] not in (VERDICTS if names["origin"] == "fit" else ("",)):
         raise refused_link("damaged")
     return names
+
+
+def _read_remarks(data: object) -> tuple[FitRemark, ...]:
+    """Convert plain data to remarks of a fit; anything else is refused."""
+    if not isinstance(data, list) or len(data) > MOST_REMARKS:
+        raise refused_link("damaged")
+    return tuple(map(_read_remark, data))
+
+
+def _read_remark(data: object) -> FitRemark:
+    match data:
+        case [str() as sentence, outputs] if sentence.isprintable() and len(sentence) <= LONGEST_REMARK:
+            return FitRemark(sentence, _read_several(outputs))
+    raise refused_link("damaged")
+
+
+def _read_several(data: object) -> tuple[str, ...]:
+    """Convert plain data to names of outputs or parameters; anything else is refused."""
+    if not isinstance(data, list) or len(data) > MOST_CONCERNED:
+        raise refused_link("damaged")
+    if not all(isinstance(one, str) and one.isprintable() and len(one) <= LONGEST_NAME for one in data):
+        raise refused_link("damaged")
+    return tuple(data)
 
 
 def packed(content: object) -> str:

@@ -19,6 +19,7 @@ from eclsim.identification.fitted_parameters import (
     doubts_of_bounds,
     fitted_parameters,
     gains_beyond_bounds,
+    nothing_identifiable,
     with_wider_intervals,
 )
 from eclsim.identification.held_parameters import (
@@ -421,9 +422,10 @@ def checked_by_simulation(result: FitResult) -> FitResult:
     result, consumption = _with_consumption_unknown(result)
     result, held_reasons = _with_held_parameters_free(result)
     reasons += held_reasons + consumption + _held_that_would_help(result)
+    reasons += nothing_identifiable(result.parameters)
     reasons += undetermined_reasons(result.intervals, result.simulated, result.named_as_undetermined)
-    for sentence in remarks_on_assumptions(result.case, result.measured, result.parameters):
-        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
+    for about, sentence in remarks_on_assumptions(result.case, result.measured, result.parameters).items():
+        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, about, sentence))
     warnings = tuple(beat.attrs["warnings"])
     if FIRST in result.intervals and not result.intervals[FIRST].determined:
         advice = labelled_sentence(CAUTION, "")  # how to read a number holds for every patient

@@ -81,6 +81,17 @@ def doubts_of_bounds(parameters: Mapping[str, FittedParameter], gains: np.ndarra
     ]  # fmt: skip
 
 
+def nothing_identifiable(parameters: Mapping[str, FittedParameter]) -> list[Reason]:
+    """Return a doubt about a fit whose measurements determine none of its parameters."""
+    if not parameters or any(p.identifiable for p in parameters.values()):
+        return []
+    sentence = (
+        f"the measurements determine none of the fitted parameters ({', '.join(parameters)}): each value is "
+        "one of many that meet them; measure more, or free fewer parameters"
+    )
+    return [Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence)]
+
+
 def fitted_parameters(
     optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray,
     as_good: np.ndarray,

@@ -23,6 +23,8 @@ WIDEST_DETERMINED = 2.0
 """Width of the interval of a determined output, relative to the 90 % interval of a measurement of it."""
 FIRST = KEY_OUTPUTS[0]
 """Output without which most others of a patient are not known."""
+READ_OFF = ("SP", "DP", "MAP", "MPAP", "PCWP", "CVP", "CO")
+"""Outputs that every reader takes off a fitted patient, so that a fit that leaves one open is not good."""
 ONE_OF_MANY = "in the fitted patient, one of many who meet the measurements"
 
 
@@ -114,7 +116,7 @@ def _judged(
 def undetermined_reasons(
     intervals: Mapping[str, OutputInterval], fitted: Mapping[str, float], named: Collection[str]
 ) -> list[Reason]:
-    """A reason that names the outputs which were not measured and do not follow; a doubt if the flow is one.
+    """A reason that names the outputs which were not measured and do not follow: a doubt for `READ_OFF`.
 
     Args:
         intervals: interval of each output.
@@ -132,5 +134,5 @@ def undetermined_reasons(
         f"many who meet the measurements: do not read {'these' if len(open_ones) > 1 else 'it'}, or what "
         f"depends on {'them' if len(open_ones) > 1 else 'it'}, off this fit; measure {measure}"
     )
-    level = Level.DOUBTFUL if chief else Level.GOOD
+    level = Level.DOUBTFUL if open_ones.keys() & {*READ_OFF} else Level.GOOD
     return [Reason(Aspect.AGREEMENT, level, FIRST if chief else "", sentence)]

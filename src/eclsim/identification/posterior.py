@@ -406,7 +406,7 @@ def posterior(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
         (*several_solutions(density.prior, z, gaussian), *piled_up(density.prior, z),
-         *away_from_fit(density.prior, z, fit.optimum.x), *remarks_on_assumptions(*point),
+         *away_from_fit(density.prior, z, fit.optimum.x), *remarks_on_assumptions(*point).values(),
          *(() if diagnostics is None else remarks_on_divergence(diagnostics))),
     )  # fmt: skip
 

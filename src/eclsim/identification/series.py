@@ -121,7 +121,7 @@ class Series:
 
     def remarks(self, case: Case) -> list[str]:
         """Remarks on values that are assumed at all times; `case` is one of the series."""
-        return [*self.notes, *remarks_on_assumptions(case, self.measured, self.settings.names)]
+        return [*self.notes, *remarks_on_assumptions(case, self.measured, self.settings.names).values()]
 
     def _read_by(self, case: Case) -> set[str]:
         return {*parameters_read(circuit_of(case_to_fit(case, self.settings)))}

@@ -324,11 +324,11 @@ def remarks_on_undetermined_output(
     ]
 
 
-def remarks_on_assumptions(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
-    """Remarks on what no measurement determines: an assumed blood volume, a clotted oxygenator."""
-    remarks = []
+def remarks_on_assumptions(case: Case, measured: Collection[str], free: Collection[str]) -> dict[str, str]:
+    """Remarks on what no measurement determines, by parameter: a blood volume, the clot of an oxygenator."""
+    remarks = {}
     if _volume_is_fixed(case, free) and not {*INFORMATIVE_MEASUREMENTS[EXTRA_VOLUME][1]} & {*measured}:
-        remarks.append(
+        remarks[EXTRA_VOLUME] = (
             "the blood volume is held at that of a published patient of this size: "
             f"{_volume_dependent(measured)} depend on it, and intervals do not include its uncertainty; "
             f"measure CVP and free {EXTRA_VOLUME}"
@@ -338,12 +338,12 @@ def remarks_on_assumptions(case: Case, measured: Collection[str], free: Collecti
     if not gases or {*behind} & {*measured}:
         return remarks
     if {CLOTTED, SHUNT} <= {*free}:
-        remarks.append(
+        remarks[CLOTTED] = (
             f"no gas behind the oxygenator was measured: {', '.join(gases)} hardly distinguish a clotted "
             f"oxygenator from sicker lungs, and a change in one may be attributed to the other; {advice}"
         )
     elif _oxygenator_is_fixed(case, free):
-        remarks.append(
+        remarks[CLOTTED] = (
             f"the oxygenator is assumed to be as new, and {', '.join(gases)} depend on it: a clotted one "
             f"appears as sicker lungs; {advice}"
         )

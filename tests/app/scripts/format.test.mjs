@@ -4,9 +4,11 @@ import { test } from "node:test";
 import {
   MINUS,
   aboutSign,
+  careOf,
   change,
   compact,
   doubtOf,
+  fewOf,
   fill,
   fixed,
   gravest,
@@ -152,4 +154,18 @@ test("a beat that is not the only one at its settings has a text of its own", ()
   assert.equal(doubtOf({ undetermined: [], second: "two" }), "one_of_two");
   assert.equal(doubtOf({ undetermined: [], second: "" }), "");
   assert.equal(doubtOf(undefined), "");
+});
+
+test("what is to be known of reading several outputs is said once", () => {
+  const open = "SP and DP are not determined";
+  const beat = { cautions: { SP: open, DP: open, PCWP: "the volume is assumed" } };
+  assert.equal(careOf(beat, ["SP", "DP", "PCWP"]), `${open}; the volume is assumed`);
+  assert.equal(careOf(beat, ["MAP"]), "");
+  assert.equal(careOf(null, ["SP"]), "");
+});
+
+test("of many names the first are written, and never one counted that could be", () => {
+  assert.equal(fewOf(["SP", "DP", "PA"], 2, "{count} more"), "SP, DP, PA");
+  assert.equal(fewOf(["SP", "DP", "PA", "CO"], 2, "{count} more"), "SP, DP, 2 more");
+  assert.equal(fewOf([], 2, "{count} more"), "");
 });

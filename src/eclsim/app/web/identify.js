@@ -190,12 +190,12 @@ export default {
       const own = new Set(this.fields.map((f) => f.key));
       return Object.fromEntries(Object.entries(this.mistakes).filter(([key]) => !own.has(key)));
     },
-    // Whether the form or the devices differ from those of the fit that is shown.
+    // Whether the form or the settings differ from those of the fit, before and after its patient is used.
     isOutdated() {
       if (!this.sent) return false;
       const text = (values, key) => String(values[key] ?? "").trim();
       const changed = ({ key }) => text(this.sent, key) !== text(this.typed, key);
-      return this.fields.some(changed) || !this.result.of.endsWith(this.circuit);
+      return this.fields.some(changed) || !this.result.settings?.includes(this.circuit);
     },
     level() {
       return this.result?.verdict?.level;

@@ -4,6 +4,7 @@ import {
   SIGNS,
   UNDETERMINED,
   aboutSign,
+  careOf,
   doubtOf,
   fill,
   fixed,
@@ -45,15 +46,12 @@ export default {
       beat(beat) {
         this.beat = beat;
       },
-      state({ provenance }) {
-        this.measured = provenance.measured;
-      },
       pinned(beat) {
         this.pinned = beat;
       },
     }),
   ],
-  data: () => ({ figures: [], beat: null, measured: {}, pinned: null, away: false, cut: "" }),
+  data: () => ({ figures: [], beat: null, pinned: null, away: false, cut: "" }),
   mounted() {
     const header = document.querySelector(".ecl-header");
     const measure = () => {
@@ -102,18 +100,22 @@ export default {
   },
   methods: {
     tile({ key, label, text: words, unit, digits, output, limits, extremes }) {
-      const { outputs, levels, cautions, possible } = this.beat;
+      const { outputs, levels, possible } = this.beat;
       const value = outputs[output];
       const level = possible ? gravest(levels, limits) : "collapse";
-      const caution = limits.map((name) => cautions[name]).find(Boolean);
-      const full = `${words} [${unit}]`;
-      const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
+      const caution = careOf(this.beat, [...limits, output, ...(extremes ?? [])]);
       const about = aboutSign(this.beat, output);
       const ends = (extremes ?? []).map((name) => fixed(outputs[name], 0)).join("/");
       const range = ends && possible ? about + ends : "";
       const text = level === "collapse" ? MISSING : about + fixed(value, digits);
-      const measured = this.asMeasured([output], digits) || this.asMeasured(extremes ?? [], 0);
-      const more = [this.difference(output, value, digits) || range, measured].filter(Boolean);
+      const measured = this.measuredOf([output], digits) || this.measuredOf(extremes ?? [], 0);
+      const { key_measured: sign, key_measured_before: before } = this.texts;
+      const isOld = measured && this.beat.measured_before; // there only in the tooltip
+      const care = caution ? fill(this.texts.caution, { why: caution }) : "";
+      const old = isOld ? fill(before, { values: measured }) : "";
+      const hint = [`${words} [${unit}]`, care, old].filter(Boolean).join(", ");
+      const beside = measured && !isOld ? `${sign} ${measured}` : "";
+      const more = [this.difference(output, value, digits) || range, beside].filter(Boolean);
       return { key, label, unit, level, caution, hint, sign: SIGNS[level].trim(), value: text, more };
     },
     difference(output, value, digits) {
@@ -124,11 +126,11 @@ export default {
       if (this.pinned && isOpen) return `Δ ${UNDETERMINED}`;
       return Number.isFinite(before) && Number.isFinite(value) ? `Δ ${signed(value - before, digits)}` : "";
     },
-    asMeasured(outputs, digits) {
-      const measured = outputs.map((name) => this.measured[name]);
+    measuredOf(outputs, digits) {
+      const measured = outputs.map((name) => this.beat.measured[name]);
       if (this.beat.minute) return ""; // they were measured at the start of the course
       if (!measured.length || measured.includes(undefined)) return "";
-      return `${this.texts.key_measured} ${measured.map((value) => fixed(value, digits)).join("/")}`;
+      return measured.map((value) => fixed(value, digits)).join("/");
     },
   },
 };

@@ -1,5 +1,7 @@
 // The limits that the beat exceeds, the most serious first, visible in every view; and cautions.
-import { SIGNS, fill, limitsOf, listening, sized } from "eclsim-page";
+import { SIGNS, fewOf, fill, limitsOf, listening, sized } from "eclsim-page";
+
+const MOST_NAMED = 6; // outputs in the heading of the cautions
 
 export default {
   template: `
@@ -79,8 +81,12 @@ export default {
     heading() {
       const symbol = (name) => (name === name.toUpperCase() ? name : "");
       const short = (name) => this.labels[name] ?? this.texts[`short_${name}`] ?? symbol(name);
-      const names = new Set(this.concerned.map(short).filter(Boolean));
-      return fill(this.texts.cautions, { names: [...names].join(", ") || this.texts.cautions_further });
+      const [tiles, others] = [true, false].map((has) =>
+        this.concerned.filter((n) => n in this.labels === has),
+      );
+      const names = new Set([...tiles, ...others].map(short).filter(Boolean));
+      const few = fewOf([...names], MOST_NAMED, this.texts.provenance_more);
+      return fill(this.texts.cautions, { names: few || this.texts.cautions_further });
     },
   },
 };

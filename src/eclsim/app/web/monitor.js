@@ -1,10 +1,12 @@
 // Waveforms as on a bedside monitor: they sweep in real time; a new beat is painted at once.
 import {
+  CARE,
   LEFT,
   MISSING,
   SIGNS,
   aboutSign,
   bandsOf,
+  careOf,
   extent,
   fill,
   fixed,
@@ -32,7 +34,7 @@ export default {
       <div class="numbers">
         <div v-for="t in traces" :key="t.signal" class="trace" :style="{ color: t.colour }" :title="t.hint"
           :data-wave="t.signal" :data-scale="t.scale.join()">
-          <span class="name">{{ t.label }} <em>{{ t.unit }}</em></span>
+          <span class="name">{{ t.care }} {{ t.label }} <em>{{ t.unit }}</em></span>
           <span class="big" :style="{ '--long': t.big.length }">{{ t.big }}</span>
           <span class="small">{{ t.small }}</span>
           <span v-if="t.band" class="band" :title="texts.bands_column">{{ t.band }}</span>
@@ -121,8 +123,10 @@ export default {
       const kept = this.shadow?.waves[trace.signal] && this.read(trace, this.shadow);
       const none = isPossible(this.pinned) ? "" : SIGNS.collapse + MISSING;
       const pinned = kept ? `${kept.big} ${kept.small}` : none;
-      const hint = `${trace.text}, ${bounds} ${unit}`;
-      return { ...trace, big, small, unit, scale, hint, pinned, band: this.interval(trace) };
+      const why = careOf(this.beat, trace.outputs);
+      const care = why ? CARE : "";
+      const hint = `${trace.text}, ${bounds} ${unit}${why ? `, ${fill(this.texts.caution, { why })}` : ""}`;
+      return { ...trace, big, small, unit, scale, hint, care, pinned, band: this.interval(trace) };
     },
     rescale() {
       this.auto = !this.auto;

@@ -25,7 +25,7 @@ export default {
       <thead><tr>
         <th scope="col">{{ texts.output }}</th>
         <th scope="col" class="n">{{ bands ? texts.bands_value : texts.value }}</th>
-        <th v-if="isMeasured" scope="col" class="n">{{ texts.output_measured }}</th>
+        <th v-if="isMeasured" scope="col" class="n">{{ measuredHead }}</th>
         <th scope="col" class="unit">{{ texts.unit }}</th>
         <th scope="col" class="n">{{ changedFrom }}</th>
         <th scope="col">{{ texts.reference }}<small>{{ texts.limits }}</small></th>
@@ -58,9 +58,6 @@ export default {
       pinned(beat) {
         this.pinned = beat;
       },
-      state({ provenance }) {
-        this.measured = provenance.measured;
-      },
       bands(bands) {
         this.latestBands = bands;
       },
@@ -76,11 +73,13 @@ export default {
     pinned: null,
     base: null,
     latestBands: null,
-    measured: {},
   }),
   computed: {
     isMeasured() {
-      return !this.beat?.minute && Object.keys(this.measured).length > 0; // at the start of a course
+      return this.beat && !this.beat.minute && Object.keys(this.beat.measured).length > 0; // at the start
+    },
+    measuredHead() {
+      return this.texts[this.beat.measured_before ? "output_measured_before" : "output_measured"];
     },
     bands() {
       return this.latestBands && bandsOf(this.beat);
@@ -113,7 +112,7 @@ export default {
         source,
         isSymbol: name === name.toUpperCase(),
         value: SIGNS[level] + aboutSign(this.beat, name) + compact(value),
-        measured: name in this.measured ? compact(this.measured[name]) : "",
+        measured: name in this.beat.measured ? compact(this.beat.measured[name]) : "",
         band: (this.bands?.outputs[name] ?? []).map(compact).join(" – "),
         change: this.changeOf(name, value),
         range: range ? `${low} – ${high}`.replaceAll("-", "−") : "",

@@ -50,6 +50,17 @@ export const UNDETERMINED = "≈";
 export const isUndetermined = (beat, names) => names.some((name) => !!beat?.undetermined?.includes(name));
 export const aboutSign = (beat, ...names) => (isUndetermined(beat, names) ? UNDETERMINED : "");
 
+// What is to be known of reading some outputs of a beat, each sentence once; and the sign before their label.
+export const CARE = "†";
+export const careOf = (beat, names) =>
+  [...new Set(names.map((name) => beat?.cautions?.[name]).filter(Boolean))].join("; ");
+
+// A list of names, of which the first are written and the others counted by a text.
+export function fewOf(names, most, more) {
+  const left = names.length - most;
+  return (left > 1 ? [...names.slice(0, most), fill(more, { count: left })] : names).join(", ");
+}
+
 // Key of the text on a steady beat that is not the only one at its settings; empty for any other.
 export function doubtOf(beat) {
   if (beat?.undetermined?.length) return "undetermined";
