@@ -68,6 +68,29 @@ def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots
     expect(knob(page, "parameters.Rmc")).to_have_value("1.1")
 
 
+def test_escape_restores_the_value_in_use_and_sends_nothing(open_page):
+    """What was typed stayed in the field after Escape, and the next Tab applied it."""
+    page = open_page("healthy")
+    field = knob(page, "patient.heart_rate_bpm")
+    used = field.input_value()
+    page.evaluate("globalThis.turns = 0; eclsim.bus.on('turned', () => (turns += 1))")
+    before = page.evaluate("turns")
+    field.click()
+    page.keyboard.type("155")
+    expect(field).to_have_value("155")
+    page.keyboard.press("Escape")
+    expect(field).to_have_value(used)
+    page.keyboard.press("Tab")
+    expect(field).to_have_value(used)
+    assert page.evaluate("turns") == before
+    field.click()
+    page.keyboard.type("90")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Escape")  # it was sent already
+    beat_with(page, "patient.heart_rate_bpm", 90)
+    expect(field).to_have_value("90")
+
+
 def test_a_crrt_line_is_dragged_to_another_position(open_page, shots):
     page = open_page()
     before = beat(page)["outputs"]["crrt_access_pressure"]

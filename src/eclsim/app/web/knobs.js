@@ -24,7 +24,7 @@ const Knob = {
         :value="typed ?? text" :aria-invalid="!!error" :data-typed="typed"
         :aria-describedby="id + '-unit' + (error ? ' ' + id + '-error' : '')"
         :disabled="!connected" @input="$emit('type', knob.key, $event.target.value)"
-        @change="$emit('enter', knob, $event.target.value)" @keydown="arrow"
+        @change="$emit('enter', knob, $event.target.value)" @keydown="arrow" @keydown.esc="restore"
         @focus="$event.target.select()" @blur="$emit('left')" />
       <small :id="id + '-unit'">{{ knob.unit }}</small>
     </span>
@@ -48,6 +48,11 @@ const Knob = {
     },
   },
   methods: {
+    // Otherwise what is typed would be sent on leaving the field.
+    restore(event) {
+      this.$emit("left");
+      this.$nextTick(() => event.target.select());
+    },
     arrow(event) {
       const steps = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
       if (!steps) return;
