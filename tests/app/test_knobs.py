@@ -11,6 +11,7 @@ from eclsim.app.knobs import (
     VOLUME,
     connect,
     connectable,
+    connected,
     controls,
     turn,
     value_of,
@@ -140,9 +141,15 @@ def test_renox_is_switched_on_and_its_fluids_are_turned():
     slow, fast = (compute_beat(PageState(turn(case, "renox.dialysate_ml_h", flow))) for flow in (1500, 3000))
     assert fast.outputs["renox_clearance_urea"] == pytest.approx(50, rel=0.01), "all of 3000 mL/h"
     assert slow.outputs["renox_clearance_urea"] == pytest.approx(25, rel=0.01)
-    with pytest.raises(CaseError, match="RenOx replaces the oxygenator"):
-        connect(case, "ecmo")
     assert connect(case, "renox") == CASES["paper"]
+
+
+def test_what_cannot_be_without_ecmo_goes_with_it():
+    """It was refused with "the case has no [ecmo] section", and a vent has no switch of its own."""
+    vented = CASES["paper"].as_mapping() | {"vent": {"site": "lv", "fr": 15.0}}
+    case = connect(connect(read_mapping(vented).case, "renox"), "ecmo")
+    assert {"ecmo", "renox", "vent"}.isdisjoint(connected(case))
+    assert case == connect(CASES["paper"], "ecmo")
 
 
 def test_crrt_moves_to_the_patient_when_ecmo_goes():

@@ -255,21 +255,38 @@ def connected(case: Case) -> list[str]:
 
 
 def connect(case: Case, key: str) -> Case:
-    """Add a device or section in its usual form, or remove it with all its instances if it is present."""
+    """Add a device or section in its usual form, or remove it with all its instances if it is present.
+
+    Devices that cannot be without a removed one, such as a RenOx or a vent without ECMO, go with it.
+    """
     if key not in switchable():
         raise CaseError([Mistake(str(key)[:64], "no device", allowed=", ".join(switchable()))])
     raw = case.as_mapping()
-    if key in raw:
+    removed = key in raw
+    if removed:
         del raw[key]
     else:
         raw[key] = dict(devices()[key].usual if key in devices() else _switched_on(case, key))
+    raw = _reconnected(case, raw)
+    try:
+        return read_mapping(raw).case
+    except CaseError as error:
+        if not removed or not (lost := {mistake.key for mistake in error.mistakes} & devices().keys()):
+            raise
+        kept = {place: section for place, section in raw.items() if place not in lost}
+        return read_mapping(_reconnected(case, kept)).case
+
+
+def _reconnected(case: Case, raw: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the sections of a case with the lines moved whose sites are gone."""
+    raw = dict(raw)
     sites = {site for instance in case.instances() if instance.device.key in raw for site in instance.sites()}
     for place, other in devices().items():
         for name, section in by_instance(other, raw[place]).items() if place in raw else ():
             if isinstance(section, dict):
                 moved = other.reconnected(section, {*sites, *PATIENT_SITES})
                 raw[place] = {**raw[place], name: moved} if name else moved
-    return read_mapping(raw).case
+    return raw
 
 
 def _switched_on(case: Case, key: str) -> Mapping[str, Any]:
