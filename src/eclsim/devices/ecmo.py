@@ -718,7 +718,7 @@ class EcmoDevice(Device[Ecmo]):
             Curve("PF", "ECMO flow", "flow"),
             Curve("drainage_pressure", "Drainage cannula", "circuit", "lowest_drainage_pressure", "drainage"),
         ),
-        compared=("PF", "lowest_drainage_pressure"),
+        compared=("PF", "lowest_drainage_pressure", "recirculation_fraction"),
         flow_outputs={"ecmopump": "PF"},
         samples=(
             Sample("ecmodrain", "ECMO, drained"),
