@@ -24,6 +24,7 @@ from eclsim.app.course import (
 from eclsim.app.display import display, figures_of, panel_of, waves_of
 from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import provenance, title_of
+from eclsim.app.remarks import remarks_of
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
@@ -495,8 +496,10 @@ class Session:
         if shape != self._drawn:
             self._drawn = shape
             self.send("drawing", drawing_of(case))
+        values = self._values()
         self.send("state", {
-            "values": self._values(), "of": key_of(state), "subject": subject_of(state),
+            "values": values, "remarks": remarks_of(case, values),
+            "of": key_of(state), "subject": subject_of(state),
             "provenance": provenance(state),
             "devices": {key: key in there for key in switchable()},
             "events": plain_events(case),

@@ -107,7 +107,7 @@ def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
         named = " and ".join(f"{kind.key} ({kind.name})" for kind in (drainage, back))
         remarks.warning(f"{key}.return_cannula", f"the lines are not lumens of one cannula: {named}")
     elif values.get("drainage_fr") != values.get("return_fr"):
-        message = f"both lumens of a {back.dual_lumen} have one size; drainage_fr is another"
+        message = f"both lumens of a {back.dual_lumen} have one size; that for drainage is another"
         remarks.warning(f"{key}.return_fr", message, shown(values.get("return_fr")))
 
 
