@@ -337,3 +337,64 @@ def test_labels_of_knobs_are_short_and_units_are_written_as_usual():
     assert {"°C", "cm²", "µg/kg/min", "µmol/L"} <= set(units)
     assert not {"C", "cm2"} & set(units)
     assert not [unit for unit in units if unit and unit.startswith("u")]
+
+
+VV, VV_GAS = CASES["vv-ecmo"], connect(CASES["vv-ecmo"], "gas")
+
+
+def cannulae_of(case):
+    one = case.ecmo
+    lines = ("drainage", "return")
+    return [tuple(getattr(one, f"{line}_{what}") for what in ("cannula", "fr", "site")) for line in lines]
+
+
+@pytest.mark.parametrize(
+    ("case", "chosen", "stem", "size", "sites", "mixing"),
+    [
+        (VV_GAS, "avalon", "avalon", 27.0, ("ra", "ra"), 0.15),
+        (VV_GAS, "protek", "protek", 29.0, ("ra", "pas"), None),
+        (VV, "crescent", "crescent", 26.0, ("svn", "ra"), None),
+    ],
+)
+def test_a_dual_lumen_cannula_is_chosen_with_both_lumens_and_its_sites(
+    case, chosen, stem, size, sites, mixing
+):
+    """No knob of the page led to one."""
+    assert value_of(case, "ecmo.cannulae") == "two"
+    changed = turn(turn(case, "ecmo.drainage_fr", 26), "ecmo.cannulae", chosen)
+    lines = zip(("drainage", "return"), sites, strict=True)
+    assert cannulae_of(changed) == [(f"{stem}_{line}", size, site) for line, site in lines]
+    assert changed.ecmo.drainage_mixing == mixing
+    assert value_of(changed, "ecmo.cannulae") == chosen
+    back = turn(changed, "ecmo.cannulae", "two")
+    assert cannulae_of(back) == [("venous", 25.0, sites[0]), ("venous", 21.0, sites[1])]
+    assert back.ecmo.drainage_mixing == (None if mixing is None else 0.33)
+
+
+def test_both_lumens_of_a_cannula_have_one_size():
+    """Lumens of 27 and 31 Fr were accepted."""
+    case = turn(turn(VV_GAS, "ecmo.cannulae", "avalon"), "ecmo.return_fr", 31)
+    assert [size for _, size, _ in cannulae_of(case)] == [31.0, 31.0]
+    two = turn(VV_GAS, "ecmo.drainage_fr", 29)
+    assert [size for _, size, _ in cannulae_of(two)] == [29.0, 21.0]
+
+
+def test_veno_venous_cannulae_share_the_right_atrium_only_where_recirculation_is_computed():
+    """The return went to the systemic veins when drainage from the right atrium was chosen."""
+    both = turn(VV_GAS, "ecmo.drainage_site", "ra")
+    assert (both.ecmo.drainage_site, both.ecmo.return_site) == ("ra", "ra")
+    assert value_of(both, "ecmo.drainage_mixing") == 0.33
+    apart = turn(both, "ecmo.drainage_site", "svn")
+    assert (apart.ecmo.return_site, apart.ecmo.drainage_mixing) == ("ra", None)
+    swapped = turn(VV, "ecmo.drainage_site", "ra")
+    assert (swapped.ecmo.drainage_site, swapped.ecmo.return_site) == ("ra", "svn")
+    words = [
+        dict(control.options)["ra"] for case in (VV, VV_GAS) for control in controls(case)
+        if control.key == "ecmo.drainage_site"
+    ]  # fmt: skip
+    assert words == ["right atrium (swap)", "right atrium (both)"]
+
+
+def test_cannulae_that_are_none_are_refused():
+    with pytest.raises(CaseError, match="cannulae"):
+        turn(VV, "ecmo.cannulae", "straw")

@@ -95,9 +95,17 @@ def controls(case: Case) -> list[Control]:
         offered += [
             replace(control, key=_key_in_case(instance, control), group=instance.key)
             for control in of_device
-            if isinstance(control, Picker) or not control.needs or getattr(case, control.needs) is not None
+            if _is_shown(control, case)
         ]
     return [*offered, *_section_controls(case)]
+
+
+def _is_shown(control: Control, case: Case) -> bool:
+    """Whether the case has the section that a control needs, and none with which another replaces it."""
+    unless = control.unless if isinstance(control, Picker) else ""
+    if unless and getattr(case, unless) is not None:
+        return False
+    return not control.needs or getattr(case, control.needs) is not None
 
 
 def _key_in_case(instance: Instance, control: Control) -> str:
@@ -214,7 +222,8 @@ def turn(case: Case, key: str, value: object) -> Case:
     else:
         inner = within(raw, section)
         assert inner is not None  # the section of a connected device
-        changed = instance.device.turned(dict(inner), name, value)
+        there = [kind.section for kind in PATIENT_SECTIONS if getattr(case, kind.section) is not None]
+        changed = instance.device.turned_in(dict(inner), name, value, there)
         inner.clear()
         inner.update(changed)
         if name in instance.device.set_by_products:

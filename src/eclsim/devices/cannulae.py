@@ -19,7 +19,17 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import CAUTION, Control, Finding, Knob, Limit, Mark, mean_flow, picker
+from eclsim.devices.description import (
+    CAUTION,
+    Control,
+    Finding,
+    Knob,
+    Limit,
+    Mark,
+    Picker,
+    mean_flow,
+    picker,
+)
 from eclsim.devices.device import Naming
 from eclsim.devices.plausibility import check_cannula, patient_site, pumps_back
 from eclsim.devices.products import CannulaType, by_key
@@ -96,6 +106,36 @@ _IN_WATER = CANNULAE["avalon_drainage"].coefficients
 def fits_line(line: str) -> tuple[str, ...]:
     """Names of the cannulae for a line, "drainage" or "return"."""
     return tuple(key for key, kind in CANNULAE.items() if not kind.dual_lumen or key.endswith(f"_{line}"))
+
+
+TWO, OTHERS = "two", "others"
+"""Choices of cannulae on the page besides the dual-lumen ones: one for each line, and no such pair."""
+DUAL_LUMEN = {kind.key.rpartition("_")[0]: kind.dual_lumen for kind in CANNULAE.values() if kind.dual_lumen}
+"""Names of the dual-lumen cannulae by the common beginning of the keys of their lumens."""
+
+
+def chosen_cannulae(drainage: str, back: str) -> str:
+    """The choice on the page to which the cannulae of both lines belong."""
+    stems = [key.rpartition("_")[0] for key in (drainage, back)]
+    if stems == ["", ""]:
+        return TWO
+    return stems[0] if stems[0] == stems[1] else OTHERS
+
+
+def cannulae_picker(chosen: str) -> Picker:
+    """Choice of two cannulae or of a dual-lumen one."""
+    labels = {TWO: "two, one lumen each", **DUAL_LUMEN, OTHERS: "others"}
+    return picker(
+        "cannulae", "Cannulae", [key for key in labels if key in (chosen, TWO, *DUAL_LUMEN)], labels
+    )
+
+
+def with_dual_lumen(raw: dict[str, Any], chosen: str) -> dict[str, Any]:
+    """The section with both lumens of a dual-lumen cannula, in the maker's size next to that of drainage."""
+    keys = {f"{line}_cannula": f"{chosen}_{line}" for line in LINES}
+    sizes = CANNULAE[keys["drainage_cannula"]].sizes_fr
+    size = float(min(sizes, key=lambda one: (abs(one - raw["drainage_fr"]), -one)))
+    return raw | keys | {f"{line}_fr": size for line in LINES}
 
 
 def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
