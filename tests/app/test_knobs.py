@@ -384,6 +384,8 @@ def test_veno_venous_cannulae_share_the_right_atrium_only_where_recirculation_is
     both = turn(VV_GAS, "ecmo.drainage_site", "ra")
     assert (both.ecmo.drainage_site, both.ecmo.return_site) == ("ra", "ra")
     assert value_of(both, "ecmo.drainage_mixing") == 0.33
+    with pytest.raises(CaseError, match=r"pump in a circle; in a vein only with \[gas\]"):
+        connect(both, "gas")
     apart = turn(both, "ecmo.drainage_site", "svn")
     assert (apart.ecmo.return_site, apart.ecmo.drainage_mixing) == ("ra", None)
     swapped = turn(VV, "ecmo.drainage_site", "ra")

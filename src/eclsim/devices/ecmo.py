@@ -901,7 +901,9 @@ class EcmoDevice(Device[Ecmo]):
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Check sites, mode, cannulae, speed, gas settings and measured flows."""
-        if not _shares_a_vein(values, case):
+        if values.get("return_site") in VENOUS_SITES and "gas" not in case.physiology:
+            check_sites(key, values, "drainage_site", "return_site", remarks, "; in a vein only with [gas]")
+        elif not _shares_a_vein(values, case):
             check_sites(key, values, "drainage_site", "return_site", remarks)
         _check_mode(values, key, remarks)
         for line in LINES:
