@@ -124,7 +124,8 @@ def chosen_cannulae(drainage: str, back: str) -> str:
 
 def cannulae_picker(chosen: str) -> Picker:
     """Choice of two cannulae or of a dual-lumen one."""
-    labels = {TWO: "two, one lumen each", **DUAL_LUMEN, OTHERS: "others"}
+    short = {key: name.partition(" ")[2] for key, name in DUAL_LUMEN.items()}  # without the maker
+    labels = {TWO: "two, single-lumen", **short, OTHERS: "others"}
     return picker(
         "cannulae", "Cannulae", [key for key in labels if key in (chosen, TWO, *DUAL_LUMEN)], labels
     )
