@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from eclsim.app.knobs import connect
+from eclsim.app.knobs import turn as turn_knob
+from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
+from eclsim.cases.presets import PRESETS
 from page_in_browser import (
     LAPTOP,
     beat,
@@ -66,6 +70,41 @@ def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots
         wait_for(page, "beat.outputs.PF > 3.6")
     turn(page, "parameters.Rmc", "1,1")
     expect(knob(page, "parameters.Rmc")).to_have_value("1.1")
+
+
+def test_escape_restores_the_value_in_use_and_sends_nothing(open_page):
+    """What was typed stayed in the field after Escape, and the next Tab applied it."""
+    page = open_page("healthy")
+    field = knob(page, "patient.heart_rate_bpm")
+    used = field.input_value()
+    page.evaluate("globalThis.turns = 0; eclsim.bus.on('turned', () => (turns += 1))")
+    before = page.evaluate("turns")
+    field.click()
+    page.keyboard.type("155")
+    expect(field).to_have_value("155")
+    page.keyboard.press("Escape")
+    expect(field).to_have_value(used)
+    page.keyboard.press("Tab")
+    expect(field).to_have_value(used)
+    assert page.evaluate("turns") == before
+    field.click()
+    page.keyboard.type("90")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Escape")  # it was sent already
+    beat_with(page, "patient.heart_rate_bpm", 90)
+    expect(field).to_have_value("90")
+
+
+def test_a_warning_of_the_case_and_the_sum_of_its_volumes_stand_beside_the_knobs(open_page, served, shots):
+    case = turn_knob(connect(PRESETS["healthy"].case(), "fluid"), "fluid.extra_volume_ml", 848)
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case, origin='file'))}")
+    remarks = page.locator(".ecl-knobs [role=note]")
+    expect(remarks).to_have_text(["Fluid balance adds 848 mL: 834 mL in all"])  # the preset has 14 mL less
+    turn(page, "patient.heart_rate_bpm", "200")
+    expect(remarks.first).to_contain_text("faster than a sinus node")
+    picture(page, shots, "remarks")
+    turn(page, "patient.heart_rate_bpm", "90")
+    expect(remarks).to_have_count(1)
 
 
 def test_a_crrt_line_is_dragged_to_another_position(open_page, shots):

@@ -1,6 +1,6 @@
 """What the views show follows the devices of a case; two of a kind have names and colours of their own."""
 
-from eclsim.app.display import curves_of, display, sweep_of, waves_of
+from eclsim.app.display import curves_of, display, output_specs, sweep_of, waves_of
 from eclsim.app.knobs import connect, controls
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
@@ -41,6 +41,13 @@ def test_two_of_a_kind_are_told_apart():
     sweep = sweep_of(case)
     assert sweep is not None
     assert sweep.key == "lvad.left.speed_rpm"
+
+
+def test_saved_states_are_compared_by_their_blood_gases():
+    """Two speeds of a veno-venous pump looked alike, while SaO2 was 91 % at one and 96 % at the other."""
+    shown = display(PRESETS["vv-ecmo"].case())["compared"]
+    assert {"SaO2", "SaO2_lower", "PaCO2", "SvO2", "DO2", "recirculation_fraction"} <= set(shown)
+    assert set(shown) <= output_specs().keys(), "each has label and unit"
 
 
 def test_cardiac_output_is_not_called_that_of_the_lungs_where_a_device_returns_behind_it():

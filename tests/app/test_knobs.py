@@ -11,6 +11,7 @@ from eclsim.app.knobs import (
     VOLUME,
     connect,
     connectable,
+    connected,
     controls,
     turn,
     value_of,
@@ -140,9 +141,15 @@ def test_renox_is_switched_on_and_its_fluids_are_turned():
     slow, fast = (compute_beat(PageState(turn(case, "renox.dialysate_ml_h", flow))) for flow in (1500, 3000))
     assert fast.outputs["renox_clearance_urea"] == pytest.approx(50, rel=0.01), "all of 3000 mL/h"
     assert slow.outputs["renox_clearance_urea"] == pytest.approx(25, rel=0.01)
-    with pytest.raises(CaseError, match="RenOx replaces the oxygenator"):
-        connect(case, "ecmo")
     assert connect(case, "renox") == CASES["paper"]
+
+
+def test_what_cannot_be_without_ecmo_goes_with_it():
+    """It was refused with "the case has no [ecmo] section", and a vent has no switch of its own."""
+    vented = CASES["paper"].as_mapping() | {"vent": {"site": "lv", "fr": 15.0}}
+    case = connect(connect(read_mapping(vented).case, "renox"), "ecmo")
+    assert {"ecmo", "renox", "vent"}.isdisjoint(connected(case))
+    assert case == connect(CASES["paper"], "ecmo")
 
 
 def test_crrt_moves_to_the_patient_when_ecmo_goes():
@@ -330,3 +337,66 @@ def test_labels_of_knobs_are_short_and_units_are_written_as_usual():
     assert {"°C", "cm²", "µg/kg/min", "µmol/L"} <= set(units)
     assert not {"C", "cm2"} & set(units)
     assert not [unit for unit in units if unit and unit.startswith("u")]
+
+
+VV, VV_GAS = CASES["vv-ecmo"], connect(CASES["vv-ecmo"], "gas")
+
+
+def cannulae_of(case):
+    one = case.ecmo
+    lines = ("drainage", "return")
+    return [tuple(getattr(one, f"{line}_{what}") for what in ("cannula", "fr", "site")) for line in lines]
+
+
+@pytest.mark.parametrize(
+    ("case", "chosen", "stem", "size", "sites", "mixing"),
+    [
+        (VV_GAS, "avalon", "avalon", 27.0, ("ra", "ra"), 0.15),
+        (VV_GAS, "protek", "protek", 29.0, ("ra", "pas"), None),
+        (VV, "crescent", "crescent", 26.0, ("svn", "ra"), None),
+    ],
+)
+def test_a_dual_lumen_cannula_is_chosen_with_both_lumens_and_its_sites(
+    case, chosen, stem, size, sites, mixing
+):
+    """No knob of the page led to one."""
+    assert value_of(case, "ecmo.cannulae") == "two"
+    changed = turn(turn(case, "ecmo.drainage_fr", 26), "ecmo.cannulae", chosen)
+    lines = zip(("drainage", "return"), sites, strict=True)
+    assert cannulae_of(changed) == [(f"{stem}_{line}", size, site) for line, site in lines]
+    assert changed.ecmo.drainage_mixing == mixing
+    assert value_of(changed, "ecmo.cannulae") == chosen
+    back = turn(changed, "ecmo.cannulae", "two")
+    assert cannulae_of(back) == [("venous", 25.0, sites[0]), ("venous", 21.0, sites[1])]
+    assert back.ecmo.drainage_mixing == (None if mixing is None else 0.33)
+
+
+def test_both_lumens_of_a_cannula_have_one_size():
+    """Lumens of 27 and 31 Fr were accepted."""
+    case = turn(turn(VV_GAS, "ecmo.cannulae", "avalon"), "ecmo.return_fr", 31)
+    assert [size for _, size, _ in cannulae_of(case)] == [31.0, 31.0]
+    two = turn(VV_GAS, "ecmo.drainage_fr", 29)
+    assert [size for _, size, _ in cannulae_of(two)] == [29.0, 21.0]
+
+
+def test_veno_venous_cannulae_share_the_right_atrium_only_where_recirculation_is_computed():
+    """The return went to the systemic veins when drainage from the right atrium was chosen."""
+    both = turn(VV_GAS, "ecmo.drainage_site", "ra")
+    assert (both.ecmo.drainage_site, both.ecmo.return_site) == ("ra", "ra")
+    assert value_of(both, "ecmo.drainage_mixing") == 0.33
+    with pytest.raises(CaseError, match=r"pump in a circle; in a vein only with \[gas\]"):
+        connect(both, "gas")
+    apart = turn(both, "ecmo.drainage_site", "svn")
+    assert (apart.ecmo.return_site, apart.ecmo.drainage_mixing) == ("ra", None)
+    swapped = turn(VV, "ecmo.drainage_site", "ra")
+    assert (swapped.ecmo.drainage_site, swapped.ecmo.return_site) == ("ra", "svn")
+    words = [
+        dict(control.options)["ra"] for case in (VV, VV_GAS) for control in controls(case)
+        if control.key == "ecmo.drainage_site"
+    ]  # fmt: skip
+    assert words == ["right atrium (swap)", "right atrium (both)"]
+
+
+def test_cannulae_that_are_none_are_refused():
+    with pytest.raises(CaseError, match="cannulae"):
+        turn(VV, "ecmo.cannulae", "straw")

@@ -9,6 +9,7 @@ from eclsim.app.provenance import (
     MOST_NAMED,
     changes,
     kind_of,
+    marked_id,
     measured_values,
     opened_state,
     provenance,
@@ -19,6 +20,7 @@ from eclsim.cases.case import Measurements
 from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import case_text
+from eclsim.inputs.sections import looks_identifiable
 
 PAPER = PRESETS["paper"].case()
 UNFITTED = PAPER.model_copy(update={"parameters": {}, "measurements": Measurements(MAP=75.0, CO=3.0)})
@@ -224,3 +226,20 @@ def test_a_file_says_that_its_measurements_are_of_other_settings(measured):
     again = opened_state(saved, "mine.toml")
     assert measured_values(again)["measured_before"]
     assert (words in export(again, "case")[1].decode()) == measured
+
+
+@pytest.mark.parametrize(
+    ("origin", "verdict"),
+    [*(("fit", verdict) for verdict in ("good", "doubtful", "poor", "")), ("posterior", ""), ("file", "")],
+)
+@pytest.mark.parametrize("is_changed", [False, True])
+@pytest.mark.parametrize(("name", "is_private"), [("BedVV", False), ("Miller, Anna", True)])
+def test_a_mark_in_a_file_is_no_name_and_hides_none(origin, verdict, is_changed, name, is_private):
+    """The page's own "BedVV (fitted, changed)" was taken for a surname and a first name."""
+    person = PAPER.patient.model_copy(update={"id": name})
+    state = PageState(PAPER.model_copy(update={"patient": person}), origin=origin, verdict=verdict)
+    if is_changed:
+        state = state.with_case(turn(state.case, "patient.heart_rate_bpm", 91))
+    assert (marked_id(state) != name) == (origin != "file" or is_changed)
+    assert looks_identifiable(marked_id(state)) is is_private
+    assert looks_identifiable(f"{name} (not fitted, changed)") is is_private

@@ -103,6 +103,8 @@ def test_mean_pressure_without_pulse_is_said_with_its_source():
     assert "Walsh" in mean[1]
     assert pulse[0] == "warning"
     assert "1.2 mmHg is below 10 mmHg" in pulse[1]
+    assert "empty" in pulse[1], "also a patient who bled, without ECMO"
+    assert "(a convention of this project" in pulse[1]
     assert said({"pulse_pressure": 1.2, "lvad_flow": 4.0}) == []
     assert said({"MAP": 137.0})[0][0] == "alarm"
 

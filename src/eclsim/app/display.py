@@ -71,7 +71,7 @@ PATIENT = Views(
     ),
     compared=(
         "SP", "DP", "MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "ejection_fraction_lv", "EDVLV",
-        "stroke_work_lv",
+        "stroke_work_lv", "SaO2", "SaO2_lower", "PaCO2", "SvO2", "DO2",
     ),
     samples=(
         *(

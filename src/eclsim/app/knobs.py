@@ -95,9 +95,17 @@ def controls(case: Case) -> list[Control]:
         offered += [
             replace(control, key=_key_in_case(instance, control), group=instance.key)
             for control in of_device
-            if isinstance(control, Picker) or not control.needs or getattr(case, control.needs) is not None
+            if _is_shown(control, case)
         ]
     return [*offered, *_section_controls(case)]
+
+
+def _is_shown(control: Control, case: Case) -> bool:
+    """Whether the case has the section that a control needs, and none with which another replaces it."""
+    unless = control.unless if isinstance(control, Picker) else ""
+    if unless and getattr(case, unless) is not None:
+        return False
+    return not control.needs or getattr(case, control.needs) is not None
 
 
 def _key_in_case(instance: Instance, control: Control) -> str:
@@ -214,7 +222,8 @@ def turn(case: Case, key: str, value: object) -> Case:
     else:
         inner = within(raw, section)
         assert inner is not None  # the section of a connected device
-        changed = instance.device.turned(dict(inner), name, value)
+        there = [kind.section for kind in PATIENT_SECTIONS if getattr(case, kind.section) is not None]
+        changed = instance.device.turned_in(dict(inner), name, value, there)
         inner.clear()
         inner.update(changed)
         if name in instance.device.set_by_products:
@@ -255,21 +264,38 @@ def connected(case: Case) -> list[str]:
 
 
 def connect(case: Case, key: str) -> Case:
-    """Add a device or section in its usual form, or remove it with all its instances if it is present."""
+    """Add a device or section in its usual form, or remove it with all its instances if it is present.
+
+    Devices that cannot be without a removed one, such as a RenOx or a vent without ECMO, go with it.
+    """
     if key not in switchable():
         raise CaseError([Mistake(str(key)[:64], "no device", allowed=", ".join(switchable()))])
     raw = case.as_mapping()
-    if key in raw:
+    removed = key in raw
+    if removed:
         del raw[key]
     else:
         raw[key] = dict(devices()[key].usual if key in devices() else _switched_on(case, key))
+    raw = _reconnected(case, raw)
+    try:
+        return read_mapping(raw).case
+    except CaseError as error:
+        if not removed or not (lost := {mistake.key for mistake in error.mistakes} & devices().keys()):
+            raise
+        kept = {place: section for place, section in raw.items() if place not in lost}
+        return read_mapping(_reconnected(case, kept)).case
+
+
+def _reconnected(case: Case, raw: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the sections of a case with the lines moved whose sites are gone."""
+    raw = dict(raw)
     sites = {site for instance in case.instances() if instance.device.key in raw for site in instance.sites()}
     for place, other in devices().items():
         for name, section in by_instance(other, raw[place]).items() if place in raw else ():
             if isinstance(section, dict):
                 moved = other.reconnected(section, {*sites, *PATIENT_SITES})
                 raw[place] = {**raw[place], name: moved} if name else moved
-    return read_mapping(raw).case
+    return raw
 
 
 def _switched_on(case: Case, key: str) -> Mapping[str, Any]:

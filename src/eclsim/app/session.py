@@ -25,6 +25,7 @@ from eclsim.app.display import display, figures_of, panel_of, waves_of
 from eclsim.app.fit_remarks import with_remarks
 from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import measured_values, provenance, title_of
+from eclsim.app.remarks import remarks_of
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
@@ -499,8 +500,10 @@ class Session:
         if shape != self._drawn:
             self._drawn = shape
             self.send("drawing", drawing_of(case))
+        values = self._values()
         self.send("state", {
-            "values": self._values(), "of": key_of(state), "subject": subject_of(state),
+            "values": values, "remarks": remarks_of(case, values),
+            "of": key_of(state), "subject": subject_of(state),
             "provenance": provenance(state),
             "devices": {key: key in there for key in switchable()},
             "events": plain_events(case),

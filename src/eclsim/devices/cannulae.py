@@ -19,7 +19,17 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import CAUTION, Control, Finding, Knob, Limit, Mark, mean_flow, picker
+from eclsim.devices.description import (
+    CAUTION,
+    Control,
+    Finding,
+    Knob,
+    Limit,
+    Mark,
+    Picker,
+    mean_flow,
+    picker,
+)
 from eclsim.devices.device import Naming
 from eclsim.devices.plausibility import check_cannula, patient_site, pumps_back
 from eclsim.devices.products import CannulaType, by_key
@@ -98,6 +108,37 @@ def fits_line(line: str) -> tuple[str, ...]:
     return tuple(key for key, kind in CANNULAE.items() if not kind.dual_lumen or key.endswith(f"_{line}"))
 
 
+TWO, OTHERS = "two", "others"
+"""Choices of cannulae on the page besides the dual-lumen ones: one for each line, and no such pair."""
+DUAL_LUMEN = {kind.key.rpartition("_")[0]: kind.dual_lumen for kind in CANNULAE.values() if kind.dual_lumen}
+"""Names of the dual-lumen cannulae by the common beginning of the keys of their lumens."""
+
+
+def chosen_cannulae(drainage: str, back: str) -> str:
+    """The choice on the page to which the cannulae of both lines belong."""
+    stems = [key.rpartition("_")[0] for key in (drainage, back)]
+    if stems == ["", ""]:
+        return TWO
+    return stems[0] if stems[0] == stems[1] else OTHERS
+
+
+def cannulae_picker(chosen: str) -> Picker:
+    """Choice of two cannulae or of a dual-lumen one."""
+    short = {key: name.partition(" ")[2] for key, name in DUAL_LUMEN.items()}  # without the maker
+    labels = {TWO: "two, single-lumen", **short, OTHERS: "others"}
+    return picker(
+        "cannulae", "Cannulae", [key for key in labels if key in (chosen, TWO, *DUAL_LUMEN)], labels
+    )
+
+
+def with_dual_lumen(raw: dict[str, Any], chosen: str) -> dict[str, Any]:
+    """The section with both lumens of a dual-lumen cannula, in the maker's size next to that of drainage."""
+    keys = {f"{line}_cannula": f"{chosen}_{line}" for line in LINES}
+    sizes = CANNULAE[keys["drainage_cannula"]].sizes_fr
+    size = float(min(sizes, key=lambda one: (abs(one - raw["drainage_fr"]), -one)))
+    return raw | keys | {f"{line}_fr": size for line in LINES}
+
+
 def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
     """Warn where the lines of a section `key` are not the two lumens of one cannula."""
     drainage, back = (CANNULAE.get(values.get(f"{line}_cannula", "")) for line in ("drainage", "return"))
@@ -107,7 +148,7 @@ def check_lumens(key: str, values: Raw, remarks: Remarks) -> None:
         named = " and ".join(f"{kind.key} ({kind.name})" for kind in (drainage, back))
         remarks.warning(f"{key}.return_cannula", f"the lines are not lumens of one cannula: {named}")
     elif values.get("drainage_fr") != values.get("return_fr"):
-        message = f"both lumens of a {back.dual_lumen} have one size; drainage_fr is another"
+        message = f"both lumens of a {back.dual_lumen} have one size; that for drainage is another"
         remarks.warning(f"{key}.return_fr", message, shown(values.get("return_fr")))
 
 

@@ -384,6 +384,8 @@ class Picker:
         options: names and their labels.
         line: name of the line, such as "access", whose site it chooses in the drawing; else empty.
         group: section of the panel, which the page fills in for devices.
+        needs: section of the case without which it is not shown.
+        unless: section of the case with which it is not shown.
     """
 
     key: str
@@ -391,6 +393,8 @@ class Picker:
     options: Sequence[tuple[str, str]]
     line: str = ""
     group: str = ""
+    needs: str = ""
+    unless: str = ""
 
 
 Control = Knob | Picker

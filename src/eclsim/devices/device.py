@@ -180,6 +180,12 @@ class Device(ABC, Generic[S]):
         """The section, as a mapping, after one control is changed."""
         return {**raw, key: value}
 
+    def turned_in(
+        self, raw: dict[str, Any], key: str, value: object, sections: Collection[str]
+    ) -> dict[str, Any]:
+        """As `turned`, where it depends on which optional `sections` of the patient the case has."""
+        return self.turned(raw, key, value)
+
     def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
         """The section after lines are moved whose sites were removed with another device."""
         return raw

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -20,17 +21,22 @@ from eclsim.devices.cannulae import (
     BACKWARD_L_MIN,
     CANNULAE,
     CONNECTIONS,
+    DUAL_LUMEN,
     MARKS,
     NO_SITE,
     NOMINAL,
     SECOND_SITES,
+    TWO,
     SecondCannulae,
+    cannulae_picker,
     caution_on_chart,
     check_lumens,
     check_second,
     check_vessels,
+    chosen_cannulae,
     fits_line,
     second_controls,
+    with_dual_lumen,
     with_second,
 )
 from eclsim.devices.cannulae import LIMITS as SECOND_LIMITS
@@ -53,6 +59,7 @@ from eclsim.devices.description import (
     Numbers,
     Output,
     Panel,
+    Picker,
     Sample,
     Sweep,
     Target,
@@ -259,6 +266,11 @@ ROLLER_PUMP = "Roller pump"
 OTHER_MODE = "other_mode"
 """Choices on the page for a roller pump and for sites that form no usual mode; never in a case file."""
 _OTHER_SITE = {"drainage_site": "return_site", "return_site": "drainage_site"}
+_BOTH_SIZES = tuple(f"{line}_fr" for line in LINES)
+_DUAL_LUMEN_SITES = {"protek": ("ra", "pas")}
+"""Sites of drainage and return of dual-lumen cannulae that do not return to the vein they drain."""
+_USUAL_MIXING = {"dual": 0.15, "two": 0.33}
+"""Mixing of the median recirculation with dual-lumen (9 %) and femoro-jugular cannulae (18 %)."""
 MIXED_SITE = "ra"
 """Compartment in which drainage and return of V-V ECMO meet where recirculation is to be stated."""
 _GREAT_VEINS = frozenset((*VENOUS_SITES, *DRAINED.values()))
@@ -718,7 +730,7 @@ class EcmoDevice(Device[Ecmo]):
             Curve("PF", "ECMO flow", "flow"),
             Curve("drainage_pressure", "Drainage cannula", "circuit", "lowest_drainage_pressure", "drainage"),
         ),
-        compared=("PF", "lowest_drainage_pressure"),
+        compared=("PF", "lowest_drainage_pressure", "recirculation_fraction"),
         flow_outputs={"ecmopump": "PF"},
         samples=(
             Sample("ecmodrain", "ECMO, drained"),
@@ -777,6 +789,7 @@ class EcmoDevice(Device[Ecmo]):
         else:
             low, high = PUMPS[section.pump].speed_range_rpm
             result.append(Knob("speed_rpm", "Pump speed", "rpm", 0 if low < 2000 else low / 2, high, 25))
+        result.append(cannulae_picker(str(self.shown(section, "cannulae"))))
         for line, kind in (("drainage", section.drainage_cannula), ("return", section.return_cannula)):
             sizes = CANNULAE[kind].sizes_fr
             result.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
@@ -789,8 +802,8 @@ class EcmoDevice(Device[Ecmo]):
         mixing = Knob("drainage_mixing", "Mixing before drainage", "", 0.0, 1.0, 0.01, needs="gas")
         return [
             *result,
-            picker("drainage_site", "Drained from", PATIENT_SITES, _exchanged(*own)),
-            picker("return_site", "Returned to", PATIENT_SITES, _exchanged(*own[::-1])),
+            *_site_pickers("drainage_site", "Drained from", *own),
+            *_site_pickers("return_site", "Returned to", *own[::-1]),
             *second_controls(section, own),
             *((mixing,) if own[0] == own[1] else ()),
             Knob("sweep_l_min", "Sweep gas", "L/min", 0.0, 12.0, 0.1, needs="gas"),
@@ -806,6 +819,8 @@ class EcmoDevice(Device[Ecmo]):
             return section.pump.roller_l_min
         if key in SECOND_SITES:
             return getattr(section, key) or NO_SITE
+        if key == "cannulae":
+            return chosen_cannulae(section.drainage_cannula, section.return_cannula)
         if key in _IF_OMITTED and getattr(section, key) is None:
             return _IF_OMITTED[key]
         if key != "mode":
@@ -838,7 +853,39 @@ class EcmoDevice(Device[Ecmo]):
             other = _OTHER_SITE[key]
             if value == raw.get(other) != raw.get(key):  # swap the sites of both cannulae
                 changed[other] = raw.get(key)
+        if (
+            key in _BOTH_SIZES
+            and chosen_cannulae(raw["drainage_cannula"], raw["return_cannula"]) in DUAL_LUMEN
+        ):
+            changed |= dict.fromkeys(_BOTH_SIZES, value)
         return changed
+
+    def turned_in(
+        self, raw: dict[str, Any], key: str, value: object, sections: Collection[str]
+    ) -> dict[str, Any]:
+        """Change a control: with gases, both cannulae may share a vein, from which mixing recirculates."""
+        shares = "gas" in sections and (raw["drainage_site"], raw["return_site"])
+        if key == "cannulae":
+            changed = self._with_cannulae(raw, str(value), bool(shares))
+        elif key in _OTHER_SITE and shares and {value, *shares} <= {*VENOUS_SITES}:
+            changed = {**raw, key: value}
+            changed.pop("mode", None)
+        else:
+            changed = self.turned(raw, key, value)
+        return _with_mixing(changed) if key in ("cannulae", *_OTHER_SITE) else changed
+
+    def _with_cannulae(self, raw: dict[str, Any], chosen: str, may_share: bool) -> dict[str, Any]:
+        """The section with other cannulae; a dual-lumen one has its sites, mixing is that of the cannulae."""
+        if chosen == chosen_cannulae(raw["drainage_cannula"], raw["return_cannula"]):
+            return raw
+        if chosen not in (TWO, *DUAL_LUMEN):
+            return {**raw, "cannulae": chosen}  # which the check refuses
+        changed = {name: value for name, value in raw.items() if name not in ("mode", "drainage_mixing")}
+        if chosen in DUAL_LUMEN:
+            sites = _DUAL_LUMEN_SITES.get(chosen, (MIXED_SITE if may_share else "svn", MIXED_SITE))
+            return with_dual_lumen(changed, chosen) | dict(zip(_OTHER_SITE, sites, strict=True))
+        usual = USUAL["VA" if raw["return_site"] in ARTERIAL_SITES else "VV"]
+        return changed | {name: value for name, value in usual.items() if name not in _OTHER_SITE}
 
     def sizes(self, section: Ecmo, key: str) -> tuple[float, ...]:
         """The maker's sizes of a cannula [Fr]."""
@@ -854,7 +901,9 @@ class EcmoDevice(Device[Ecmo]):
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Check sites, mode, cannulae, speed, gas settings and measured flows."""
-        if not _shares_a_vein(values, case):
+        if values.get("return_site") in VENOUS_SITES and "gas" not in case.physiology:
+            check_sites(key, values, "drainage_site", "return_site", remarks, "; in a vein only with [gas]")
+        elif not _shares_a_vein(values, case):
             check_sites(key, values, "drainage_site", "return_site", remarks)
         _check_mode(values, key, remarks)
         for line in LINES:
@@ -915,9 +964,24 @@ _CLOTTING = (
 """Clotting has two independent effects: higher resistance to blood, and loss of membrane for gas."""
 
 
-def _exchanged(own: str, other: str) -> dict[str, str]:
-    """Labels of the sites; choosing the site of the other cannula swaps both."""
-    return {**PATIENT_SITES, other: f"{PATIENT_SITES[other]} (swap)"} if other != own else {**PATIENT_SITES}
+def _site_pickers(key: str, label: str, own: str, other: str) -> list[Control]:
+    """Choices of a site; that of the other cannula swaps both, or with gases in veins is shared by both."""
+
+    def offered(word: str) -> Picker:
+        labels = {**PATIENT_SITES, **({other: f"{PATIENT_SITES[other]} ({word})"} if other != own else {})}
+        return picker(key, label, PATIENT_SITES, labels)
+
+    if not {own, other} <= {*VENOUS_SITES}:
+        return [offered("swap")]
+    return [replace(offered("swap"), unless="gas"), replace(offered("both"), needs="gas")]
+
+
+def _with_mixing(raw: dict[str, Any]) -> dict[str, Any]:
+    """The section with usual mixing if both cannulae share a vein, and without if they do not."""
+    if raw["drainage_site"] != raw["return_site"]:
+        return {name: value for name, value in raw.items() if name != "drainage_mixing"}
+    is_dual = chosen_cannulae(raw["drainage_cannula"], raw["return_cannula"]) in DUAL_LUMEN
+    return {"drainage_mixing": _USUAL_MIXING["dual" if is_dual else "two"], **raw}
 
 
 def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:

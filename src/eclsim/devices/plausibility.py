@@ -30,7 +30,7 @@ def patient_site(description: str, *, required: bool = True) -> Field:
     return one_of(description, tuple(PATIENT_SITES), required=required)
 
 
-def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remarks) -> None:
+def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remarks, more: str = "") -> None:
     """Report a device that pumps in a circle, or back to a site that the heart's flow passes earlier.
 
     Args:
@@ -39,12 +39,13 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
         source: name of the key of the site from which blood is drained.
         target: name of the key of the site to which blood is pumped.
         remarks: collects mistakes, warnings and notes.
+        more: what is said of equal sites besides.
     """
     taken_from, given_to = values.get(source), values.get(target)
     if taken_from is None or given_to is None:
         return
     if taken_from == given_to:
-        message = f"the same as {source}: the device would pump in a circle"
+        message = f"the same as {source}: the device would pump in a circle{more}"
         remarks.error(f"{key}.{target}", message, shown(given_to), "a compartment other than " + source)
     elif pumps_back(taken_from, given_to):
         reason = "against the heart's own flow"

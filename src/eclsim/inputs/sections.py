@@ -27,6 +27,9 @@ _BIRTH_DATE = re.compile(r"(19|20)\d\d[-./ ]?\d\d[-./ ]?\d\d|\d{1,2}[-./]\d{1,2}
 _RECORD_NUMBER = re.compile(r"\d{6,}")
 _WORD = r"[^\W\d_]{2,}(?:['-][^\W\d_]+)*"
 _PERSON = re.compile(rf"{_WORD},\s*{_WORD}|[A-ZÀ-Þ]\w+\s+[A-ZÀ-Þ]\w+|[A-Z]\.\s*[A-ZÀ-Þ]\w+")
+_MARKS = "not fitted|fitted|doubtful fit|poor fit|fit without a verdict|central draw"
+_MARK = re.compile(rf" \((?:(?:{_MARKS})(?:, changed)?|changed)\)$")
+"""Mark that the page adds to an id in files; its comma is not that between surname and first name."""
 _LONGEST_CHECKED_TEXT = 100
 
 
@@ -243,7 +246,7 @@ def looks_identifiable(text: object) -> bool:
     """Whether an id looks like a name, a birth date or a hospital record number."""
     if not isinstance(text, str):
         return False
-    written = text.strip()[:_LONGEST_CHECKED_TEXT]
+    written = _MARK.sub("", text.strip())[:_LONGEST_CHECKED_TEXT]
     if re.search(r"@|\b(mrn|born|geb|dob|name)\b", written, re.IGNORECASE):
         return True
     return bool(_BIRTH_DATE.search(written) or _RECORD_NUMBER.search(written) or _PERSON.search(written))

@@ -16,6 +16,7 @@ import {
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const STORAGE_KEY = "names"; // names of the saved states of this tab, by their inputs
+const SYMBOL = /^[^_.]*[A-Z][^_.]*$/; // MAP, SaO2: known to clinicians; other names are those of code
 const format = (value) => (typeof value === "number" ? compact(value) : (value ?? "–"));
 
 export default {
@@ -164,8 +165,8 @@ export default {
       const why = this.columns.map((s) => s.beat.cautions?.[name]).find(Boolean);
       return {
         key: name,
-        label: (name === name.toUpperCase() ? name : label) + (why ? " †" : ""),
-        hint: why ? fill(this.texts.caution, { why }) : "",
+        label: (SYMBOL.test(name) ? name : label) + (why ? " †" : ""),
+        hint: why ? fill(this.texts.caution, { why }) : label,
         unit,
         cells: this.columns.map((s) => aboutSign(s.beat, name) + format(s.beat.outputs[name])),
         kind: "output",

@@ -16,6 +16,7 @@ const Knob = {
       <option v-for="[name, text] in knob.options" :key="name" :value="name">{{ text }}</option>
     </select>
     <p v-if="error" role="alert">{{ error }}</p>
+    <p v-for="[kind, words] in remarks" :key="words" role="note" :class="kind">{{ words }}</p>
   </div>
   <div v-else class="ecl-knob" :class="{ bad: error }">
     <label :for="id" :title="knob.hint">{{ knob.label }}</label>
@@ -24,7 +25,7 @@ const Knob = {
         :value="typed ?? text" :aria-invalid="!!error" :data-typed="typed"
         :aria-describedby="id + '-unit' + (error ? ' ' + id + '-error' : '')"
         :disabled="!connected" @input="$emit('type', knob.key, $event.target.value)"
-        @change="$emit('enter', knob, $event.target.value)" @keydown="arrow"
+        @change="$emit('enter', knob, $event.target.value)" @keydown="arrow" @keydown.esc="restore"
         @focus="$event.target.select()" @blur="$emit('left')" />
       <small :id="id + '-unit'">{{ knob.unit }}</small>
     </span>
@@ -32,9 +33,10 @@ const Knob = {
       :aria-valuetext="text + ' ' + knob.unit" :style="{ '--at': 100 * position / last + '%' }"
       :disabled="!connected" @input="$emit('move', knob, Number($event.target.value))" />
     <p v-if="error" :id="id + '-error'" role="alert">{{ error }}</p>
+    <p v-for="[kind, words] in remarks" :key="words" role="note" :class="kind">{{ words }}</p>
   </div>`,
   // `refusals` counts refusals: a further one resets the field even if the reason is the same.
-  props: ["knob", "id", "value", "error", "refusals", "connected", "typed"],
+  props: ["knob", "id", "value", "error", "remarks", "refusals", "connected", "typed"],
   emits: ["send", "enter", "move", "type", "left"],
   computed: {
     text() {
@@ -48,6 +50,11 @@ const Knob = {
     },
   },
   methods: {
+    // Otherwise what is typed would be sent on leaving the field.
+    restore(event) {
+      this.$emit("left");
+      this.$nextTick(() => event.target.select());
+    },
     arrow(event) {
       const steps = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
       if (!steps) return;
@@ -72,9 +79,11 @@ export default {
           @click="tell('connect', { device: group.key })"><i></i></button>
       </header>
       <p v-if="errors[group.key]" class="refused" role="alert">{{ errors[group.key] }}</p>
+      <p v-for="[kind, words] in remarks[group.key]" :key="words" role="note" :class="kind">{{ words }}</p>
       <Knob v-for="k in panel.filter((k) => k.group === group.key)" :key="k.key" :knob="k" :id="id(k)"
         :value="values[k.key]" :error="errors[k.key]" :refusals="errors[k.key] && refusals"
-        :connected="connected" :typed="typed?.key === k.key ? typed.text : undefined"
+        :remarks="remarks[k.key]" :connected="connected"
+        :typed="typed?.key === k.key ? typed.text : undefined"
         @send="send" @enter="enter" @move="move" @type="(key, text) => (typed = { key, text })"
         @left="typed = typed?.entered ? typed : undefined" />
     </section>
@@ -108,6 +117,7 @@ export default {
         this.policy = state.policy;
         this.recording = state.recording;
         this.errors = {};
+        this.remarks = state.remarks;
       },
       error(error) {
         this.refuse(error);
@@ -130,6 +140,7 @@ export default {
     panel: [],
     values: {},
     errors: {},
+    remarks: {},
     refusals: 0,
     devices: {},
     policy: "as_published",
