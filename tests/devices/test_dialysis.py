@@ -430,6 +430,26 @@ def test_a_circuit_that_is_clamped_brings_the_patient_neither_base_nor_citrate_a
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("more", "drained"),
+    [
+        ({"renox": {"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 100}}, 0.0),
+        ({"crrt": {**ON_ECMO, "return_site": "pre_rc", "dialysate_ml_h": 2000}}, 0.0),
+        ({"crrt": {"flow_ml_min": 400, "access_site": "pre_pump", "return_site": "pre_rc"}}, 0.4),
+    ],
+    ids=["RenOx", "behind the oxygenator", "beside pump and oxygenator"],
+)
+def test_dialysis_hides_no_recirculation_of_the_ecmo_circuit(more, drained):
+    """With RenOx it was 0, as only blood that had passed the oxygenator last was counted."""
+    mixing = 0.3
+    circuit = {**VV["ecmo"], "drainage_mixing": mixing}
+    beat = eclsim.simulate(read_mapping(VV | {"ecmo": circuit} | more).case)
+    taken = mixing * (float(beat["PF"]) + drained)
+    expected = taken / (float(beat["CO"]) + taken)
+    assert float(beat["recirculation_fraction"]) == pytest.approx(expected, rel=1e-3)
+
+
 def test_recirculation_takes_from_base_and_citrate_what_it_takes_from_clearances():
     lines = {
         "post": ON_ECMO,

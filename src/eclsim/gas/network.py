@@ -6,7 +6,7 @@ there. Every result is a `Quantity`; `gas_of` maps mean flows and parameters to 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Container, Hashable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import lru_cache
@@ -244,16 +244,15 @@ def _gas_of(circuit: Circuit, in_time: bool) -> GasFunction:
         at = [names.index(e.at) for e in exchanges]
         drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
         mixed = mixtures(flows, at, drawn, held)
-        lasting = mixtures(balanced(flows), at, drawn) if in_time else mixed
         known = None if given is None else _known(given[-len(unknowns) :], points)
         state = solve(over_time, mixed, values, LAW, _shares(circuit, samples, mixed), known)
         inside = [point for _, point in (*_entered(laws), *_alveoli(laws))]
         sampled = np.r_[points - len(samples) : points, inside].astype(int)
         gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
-        recirculated = [lasting.drawn[names.index(at), k] for at, k in _drawn(circuit)]
+        recirculated = _recirculated(circuit, balanced(flows) if in_time else flows, drawn)
         from_held = 0.0 if mixed.kept is None else mixed.kept[0].T
         result = jnp.concatenate(
-            [jnp.stack(gases)[:, sampled].T.reshape(-1), jnp.array(recirculated)]
+            [jnp.stack(gases)[:, sampled].T.reshape(-1), recirculated]
             + [(state.outlets @ mixed.compartments.T + from_held).reshape(-1)]
             + [_exchanged(k, mixed, state) for k in range(len(exchanges))]
         )
@@ -286,6 +285,33 @@ def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
     ]
 
 
+def _returns(circuit: Circuit, groups: Container[str]) -> list[str]:
+    """Connections through which devices of some groups return blood to the patient."""
+    group_of = {c.name: c.group for c in circuit.compartments}
+    return [
+        c.name
+        for c in circuit.connections
+        if c.group in groups
+        and all(group_of[site] != PATIENT for site in sites_of(c.source))
+        and all(group_of[site] == PATIENT for site in sites_of(c.target))
+    ]
+
+
+def _recirculated(circuit: Circuit, flows: Flows, mixing: Sequence[tuple[Drainage, Array]]) -> Array:
+    """Share of the blood in each connection of `_drawn` that came straight from its device's return.
+
+    Blood is marked as it returns, so that neither a second exchanger behind the oxygenator nor a filter
+    beside it hides any.
+    """
+    names, exchanges = [c.name for c in circuit.connections], gas_exchanges(circuit)
+    body = [names.index(e.at) for e in exchanges if e.group == PATIENT]
+    shares = []
+    for at, k in _drawn(circuit):
+        back = [names.index(name) for name in _returns(circuit, {exchanges[k].group})]
+        shares.append(mixtures(flows, [*back, *body], mixing).drawn[names.index(at), : len(back)].sum())
+    return jnp.array(shares)
+
+
 def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     """Sampling sites: kind ("in", "behind" or "drawn") and name of the compartment or connection."""
     compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLE_SITES]
@@ -293,15 +319,8 @@ def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
     paths = {c.name: c for c in circuit.connections}
     drained = dict.fromkeys(("in", site) for _, name in drawn for site in sites_of(paths[name].target))
-    groups = {c.name: c.group for c in circuit.compartments}
     exchanging = {e.group for e in gas_exchanges(circuit) if _analysed(e)}
-    returned = [
-        ("drawn", c.name)
-        for c in circuit.connections
-        if c.group in exchanging
-        and all(groups[site] != PATIENT for site in sites_of(c.source))
-        and all(groups[site] == PATIENT for site in sites_of(c.target))
-    ]
+    returned = [("drawn", name) for name in _returns(circuit, exchanging)]
     return (*compartments, *drawn, *behind, *returned, *drained)
 
 

@@ -15,9 +15,11 @@ from eclsim.arguments import written
 from eclsim.beat.grid import RESOLUTIONS, PhaseGrid, resolution_for_derivatives
 from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.beat.recording import all_signals, with_rates
+from eclsim.cases.case import Case
 from eclsim.cases.fluid import remarks_on_viscosity
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
+from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.files import ORIGIN
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.inputs.mistakes import as_names
@@ -25,7 +27,7 @@ from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.independent import AdaptiveBeats, AdaptiveOptions, WaitingResult
 from eclsim.orbit.inputs import allowed_values
-from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
+from eclsim.orbit.model import Model, ModelSource, as_case, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch, SolvedOrbits, start_state
 from eclsim.outputs.alarms import (
@@ -52,6 +54,7 @@ from eclsim.outputs.signals import (
     watched_waveforms,
 )
 from eclsim.outputs.steady_beat import SteadyBeat, Waveforms, statistics_of, steady_beat, with_status
+from eclsim.outputs.uncertainty import misses_of
 
 STEPS_AT_RESOLUTION_1 = 400
 ALLOWED_GRID_ERROR_PERCENT = 0.5
@@ -184,7 +187,10 @@ def simulate_many(
 
 
 def beat_warnings(
-    case: ModelSource, volume_policy: str | None = None, shown: Collection[str] | None = None
+    case: ModelSource,
+    volume_policy: str | None = None,
+    shown: Collection[str] | None = None,
+    measured: Case | None = None,
 ) -> tuple[str, ...]:
     """Warnings about the steady beat behind an analysis, as of `simulate`.
 
@@ -192,7 +198,11 @@ def beat_warnings(
         case: case or model as in `simulate`.
         volume_policy: blood volume policy; None takes that of the case.
         shown: outputs of the analysis; cautions about other outputs are left out. None for all.
+        measured: case with whose measurements the beat of a model is compared; a case is compared with its
+            own.
     """
+    if not isinstance(case, Model):
+        case = measured = as_case(case, or_model=True)
     model = as_model(case)
     watched = watched_waveforms(model.circuit)
     beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
@@ -200,7 +210,8 @@ def beat_warnings(
         return (*model.doubts, beat.message())
     every = gravest_first([*beat.findings(), *findings_of_second_beat(beat)])
     warnings = sentences(f for f in every if shown is None or f.is_about(shown))
-    return (*model.doubts, *warnings)
+    missed = [] if measured is None else misses_of(measured, beat.outputs())
+    return (*model.doubts, *warnings, *(labelled_sentence(CAUTION, one) for one in missed))
 
 
 def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:

@@ -148,8 +148,8 @@ def sentence_on_misses(
         return ""
     parts = "; ".join(f"{name} {both[name]:.4g} measured, {beat[name]:.4g} here" for name in missed)
     return (
-        f"{what} {NOT_THE_MEASURED} ({parts}): the case is simulated as it is written; eclsim identify fits "
-        "it to [measurements]"
+        f"{what} {NOT_THE_MEASURED} ({parts}): the case is simulated as it is written; if its settings are "
+        "those of [measurements], eclsim identify fits it to them"
     )
 
 

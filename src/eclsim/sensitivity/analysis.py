@@ -142,7 +142,8 @@ def sensitivity(
         case = with_speed(as_case(case), settings.volume_policy)[0]
         plan, model = plan_analysis(case, settings), model_of(case)
         around = replace(model, values={**model.values, **(settings.values or {})})
-        warnings = beat_warnings(around, settings.volume_policy, plan.evaluator.outputs)
+        measured = None if settings.values else case
+        warnings = beat_warnings(around, settings.volume_policy, plan.evaluator.outputs, measured)
         central = missing_central_beat(plan.evaluator)
         plan = replace(plan, warnings=(*central, *plan.warnings, *warnings))
         place = stack.enter_context(TemporaryDirectory(prefix="eclsim-")) if folder is None else folder

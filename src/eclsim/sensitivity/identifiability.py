@@ -461,7 +461,7 @@ def identifiability(
     return Identifiability(
         case.patient.id, simulated, values, errors, scaled, all_subsets(scaled, limit),
         fisher_information(scaled), propose(scaled, limit, threshold),
-        beat_warnings(model, volume_policy, measured),
+        beat_warnings(model, volume_policy, measured, case),
     )  # fmt: skip
 
 
