@@ -138,7 +138,7 @@ def refuse_results(found: BloodGases, given: Mapping[str, Array], blood: Blood) 
         given: the values they were found from, by name of the argument; NaN are not judged.
         blood: its properties.
     """
-    inputs = given | {"haemoglobin": blood.haemoglobin, "base_excess": blood.base_excess}
+    inputs = {**given, "haemoglobin": blood.haemoglobin, "base_excess": blood.base_excess}
     if any(isinstance(value, Tracer) for value in (*found, *given.values(), *blood)):
         return
     po2, pco2, ph, saturation = (np.asarray(value) for value in found[:4])
