@@ -53,6 +53,7 @@ assert_type(eclsim.reach("patient.toml", ["MAP > 65", eclsim.Goal("CO", low=2.0)
 study = eclsim.crrt_study(reading.case, speeds=[3000.0])
 assert_type(study, CrrtStudy)
 assert_type(study.means, xr.Dataset)
+eclsim.blood.gases(po2=[95.0, 90.0], ph=7.4, haemoglobin=[10.0, 12.0])
 """
 WRONG = "import eclsim\n\neclsim.simulate(3)\neclsim.simulat\n"
 

@@ -18,6 +18,7 @@ from eclsim.course.plan import plan_removal as plan_removal
 from eclsim.course.plan import plan_weaning as plan_weaning
 from eclsim.crrt_study.rule import RuleError as RuleError
 from eclsim.crrt_study.schemes import SchemeError as SchemeError
+from eclsim.crrt_study.schemes import SpeedError as SpeedError
 from eclsim.crrt_study.schemes import StudyError as StudyError
 from eclsim.crrt_study.study import CrrtStudy as CrrtStudy
 from eclsim.crrt_study.study import crrt_study as crrt_study

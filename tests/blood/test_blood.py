@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from eclsim import blood
-from eclsim.blood import dash2016, standard
+from eclsim.blood import BloodGases, checks, dash2016, standard
+from eclsim.blood.gases import _at_pressures
 from eclsim.blood.types import Blood
 
 PO2 = np.array([20, 26.8, 30, 40, 50, 60, 70, 80, 90, 100, 150, 300.0])
@@ -19,6 +20,7 @@ DOUGLAS = [
     (40, 7.40, 0.975, 10, 50.62), (30, 7.50, 1.0, 10, 46.61), (60, 7.25, 0.60, 10, 55.82),
 ]  # fmt: skip
 GRID = {"po2": np.geomspace(1, 700, 19)[:, None], "pco2": np.geomspace(5, 200, 9)}
+CORNERS = ("po2", "pco2", "haemoglobin", "base_excess", "temperature")
 ANAEMIC = {"haemoglobin": 8.0, "base_excess": -6.0, "temperature": 35.0}
 
 
@@ -138,11 +140,109 @@ def test_derivatives_of_the_inverse_are_those_of_differences():
     assert jax.grad(po2)(10.0) == pytest.approx(float(difference), rel=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"oxygen": [12.0, -1.0]}, "oxygen = -1; allowed: 0 to 80 mL/dL (200 mL/L are 20 mL/dL, 9 mmol/L"),
+        ({"oxygen": 200.0, "carbon_dioxide": 480.0}, "oxygen = 200; allowed: 0 to 80 mL/dL"),
+        ({"oxygen": 15.0, "haemoglobin": 3.0}, "haemoglobin = 3, base_excess = 0: po2 would be 35"),
+        ({"carbon_dioxide": 480.0}, "mmHg (480 mL/L are 48 mL/dL, 22 mmol/L are 49 mL/dL)"),
+        ({"carbon_dioxide": 0.0}, "no partial pressures give them"),
+    ],
+)
+def test_contents_that_no_blood_has_are_refused(given, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        blood.gases_with_contents(**{"oxygen": 12.0, "carbon_dioxide": 50.0, **given})
+
+
 @pytest.mark.slow
-def test_contents_that_no_blood_has_are_nan():
-    none = blood.gases_with_contents(oxygen=np.array([-1.0, 12.0]), carbon_dioxide=50.0)
+def test_traced_contents_are_not_judged():
+    none = jax.jit(blood.gases_with_contents)(oxygen=np.array([-1.0, 12.0]), carbon_dioxide=50.0)
     assert np.isnan(none.po2[0])
     assert np.isfinite(none.po2[1])
+
+
+@pytest.mark.parametrize("law", blood.LAWS)
+def test_blood_without_oxygen_has_none_at_its_carbon_dioxide(law):
+    there = blood.gases(po2=[0.0, 40.0], pco2=46.0, law=law)
+    back = blood.gases_with_contents(oxygen=there.oxygen, carbon_dioxide=there.carbon_dioxide, law=law)
+    assert float(back.po2[0]) == 0.0
+    assert float(back.oxygen[0]) == 0.0
+    np.testing.assert_allclose(back.pco2, 46.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("law", blood.LAWS)
+def test_allowed_values_give_blood_or_say_that_they_do_not(law):
+    """Bounds of single values; corners of them together have a pH that no search finds, or no blood has."""
+    bounds = {name: checks.ALLOWED_BY_LAW.get(law, {}).get(name, checks.ALLOWED[name]) for name in CORNERS}
+    draws = np.random.default_rng(7).uniform(size=(len(CORNERS), 2000))
+    at = {n: b.low + (b.high - b.low) * u**3 for (n, b), u in zip(bounds.items(), draws, strict=True)}
+    found = _at_pressures(at["po2"], at["pco2"], Blood(**{n: at[n] for n in CORNERS[2:]}), law)
+    refused = 0
+    for k in range(len(found.ph)):
+        one = BloodGases(*(np.asarray(value)[k] for value in found))
+        own = {name: value[k] for name, value in at.items()}
+        try:
+            checks.refuse_results(
+                one, {n: own[n] for n in CORNERS[:2]}, Blood(**{n: own[n] for n in CORNERS[2:]})
+            )
+        except ValueError:
+            refused += 1
+        else:
+            assert np.isfinite(one).all(), own
+            assert min(one.oxygen, one.carbon_dioxide) > -1e-9, own
+    assert 0 < refused < 1500
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"po2": 95.0, "pco2": 0.0}, "pco2 = 0; allowed: 0.01 to 1000 mmHg"),
+        ({"po2": 95.0, "temperature": 4.0, "law": "dash2016"}, "temperature = 4; allowed: 10 to 50 C"),
+        (
+            {"po2": 1436.0, "pco2": 0.98, "base_excess": 83.0},
+            "base_excess = 83: no blood; allowed: values that",
+        ),
+        ({"po2": 95.0, "ph": 9.0, "pco2": 900.0}, "the base excess would be"),
+        ({"po2": 95.0, "ph": 7.4, "base_excess": 1.0}, "allowed: one of them"),
+    ],
+)
+def test_what_the_laws_cannot_tell_is_refused(given, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        blood.gases(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"hb": 10.0}, "blood.gases() has no argument 'hb'; allowed: po2, pco2, ph, law, haemoglobin"),
+        ({"hb": 10.0}, "did you mean haemoglobin?"),
+        ({"hemoglobin": 10.0}, "did you mean haemoglobin?"),
+        ({"po2": None}, "po2 = None; allowed: a number"),
+        ({"base_excess": None}, "base_excess = None; allowed: a number"),
+        ({"po2": [95.0, None]}, "po2 = a list; allowed: a number"),
+    ],
+)
+def test_an_argument_that_is_none_or_misspelt_is_named(given, said):
+    with pytest.raises(TypeError, match=re.escape(said)):
+        blood.gases(**{"po2": 95.0, **given})
+
+
+def test_lists_are_arrays():
+    both = blood.gases(po2=[95.0, 90.0], haemoglobin=[10.0, 12.0])
+    assert float(both.oxygen[1]) == float(blood.gases(po2=90.0, haemoglobin=12.0).oxygen)
+
+
+@pytest.mark.parametrize("law", blood.LAWS)
+def test_a_measured_ph_stands_for_the_base_excess(law):
+    arterial = blood.gases(po2=[95.0, 60.0], pco2=40.0, ph=7.3, haemoglobin=10.0, law=law)
+    np.testing.assert_allclose(arterial.ph, 7.3, rtol=1e-12)
+    excess = blood.base_excess(ph=7.3, saturation=arterial.saturation, haemoglobin=10.0)
+    same = blood.gases(po2=[95.0, 60.0], base_excess=excess, haemoglobin=10.0, law=law)
+    np.testing.assert_allclose(same.oxygen, arterial.oxygen, rtol=1e-12)
+    half = blood.gases_with_saturation(saturation=0.5, ph=7.4, law=law)
+    assert float(half.po2) == pytest.approx(26.8, abs=0.1)
+    assert float(half.ph) == pytest.approx(7.4, abs=1e-12)
 
 
 @pytest.mark.slow
@@ -172,7 +272,7 @@ def test_an_unknown_law_is_named():
     [
         (
             {"po2": 90.0, "haemoglobin": 150.0},
-            "= 150; allowed: 0 to 40 g/dL (150 g/L are 15 g/dL",
+            "= 150; allowed: 0 to 33 g/dL (150 g/L are 15 g/dL",
         ),
         (
             {"po2": 90.0, "temperature": 310.15},

@@ -207,6 +207,22 @@ def test_mistakes_in_a_rule_are_said(tmp_path, content, message):
     assert all(line.startswith(str(file)) for line in str(refused.value).splitlines())
 
 
+def test_a_rules_file_that_is_missing_or_a_folder_is_said(tmp_path):
+    with pytest.raises(RuleError, match=r"none\.toml: no such file$"):
+        read_rule(tmp_path / "none.toml")
+    with pytest.raises(RuleError, match=r": cannot be read: (Is a directory|Permission denied)$"):
+        read_rule(tmp_path)
+
+
+def test_a_rule_by_an_output_that_the_case_lacks_says_what_to_add():
+    rule = read_rule({"name": "ours", "criteria": [{"quantity": "SaO2", "prefer": "larger"}]})
+    with pytest.raises(RuleError, match=r"not computed for this case; .*; it needs \[gas\] in the case file"):
+        check_quantities(rule, ("Psart", "PF", "MAP"))
+    misspelt = read_rule({"name": "ours", "criteria": [{"quantity": "alarm", "prefer": "smaller"}]})
+    with pytest.raises(RuleError, match=r"did you mean alarms"):
+        check_quantities(misspelt, ("Psart", "PF", "MAP"))
+
+
 def test_schemes_know_their_side_of_the_oxygenator():
     nine = nine_schemes()
     assert [k for k, s in nine.items() if s.returns_behind_oxygenator] == ["d", "e", "f"]

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+import eclsim
 from eclsim.crrt_study.schemes import SpeedError, StudyError, default_speeds, parse_speeds
 from eclsim.crrt_study.study import crrt_study
 from eclsim.paper.crrt import paper_case
@@ -56,5 +57,6 @@ def test_a_speed_far_above_the_pump_s_is_refused():
 
 def test_a_table_of_speeds_is_refused():
     """It was flattened."""
+    assert eclsim.SpeedError is SpeedError
     with pytest.raises(SpeedError, match="an array of 2 x 2; allowed: a list of speeds"):
         crrt_study(paper_case(), schemes="g", speeds=[[3000, 3200], [3400, 3600]])  # pyright: ignore[reportArgumentType]

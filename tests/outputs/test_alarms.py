@@ -49,6 +49,12 @@ def test_an_empty_chamber_and_an_impossible_vein_collapse():
     assert {"EDVRA", "ESVRA"} == {name for finding in result for name in finding.concerns}
 
 
+def test_collapsed_veins_need_no_pump():
+    """The sentence told patients who bleed, without any device, what a pump would not reach."""
+    (only,) = findings({"venous_pressure": -1.0}, {})
+    assert "the great veins collapse: this flow would not reach the heart or a pump" in only.sentence
+
+
 def test_an_assist_pump_may_carry_the_output_past_a_closed_valve():
     (carried,) = findings({"aortic_valve_flow": 0.0, "lvad_flow": 4.2}, {})
     assert "the LVAD carries the left ventricle's output (4.20 L/min)" in carried.sentence

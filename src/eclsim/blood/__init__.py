@@ -5,9 +5,16 @@
 >>> print(f"{gases.saturation:.3f} {gases.ph:.2f} {gases.oxygen:.1f}")
 0.972 7.40 13.3
 
-All functions take numbers or arrays of a common shape and return JAX arrays; they are differentiable.
+All functions take numbers, lists or arrays of a common shape and return JAX arrays; they are differentiable.
 """
 
-from eclsim.blood.gases import LAWS, BloodGases, gases, gases_with_contents, gases_with_saturation
+from eclsim.blood.gases import (
+    LAWS,
+    BloodGases,
+    base_excess,
+    gases,
+    gases_with_contents,
+    gases_with_saturation,
+)
 
-__all__ = ["LAWS", "BloodGases", "gases", "gases_with_contents", "gases_with_saturation"]
+__all__ = ["LAWS", "BloodGases", "base_excess", "gases", "gases_with_contents", "gases_with_saturation"]

@@ -50,6 +50,12 @@ def excess_of(pco2: Array, ph: Array, saturation: Array, blood: Blood) -> Array:
     return bicarbonate(pco2, ph, blood.temperature) - 24.5 - left + buffered
 
 
+def base_excess_of(pco2: Array, ph: Array, saturation: Array, blood: Blood) -> Array:
+    """Base excess of fully oxygenated blood [mmol/L] at which blood of a saturation has a pH."""
+    without = excess_of(pco2, ph, saturation, blood._replace(base_excess=0.0))
+    return without * (1.0 - 0.0143 * blood.haemoglobin)
+
+
 def ph_of(pco2: Array, blood: Blood, saturation_at: Callable[[Array], Array]) -> Array:
     """The pH at which both equations agree.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 from types import ModuleType
 from typing import NamedTuple, Unpack
@@ -10,11 +11,13 @@ from typing import NamedTuple, Unpack
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
-from eclsim.blood.acid_base import bicarbonate, ph_of
-from eclsim.blood.types import Array, Blood, Given, refuse_arguments
+from eclsim.blood.acid_base import base_excess_of, bicarbonate, ph_of
+from eclsim.blood.checks import blood_of, refuse_arguments, refuse_excess, refuse_names, refuse_results
+from eclsim.blood.types import Array, Blood, Given, Values
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with the functions `saturation` and `held`."""
@@ -24,6 +27,8 @@ STEP_TOLERANCE = 1e-9
 """Size of the last step, in the logarithm of a partial pressure, below which the iteration stops."""
 LARGEST_STEP = 1.0
 """Largest Newton step in the logarithm of a partial pressure."""
+TRACE = 1e-9
+"""Content of oxygen [mL/dL] at which blood without any has, to rounding, its PCO2: 0 has no logarithm."""
 
 
 class BloodGases(NamedTuple):
@@ -61,13 +66,19 @@ class _Search(NamedTuple):
 
 
 def gases(
-    *, po2: Array, pco2: Array = 40.0, law: str = "severinghaus1979", **of: Unpack[Given]
+    *,
+    po2: Values,
+    pco2: Values = 40.0,
+    ph: Values | None = None,
+    law: str = "severinghaus1979",
+    **of: Unpack[Given],
 ) -> BloodGases:
     """Saturation, pH and contents of blood at given partial pressures.
 
     Args:
         po2: partial pressure of oxygen [mmHg].
         pco2: partial pressure of carbon dioxide [mmHg].
+        ph: measured pH of plasma, in place of `base_excess`.
         law: a name of `LAWS`.
         of: `haemoglobin` [g/dL], `base_excess` of fully oxygenated blood [mmol/L], `temperature` [C]; for
             "severinghaus1979" `oxygen_capacity` [mL/g], for "dash2016" `dpg`, 2,3-diphosphoglycerate in
@@ -77,39 +88,116 @@ def gases(
         Arrays of the arguments' common shape.
 
     Raises:
-        ValueError: the law is unknown or does not use an argument, or values are impossible in these units;
-            lists all mistakes.
+        TypeError: there is no such argument, or a value is no number.
+        ValueError: the law is unknown or does not use an argument, or values are impossible in these units
+            or together; lists all mistakes. Values under `jax.jit` and `jax.grad` are not checked.
     """
-    refuse_arguments({"po2": po2, "pco2": pco2, **of}, law)
-    blood = Blood(**of)
-    return _at_pressures(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
+    blood, (po2, pco2) = _checked("gases", {"po2": po2, "pco2": pco2}, ph, law, of)
+    if ph is not None:
+        blood = _with_ph(ph, lambda at: law_named(law).saturation(po2, pco2, at, blood), pco2, blood)
+        po2, pco2 = _common(blood, po2, pco2)
+    found = _at_pressures(po2, pco2, blood, law)
+    refuse_results(found, {"po2": po2, "pco2": pco2}, blood)
+    return found
 
 
 def gases_with_contents(
-    *, oxygen: Array, carbon_dioxide: Array, law: str = "severinghaus1979", **of: Unpack[Given]
+    *, oxygen: Values, carbon_dioxide: Values, law: str = "severinghaus1979", **of: Unpack[Given]
 ) -> BloodGases:
-    """Blood gases at given contents [mL/dL STPD]; NaN if no pressures between 1e-9 and 1e6 mmHg give them.
+    """Blood gases at given contents [mL/dL STPD].
+
+    Contents that no blood of this haemoglobin holds at the pressures allowed in `gases` raise `ValueError`.
+    Under `jax.jit` they are not checked: NaN if no pressures between 1e-9 and 1e6 mmHg give them.
 
     Other arguments and errors as in `gases`.
     """
-    refuse_arguments({**of}, law)
-    blood = Blood(**of)
-    first, second = (_common(oxygen, carbon_dioxide, blood, each) for each in (oxygen, carbon_dioxide))
-    start = np.full(first.shape, math.log(40.0)), np.full(first.shape, math.log(45.0))
-    return _at_contents(start, (first, second), blood, law)
+    given = {"oxygen": oxygen, "carbon_dioxide": carbon_dioxide}
+    blood, wanted = _checked("gases_with_contents", given, None, law, of)
+    none = np.zeros(1, bool) if isinstance(wanted[0], Tracer) else np.asarray(wanted[0]) == 0.0
+    some = np.where(none, TRACE, wanted[0]) if none.any() else wanted[0]
+    start = np.full(some.shape, math.log(40.0)), np.full(some.shape, math.log(45.0))
+    found = _at_contents(start, (some, wanted[1]), blood, law)
+    if none.any():
+        without = _at_pressures(np.zeros(some.shape), found.pco2, blood, law)
+        found = BloodGases(*(jnp.where(none, a, b) for a, b in zip(without, found, strict=True)))
+    refuse_results(found, {"oxygen": wanted[0], "carbon_dioxide": wanted[1]}, blood)
+    return found
 
 
 def gases_with_saturation(
-    *, saturation: Array, pco2: Array = 40.0, law: str = "severinghaus1979", **of: Unpack[Given]
+    *,
+    saturation: Values,
+    pco2: Values = 40.0,
+    ph: Values | None = None,
+    law: str = "severinghaus1979",
+    **of: Unpack[Given],
 ) -> BloodGases:
     """Blood gases at a given saturation [-] and PCO2 [mmHg]; NaN if the saturation is 0 or 1.
 
-    Other arguments and errors as in `gases`.
+    Other arguments and errors as in `gases`. P50 is the PO2 at a saturation of 0.5 with `ph=7.4`: without it
+    the pH is 7.42, since blood of base excess 0 when oxygenated is less acid when it has given off oxygen.
     """
-    refuse_arguments({"saturation": saturation, "pco2": pco2, **of}, law)
-    blood = Blood(**of)
-    wanted, pco2 = _common(saturation, pco2, blood, saturation), _common(saturation, pco2, blood, pco2)
-    return _at_saturation(wanted, pco2, blood, law)
+    given = {"saturation": saturation, "pco2": pco2}
+    blood, (wanted, pco2) = _checked("gases_with_saturation", given, ph, law, of)
+    if ph is not None:
+        blood = _with_ph(ph, lambda _: wanted, pco2, blood)
+        wanted, pco2 = _common(blood, wanted, pco2)
+    found = _at_saturation(wanted, pco2, blood, law)
+    if not isinstance(wanted, Tracer):
+        known = np.where((wanted > 0.0) & (wanted < 1.0), wanted, np.nan)
+        refuse_results(found, {"saturation": known, "pco2": pco2}, blood)
+    return found
+
+
+def base_excess(
+    *,
+    ph: Values,
+    pco2: Values = 40.0,
+    saturation: Values = 1.0,
+    haemoglobin: Values = 15.0,
+    temperature: Values = 37.0,
+) -> Array:
+    """Base excess of fully oxygenated blood [mmol/L] from a measured pH, PCO2 [mmHg] and saturation [-].
+
+    It is the same in arteries, veins and after an oxygenator, and is what the other functions take.
+
+    Raises:
+        TypeError: a value is no number.
+        ValueError: values are impossible in these units or together.
+    """
+    given = {"pco2": pco2, "saturation": saturation}
+    of: Given = {"haemoglobin": haemoglobin, "temperature": temperature}
+    blood, (pco2, saturation) = _checked("base_excess", given, ph, "severinghaus1979", of)
+    return _with_ph(ph, lambda _: saturation, pco2, blood).base_excess
+
+
+def _checked(
+    function: str, given: dict[str, Values], ph: Values | None, law: str, of: Given
+) -> tuple[Blood, list[np.ndarray | jax.Array]]:
+    """Blood, and the values of a function in the arguments' common shape, after checks of all."""
+    measured = {} if ph is None else {"ph": ph}
+    refuse_names(function, of, (*given, *(() if function == "gases_with_contents" else ("ph",))))
+    if measured and "base_excess" in of:
+        raise ValueError("ph and base_excess: one follows from the other; allowed: one of them")
+    law_named(law)
+    refuse_arguments({**given, **measured, **of}, law)
+    blood = blood_of(of)
+    return blood, _common(blood, *given.values())
+
+
+def _with_ph(ph: Values, saturation_at: Callable[[Array], Array], pco2: Array, blood: Blood) -> Blood:
+    """Blood with the base excess that gives a measured pH.
+
+    Args:
+        ph: pH of plasma.
+        saturation_at: oxygen saturation [-] as a function of pH.
+        pco2: partial pressure of carbon dioxide [mmHg].
+        blood: the blood's other properties.
+    """
+    measured = ph if isinstance(ph, jax.Array) else np.asarray(ph, dtype=float)
+    excess = base_excess_of(pco2, measured, saturation_at(measured), blood)
+    refuse_excess(excess, {"ph": measured, "pco2": pco2})
+    return blood._replace(base_excess=excess)
 
 
 def equilibrium(po2: Array, pco2: Array, blood: Blood, law: str) -> BloodGases:
@@ -199,12 +287,15 @@ def _at_saturation(wanted: jax.Array, pco2: jax.Array, blood: Blood, law: str) -
     )
 
 
-def _common(first: Array, second: Array, blood: Blood, chosen: Array) -> np.ndarray | jax.Array:
-    """Broadcast an argument to the common shape of all.
+def _common(blood: Blood, *values: Values) -> list[np.ndarray | jax.Array]:
+    """Broadcast values to the common shape of all, and of the properties of `blood`.
 
     Numbers stay in NumPy: one JAX operation outside a compiled program takes as long as the whole program.
     """
-    shape = np.broadcast_shapes(*map(np.shape, (first, second, *blood)))
-    if isinstance(chosen, jax.Array):
-        return jnp.broadcast_to(jnp.asarray(chosen, dtype=float), shape)
-    return np.broadcast_to(np.asarray(chosen, dtype=float), shape)
+    shape = np.broadcast_shapes(*map(np.shape, (*values, *blood)))
+    return [
+        jnp.broadcast_to(jnp.asarray(value, dtype=float), shape)
+        if isinstance(value, jax.Array)
+        else np.broadcast_to(np.asarray(value, dtype=float), shape)
+        for value in values
+    ]

@@ -27,6 +27,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, field_validator
 
 from eclsim.crrt_study.limits import LIMITS, Limit, any_bounded
+from eclsim.outputs.registry import find_output, unavailable
 from eclsim.spelling import spelling_hint
 
 FLOW = "largest_flow"
@@ -262,7 +263,11 @@ def read_rule(source: str | Path | Mapping[str, object] | Rule | None) -> Rule:
         place = str(source)
         try:
             content = {"name": Path(place).stem, **tomllib.loads(Path(place).read_text(encoding="utf-8"))}
-        except (OSError, ValueError) as error:
+        except FileNotFoundError:
+            raise RuleError(f"{place}: no such file") from None
+        except OSError as error:
+            raise RuleError(f"{place}: cannot be read: {error.strerror or error}") from None
+        except ValueError as error:
             raise RuleError(f"{place}: cannot be read as TOML: {error}") from None
     try:
         return _RuleFile.model_validate(content).rule()
@@ -291,10 +296,15 @@ def check_quantities(rule: Rule, known: Collection[str]) -> None:
     names = (*RULE_QUANTITIES, *known)
     lines = [
         f"{rule.name}: quantity = '{c.quantity}': not computed for this case; "
-        f"allowed: {', '.join(RULE_QUANTITIES)}, "
-        f"any output of it{spelling_hint(c.quantity, names)}"
+        f"allowed: {', '.join(RULE_QUANTITIES)}, any output of it{_advice(c.quantity, names)}"
         for c in rule.criteria
         if c.quantity not in names
     ]
     if lines:
         raise RuleError("\n".join(lines))
+
+
+def _advice(name: str, names: Collection[str]) -> str:
+    """What the case file lacks for an output, or the nearest spelling of a quantity."""
+    needed = unavailable(name, [known for known in names if find_output(known) is not None])
+    return needed if find_output(name) is not None else spelling_hint(name, names)

@@ -3,19 +3,21 @@
 The fitted patient has a value for every output. Where few measurements were made it is one of many: another
 patient meets them as well with a cardiac output ten times as large. The interval of an output holds its
 first-order 90 % interval and the values of all other fits, by other starts of the search or with a parameter
-held elsewhere, that meet the measurements within 90 %. A wider one may exist.
+held elsewhere, that meet the measurements within 90 %. A wider one may exist. It ends where no beat can be:
+derivatives know no bounds, and led to diastolic pressures below 0 and systolic ones below the mean.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from eclsim.identification.held_parameters import KEY_OUTPUTS
 from eclsim.identification.objective import NORMAL_90
-from eclsim.identification.quantities import unit_of
+from eclsim.identification.quantities import possible_range, unit_of
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, measurement_errors
 
@@ -25,6 +27,8 @@ FIRST = KEY_OUTPUTS[0]
 """Output without which most others of a patient are not known."""
 READ_OFF = ("SP", "DP", "MAP", "MPAP", "PCWP", "CVP", "CO")
 """Outputs that every reader takes off a fitted patient, so that a fit that leaves one open is not good."""
+ASCENDING = ("DP", "MAP", "SP")
+"""Lowest, mean and highest pressure of one vessel: in every beat none is above the next."""
 ONE_OF_MANY = "in the fitted patient, one of many who meet the measurements"
 
 
@@ -61,14 +65,21 @@ def output_intervals(
         measured: names of the outputs that were measured.
         uncertainties: standard uncertainties of measurements that differ from the defaults.
     """
-    result = {}
+    free, possible = {}, {}
     for k, (name, value) in enumerate(fitted.items()):
         reach = NORMAL_90 * (deviations[k] if np.isfinite(deviations[k]) else 0.0)
-        known = np.array([value - reach, value + reach, *others[:, k][np.isfinite(others[:, k])]])
-        low, high = float(known.min()), float(known.max())
-        if unit_of(name) == "L/min" and value >= 0.0:
-            low = max(low, 0.0)
-        result[name] = _judged(name, value, (low, high), name in measured, uncertainties)
+        ends = np.array([value - reach, value + reach])
+        met = np.array([value, *others[:, k][np.isfinite(others[:, k])]])
+        lowest, highest = _range_of(name, value)
+        free[name] = _span((*ends, *met))
+        possible[name] = _span((*np.clip(ends, lowest, highest), *met))
+    possible = _in_order(possible)
+    result = {
+        name: OutputInterval(
+            *possible[name], _follows(name, value, free[name], name in measured, uncertainties)
+        )
+        for name, value in fitted.items()
+    }
     return _with_the_flow(result, measured)
 
 
@@ -84,7 +95,8 @@ def widened(
     for name, (low, high) in reaches.items():
         own = intervals[name]
         ends = min(low, own.low), max(high, own.high)
-        result[name] = _judged(name, fitted[name], ends, name in measured, uncertainties)
+        follows = _follows(name, fitted[name], ends, name in measured, uncertainties)
+        result[name] = OutputInterval(*ends, own.determined and follows)
     return _with_the_flow(result, measured)
 
 
@@ -99,18 +111,43 @@ def _with_the_flow(
     return result
 
 
-def _judged(
+def _range_of(name: str, value: float) -> tuple[float, float]:
+    """Values that an output can have beside the fitted one, whose flow runs in one direction."""
+    lowest, highest = possible_range(name)
+    return max(lowest, 0.0) if unit_of(name) == "L/min" and value >= 0.0 else lowest, highest
+
+
+def _span(values: Iterable[float]) -> tuple[float, float]:
+    """Smallest and largest of some values."""
+    known = np.array([*values])
+    return float(known.min()), float(known.max())
+
+
+def _in_order(ends: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Ends of intervals without pressures that would be above the next of `ASCENDING`, or below the last."""
+    result = dict(ends)
+    present = [name for name in ASCENDING if name in result]
+    for lower, higher in pairwise(present):
+        low, high = result[higher]
+        result[higher] = max(low, result[lower][0]), high
+    for lower, higher in reversed([*pairwise(present)]):
+        low, high = result[lower]
+        result[lower] = low, min(high, result[higher][1])
+    return result
+
+
+def _follows(
     name: str,
     value: float,
     ends: tuple[float, float],
     measured: bool,
     uncertainties: Mapping[str, Uncertainty],
-) -> OutputInterval:
-    """Return an interval, and whether the measurements determine the output."""
+) -> bool:
+    """Whether an output was measured, or follows from what was: its ends, not cut at a bound, are near."""
     if measured or name not in DEFAULTS or not np.isfinite(value):
-        return OutputInterval(*ends, measured)
+        return measured
     of_measurement = 2.0 * NORMAL_90 * measurement_errors({name: value}, uncertainties)[name]
-    return OutputInterval(*ends, ends[1] - ends[0] <= WIDEST_DETERMINED * of_measurement)
+    return ends[1] - ends[0] <= WIDEST_DETERMINED * of_measurement
 
 
 def undetermined_reasons(
