@@ -12,6 +12,8 @@ from eclsim.arguments import Kind, article, number_of, written
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
 from eclsim.circuit.network import Circuit
+from eclsim.circuit.own_laws import mistakes_of_own_laws
+from eclsim.devices.device import DeviceError
 from eclsim.parameters.regulation import SET_POINT, SOLVED_FOR, VENOUS_SET_POINT
 from eclsim.spelling import spelling_hint
 
@@ -76,6 +78,8 @@ class Model:
         if others := [n for n in names if type(self.values[n]) is not float]:
             numbers = {n: number_of(n, self.values[n]) for n in others}
             object.__setattr__(self, "values", {**self.values, **numbers})
+        if mistakes := mistakes_of_own_laws(self.circuit, self.values):
+            raise DeviceError("\n".join(mistakes))
 
     def __repr__(self) -> str:
         parts = f"{len(self.circuit.compartments)} compartments, {len(self.circuit.connections)} connections"
