@@ -18,6 +18,7 @@ from eclsim.cases.reading import case_text
 from eclsim.cases.sections import MEASURED
 from eclsim.cli import main
 from eclsim.devices import Device, Section, highest, registry
+from eclsim.devices.device import Naming
 from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device
 from eclsim.identification.posterior import predict
 from eclsim.identification.quantities import predicted_outputs, unit_of
@@ -361,3 +362,30 @@ def test_work_that_is_resumed_knows_the_file_of_a_device(tmp_path):
     opened(FILE.read_text())
     with pytest.raises(ExecutionError, match=r"\(model\.device_files\.rvad\); choose another"):
         opened(FILE.read_text() + "\n# another law\n")
+
+
+LONG = "percutaneous right ventricular assist device for a failing right heart"
+
+
+def test_a_long_name_leaves_the_instance_readable(rvad):
+    """The end of a name was cut, so that two of a kind had the same title."""
+    one, two = Naming(type("Long", (type(rvad),), {"name": LONG})(), "left_leg"), Naming(rvad, "left" * 9)
+    assert one.cut(one.label, 40) == "percutaneous right ventricular… left_leg"
+    assert one.cut("short left_leg", 40) == "short left_leg"
+    assert len(two.cut(two.label, 28)) <= 28
+    assert Naming(one.device).cut(LONG, 20) == "percutaneous right…"
+
+
+@pytest.mark.filterwarnings("error")
+def test_figures_of_a_long_name_have_room(beats, rvad):
+    """The axes collapsed to nothing, and a warning of the layout was printed."""
+    long = type("Long", (type(rvad),), {"name": LONG})
+    register_device(long)
+    _, beat = beats["two"]
+    beat = beat.rename({name: name.replace("rvad.a.", "rvad.right_leg_with_a_long_name.") for name in beat})
+    for figure in (plot_mean_flows(beat), plot_waveforms(beat, "rvad.right_leg_with_a_long_name")):
+        figure.canvas.draw()
+        assert min(ax.get_window_extent().width for ax in figure.axes) > 100.0
+    shown = [text.get_text() for ax in figure.axes for text in ax.get_legend().get_texts()]
+    assert "before RVAD pump" in shown
+    assert not any("long_name" in text for text in shown)

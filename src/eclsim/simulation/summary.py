@@ -140,6 +140,10 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
     return table
 
 
+_TITLE = 40
+"""Length of a device's title in the table; a longer one would leave no room for descriptions."""
+
+
 def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     """Titles and outputs of the groups, with the flows of devices among those of the patient."""
     outputs = (named_output(str(name)) for result in results for name in result.data_vars)
@@ -149,7 +153,8 @@ def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     flows = tuple(name for instance in instances for name in instance.flows())
     groups = [one for one in _GROUPS if one[0] != _REGULATION or any(map(_is_regulated, results))]
     of_patient = [(title, names + flows if title == "Flows" else names) for title, names in groups]
-    return [*of_patient, *(group for instance in instances for group in instance.tabled())]
+    own = ((one.cut(title, _TITLE), names) for one in instances for title, names in one.tabled())
+    return [*of_patient, *own]
 
 
 def _is_regulated(result: xr.Dataset) -> bool:
