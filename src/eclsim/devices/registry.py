@@ -460,6 +460,12 @@ def named_output(name: str) -> tuple[Naming, Output] | None:
     return next(((names, entry) for entry in device.outputs if names.output(entry.name) == name), None)
 
 
+def flows_of_own_devices(outputs: Iterable[str]) -> tuple[str, ...]:
+    """Mean flows of users' devices among the names of outputs; tables show them beside the patient's."""
+    known = ((name, named_output(name)) for name in outputs)
+    return tuple(name for name, one in known if one and is_of_user(one[0].device) and one[1].unit == "L/min")
+
+
 def naming_of(group: str) -> Naming | None:
     """Instance of a device for a group such as "lvad.left"; None for the patient and users' groups."""
     return next(iter(namings([group])), None)

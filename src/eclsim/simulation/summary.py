@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.description import placed_sentence
-from eclsim.devices.registry import devices, named_output
+from eclsim.devices.registry import devices, flows_of_own_devices, named_output
 from eclsim.outputs.regulation import FACTORS, REGULATED
 from eclsim.reporting.beat_values import legend_of_marks, marks_of
 from eclsim.reporting.numbers import text_table
@@ -269,7 +269,8 @@ _SWEPT = (
 
 def sweep_text(sweep: Sweep) -> str:
     """Table with one row for each value; without a steady beat it has the reason instead of numbers."""
-    columns = [name for name in _SWEPT if any(name in result for result in sweep.results)]
+    present = dict.fromkeys(str(name) for result in sweep.results for name in result.data_vars)
+    columns = [name for name in _SWEPT if name in present] + [*flows_of_own_devices(present)]
     solved = any(map(solved_speed_of, sweep.results))
     head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
     head += (["rpm"] if solved else []) + [f"{_SHORT_HEADS.get(name, name)} " for name in columns] + ["beat"]
