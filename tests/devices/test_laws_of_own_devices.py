@@ -11,7 +11,7 @@ import pytest
 from eclsim.circuit import Circuit, Compartment, Connection, Exchange
 from eclsim.circuit.own_laws import mistakes_of_own_laws
 from eclsim.cli import main
-from eclsim.components import ElasticVessel, GasExchanger, Resistance, RotaryPump
+from eclsim.components import ElasticVessel, GasExchanger, Resistance, RotaryPump, Storage
 from eclsim.components import Path as BloodPath
 from eclsim.components.base import Key, value_of
 from eclsim.devices import Device, Parameter, Section, number, patient_site
@@ -116,6 +116,26 @@ def test_rates_of_an_exchanger_are_finite(permeance, said):
     (*found,) = mistakes_of_own_laws(circuit, blood)
     assert said in "".join(found)
     assert bool(found) == bool(said)
+
+
+def store(pressure) -> Circuit:
+    own = dataclass(frozen=True)(type("Own", (Storage,), {"pressure": pressure}))
+    return Circuit((Compartment("sac", own()),))
+
+
+@pytest.mark.parametrize(
+    ("pressure", "said"),
+    [
+        (lambda self, v, a, c: (v, 1.0), ""),
+        (lambda self, v, a, c: (jnp.log(v), 1.0 / v), ""),  # not finite at 0 alone
+        (lambda self, v, a, c: (jnp.sqrt(-1.0 - v), 1.0), "its pressure is finite at no volume"),
+        (lambda self, v, a, c: (v, jnp.where(a > 0.9, jnp.inf, 1.0)), "its stiffness is finite at no volume"),
+        (lambda self, v, a, c: (v, 1.0) if v > 0.0 else (0.0, 1.0), r"line \d+\): a law is compiled"),
+    ],
+)  # fmt: skip
+def test_a_store_without_a_pressure_is_named(pressure, said):
+    found = "\n".join(mistakes_of_own_laws(store(pressure), {}))
+    assert re.search(f"compartment 'sac' \\(Own\\): .*{said}", found) if said else found == "", found
 
 
 def test_the_pulsatile_element_of_the_documentation_works():

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from eclsim.circuit.network import Circuit
-from eclsim.components.base import Component, Path
+from eclsim.components.base import Component, Path, Storage
 from eclsim.components.exchangers import GasExchanger, Points
 from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
@@ -32,6 +32,8 @@ _ROUNDING = 1e-10
 """Fall between two samples, as a share of the drop, that is rounding."""
 _GASES = ((40.0, 46.0), (90.0, 40.0), (400.0, 30.0))
 """Partial pressures of oxygen and carbon dioxide [mmHg] of venous, arterial and oxygenated blood."""
+_VOLUMES_ML = np.linspace(0.0, 200.0, 41)
+"""Volumes at which the law of a store is sampled."""
 _COMPILED = "a law is compiled: write jnp.where in place of if, jnp in place of math and NumPy, no float()"
 _RULE = "the drop, upstream minus downstream, must rise with the flow; see docs/add-a-component.md"
 
@@ -68,14 +70,15 @@ def cause(error: Exception, frame_of: str = "") -> str:
 
 
 @lru_cache(maxsize=256)
-def _own(circuit: Circuit) -> tuple[tuple[Path | GasExchanger, str], ...]:
+def _own(circuit: Circuit) -> tuple[tuple[Path | Storage | GasExchanger, str], ...]:
     """Laws from outside the package that are checked, each with its place in words."""
+    stores = ((c.component, f"compartment '{c.name}'") for c in circuit.compartments)
     paths = ((c.component, f"connection '{c.name}'") for c in circuit.connections)
     exchanges = ((e.component, f"exchange '{e.name}'") for e in circuit.exchanges)
     return tuple(
         (law, what)
-        for law, what in (*paths, *exchanges)
-        if is_own(law) and (isinstance(law, GasExchanger) or (isinstance(law, Path) and not law.given_flow))
+        for law, what in (*stores, *paths, *exchanges)
+        if is_own(law) and isinstance(law, tuple(_CHECKS)) and not (isinstance(law, Path) and law.given_flow)
     )
 
 
@@ -86,9 +89,9 @@ def _allowed(law: Component, values: Mapping[str, float]) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _fault(law: Path | GasExchanger, given: tuple[tuple[str, float], ...]) -> str:
+def _fault(law: Path | Storage | GasExchanger, given: tuple[tuple[str, float], ...]) -> str:
     """What is wrong with a law at its parameter values; empty if nothing is."""
-    check = _fault_of_path if isinstance(law, Path) else _fault_of_exchanger
+    check = next(check for kind, check in _CHECKS.items() if isinstance(law, kind))
     values = dict(given)
     try:
         return check(law, values)
@@ -101,11 +104,8 @@ def _fault(law: Path | GasExchanger, given: tuple[tuple[str, float], ...]) -> st
 
 def _file_of(law: Component) -> str:
     """File that defines a law."""
-    return type(law).pressure_drop.__code__.co_filename if isinstance(law, Path) else _rates(law)
-
-
-def _rates(law: Component) -> str:
-    return type(law).rates.__code__.co_filename if isinstance(law, GasExchanger) else ""
+    methods = (getattr(type(law), name, None) for name in ("pressure_drop", "pressure", "rates"))
+    return next(method.__code__.co_filename for method in methods if method is not None)
 
 
 def _unnamed(law: Component, name: str, values: Mapping[str, float]) -> str:
@@ -176,6 +176,21 @@ def _range(flows: Iterable[float]) -> str:
     return f"at {low:.3g} L/min" if low == high else f"between {low:.3g} and {high:.3g} L/min"
 
 
+def _fault_of_storage(law: Any, values: Mapping[str, float]) -> str:
+    constants = law.constants(values)
+
+    def pressure(volume: Any) -> tuple[Any, Any]:
+        moments = (law.pressure(volume, activation, constants) for activation in (0.0, 0.5, 1.0))
+        pressures, stiffnesses = zip(*moments, strict=True)
+        return jnp.stack(jnp.broadcast_arrays(*pressures)), jnp.stack(jnp.broadcast_arrays(*stiffnesses))
+
+    found = jax.vmap(pressure)(jnp.asarray(_VOLUMES_ML))
+    for what, numbers in zip(("pressure", "stiffness"), map(np.asarray, found), strict=True):
+        if not np.isfinite(numbers).any(axis=0).all():
+            return f"its {what} is finite at no volume from 0 to {_VOLUMES_ML[-1]:g} mL"
+    return ""
+
+
 def _fault_of_exchanger(law: Any, values: Mapping[str, float]) -> str:
     for oxygen, carbon_dioxide in _GASES:
         pressure = jnp.repeat(jnp.array([[oxygen], [carbon_dioxide]]), law.points, axis=1)
@@ -188,3 +203,10 @@ def _fault_of_exchanger(law: Any, values: Mapping[str, float]) -> str:
         if not np.isfinite(rates).all():
             return f"`rates` is not finite {at}: correct the law, not the patient's ventilation"
     return ""
+
+
+_CHECKS: dict[type, Callable[[Any, Mapping[str, float]], str]] = {
+    Path: _fault_of_path,
+    Storage: _fault_of_storage,
+    GasExchanger: _fault_of_exchanger,
+}
