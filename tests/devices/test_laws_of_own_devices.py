@@ -8,15 +8,18 @@ from typing import Annotated, ClassVar
 import jax.numpy as jnp
 import pytest
 
+from eclsim.cases import read_mapping
 from eclsim.circuit import Circuit, Compartment, Connection, Exchange
 from eclsim.circuit.own_laws import mistakes_of_own_laws
 from eclsim.cli import main
 from eclsim.components import ElasticVessel, GasExchanger, Resistance, RotaryPump, Storage
 from eclsim.components import Path as BloodPath
 from eclsim.components.base import Key, value_of
+from eclsim.course.timeline import Timeline
 from eclsim.devices import Device, Parameter, Section, number, patient_site
 from eclsim.devices.registry import DeviceError, forget_device, register_device
 from eclsim.orbit.model import Model
+from eclsim.orbit.status import Status
 from eclsim.outputs.results import simulate
 from model_catalogue import model
 
@@ -116,6 +119,11 @@ def test_rates_of_an_exchanger_are_finite(permeance, said):
     (*found,) = mistakes_of_own_laws(circuit, blood)
     assert said in "".join(found)
     assert bool(found) == bool(said)
+
+
+def test_numbers_that_are_not_finite_may_come_from_a_law():
+    """Only parameters were blamed."""
+    assert "a law of your own gives no finite number" in Status.NOT_FINITE.message
 
 
 def store(pressure) -> Circuit:
@@ -218,6 +226,20 @@ def test_a_circuit_with_a_mistake_is_refused_when_it_is_registered(changes, said
                 register_device(made)
         else:
             register_device(made)
+    finally:
+        forget_device("shunt")
+
+
+def test_an_event_of_a_course_that_makes_a_law_fall_is_named():
+    """The course went on with the beat that creates blood."""
+    own = law(lambda self, q, c: q - jnp.where(value_of(c, self.resistance) < 0.5, 40.0, 0.0) * jnp.tanh(q))
+    patient = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
+    event = {"at_min": 1, "set": {"shunt.opening": 0.1}}
+    raw = {"format": 1, "patient": patient, "shunt": {"site": "ao"}, "events": [event]}
+    register_device(type("ShuntDevice", (ShuntDevice,), {"outlet": own("shunt.opening")}))
+    try:
+        with pytest.raises(DeviceError, match=r"events\[1\]: connection 'shuntout'.*its pressure drop falls"):
+            assert Timeline(read_mapping(raw).case, 120.0).changes
     finally:
         forget_device("shunt")
 

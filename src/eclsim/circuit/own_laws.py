@@ -70,7 +70,7 @@ def cause(error: Exception, frame_of: str = "") -> str:
 
 
 @lru_cache(maxsize=256)
-def _own(circuit: Circuit) -> tuple[tuple[Path | Storage | GasExchanger, str], ...]:
+def _own(circuit: Circuit) -> tuple[tuple[Component, str], ...]:
     """Laws from outside the package that are checked, each with its place in words."""
     stores = ((c.component, f"compartment '{c.name}'") for c in circuit.compartments)
     paths = ((c.component, f"connection '{c.name}'") for c in circuit.connections)
@@ -89,7 +89,7 @@ def _allowed(law: Component, values: Mapping[str, float]) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _fault(law: Path | Storage | GasExchanger, given: tuple[tuple[str, float], ...]) -> str:
+def _fault(law: Component, given: tuple[tuple[str, float], ...]) -> str:
     """What is wrong with a law at its parameter values; empty if nothing is."""
     check = next(check for kind, check in _CHECKS.items() if isinstance(law, kind))
     values = dict(given)
