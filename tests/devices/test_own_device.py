@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from eclsim.app.display import display
 from eclsim.app.drawing import drawing_of
@@ -17,17 +18,21 @@ from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import case_text
 from eclsim.cases.sections import MEASURED
 from eclsim.cli import main
-from eclsim.devices import Device, Section, highest, registry
+from eclsim.devices import Device, Section, Views, check_sites, highest, registry
+from eclsim.devices.device import Naming
 from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device
 from eclsim.identification.posterior import predict
 from eclsim.identification.quantities import predicted_outputs, unit_of
+from eclsim.inputs.mistakes import Remarks
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.parameter import Parameter
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.sensitivity.inputs import InputError, varied_inputs
 from eclsim.simulation.figures import available_parts, plot_mean_flows, plot_waveforms
-from eclsim.simulation.summary import show
+from eclsim.simulation.panels import panels_of
+from eclsim.simulation.summary import show, sweep_text
+from eclsim.simulation.sweep import Sweep
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILE, CASE = EXAMPLES / "percutaneous_rvad.py", EXAMPLES / "percutaneous_rvad.toml"
@@ -183,7 +188,10 @@ def test_its_settings_are_inputs_of_a_sensitivity_analysis(rvad):
     values = model_of(case).values
     design = varied_inputs(case, values, parameters=("Rmc",), include=("rvad.speed_rpm", "Crvadin"))
     assert [one.name for one in design.inputs] == ["Rmc", "rvad.speed_rpm", "Crvadin"]
-    with pytest.raises(InputError, match=r"rvad\.speed_rpm: the perturbation reaches .* 1000 to 5000"):
+    with pytest.raises(
+        InputError,
+        match=r"rvad\.speed_rpm: the perturbation reaches .* 1000 to 5000; .* --range rvad\.speed_rpm=1000:",
+    ):
         varied_inputs(case, values, parameters=(), include=("rvad.speed_rpm",), perturbation_percent=50.0)
 
 
@@ -361,3 +369,59 @@ def test_work_that_is_resumed_knows_the_file_of_a_device(tmp_path):
     opened(FILE.read_text())
     with pytest.raises(ExecutionError, match=r"\(model\.device_files\.rvad\); choose another"):
         opened(FILE.read_text() + "\n# another law\n")
+
+
+LONG = "percutaneous right ventricular assist device for a failing right heart"
+
+
+def test_a_long_name_leaves_the_instance_readable(rvad):
+    """The end of a name was cut, so that two of a kind had the same title."""
+    one, two = Naming(type("Long", (type(rvad),), {"name": LONG})(), "left_leg"), Naming(rvad, "left" * 9)
+    assert one.cut(one.label, 40) == "percutaneous right ventricular… left_leg"
+    assert one.cut("short left_leg", 40) == "short left_leg"
+    assert len(two.cut(two.label, 28)) <= 28
+    assert Naming(one.device).cut(LONG, 20) == "percutaneous right…"
+
+
+@pytest.mark.filterwarnings("error")
+def test_figures_of_a_long_name_have_room(beats, rvad):
+    """The axes collapsed to nothing, and a warning of the layout was printed."""
+    long = type("Long", (type(rvad),), {"name": LONG})
+    register_device(long)
+    _, beat = beats["two"]
+    beat = beat.rename({name: name.replace("rvad.a.", "rvad.right_leg_with_a_long_name.") for name in beat})
+    for figure in (plot_mean_flows(beat), plot_waveforms(beat, "rvad.right_leg_with_a_long_name")):
+        figure.canvas.draw()
+        assert min(ax.get_window_extent().width for ax in figure.axes) > 100.0
+    shown = [text.get_text() for ax in figure.axes for text in ax.get_legend().get_texts()]
+    assert "before RVAD pump" in shown
+    assert not any("long_name" in text for text in shown)
+
+
+def test_its_flow_is_in_the_table_of_a_sweep_and_of_a_course(beats, rvad, capsys):
+    """It was in neither, even when its own key was varied."""
+    _, beat = beats["alone"]
+    sweep = Sweep("P", "rvad.speed_rpm", "rpm", (1500.0,), 1500.0, (beat,))
+    assert " rvad_flow " in sweep_text(sweep).splitlines()[1]
+    with pytest.raises(SystemExit):
+        main(["--device", str(FILE), "course", str(CASE), "--until", "0.1"])
+    assert "rvad_flow [L/min]" in capsys.readouterr().out
+
+
+def test_its_flow_is_in_the_figure_of_a_sweep_without_a_curve(rvad):
+    register_device(type("Plain", (type(rvad),), {"views": Views()}))
+    table = xr.Dataset(dict.fromkeys(("CO", "rvad_flow", "rvad_head"), 1.0))
+    (flows,) = [panel for panel in panels_of(table) if panel.unit == "L/min"]
+    assert "rvad_flow" in flows.names
+    assert "rvad_head" not in flows.names
+
+
+def test_a_shunt_that_is_meant_is_not_doubted():
+    sites = {"inlet_site": "ao", "outlet_site": "ra"}
+    doubted, meant = Remarks(), Remarks()
+    check_sites("avs", sites, "inlet_site", "outlet_site", doubted)
+    check_sites("avs", sites, "inlet_site", "outlet_site", meant, shunt=True)
+    assert "arterio-venous shunt" in str(doubted.warnings[0])
+    assert meant.warnings == []
+    check_sites("avs", sites | {"outlet_site": "ao"}, "inlet_site", "outlet_site", meant, shunt=True)
+    assert meant.mistakes

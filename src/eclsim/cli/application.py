@@ -6,6 +6,7 @@ import io
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -173,17 +174,32 @@ def run(arguments: Sequence[str] | None = None) -> None:
         if "pip install" not in str(error):
             raise
         fail(error)
-    except ValueError as error:
-        from eclsim.devices.device import DeviceError
-
-        if not isinstance(error, DeviceError):
-            raise
-        fail(f"--device: {error}")
     except OSError as error:
         _redirect_to_null(sys.stdout)
         fail(f"{error.filename or 'standard output'}: {error.strerror or error}")
+    except Exception as error:
+        fault = _fault_of_own_device(error)
+        if not fault:
+            raise
+        fail(f"--device{fault}")
     finally:
         _flush()
+
+
+def _fault_of_own_device(error: Exception) -> str:
+    """Text for an error that a user's device causes; empty for one of the package."""
+    from eclsim.circuit.own_laws import cause
+    from eclsim.circuit.validation import CircuitError
+    from eclsim.devices.registry import DeviceError, own_files
+    from eclsim.orbit.model import UnknownValueError
+
+    if isinstance(error, DeviceError):
+        return f": {error}"
+    files = own_files()
+    if files and isinstance(error, (CircuitError, UnknownValueError)):
+        return f" {', '.join(files)}: {error}"
+    run_through = {at.filename for at in traceback.extract_tb(error.__traceback__)}
+    return next((f" {file}: {cause(error, file)}" for file in files if file in run_through), "")
 
 
 class _StoppedError(SystemExit):

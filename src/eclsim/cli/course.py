@@ -377,12 +377,14 @@ def _text(result: xr.Dataset) -> str:
     from eclsim.course.alarms import NO_PATIENT
     from eclsim.course.drug import drug_in_words
     from eclsim.course.result import impossible_moments, spans_in_words, undetermined_moments
+    from eclsim.devices.registry import flows_of_own_devices
 
     if not result.sizes["time_min"]:
         return "no moment of this course has a steady beat"
     spans = spans_in_words(result, reasons=True)
     seconds = bool(result.attrs["beat_by_beat"] or spans)
-    names = [name for name in SHOWN_OUTPUTS if name in result]
+    own = flows_of_own_devices(map(str, result.data_vars))
+    names = [name for name in (*SHOWN_OUTPUTS, *own) if name in result]
     impossible, unchanged = impossible_moments(result), _is_unchanged(result)
     rows = [
         (

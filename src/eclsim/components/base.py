@@ -7,6 +7,7 @@ or array (one entry per patient of a batch), so one formula serves a single pati
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -65,7 +66,7 @@ class Component:
     """Fields whose parameters must not be negative, such as a resistance."""
 
     def _keys(self) -> tuple[str, ...]:
-        return tuple(f.name for f in fields(self) if f.type in ("Key", "Key | None", Key))  # pyright: ignore[reportArgumentType]  # laws are dataclasses
+        return tuple(f.name for f in fields(self) if _is_key(f.type))  # pyright: ignore[reportArgumentType]  # laws are dataclasses
 
     def names_of(self, wanted: Iterable[str]) -> tuple[str, ...]:
         """Names of the parameters in the given fields."""
@@ -98,6 +99,16 @@ class Derived(Component, ABC):
 
 Key = str | float | tuple[str, ...] | Derived
 """Source of a value: a parameter's name, a number, names whose values are summed, or a derived value."""
+
+
+_KEY_WRITTEN = re.compile(r"(Optional\[)?(\w+\.)*Key( \| None)?\]?")
+
+
+def _is_key(annotation: object) -> bool:
+    """Whether a field's annotation is `Key`, with `None` or without; text where annotations are postponed."""
+    if isinstance(annotation, str):
+        return _KEY_WRITTEN.fullmatch(annotation.removeprefix("typing.")) is not None
+    return annotation in (Key, Key | None)
 
 
 @dataclass(frozen=True)

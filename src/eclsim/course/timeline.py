@@ -18,7 +18,7 @@ from eclsim.cases.settings import put_in
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import start_volume
 from eclsim.inputs.mistakes import CaseError, Mistake
-from eclsim.orbit.model import circuit_of, values_of
+from eclsim.orbit.model import circuit_of, refuse_faulty_laws, values_of
 from eclsim.parameters import dialysed_drug as keys
 from eclsim.parameters.fluid import SOLUTES_FOLLOWED
 from eclsim.parameters.regulation import (
@@ -130,7 +130,9 @@ class Timeline:
     @cached_property
     def start(self) -> tuple[Circuit, dict[str, float]]:
         """Circuit and parameters at minute 0, without the effect of events at minute 0."""
-        return circuit_of(self.start_case), self.values_of(self.start_case, self.overrides)
+        circuit, values = circuit_of(self.start_case), self.values_of(self.start_case, self.overrides)
+        refuse_faulty_laws(circuit, values)
+        return circuit, values
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
@@ -147,6 +149,7 @@ class Timeline:
             if connected != circuit:
                 _refuse_ramp(event, n)
                 circuit = connected
+            refuse_faulty_laws(circuit, after, f"events[{n}]: ")
             keys = [key for key, value in after.items() if not _is_unchanged(values.get(key), value)]
             before = {key: values.get(key, 0.0) for key in keys}
             begin = event.at_min * MINUTE

@@ -255,6 +255,15 @@ class Naming:
         """Label, such as "LVAD" or "LVAD left"."""
         return f"{self.device.name} {self.name}".strip()
 
+    def cut(self, text: str, limit: int) -> str:
+        """A label in at most `limit` characters; the instance's name at its end stays, to tell two apart."""
+        if len(text) <= limit:
+            return text
+        end = f" {self.name}" if self.name and text.endswith(f" {self.name}") else ""
+        half = limit // 3
+        end = end if len(end) <= 2 * half else f"{end[:half]}…{end[1 - half :]}"
+        return f"{text[: limit - 1 - len(end)].rstrip()}…{end}"
+
     def place(self, name: str) -> str:
         """Name of one of its compartments or connections."""
         return f"{self.key}.{name}" if self.name else name

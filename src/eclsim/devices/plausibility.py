@@ -30,7 +30,9 @@ def patient_site(description: str, *, required: bool = True) -> Field:
     return one_of(description, tuple(PATIENT_SITES), required=required)
 
 
-def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remarks, more: str = "") -> None:
+def check_sites(
+    key: str, values: Raw, source: str, target: str, remarks: Remarks, more: str = "", shunt: bool = False
+) -> None:
     """Report a device that pumps in a circle, or back to a site that the heart's flow passes earlier.
 
     Args:
@@ -40,6 +42,7 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
         target: name of the key of the site to which blood is pumped.
         remarks: collects mistakes, warnings and notes.
         more: what is said of equal sites besides.
+        shunt: whether a flow back to an earlier site is what the device is for, and no mistake.
     """
     taken_from, given_to = values.get(source), values.get(target)
     if taken_from is None or given_to is None:
@@ -47,7 +50,7 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
     if taken_from == given_to:
         message = f"the same as {source}: the device would pump in a circle{more}"
         remarks.error(f"{key}.{target}", message, shown(given_to), "a compartment other than " + source)
-    elif pumps_back(taken_from, given_to):
+    elif not shunt and pumps_back(taken_from, given_to):
         reason = "against the heart's own flow"
         if taken_from in AFTER_LUNGS and given_to not in AFTER_LUNGS:
             arterial = taken_from in ARTERIAL_SITES

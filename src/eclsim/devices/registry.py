@@ -27,6 +27,7 @@ from eclsim.devices.lvad import LVAD, Lvad
 from eclsim.devices.products import Product
 from eclsim.devices.renox import RENOX, Renox
 from eclsim.devices.septostomy import SEPTOSTOMY, Septostomy
+from eclsim.devices.trial import try_device
 from eclsim.devices.vent import VENT, Vent
 from eclsim.inputs.sections import Section
 from eclsim.parameters import patient_parameters
@@ -133,10 +134,13 @@ def register_device(device: AnyDevice | type[AnyDevice]) -> AnyDevice:
         device: a device, or its class; a device with the same key, as in a rerun notebook, is replaced.
 
     Raises:
-        DeviceError: The key, section, parameters, outputs, limits or waveforms are not valid.
+        DeviceError: The key, section, parameters, outputs, limits or waveforms are not valid, or the circuit
+            of the `usual` section cannot be simulated.
     """
     made = device() if isinstance(device, type) else device
     _check(made)
+    others = (*_PACKAGE, *(other for key, other in _OTHERS.items() if key != made.key))
+    try_device(made, others, RESERVED)
     _OTHERS[made.key] = made
     _at_present.cache_clear()
     return made
@@ -181,7 +185,8 @@ def load_device_file(file: str) -> list[AnyDevice]:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        raise DeviceError(f"{file}: {type(error).__name__}: {error}") from error
+        what = str(error) if isinstance(error, DeviceError) else f"{type(error).__name__}: {error}"
+        raise DeviceError(f"{file}: {what}") from error
     _LOADED.add(path)
     result = [device for key, device in _OTHERS.items() if before.get(key) is not device]
     if not result:
@@ -190,6 +195,11 @@ def load_device_file(file: str) -> list[AnyDevice]:
         digest = hashlib.file_digest(handle, "sha256").hexdigest()[:16]
     _DIGESTS.update({device.key: digest for device in result})
     return result
+
+
+def own_files() -> list[str]:
+    """Paths of the device files that were run."""
+    return sorted(_LOADED - {ENTRY_POINTS})
 
 
 def digests_of_own_files() -> dict[str, dict[str, str]]:
@@ -448,6 +458,12 @@ def named_output(name: str) -> tuple[Naming, Output] | None:
         return next(((names, entry) for names, entry in owners if entry.name == name), None)
     names = Naming(device, name.removeprefix(f"{device.key}.").partition(".")[0])
     return next(((names, entry) for entry in device.outputs if names.output(entry.name) == name), None)
+
+
+def flows_of_own_devices(outputs: Iterable[str]) -> tuple[str, ...]:
+    """Mean flows of users' devices among the names of outputs; tables show them beside the patient's."""
+    known = ((name, named_output(name)) for name in outputs)
+    return tuple(name for name, one in known if one and is_of_user(one[0].device) and one[1].unit == "L/min")
 
 
 def naming_of(group: str) -> Naming | None:

@@ -12,6 +12,8 @@ from eclsim.arguments import Kind, article, number_of, written
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
 from eclsim.circuit.network import Circuit
+from eclsim.circuit.own_laws import mistakes_of_own_laws
+from eclsim.devices.device import DeviceError
 from eclsim.parameters.regulation import SET_POINT, SOLVED_FOR, VENOUS_SET_POINT
 from eclsim.spelling import spelling_hint
 
@@ -76,6 +78,7 @@ class Model:
         if others := [n for n in names if type(self.values[n]) is not float]:
             numbers = {n: number_of(n, self.values[n]) for n in others}
             object.__setattr__(self, "values", {**self.values, **numbers})
+        refuse_faulty_laws(self.circuit, self.values)
 
     def __repr__(self) -> str:
         parts = f"{len(self.circuit.compartments)} compartments, {len(self.circuit.connections)} connections"
@@ -112,6 +115,12 @@ class Model:
             if name not in names:
                 hint = spelling_hint(name.removeprefix("parameters."), names)
                 raise UnknownValueError(f"the circuit of '{self.name}' has no parameter '{name}'{hint}")
+
+
+def refuse_faulty_laws(circuit: Circuit, values: Mapping[str, float], where: str = "") -> None:
+    """Raise `DeviceError` for laws of users that cannot be solved at these values, told after `where`."""
+    if mistakes := mistakes_of_own_laws(circuit, values):
+        raise DeviceError(where + "\n".join(mistakes))
 
 
 def model_of(case: CaseSource) -> Model:

@@ -39,8 +39,8 @@ _MESSAGES = {
         "--transient"
     ),
     Status.NOT_FINITE: (
-        "pressures or flows became infinite: a parameter is far outside its physiological range; see "
-        "`eclsim parameters list`"
+        "pressures or flows became infinite: a parameter is far outside its physiological range (see "
+        "`eclsim parameters list`), or a law of your own gives no finite number"
     ),
     Status.INVALID_INPUT: "a value is not allowed, so nothing was computed",
     Status.ONE_OF_MANY: "steady beat found, but it is one of many",

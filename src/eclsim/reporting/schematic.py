@@ -171,6 +171,10 @@ def _pen(ax: Axes | None, page: Layout, paths: Iterable[Path], extra: float) -> 
     return Pen(ax, scale)
 
 
+_TITLE_CHARACTERS = 34
+"""Length of a device's title that ends before the label of the connection between its first two boxes."""
+
+
 def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str | None) -> None:
     left = pen.ax.get_xlim()[0] + 3.0
     pen.text(left, -4.0, labels.title(title), size=9.5, weight="bold", ha="left")
@@ -179,6 +183,8 @@ def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str 
         look = look_of(frame)
         pen.frame(layout.FRAME[0], bottom + 1.0, layout.FRAME[1], top - 1.0, look)
         label = "Further compartments" if frame == layout.SPARE else plan.frames[frame]
+        names = naming_of(frame)
+        label = label if names is None else names.cut(label, _TITLE_CHARACTERS)
         x, y, align = _title_place(plan, page, frame)
         pen.text(x, y, plain_text(label, 40), size=8, weight="bold", ha=align, color=look.colour)
     for upper, lower in _HEART_SIDES:

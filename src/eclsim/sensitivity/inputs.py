@@ -360,7 +360,10 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
         elif allowed and not allowed[0] <= chosen.low <= chosen.high <= allowed[1]:
             reached = f"{chosen.low:g} to {chosen.high:g}; allowed: {allowed[0]:g} to {allowed[1]:g}"
             own = f"range of {chosen.name}: {reached}"
-            wrong.append(own if chosen.own else f"{chosen.name}: the perturbation reaches {reached}")
+            low, high = max(chosen.low, allowed[0]), min(chosen.high, allowed[1])
+            way = f"; give a range within it, as by --range {chosen.name}={low:g}:{high:g}"
+            way = way if low < high else ""
+            wrong.append(own if chosen.own else f"{chosen.name}: the perturbation reaches {reached}{way}")
     if wrong:
         raise InputError(wrong)
 

@@ -158,8 +158,8 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
         reason = unknown or " is not in this result"
         raise ValueError(f"part {part!r}{reason}; this result has: {', '.join(present) or 'none'}")
     names = _instances(result).get(part)
-    title = f"{case_name(result)} – {part if names is None else names.label}"
-    return _draw_panels(result, PARTS[part] if names is None else names.panels(), title)
+    title = f"{case_name(result)} – {part if names is None else names.cut(names.label, 56)}"
+    return _draw_panels(result, PARTS[part] if names is None else names.panels(), title, names=names)
 
 
 def plot_overview(result: xr.Dataset) -> Figure:
@@ -177,7 +177,9 @@ def plot_overview(result: xr.Dataset) -> Figure:
 
 
 @figure_style()
-def _draw_panels(result: xr.Dataset, panels: tuple[Panel, ...], title: str, note: str = "") -> Figure:
+def _draw_panels(
+    result: xr.Dataset, panels: tuple[Panel, ...], title: str, note: str = "", names: Naming | None = None
+) -> Figure:
     drawn = [panel for panel in panels if any(name in result for name in panel.names)]
     rows = math.ceil(len(drawn) / 2)
     fig = new_figure(PAGE_WIDTH_MM, 14 + 54 * rows)
@@ -187,7 +189,7 @@ def _draw_panels(result: xr.Dataset, panels: tuple[Panel, ...], title: str, note
         beside = pairs[start : start + 2]
         legend_rows = max(_legend_rows(result, panel) for _, panel in beside)
         for ax, panel in beside:
-            _draw_panel(ax, result, panel, legend_rows)
+            _draw_panel(ax, result, panel, legend_rows, names)
     for ax in axes[len(drawn) :]:
         ax.remove()
     fig.suptitle(title, x=0.01, ha="left")
@@ -196,12 +198,20 @@ def _draw_panels(result: xr.Dataset, panels: tuple[Panel, ...], title: str, note
     return fig
 
 
-def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) -> None:
+def _curve_label(signal: str, titled: Naming | None) -> str:
+    """Name of a curve, without that of the instance if the figure's title has it."""
+    label = place_label_of(signal)
+    label = label.removesuffix(f" {titled.name}") if titled is not None and titled.name else label
+    names = naming_at(signal[1:])
+    return label if names is None else names.cut(label, _ROW_CHARACTERS)
+
+
+def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int, titled: Naming | None) -> None:
     factor = in_unit(1.0, panel.unit)
     names = [name for name in panel.names if name in result]
     for index, name in enumerate(names):
         time, values = two_beats(result, name)
-        label = place_label_of(name)
+        label = _curve_label(name, titled)
         if panel.change:
             mean = beat_mean(result, name)
             values, label = values - mean, f"{label} (mean {number(mean, 0)} mL)"
@@ -211,7 +221,7 @@ def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) ->
     ax.set_ylabel(f"{quantity} [{panel.unit}]")
     ax.set_xlim(0.0, 2 * beat_period(result))
     _widen_flat_axis(ax)
-    start = legend_start([place_label_of(name) for name in names])
+    start = legend_start([_curve_label(name, titled) for name in names])
     draw_legend_above(ax, panel.title, legend_rows, _legend_columns(panel), start)
 
 
@@ -298,13 +308,21 @@ def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) ->
     for names in instances_at(waveforms):
         labels = names.device.connections if kind == "Q" else names.device.compartments
         mark = (names.device.look.marker, names.device.look.colour)
-        rows += [(names.label, mark, n) for n in map(names.place, labels) if n in waveforms]
+        heading = names.cut(names.label, _ROW_CHARACTERS)
+        rows += [(heading, mark, n) for n in map(names.place, labels) if n in waveforms]
     return [
-        _Row(
-            plain_text(place_label_of(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit)
-        )
+        _Row(_row_label(kind, n), group, mark, in_unit(beat_mean(result, kind + n), unit))
         for group, mark, n in rows
     ]
+
+
+_ROW_CHARACTERS = 28
+"""Length of a label beside an axis; longer ones would leave no room for the axes."""
+
+
+def _row_label(kind: str, place: str) -> str:
+    names, label = naming_at(place), place_label_of(kind + place)
+    return plain_text(label if names is None else names.cut(label, _ROW_CHARACTERS), _ROW_CHARACTERS)
 
 
 def _is_pump(name: str) -> bool:

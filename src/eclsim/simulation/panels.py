@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from eclsim.devices.description import LABELS, Panel
-from eclsim.devices.registry import named_output
+from eclsim.devices.registry import flows_of_own_devices, named_output
 from eclsim.outputs.limits import group_of
 from eclsim.outputs.registry import find_output, first_name
 from eclsim.reporting.style import OKABE_ITO
@@ -85,6 +85,9 @@ def panels_of(table: xr.Dataset) -> list[Panel]:
         for curve in instance.views().curves
         if curve.panel == "flow"
     ]
+    curves = {output for output, _ in flows}
+    own = flows_of_own_devices(str(name) for name in table.data_vars)
+    flows += [(name, name) for name in own if name not in curves]
     names, labels = zip(*flows, strict=True) if flows else ((), ())
     of_patient = (
         replace(p, names=p.names + names, labels=p.labels + labels) if p.unit == "L/min" else p

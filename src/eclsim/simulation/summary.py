@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.fit_mark import untrusted
 from eclsim.devices.description import placed_sentence
-from eclsim.devices.registry import devices, named_output
+from eclsim.devices.registry import devices, flows_of_own_devices, named_output
 from eclsim.outputs.regulation import FACTORS, REGULATED
 from eclsim.reporting.beat_values import legend_of_marks, marks_of
 from eclsim.reporting.numbers import text_table
@@ -140,6 +140,10 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
     return table
 
 
+_TITLE = 40
+"""Length of a device's title in the table; a longer one would leave no room for descriptions."""
+
+
 def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     """Titles and outputs of the groups, with the flows of devices among those of the patient."""
     outputs = (named_output(str(name)) for result in results for name in result.data_vars)
@@ -149,7 +153,8 @@ def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     flows = tuple(name for instance in instances for name in instance.flows())
     groups = [one for one in _GROUPS if one[0] != _REGULATION or any(map(_is_regulated, results))]
     of_patient = [(title, names + flows if title == "Flows" else names) for title, names in groups]
-    return [*of_patient, *(group for instance in instances for group in instance.tabled())]
+    own = ((one.cut(title, _TITLE), names) for one in instances for title, names in one.tabled())
+    return [*of_patient, *own]
 
 
 def _is_regulated(result: xr.Dataset) -> bool:
@@ -264,7 +269,8 @@ _SWEPT = (
 
 def sweep_text(sweep: Sweep) -> str:
     """Table with one row for each value; without a steady beat it has the reason instead of numbers."""
-    columns = [name for name in _SWEPT if any(name in result for result in sweep.results)]
+    present = dict.fromkeys(str(name) for result in sweep.results for name in result.data_vars)
+    columns = [name for name in _SWEPT if name in present] + [*flows_of_own_devices(present)]
     solved = any(map(solved_speed_of, sweep.results))
     head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
     head += (["rpm"] if solved else []) + [f"{_SHORT_HEADS.get(name, name)} " for name in columns] + ["beat"]
