@@ -152,7 +152,7 @@ def test_a_filter_that_takes_all_plasma_ends_the_course_with_a_reason():
     crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 7700}
     result = course(read_mapping(RAW | {"crrt": crrt}).case, minutes=10.0)
     assert not result.attrs["converged"]
-    assert "no value of effective_clearance_creatinine" in result.attrs["message"]
+    assert "no value of effective_clearance_urea, effective_clearance_creatinine" in result.attrs["message"]
     assert "which the course needs to go on" in result.attrs["message"]
     assert "a filter takes as much water from its blood as the plasma holds" in result.attrs["message"]
 
