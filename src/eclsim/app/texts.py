@@ -39,7 +39,7 @@ def text(key: str, **values: object) -> str:
 _ADVICE = (
     (", or follow the course in time with --transient", None),
     (", or follow the course from the start with --transient", None),
-    ("; see `eclsim parameters list`", None),
+    (" (see `eclsim parameters list`)", None),
     ("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
     (" (--weights uncertainty)", "fit_weighted"),
     ("--bounds", "fit_bounds_elsewhere"),
