@@ -289,9 +289,9 @@ def test_on_a_phone_no_table_scrolls_sideways(open_page, served, shots):
 
 
 MEASURED = """() => {
-  const state = eclsim.bus.last('state');
+  const beat = eclsim.bus.last('beat');
   const measured = { SP: 118, DP: 62, CO: 6.5, PF: 4.4, MPAP: 32, right_atrial_pressure: 11 };
-  eclsim.bus.publish('state', { ...state, provenance: { ...state.provenance, measured } }); }"""
+  eclsim.bus.publish('beat', { ...beat, measured, measured_before: false }); }"""
 CUT = "all => all.filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.textContent)"
 
 

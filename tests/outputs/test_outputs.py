@@ -42,7 +42,12 @@ DIALYSIS = {
 PARAMETERS = {name: parameter.value for name, parameter in parameters().items()} | {
     f"{device}.{key}": value for device in ("crrt", "renox") for key, value in DIALYSIS.items()
 }
-PARAMETERS |= {"heart_rate_bpm": 80.0, "total_blood_volume_ml": 5000.0, "iabp.inflation_phase": 0.31}
+PARAMETERS |= {
+    "heart_rate_bpm": 80.0,
+    "total_blood_volume_ml": 5000.0,
+    "crrt.flow_ml_min": 200.0,
+    "iabp.inflation_phase": 0.31,
+}
 
 
 def waveforms(amount=0.0):

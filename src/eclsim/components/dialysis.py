@@ -307,6 +307,32 @@ def drug_clearance(numbers: Array) -> Array:
     return jnp.stack([jnp.where(water_is_left, cleared, jnp.nan), plasma])
 
 
+def pumped_performance(numbers: Array) -> Array:
+    """Compute `performance` of a filter whose fluids stand still with its blood pump.
+
+    Args:
+        numbers: flow that the blood pump is set to; then those of `performance`.
+    """
+    return performance(_without_fluids_if_still(numbers, 7))
+
+
+def pumped_drug_clearance(numbers: Array) -> Array:
+    """Compute `drug_clearance` of a filter whose fluids stand still with its blood pump.
+
+    Args:
+        numbers: flow that the blood pump is set to; then those of `drug_clearance`.
+    """
+    return drug_clearance(_without_fluids_if_still(numbers, 4))
+
+
+def _without_fluids_if_still(numbers: Array, first: int) -> Array:
+    """The numbers behind the pump's flow; if that is 0, so are the flows of fluids from place `first` on."""
+    pump, rest = numbers[0], jnp.asarray(numbers[1:])
+    place = np.arange(rest.shape[0])
+    fluids = (first <= place) & (place < first + len(Fluids._fields))
+    return jnp.where(fluids & (pump == 0.0), 0.0, rest)
+
+
 def _moving(blood: Array) -> Array:
     """Blood flow [mL/min] in either direction, hardly any where it stands, so that shares of it are defined.
 

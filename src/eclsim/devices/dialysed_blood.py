@@ -103,14 +103,6 @@ class Fibres:
         """Names of all parameters of the performance."""
         return (*self.settings, self.pump) if self.pump else self.settings
 
-    def _settings(self, m: BeatMeasures) -> list[Numbers]:
-        """Values of the settings; no fluid flows while the blood pump stands still."""
-        values = [m.parameter(name) for name in self.settings]
-        if not self.pump:
-            return values
-        runs = m.parameter(self.pump) != 0.0
-        return [runs * value if k < len(FLUIDS) else value for k, value in enumerate(values)]
-
     def performance(self, m: BeatMeasures, by_gases: bool = False) -> Performance:
         """Performance in a beat (`eclsim.components.dialysis.Performance`)."""
         return m.cached((self.entering, str(by_gases)), lambda: self._performance(m, by_gases))
@@ -123,16 +115,21 @@ class Fibres:
         if by_gases and GASES in m.circuit.content_names():
             gases = [m.gas(what, "into", self.entering) for what in ("PCO2", "pH")]
             gases = [*gases, m.parameter(TEMPERATURE)]
-        numbers = [60.0 * flow, *pressures, *gases, patients_haematocrit(m), *self._settings(m)]
-        return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+        settings = map(m.parameter, self.settings)
+        numbers = [60.0 * flow, *pressures, *gases, patients_haematocrit(m), *settings]
+        if not self.pump:
+            return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+        return dialysis.Performance(*m.apply(dialysis.pumped_performance, [m.parameter(self.pump), *numbers]))
 
     def drug(self, m: BeatMeasures) -> Sequence[Numbers]:
         """Clearance of the drug of [dialysed_drug] and flow of plasma in a beat [mL/min]."""
         from eclsim.components import dialysis
 
-        of_drug = map(m.parameter, DRUG)
-        numbers = [60.0 * m.mean(self.signals[0]), *of_drug, patients_haematocrit(m), *self._settings(m)]
-        return m.apply(dialysis.drug_clearance, numbers)
+        of_drug, settings = map(m.parameter, DRUG), map(m.parameter, self.settings)
+        numbers = [60.0 * m.mean(self.signals[0]), *of_drug, patients_haematocrit(m), *settings]
+        if not self.pump:
+            return m.apply(dialysis.drug_clearance, numbers)
+        return m.apply(dialysis.pumped_drug_clearance, [m.parameter(self.pump), *numbers])
 
     def drug_output(self, name: str, long_name: str, compute: Callable[[BeatMeasures], Numbers]) -> Output:
         """Output of a clearance of the drug [mL/min], which only a case with a drug has."""
