@@ -262,7 +262,7 @@ def performance(numbers: Array) -> Array:
     def cleared(name: str) -> Array:
         solute = settings.solute(name)
         done = clearance(solute.water_flow(blood, haematocrit), fluids, solute)
-        return jnp.where(plasma_water > fluids.after + fluids.net, done, jnp.nan)
+        return _if_water_is_left(done, plasma_water, fluids)
 
     carbon_dioxide, base = _losses(blood, settings, PlasmaCarbonDioxide.of(pco2, ph, temperature))
     dose = 1e-3 * settings.citrate * blood
@@ -303,8 +303,12 @@ def drug_clearance(numbers: Array) -> Array:
     blood, settings = _moving(blood), Settings.of(rest, patients_haematocrit)
     plasma, fluids = blood * (1.0 - settings.haematocrit), settings.fluids
     cleared = clearance(plasma, fluids, Solute(0.0, sieving, area_product))
-    water_is_left = PLASMA_WATER * plasma > fluids.after + fluids.net
-    return jnp.stack([jnp.where(water_is_left, cleared, jnp.nan), plasma])
+    return jnp.stack([_if_water_is_left(cleared, PLASMA_WATER * plasma, fluids), plasma])
+
+
+def _if_water_is_left(cleared: Array, plasma_water: Array, fluids: Fluids) -> Array:
+    """A clearance; NaN where the filter would take all water of the plasma."""
+    return jnp.where(plasma_water > fluids.after + fluids.net, cleared, jnp.nan)
 
 
 def pumped_performance(numbers: Array) -> Array:
@@ -313,7 +317,7 @@ def pumped_performance(numbers: Array) -> Array:
     Args:
         numbers: flow that the blood pump is set to; then those of `performance`.
     """
-    return performance(_without_fluids_if_still(numbers, 7))
+    return performance(_without_fluids_if_still(numbers))
 
 
 def pumped_drug_clearance(numbers: Array) -> Array:
@@ -322,14 +326,14 @@ def pumped_drug_clearance(numbers: Array) -> Array:
     Args:
         numbers: flow that the blood pump is set to; then those of `drug_clearance`.
     """
-    return drug_clearance(_without_fluids_if_still(numbers, 4))
+    return drug_clearance(_without_fluids_if_still(numbers))
 
 
-def _without_fluids_if_still(numbers: Array, first: int) -> Array:
-    """The numbers behind the pump's flow; if that is 0, so are the flows of fluids from place `first` on."""
+def _without_fluids_if_still(numbers: Array) -> Array:
+    """The numbers behind the pump's flow, the last of which are `Settings`; without fluids if that is 0."""
     pump, rest = numbers[0], jnp.asarray(numbers[1:])
-    place = np.arange(rest.shape[0])
-    fluids = (first <= place) & (place < first + len(Fluids._fields))
+    place = np.arange(len(rest)) - (len(rest) - len(Settings._fields))
+    fluids = (place >= 0) & (place < len(Fluids._fields))
     return jnp.where(fluids & (pump == 0.0), 0.0, rest)
 
 

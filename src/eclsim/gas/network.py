@@ -305,11 +305,12 @@ def _recirculated(circuit: Circuit, flows: Flows, mixing: Sequence[tuple[Drainag
     """
     names, exchanges = [c.name for c in circuit.connections], gas_exchanges(circuit)
     body = [names.index(e.at) for e in exchanges if e.group == PATIENT]
-    shares = []
-    for at, k in _drawn(circuit):
-        back = [names.index(name) for name in _returns(circuit, {exchanges[k].group})]
-        shares.append(mixtures(flows, [*back, *body], mixing).drawn[names.index(at), : len(back)].sum())
-    return jnp.array(shares)
+    drawn = [(names.index(at), exchanges[k].group) for at, k in _drawn(circuit)]
+    returned: dict[str, Array] = {}
+    for group in dict.fromkeys(group for _, group in drawn):
+        back = [names.index(name) for name in _returns(circuit, {group})]
+        returned[group] = mixtures(flows, [*back, *body], mixing).drawn[:, : len(back)].sum(axis=1)
+    return jnp.array([returned[group][at] for at, group in drawn])
 
 
 def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:

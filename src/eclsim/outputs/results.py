@@ -19,7 +19,6 @@ from eclsim.cases.case import Case
 from eclsim.cases.fluid import remarks_on_viscosity
 from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
-from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.files import ORIGIN
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.inputs.mistakes import as_names
@@ -54,7 +53,7 @@ from eclsim.outputs.signals import (
     watched_waveforms,
 )
 from eclsim.outputs.steady_beat import SteadyBeat, Waveforms, statistics_of, steady_beat, with_status
-from eclsim.outputs.uncertainty import misses_of
+from eclsim.outputs.uncertainty import cautions_on_misses
 
 STEPS_AT_RESOLUTION_1 = 400
 ALLOWED_GRID_ERROR_PERCENT = 0.5
@@ -210,8 +209,8 @@ def beat_warnings(
         return (*model.doubts, beat.message())
     every = gravest_first([*beat.findings(), *findings_of_second_beat(beat)])
     warnings = sentences(f for f in every if shown is None or f.is_about(shown))
-    missed = [] if measured is None else misses_of(measured, beat.outputs())
-    return (*model.doubts, *warnings, *(labelled_sentence(CAUTION, one) for one in missed))
+    missed = [] if measured is None else cautions_on_misses(measured, beat.outputs())
+    return (*model.doubts, *warnings, *missed)
 
 
 def as_columns(changes: Mapping[str, npt.ArrayLike]) -> dict[str, np.ndarray]:

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from eclsim.arguments import number_of, written
+from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.inputs.mistakes import InputError
 from eclsim.outputs.registry import find_output
 
@@ -159,3 +160,8 @@ def misses_of(case: Case, beat: Mapping[str, float], what: str = "this beat") ->
         return []
     measured = case.measurements.model_dump(exclude_none=True)
     return list(filter(None, [sentence_on_misses(measured, beat, what)]))
+
+
+def cautions_on_misses(case: Case, beat: Mapping[str, float]) -> list[str]:
+    """The same sentence as a caution among the warnings of a result."""
+    return [labelled_sentence(CAUTION, one) for one in misses_of(case, beat)]

@@ -11,7 +11,6 @@ import xarray as xr
 
 from eclsim.arguments import OneOf, flag
 from eclsim.cases.case import Case
-from eclsim.devices.description import CAUTION, labelled_sentence
 from eclsim.files import ORIGIN, finite
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
@@ -20,7 +19,7 @@ from eclsim.orbit.model import CASE, Model, ModelSource, UnknownValueError, as_c
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT
 from eclsim.outputs import results
 from eclsim.outputs.results import simulate_course
-from eclsim.outputs.uncertainty import misses_of
+from eclsim.outputs.uncertainty import cautions_on_misses
 from eclsim.simulation.target_flow import FlowNotReachedError, SolvedSpeeds, solve_speeds, with_speed
 
 if TYPE_CHECKING:
@@ -78,8 +77,7 @@ def simulate(
     result.attrs[CASE] = json.dumps(case_record(solved, volume_policy))
     if result.attrs["converged"]:
         beat = {str(name): float(value) for name, value in result.data_vars.items() if not value.ndim}
-        cautions = [labelled_sentence(CAUTION, one) for one in misses_of(case, beat)]
-        result.attrs["warnings"] = [*result.attrs["warnings"], *cautions]
+        result.attrs["warnings"] = [*result.attrs["warnings"], *cautions_on_misses(case, beat)]
     return result
 
 
