@@ -45,7 +45,8 @@ _PACKAGE: tuple[AnyDevice, ...] = (ECMO, CRRT, LVAD, RENOX, VENT, SEPTOSTOMY, IA
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
 """Device files that were run, and the group of entry points once it was loaded."""
-_DIGESTS: dict[str, str] = {}
+_FILE_OF: dict[str, tuple[str, str]] = {}
+"""File that registered a user's device, and its SHA-256, by the device's key."""
 ENTRY_POINTS = "eclsim.devices"
 """Group of entry points under which an installed package offers devices."""
 FILES = "ECLSIM_DEVICES"
@@ -193,13 +194,13 @@ def load_device_file(file: str) -> list[AnyDevice]:
         raise DeviceError(f"{file}: registers no device; call eclsim.register_device(YourDevice) in it")
     with open(path, "rb") as handle:
         digest = hashlib.file_digest(handle, "sha256").hexdigest()[:16]
-    _DIGESTS.update({device.key: digest for device in result})
+    _FILE_OF.update({device.key: (path, digest) for device in result})
     return result
 
 
 def own_files() -> list[str]:
-    """Paths of the device files that were run."""
-    return sorted(_LOADED - {ENTRY_POINTS})
+    """Paths of the files that registered the users' devices."""
+    return sorted({path for key, (path, _) in _FILE_OF.items() if key in _OTHERS})
 
 
 def digests_of_own_files() -> dict[str, dict[str, str]]:
@@ -207,7 +208,7 @@ def digests_of_own_files() -> dict[str, dict[str, str]]:
 
     Empty if there is none. Part of the inputs of work that is stored and resumed.
     """
-    digests = {key: digest for key, digest in sorted(_DIGESTS.items()) if key in _OTHERS}
+    digests = {key: digest for key, (_, digest) in sorted(_FILE_OF.items()) if key in _OTHERS}
     return {"device_files": digests} if digests else {}
 
 

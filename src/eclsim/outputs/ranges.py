@@ -29,7 +29,7 @@ SLACK_AT_ZERO = 1e-3
 class Range(NamedTuple):
     """Allowed range of a number, in its unit.
 
-    Args:
+    Attributes:
         low: lower bound.
         high: upper bound.
         unit: unit of all of these.
