@@ -25,7 +25,7 @@ from simulated_patients import NAMES, made_up_case, made_up_ecmo, simulated_pati
 from eclsim.identification.density import PosteriorDensity, Prior, gaussian_approximation
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, diagnose, sample
-from eclsim.identification.posterior import predict
+from eclsim.identification.predictions import predict
 from eclsim.identification.quantities import BEAT_OUTPUTS
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch

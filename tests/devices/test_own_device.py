@@ -21,7 +21,7 @@ from eclsim.cli import main
 from eclsim.devices import Device, Section, Views, check_sites, highest, registry
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device
-from eclsim.identification.posterior import predict
+from eclsim.identification.predictions import predict
 from eclsim.identification.quantities import predicted_outputs, unit_of
 from eclsim.inputs.mistakes import Remarks
 from eclsim.orbit.model import model_of

@@ -21,7 +21,8 @@ from eclsim.identification.density import (
 from eclsim.identification.fit import fit
 from eclsim.identification.multi_start import FitStatus, MultiStart
 from eclsim.identification.objective import Box
-from eclsim.identification.posterior import PosteriorSettings, posterior, predict
+from eclsim.identification.posterior import PosteriorSettings, posterior
+from eclsim.identification.predictions import predict
 from eclsim.identification.quantities import Scale
 from eclsim.identification.settings import (
     FitSettings,

@@ -11,6 +11,7 @@ import pytest
 
 from eclsim.cases import read_case, write_case
 from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.cases.quantities import with_values
 from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import Gas
 from eclsim.execution import using_threads
@@ -22,13 +23,16 @@ from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.nuts import MissingPackageError
 from eclsim.identification.objective import Box
-from eclsim.identification.posterior import PosteriorSettings, _predict_all, posterior, predict
+from eclsim.identification.posterior import PosteriorSettings, posterior
+from eclsim.identification.predictions import predict, predict_all
 from eclsim.identification.report import posterior_text
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
+from eclsim.outputs.results import simulate_many
 from eclsim.outputs.uncertainty import Uncertainty
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
 NAMES = ("Rmc", "Emaxlv")
@@ -168,6 +172,50 @@ def test_predictions_that_would_be_called_something_else_are_refused(fit):
 
 
 @pytest.mark.slow
+def test_a_prediction_of_what_was_fitted_or_of_somebody_else_is_refused(fit):
+    """The draws' own resistance was used in place of the one asked for; any patient could follow a fit."""
+    asked = with_values(faster(CASE), {"Rmc": 2.0})
+    other = CASE.model_copy(update={"patient": CASE.patient.model_copy(update={"id": "OTHER"})})
+    settings = PosteriorSettings(method="gaussian")
+    with pytest.raises(CaseError) as refused:
+        posterior(fit, settings=settings, predictions=[("Rmc 2", asked), ("other", other)])
+    of_fitted, of_patient = map(str, refused.value.mistakes)
+    assert of_fitted.startswith('Rmc = 2.0: of the prediction "Rmc 2": it was fitted, so every draw has its')
+    assert "as before the fit" in of_fitted
+    assert of_patient.startswith('patient.id = "OTHER": of the prediction "other": not the patient who was')
+    assert CASE.patient.id in of_patient
+    with pytest.raises(ValueError, match='"as measured" is there twice'):
+        posterior(fit, settings=settings, predictions=[("as measured", faster(CASE))])
+
+
+@pytest.mark.slow
+def test_predictions_are_labelled_with_the_draws_they_were_made_with(fit, result):
+    """Every fourth draw was used, labelled 0, 1, 2 ...: joined to the parameters, correlations were lost."""
+    tree = result.draws
+    predicted = tree["predictions"]["MAP"].sel(settings="patient.heart_rate_bpm=100")
+    assert predicted.dims == ("chain", "draw")
+    assert predicted.draw.values[:3].tolist() == [0, 4, 8]
+    assert tree["posterior_predictive"]["MAP"].draw.equals(predicted.draw)
+    chosen = predicted.isel(draw=[3, 500, 999])
+    of = {n: tree["posterior"][n].sel(draw=chosen.draw).values.ravel() for n in NAMES}
+    again = simulate_many(model_of(faster(fit.case)), of, ["MAP"])["MAP"].values
+    assert chosen.values.ravel() == pytest.approx(again, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_draws_say_what_was_assumed_and_what_was_warned_of(result):
+    """A file of draws had the warnings at the measured settings only, and none of the notes."""
+    tree = result.draws
+    assert "the blood volume is held" in tree["posterior"].attrs["notes"]
+    warnings = tree["predictions"]["warnings"]
+    assert warnings.dims == ("settings",)
+    assert [w.split("; ") for w in warnings.values] == [
+        [part for w in p.warnings for part in w.split("; ")] or [""] for p in result.predictions
+    ]
+    assert "warnings" not in tree["predictions"].attrs
+
+
+@pytest.mark.slow
 def test_a_prediction_under_another_volume_policy_is_refused(fit):
     """It was computed under the policy of the fit, whatever the case says."""
     held = faster(fit.case).with_volume_policy("patient_held")
@@ -199,8 +247,8 @@ def test_a_reflex_that_is_switched_on_for_a_prediction_has_the_set_point_of_the_
 @pytest.mark.slow
 def test_a_prediction_takes_its_draws_from_all_chains(fit, result):
     """Of two chains of 800 draws the first thousand were taken: all of one chain, a quarter of the other."""
-    chains = np.repeat([[0.4, 1.0], [0.8, 1.0]], 800, axis=0)
-    (found,) = _predict_all([("", model_of(fit.case))], result.density, chains)
+    chains = np.repeat([[[0.4, 1.0]], [[0.8, 1.0]]], 800, axis=1)
+    (found,) = predict_all([("", model_of(fit.case))], result.density, chains)
     pressures, counts = np.unique(found.column("MAP").round(2), return_counts=True)
     assert len(found.values) == 1000
     assert len(pressures) == 2

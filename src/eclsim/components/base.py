@@ -219,6 +219,10 @@ class Storage(Component, ABC, Generic[Constants]):
         """
         return None
 
+    def softens(self, volume: float, values: Values) -> bool:
+        """Whether contraction lowers its pressure at a stressed volume [mL]: outside what the law is for."""
+        return False
+
     def switching_times(self) -> tuple[str, ...]:
         """Names of its parameters that are phases of the beat: derivatives by them need a finer grid."""
         return ()

@@ -9,6 +9,7 @@ filling  o-->-( V )-->-o  ejection
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import ClassVar, NamedTuple
@@ -149,6 +150,8 @@ class Ventricle(Chamber[VentricleConstants]):
 
     P = v Emax V + (1 - v) (alpha exp(kappa V) + beta),  v = v(phase).
 
+    Where Emax V is below the pressure at rest, the ventricle softens as it contracts (`softens`).
+
     Args:
         systolic: peak elastance [mmHg/mL] (`Emaxlv`, `Emaxrv`).
         alpha: scale of the passive curve [mmHg].
@@ -170,6 +173,14 @@ class Ventricle(Chamber[VentricleConstants]):
         """The four coefficients."""
         keys = (self.systolic, self.alpha, self.kappa, self.beta)
         return VentricleConstants(*(value_of(values, key) for key in keys))
+
+    def softens(self, volume: float, values: Values) -> bool:
+        """Whether the line of peak systole lies below the exponential of the passive curve at a volume [mL].
+
+        The offset beta is left out: it also exceeds the line in a ventricle that is all but empty.
+        """
+        systolic, alpha, kappa, _ = map(float, self.constants(values))
+        return systolic * volume < alpha * math.exp(min(kappa * volume, LARGEST_EXPONENT))
 
     def pressure(
         self, volume: Number, activation: Number, constants: VentricleConstants

@@ -409,6 +409,10 @@ class CollapsibleChamber(Storage[ChamberConstants]):
         """The same law with its parameters renamed."""
         return CollapsibleChamber(self.chamber.renamed(parameter), renamed(self.emptying, parameter))
 
+    def softens(self, volume: float, values: Values) -> bool:
+        """Whether contraction lowers the chamber's pressure."""
+        return self.chamber.softens(volume, values)
+
     def constants(self, values: Values) -> ChamberConstants:
         """Constants of the chamber, and Ve."""
         return ChamberConstants(self.chamber.constants(values), value_of(values, self.emptying))

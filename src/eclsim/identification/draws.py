@@ -45,13 +45,15 @@ def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
     density, first = result.density, result.predictions[0]
     chains, draws, _ = result.samples.shape
     of_chains = {"chain": np.arange(chains), "draw": np.arange(draws)}
-    of_predictions = {"chain": [0], "draw": np.arange(len(first.values))}
+    of_predictions = {"chain": np.arange(chains), "draw": result.predicted_draws}
+    shape = chains, len(result.predicted_draws)
     pair, outputs = ("chain", "draw"), tuple(dict.fromkeys(n for p in result.predictions for n in p.outputs))
     attributes = {
         **ORIGIN,
         "inference_library": "eclsim", "inference_library_version": __version__,
         "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
-        "doubts": "; ".join(result.doubts), "warnings": "; ".join(first.warnings),
+        "doubts": "; ".join(result.doubts), "notes": "; ".join(result.notes),
+        "warnings": "; ".join(first.warnings),
         "id": result.name, "blood_volume_policy": density.policy,
         "set_points": json.dumps(density.set_points),
     }  # fmt: skip
@@ -61,13 +63,16 @@ def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
 
     random = np.random.default_rng(result.settings.sampling.seed)
     replicated = {  # what would be measured again: outputs of draws, with measurement noise
-        n: (first.column(n) + density.errors[n] * random.standard_normal(len(first.values)))[None]
+        n: (first.column(n) + density.errors[n] * random.standard_normal(len(first.values))).reshape(shape)
         for n in density.outputs
     }
-    predicted = {n: np.stack([p.column(n) for p in result.predictions], axis=1)[None] for n in outputs}
+    predicted = {
+        n: np.stack([p.column(n).reshape(shape) for p in result.predictions], axis=-1) for n in outputs
+    }
     labels = {
         **of_predictions, "settings": [p.label for p in result.predictions],
         "doubts": ("settings", ["; ".join((*result.doubts, *p.doubts)) for p in result.predictions]),
+        "warnings": ("settings", ["; ".join(p.warnings) for p in result.predictions]),
     }  # fmt: skip
     groups: dict[str, tuple[dict[str, xr.Variable], Mapping[str, Any]]] = {
         "posterior": (
@@ -91,7 +96,10 @@ def draws_as_tree(result: PosteriorResult) -> xr.DataTree:
             groups["sample_stats"][0][name] = xr.Variable(pair, -values if name == "lp" else values)
     return xr.DataTree.from_dict(
         {"/": xr.Dataset(attrs=ORIGIN)}
-        | {group: xr.Dataset(data, coords, attributes) for group, (data, coords) in groups.items()}
+        | {
+            group: xr.Dataset(data, coords, {n: v for n, v in attributes.items() if n not in coords})
+            for group, (data, coords) in groups.items()
+        }
     )
 
 

@@ -170,7 +170,7 @@ def undetermined_outputs(
     if linear is None:
         return None
     suspected = _widened_outputs(read, linear)
-    if next(iter(suspected), "") != KEY_OUTPUTS[0]:
+    if not suspected:
         return None
     curves = _profile_outputs(suspected, Target(model, measured, errors), Box.of({**free, **held}), policy)
     outputs = {name: curve.reach(name) for name, curve in zip(suspected, curves, strict=True)}

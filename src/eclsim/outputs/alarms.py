@@ -20,6 +20,7 @@ from eclsim.devices.description import (
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
 from eclsim.outputs.cautions import cautions, organ_flow
+from eclsim.outputs.contraction import softening
 from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits, levels
 from eclsim.outputs.registry import CHAMBERS, first_name, output
 from eclsim.outputs.sealed import TrappedBlood, sealed
@@ -78,6 +79,8 @@ def findings(
         elif (trapped := sealed(outputs, circuit, values)) is not None:
             about = ("V" + trapped.parts[0][0], 0.0, 0.0, trapped.sentence)
             result.append(Finding(CAUTION, *about, concerns=trapped.concerns))
+        if values:
+            result += softening(outputs, extremes, circuit, values)
         for names in _devices_of(circuit):
             result += names.device.findings(names, outputs, circuit, values)
         result += assumptions(outputs, circuit, values)
