@@ -32,13 +32,15 @@ from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.outputs.uncertainty import Uncertainty
-from eclsim.parameters.thiel2025 import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS, PARAMETERS
 from eclsim.validation.reference_cases import PAPER_PATIENT, reference_model
 
 NAMES = ("Rmc", "Emaxlv")
+KNOWN = {name: PARAMETERS[name].value for name in BOUNDS if name not in NAMES}
 CASE = Case(
     patient=Patient(id="example", sex="female", age_years=60, heart_rate_bpm=80),
     measurements=Measurements(SP=110, DP=75, MAP=88, CO=4.0),
+    parameters=KNOWN,
 )
 QUICK = FitSettings(NAMES, multi_start=MultiStart(points_per_parameter=10, refined_share=0.2))
 
@@ -180,7 +182,7 @@ def test_a_prediction_of_what_was_fitted_or_of_somebody_else_is_refused(fit):
     with pytest.raises(CaseError) as refused:
         posterior(fit, settings=settings, predictions=[("Rmc 2", asked), ("other", other)])
     of_fitted, of_patient = map(str, refused.value.mistakes)
-    assert of_fitted.startswith('Rmc = 2.0: of the prediction "Rmc 2": it was fitted, so every draw has its')
+    assert of_fitted.startswith('Rmc = 2: of the prediction "Rmc 2": it was fitted, so every draw has its')
     assert "as before the fit" in of_fitted
     assert of_patient.startswith('patient.id = "OTHER": of the prediction "other": not the patient who was')
     assert CASE.patient.id in of_patient
@@ -195,7 +197,7 @@ def test_predictions_are_labelled_with_the_draws_they_were_made_with(fit, result
     predicted = tree["predictions"]["MAP"].sel(settings="patient.heart_rate_bpm=100")
     assert predicted.dims == ("chain", "draw")
     assert predicted.draw.values[:3].tolist() == [0, 4, 8]
-    assert tree["posterior_predictive"]["MAP"].draw.equals(predicted.draw)
+    assert np.array_equal(tree["posterior_predictive"]["MAP"]["draw"], predicted["draw"])
     chosen = predicted.isel(draw=[3, 500, 999])
     of = {n: tree["posterior"][n].sel(draw=chosen.draw).values.ravel() for n in NAMES}
     again = simulate_many(model_of(faster(fit.case)), of, ["MAP"])["MAP"].values
