@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Measurements
+from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.identification.fit import fit
 from eclsim.identification.multi_start import MultiStart
@@ -20,7 +21,7 @@ from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.parameters.thiel2025 import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS, PARAMETERS
 from eclsim.sensitivity.identifiability import identifiability
 
 RAW = {
@@ -94,7 +95,10 @@ def test_central_venous_pressure_tells_the_blood_volume():
     result = fit(case, settings=settings)
     fitted = [result.parameters[name].value for name in truth]
     np.testing.assert_allclose(fitted, list(truth.values()), rtol=2e-3)
-    assert result.parameters["fluid.extra_volume_ml"].identifiable
+    assert not result.parameters["fluid.extra_volume_ml"].identifiable
+    assert "compensates for errors in Csart" in result.parameters["fluid.extra_volume_ml"].reason
+    known = with_values(case, {n: PARAMETERS[n].value for n in BOUNDS if n not in truth})
+    assert fit(known, settings=settings).parameters["fluid.extra_volume_ml"].identifiable
 
 
 @pytest.mark.slow
