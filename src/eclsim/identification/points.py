@@ -111,8 +111,8 @@ class TrackResult:
         patient: id of the patient.
         points: points in order of time.
         assumed_interval_hours: assumed time between measurements [h]; None if their names are times.
-        notes: assumptions for all times, and set points that the series gave because the cases leave them
-            open.
+        notes: assumptions for all times and on the time between them, and set points that the series gave
+            because the cases leave them open.
     """
 
     patient: str
@@ -160,6 +160,8 @@ class TrackResult:
             "output_units": ("output", [unit_of(n) for n in outputs]),
         }  # fmt: skip
         about = {**ORIGIN, "patient": self.patient, "notes": list(self.notes)}
+        if self.assumed_interval_hours is not None:
+            about["assumed_interval_hours"] = self.assumed_interval_hours
         return xr.Dataset(data, coordinates, about)
 
     def as_object(self) -> dict[str, Any]:

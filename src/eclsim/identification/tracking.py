@@ -53,6 +53,7 @@ from eclsim.identification.series import (
     falling_clotting,
     named_cases,
     notes_on_bounds,
+    notes_on_time,
     passed_over,
     series_of,
 )
@@ -446,19 +447,23 @@ def track(
     """Follow one patient through a series of measurements.
 
     Args:
-        points: name and case of each measurement in order of time; names that are times give the intervals.
+        points: name and case of each measurement in order of time. Names that are times give the intervals,
+            with their dates or as clock times of one day; otherwise that of the settings is assumed, and a
+            note says so.
         settings: what is tracked and how.
         progress: called with a description of the current step.
         left_out: number of missing measurements before each point. Where names are no times, each of these
             counts as an interval, too. Empty for none.
 
     Raises:
-        CaseError: There are no points, or one of the errors of `Tracker.update`.
+        CaseError: There are no points, times are impossible or not in order, or one of the errors of
+            `Tracker.update`.
     """
     settings, points = as_settings(settings, TrackSettings), named_cases(points)
     cases = [(name, as_case(source)) for name, source in points]
-    known = elapsed_hours([name for name, _ in points])
-    assumed = [settings.interval_hours * (1 + lost) for lost in passed_over(left_out, len(points))]
+    names, lost = [name for name, _ in points], passed_over(left_out, len(points))
+    known, of_time = elapsed_hours(names), notes_on_time(names, settings.interval_hours, lost)
+    assumed = [settings.interval_hours * (1 + missing) for missing in lost]
     hours = known or [None, *assumed[1:]]
     done: list[TrackedPoint] = []
 
@@ -470,5 +475,5 @@ def track(
     for (name, case), passed in zip(cases, hours, strict=True):
         say("")
         done.append(tracker.update(name, case, passed))
-    notes = (*series.remarks(cases[-1][1]), *notes_on_bounds(done))
+    notes = (*of_time, *series.remarks(cases[-1][1]), *notes_on_bounds(done))
     return TrackResult(patient, tuple(done), None if known else settings.interval_hours, notes)
