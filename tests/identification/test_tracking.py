@@ -340,6 +340,26 @@ def test_a_first_measurement_that_the_model_cannot_give_has_a_poor_verdict(serie
 
 
 @pytest.mark.slow
+def test_the_first_measurements_that_a_poor_fit_does_not_meet_are_named():
+    """All were met and nothing was doubted: the verdict was in the message alone."""
+    patient = Patient(id="F", sex="female", age_years=60, heart_rate_bpm=80)
+    case = Case(patient=patient, measurements=Measurements(MAP=88.0, CO=4.0, PCWP=30.0))
+    result = track([("1", case)], settings=TrackSettings(FitSettings(("Rmc",))))
+    (point,), labelled = result.points, result.dataset.sel(point="1")
+    assert point.verdict.level == "poor"
+    assert not point.innovations["PCWP"].met
+    assert "PCWP" in point.doubtful
+    assert "PCWP: 30 mmHg was used but cannot be met by the free parameters" in point.doubts[0]
+    assert "something that the model holds fixed is different in this patient" in point.doubts[0]
+    assert float(labelled["met"].sel(output="PCWP")) == 0.0
+    assert float(labelled["met"].sel(output="MAP")) == float(point.innovations["MAP"].met)
+    assert str(labelled["verdict"].values) == "poor"
+    assert str(labelled["doubts"].values).startswith("POOR FIT, not to be used")
+    assert "PCWP: 30 mmHg was used" in str(labelled["doubts"].values)
+    assert not point.as_object()["measurements"]["PCWP"]["met"]
+
+
+@pytest.mark.slow
 def test_the_labelled_result_has_what_the_points_have(followed):
     result, _ = followed
     labelled, second = result.dataset, result.points[1]

@@ -122,7 +122,10 @@ class TrackResult:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Parameters, forecasts and measurements over the points, with units; NaN for unknown values."""
+        """Parameters, forecasts and measurements over the points, with units; NaN for unknown values.
+
+        `doubts` begins with the headline of the first estimate's verdict where that is not good.
+        """
         import xarray as xr
 
         points = self.points
@@ -152,7 +155,11 @@ class TrackResult:
             data[name] = ("point", values, {"units": unit})
         data |= {name: ("point", [getattr(p, name) for p in points]) for name in ("failed", "unusual")}
         data["message"] = ("point", [p.message for p in points])
-        data["doubts"] = ("point", ["; ".join(p.doubts) for p in points])
+        verdicts = ["" if p.verdict is None else str(p.verdict.level) for p in points]
+        fits = [p.verdict.headline if p.verdict is not None and p.verdict.doubts else "" for p in points]
+        data["verdict"] = ("point", verdicts)
+        doubts = ["; ".join(filter(None, (of, *p.doubts))) for of, p in zip(fits, points, strict=True)]
+        data["doubts"] = ("point", doubts)
         coordinates = {
             "point": [p.name for p in points], "parameter": parameters, "output": outputs,
             "quantile": list(SHARES),

@@ -267,12 +267,13 @@ def notes_on_time(names: Sequence[str], interval: float, left_out: Iterable[int]
     if len(names) < 2:
         return []
     if elapsed_hours(names) is None:
-        lost = sum(left_out)
-        return [
-            "not all names of the measurements are times such as 2024-03-01T08:00 (all with a time zone or all "
-            f"without): {interval:g} h from one to the next are assumed",
-            *([f"measurements left out: {lost}; each still counts as {interval:g} h of time"] if lost else []),
+        notes = [
+            "not all names of the measurements are times such as 2024-03-01T08:00 (all with a time zone or "
+            f"all without): {interval:g} h from one to the next are assumed"
         ]
+        if lost := sum(left_out):
+            notes.append(f"measurements left out: {lost}; each still counts as {interval:g} h of time")
+        return notes
     if _hours_of_one_day(names) is not None:
         return [f"the names are clock times and taken as those of one day: {names[0]} to {names[-1]}"]
     return []
