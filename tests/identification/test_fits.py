@@ -95,6 +95,12 @@ def test_the_labelled_result_has_units(fit):
     assert [of_output[n].item() for n in of_output] == [interval.low, interval.high, interval.determined]
 
 
+def test_a_fit_says_that_stated_uncertainties_do_not_weight_it(twin):
+    settings = replace(QUICK, uncertainties={"MAP": Uncertainty(1.0)})
+    said = [r.sentence for r in fit_case(twin, settings=settings).verdict.remarks]
+    assert any("uncertainties of MAP judge the fit" in sentence for sentence in said)
+
+
 @pytest.mark.slow
 def test_the_labelled_result_has_the_reasons_of_its_verdict(twin, tmp_path):
     """Its headline asked to read the reasons, which it did not have."""

@@ -71,6 +71,7 @@ from eclsim.identification.verdict import (
     goodness_of,
     held_but_missed,
     informative_but_fixed,
+    not_used_as_weights,
     plausibility,
     search,
     set_points_not_given,
@@ -394,6 +395,7 @@ def _result(
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights),
         *contradictory_measurements(target.measured),
+        *not_used_as_weights(target.measured, settings.uncertainties, settings.weights),
         *stronger_membrane(target.measured, simulated, goodness, box.names, target.model.values),
         *search(optimum.status),
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),
