@@ -225,7 +225,7 @@ def doubtful_points(study: CohortStudy) -> list[str]:
     total, lines = len(study.points), []
     for doubt, names in points.items():
         listed = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
-        lines.append(f"Counted in spite of doubt, {len(names)} of {total} data points ({listed}): {doubt}")
+        lines.append(f"Counted although doubtful, {len(names)} of {total} data points ({listed}): {doubt}")
     return lines
 
 
