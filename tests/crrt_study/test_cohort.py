@@ -9,7 +9,7 @@ from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.fluid import Fluid
 from eclsim.cases.reading import case_text
 from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, conclusion, crrt_cohort, summaries
-from eclsim.crrt_study.cohort_report import _doubts, cohort_json, impossible_points
+from eclsim.crrt_study.cohort_report import _doubts, cohort_json, impossible_points, show
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.identification.cohort import cases_as_given, with_fitted_parameters
@@ -48,7 +48,7 @@ def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohor
         crrt_cohort(cases_as_given([case("x").model_copy(update={"ecmo": None})], "tests"))
 
 
-def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
+def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path, capsys):
     """A folder of fitted cases was studied, poor fits and all."""
     files = [tmp_path / f"{name}.toml" for name in ("doubtful", "poor")]
     for file in files:
@@ -63,6 +63,10 @@ def test_poor_fits_among_case_files_are_left_out_and_named(tmp_path):
     (row,) = json.loads(cohort_json(study))["points"]
     assert "a DOUBTFUL fit" in row["doubts"]
     assert any("doubtful: its parameters are a DOUBTFUL fit" in line for line in _doubts(study))
+    show(study)
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "Yes: scheme d is first in all 1 data points." in shown
+    assert "1 of 1 data points (doubtful): its parameters are a DOUBTFUL fit" in shown
 
 
 def test_case_files_of_one_id_are_told_apart(tmp_path):

@@ -1,8 +1,12 @@
 """The study against the numbers that sections 3.3 and 4 of the paper print, and against itself."""
 
+import json
+
 import numpy as np
 import pytest
+import xarray as xr
 
+from eclsim.cases.case import Case
 from eclsim.crrt_study.ranking import choice_text
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.crrt_study.study import crrt_study
@@ -232,3 +236,21 @@ def test_the_front_door_takes_a_file_and_gives_labelled_numbers_and_plain_data(t
     assert study.dataset["Pcrrttuin"].attrs["units"] == "mmHg"
     assert study.as_object()["id"] == "Thiel 2025, section 3.3"
     assert any("1 schemes at 1 speeds" in line for line in message)
+
+
+def test_the_labelled_result_repeats_the_study_and_names_rule_and_ranks(tmp_path):
+    """It had the version alone: no flow, rule, warnings, case or ranking."""
+    chosen = {"speeds": [3425.0], "volume_policy": "as_published"}
+    study = crrt_study(paper_case(), schemes="a,g", crrt_flow_ml_min=150.0, **chosen)
+    study.dataset.to_netcdf(tmp_path / "study.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "study.nc", engine="h5netcdf") as saved:
+        about, ranks = saved.attrs, saved["rank"].sel(policy="as_published").to_series().to_dict()
+    assert ranks == {ranked.letter: ranked.rank for ranked in study.ranking["as_published"]}
+    assert about["crrt_flow_ml_min"] == 150.0
+    assert [*about["warnings"]] == [*study.warnings]
+    again = crrt_study(
+        Case.model_validate_json(about["case"]), schemes="a,g", rule=json.loads(about["rule"]),
+        crrt_flow_ml_min=about["crrt_flow_ml_min"], **chosen,
+    )  # fmt: skip
+    xr.testing.assert_identical(again.dataset, study.dataset)
+    assert "case" not in study.means.attrs  # written to study.nc, which has the case once

@@ -20,6 +20,8 @@ def test_samples_at_the_patient_give_certainty_and_wide_ones_do_not():
     assert float(kept.sel(limit="access_alarm")) == 1.0
     assert float(kept.sel(limit="crrt")) == pytest.approx(float(kept.min()))
     assert float(kept.sel(limit="return_alarm")) == 0.6
+    units = {n: doubt[f"{n}_quantiles"].attrs["units"] for n in ("Psart", "Pcrrttuin", "Pcrrttuout", "PF")}
+    assert units == {"Psart": "mmHg", "Pcrrttuin": "mmHg", "Pcrrttuout": "mmHg", "PF": "L/min"}
     assert result.ranking["as_published"][0].letter == "d"
 
 

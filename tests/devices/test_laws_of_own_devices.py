@@ -138,6 +138,10 @@ def store(pressure) -> Circuit:
         (lambda self, v, a, c: (jnp.log(v), 1.0 / v), ""),  # not finite at 0 alone
         (lambda self, v, a, c: (jnp.sqrt(-1.0 - v), 1.0), "its pressure is finite at no volume"),
         (lambda self, v, a, c: (v, jnp.where(a > 0.9, jnp.inf, 1.0)), "its stiffness is finite at no volume"),
+        (lambda self, v, a, c: v, r"`pressure` must return two numbers, pressure \[mmHg\] and stiffness"),
+        (lambda self, v, a, c: (v, 1.0, 0.0), "`pressure` must return two numbers"),
+        (lambda self, v, a, c: (jnp.stack([v, v]), 1.0), "`pressure` must return two numbers"),
+        (lambda self, v, a, c: None, "`pressure` must return two numbers"),
         (lambda self, v, a, c: (v, 1.0) if v > 0.0 else (0.0, 1.0), r"line \d+\): a law is compiled"),
     ],
 )  # fmt: skip

@@ -46,6 +46,13 @@ def test_what_may_be_met_later_or_was_not_used_is_told_apart(miss, words):
     assert "model holds fixed" not in said
 
 
+@pytest.mark.parametrize("reachable", [True, False])
+def test_before_the_first_estimate_nothing_can_have_changed(reachable):
+    said = Miss("PF", 3.0, used=True, reachable=reachable, is_first=True).sentence(ESTIMATE)
+    assert "changed" not in said
+    assert said.endswith("or the value is wrong")
+
+
 def test_the_doubt_stays_until_the_output_is_measured_again():
     said = Miss("PF", 3.0, used=True, reachable=False).sentence_later("9:00")
     assert said.startswith("PF: 3 L/min at 9:00, the last measured, was not met by the estimate")

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.case import Case, Measurements, Patient
@@ -89,6 +90,29 @@ def test_the_labelled_result_has_units(fit):
     assert labelled["output_units"].sel(output="CO") == "L/min"
     assert float(labelled["correlation"].sel(parameter="Rmc", with_parameter="Rmc")) == pytest.approx(1.0)
     assert labelled.attrs["verdict"] == "good"
+    of_output = labelled[["simulated_lower", "simulated_upper", "determined"]].sel(output="CO")
+    interval = fit.intervals["CO"]
+    assert [of_output[n].item() for n in of_output] == [interval.low, interval.high, interval.determined]
+
+
+def test_a_fit_says_that_stated_uncertainties_do_not_weight_it(twin):
+    settings = replace(QUICK, uncertainties={"MAP": Uncertainty(1.0)})
+    said = [r.sentence for r in fit_case(twin, settings=settings).verdict.remarks]
+    assert any("uncertainties of MAP judge the fit" in sentence for sentence in said)
+
+
+@pytest.mark.slow
+def test_the_labelled_result_has_the_reasons_of_its_verdict(twin, tmp_path):
+    """Its headline asked to read the reasons, which it did not have."""
+    fit = fit_case(twin, settings=replace(QUICK, bounds={"Rmc": (1.5, 2.0)}))
+    fit.dataset.to_netcdf(tmp_path / "fit.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "fit.nc", engine="h5netcdf") as saved:
+        assert [*saved.attrs["reasons"]] == [f"{r.level}: {r.sentence}" for r in fit.verdict.reasons]
+        assert saved.attrs["reasons"][0].startswith("poor: ")
+        assert saved["reason"].sel(parameter="Rmc").item() == fit.parameters["Rmc"].reason
+        again = simulate(model_of(Case.model_validate_json(saved.attrs["case"])))
+    for name in ("MAP", "CO"):
+        assert float(again[name]) == pytest.approx(fit.simulated[name], rel=1e-5)
 
 
 def test_the_same_seed_gives_the_same_numbers(twin, fit):

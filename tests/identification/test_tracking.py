@@ -11,7 +11,7 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.devices.ecmo import Ecmo
 from eclsim.identification import tracking as track_module
 from eclsim.identification.filtering import GaussianMixture, InnovationTest
-from eclsim.identification.series import elapsed_hours, notes_on_bounds
+from eclsim.identification.series import elapsed_hours, notes_on_bounds, notes_on_time
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import Tracker, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
@@ -289,6 +289,30 @@ def test_times_of_names():
         elapsed_hours(["2024-03-02", "2024-03-01"])
     with pytest.raises(CaseError, match="the same time as"):  # it counted twice
         elapsed_hours(["2024-03-01T08:00", "2024-03-01T08-00"])
+    for impossible in ("2024-13-01T08:00", "2024-02-30", "2024-03-01T25-00"):
+        with pytest.raises(CaseError, match="no such date or time"):
+            elapsed_hours([impossible, "2024-03-01T08:00"])
+
+
+def test_clock_times_that_increase_are_those_of_one_day():
+    """They counted as 24 h apart, without a word."""
+    assert elapsed_hours(["08:00", "9:30", "12:00:00"]) == [None, 1.5, 2.5]
+    assert elapsed_hours(["22:00", "02:00"]) is None
+    assert elapsed_hours(["08:00", "25:00"]) is None
+    assert elapsed_hours(["08:00", "2024-03-01T12:00"]) is None
+
+
+def test_what_is_assumed_of_the_time_is_noted():
+    assert notes_on_time(["08:00", "12:00"], 24.0) == [
+        "the names are clock times and taken as those of one day: 08:00 to 12:00"
+    ]
+    for names in (["1", "2"], ["2024-03-01T08:00", "day 2"], ["22:00", "02:00"]):
+        (note,) = notes_on_time(names, 12.0)
+        assert "not all names of the measurements are times" in note
+        assert "12 h from one to the next are assumed" in note
+    assert "left out: 3; each still counts as 24 h" in notes_on_time(["1", "2"], 24.0, [1, 2])[1]
+    assert notes_on_time(["2024-03-01T08:00", "2024-03-01T12:00"], 24.0) == []
+    assert notes_on_time(["1"], 24.0) == []
 
 
 @pytest.mark.slow
@@ -316,6 +340,26 @@ def test_a_first_measurement_that_the_model_cannot_give_has_a_poor_verdict(serie
 
 
 @pytest.mark.slow
+def test_the_first_measurements_that_a_poor_fit_does_not_meet_are_named():
+    """All were met and nothing was doubted: the verdict was in the message alone."""
+    patient = Patient(id="F", sex="female", age_years=60, heart_rate_bpm=80)
+    case = Case(patient=patient, measurements=Measurements(MAP=88.0, CO=4.0, PCWP=30.0))
+    result = track([("1", case)], settings=TrackSettings(FitSettings(("Rmc",))))
+    (point,), labelled = result.points, result.dataset.sel(point="1")
+    assert point.verdict.level == "poor"
+    assert not point.innovations["PCWP"].met
+    assert "PCWP" in point.doubtful
+    assert "PCWP: 30 mmHg was used but cannot be met by the free parameters" in point.doubts[0]
+    assert "something that the model holds fixed is different in this patient" in point.doubts[0]
+    assert float(labelled["met"].sel(output="PCWP")) == 0.0
+    assert float(labelled["met"].sel(output="MAP")) == float(point.innovations["MAP"].met)
+    assert str(labelled["verdict"].values) == "poor"
+    assert str(labelled["doubts"].values).startswith("POOR FIT, not to be used")
+    assert "PCWP: 30 mmHg was used" in str(labelled["doubts"].values)
+    assert not point.as_object()["measurements"]["PCWP"]["met"]
+
+
+@pytest.mark.slow
 def test_the_labelled_result_has_what_the_points_have(followed):
     result, _ = followed
     labelled, second = result.dataset, result.points[1]
@@ -327,7 +371,8 @@ def test_the_labelled_result_has_what_the_points_have(followed):
     }
     assert np.isnan(labelled["forecast"].sel(point="0")).all()
     assert labelled["parameter_units"].sel(parameter="Rmc") == "mmHg s/mL"
-    assert result.assumed_interval_hours == 24.0
+    assert result.assumed_interval_hours == labelled.attrs["assumed_interval_hours"] == 24.0
+    assert "24 h from one to the next are assumed" in labelled.attrs["notes"][0]
 
 
 @pytest.mark.slow

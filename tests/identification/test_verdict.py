@@ -18,6 +18,7 @@ from eclsim.identification.verdict import (
     goodness_of,
     headline,
     interval_agreement,
+    not_used_as_weights,
     plausibility,
     search,
     single_start,
@@ -30,6 +31,16 @@ MEASURED = {"MAP": 70.0, "MPAP": 26.0, "CO": 4.0}
 def goodness(probability: float | None = 0.5, **differences: float) -> Goodness:
     total = sum(d * d for d in differences.values())
     return Goodness(differences, total, 0.0 if probability is None else 2.0, probability)
+
+
+def test_stated_uncertainties_that_do_not_weight_the_fit_are_named():
+    """The fit was the same with any uncertainties, without a word."""
+    (reason,) = not_used_as_weights({**MEASURED, "DP": 0.0}, ("MAP", "SP", "DP"), "relative")
+    assert reason.level is Level.GOOD
+    assert reason.sentence.startswith("the stated uncertainties of MAP judge the fit")
+    assert 'weights="uncertainty"' in reason.sentence
+    assert not not_used_as_weights(MEASURED, ("MAP",), "uncertainty")
+    assert not not_used_as_weights(MEASURED, (), "relative")
 
 
 def judged(mpap: float, weights: str = "relative", **more) -> FitVerdict:

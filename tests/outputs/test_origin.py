@@ -38,6 +38,8 @@ def test_results_of_python_state_their_version(tmp_path):
     assert {name: result.attrs.get("made_by") for name, result in results.items()} == dict.fromkeys(
         results, MADE_BY
     )
+    cases = {name: Case.model_validate_json(result.attrs["case"]) for name, result in results.items()}
+    assert {name: case.patient.id for name, case in cases.items()} == dict.fromkeys(results, "P")
     results["simulate_many"].to_netcdf(tmp_path / "many.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "many.nc", engine="h5netcdf") as saved:
         assert saved.attrs["made_by"] == MADE_BY
@@ -52,6 +54,8 @@ def test_fits_draws_and_tracks_state_their_version():
     fit = eclsim.fit(measured, settings=quick)
     draws = eclsim.posterior(fit, settings=eclsim.PosteriorSettings(method="importance")).draws
     assert fit.dataset.attrs["made_by"] == MADE_BY
+    again = eclsim.simulate(Case.model_validate_json(fit.dataset.attrs["case"]))
+    assert float(again["MAP"]) == pytest.approx(fit.simulated["MAP"], rel=1e-5)
     assert draws.attrs["made_by"] == MADE_BY
     assert draws["posterior"].attrs["made_by"] == MADE_BY
 
@@ -74,6 +78,16 @@ def test_variants_of_a_case_are_repeated_from_their_file(setting, tmp_path):
     assert many.attrs["made_by"] == MADE_BY
     for name in ("MAP", "PF"):
         np.testing.assert_array_equal(again[name], many[name])
+
+
+@pytest.mark.parametrize(
+    ("setting", "varied"), [({"speed_rpm": 3000}, "speed_rpm"), ({"flow_l_min": 3.0}, "flow_l_min")]
+)
+def test_derivatives_of_a_case_are_repeated_from_their_file(setting, varied):
+    names = ("MAP", "PF"), ("Rmc", f"ecmo.{varied}")
+    slopes = eclsim.derivatives(case_with(**setting), *names, volume_policy="patient_held")
+    again = eclsim.derivatives(Case.model_validate_json(slopes.attrs["case"]), *names)
+    np.testing.assert_array_equal(again, slopes)
 
 
 def test_variants_of_a_model_state_its_values():

@@ -186,6 +186,13 @@ def when(label: str) -> datetime | None:
         return None
 
 
+def mistakes_in_date(label: str) -> list[Mistake]:
+    """Return the error of a label that is written as a date, but gives no existing date or time."""
+    if not re.fullmatch(r"\d{4}-\d\d-\d\d([T ].*)?", label) or when(label) is not None:
+        return []
+    return [Mistake(MEASUREMENT, "no such date or time", shown(label), "2024-03-01T08:00, or a plain name")]
+
+
 def in_order_of_time(points: Sequence[CohortPoint], remarks: Remarks) -> list[CohortPoint]:
     """Sort each patient's points by time, if all their labels are times; what was done is noted."""
     ordered = list(points)
@@ -534,10 +541,8 @@ def _label_mistakes(label: str) -> list[Mistake]:
         return [Mistake(MEASUREMENT, "empty", allowed=allowed)]
     if len(label) > MAXIMUM_ID_LENGTH or not unicodedata.normalize("NFC", label).isprintable():
         return [Mistake(MEASUREMENT, "too long, or contains unprintable characters", shown(label), allowed)]
-    if re.fullmatch(r"\d{4}-\d\d-\d\d([T ].*)?", label) and when(label) is None:
-        return [
-            Mistake(MEASUREMENT, "no such date or time", shown(label), "2024-03-01T08:00, or a plain name")
-        ]
+    if impossible := mistakes_in_date(label):
+        return impossible
     if re.search(r"\b\d{1,2}[/.]\d{1,2}[/.]\d{2,4}\b", label) and when(label) is None:
         return [Mistake(MEASUREMENT, "a date that can be read in two ways", shown(label), "2024-03-01T08:00")]
     return []

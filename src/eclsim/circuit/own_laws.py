@@ -176,15 +176,33 @@ def _range(flows: Iterable[float]) -> str:
     return f"at {low:.3g} L/min" if low == high else f"between {low:.3g} and {high:.3g} L/min"
 
 
+class _NoPairError(Exception):
+    """A law returned something else than pressure and stiffness."""
+
+
+def _pair(found: Any) -> tuple[Any, Any]:
+    """Return what a law of a store returned as pressure and stiffness."""
+    try:
+        pressure, stiffness = found
+    except (TypeError, ValueError):
+        raise _NoPairError from None
+    if jnp.ndim(pressure) or jnp.ndim(stiffness):
+        raise _NoPairError
+    return pressure, stiffness
+
+
 def _fault_of_storage(law: Any, values: Mapping[str, float]) -> str:
     constants = law.constants(values)
 
     def pressure(volume: Any) -> tuple[Any, Any]:
-        moments = (law.pressure(volume, activation, constants) for activation in (0.0, 0.5, 1.0))
+        moments = [_pair(law.pressure(volume, activation, constants)) for activation in (0.0, 0.5, 1.0)]
         pressures, stiffnesses = zip(*moments, strict=True)
         return jnp.stack(jnp.broadcast_arrays(*pressures)), jnp.stack(jnp.broadcast_arrays(*stiffnesses))
 
-    found = jax.vmap(pressure)(jnp.asarray(_VOLUMES_ML))
+    try:
+        found = jax.vmap(pressure)(jnp.asarray(_VOLUMES_ML))
+    except _NoPairError:
+        return "`pressure` must return two numbers, pressure [mmHg] and stiffness dP/dV [mmHg/mL]"
     for what, numbers in zip(("pressure", "stiffness"), map(np.asarray, found), strict=True):
         if not np.isfinite(numbers).any(axis=0).all():
             return f"its {what} is finite at no volume from 0 to {_VOLUMES_ML[-1]:g} mL"

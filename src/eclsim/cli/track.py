@@ -184,7 +184,9 @@ def _names_are_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
 def _note_assumed_times(
     series: Series, timed: Mapping[str, bool], left_out: Mapping[str, Sequence[int]], interval: float
 ) -> None:
-    """Note what is assumed where names are not times; refused rows still count as elapsed time."""
+    """Note what is assumed where names are not full times; refused rows still count as elapsed time."""
+    from eclsim.identification.series import notes_on_time
+
     if patients := [name for name, known in timed.items() if not known and len(series[name]) > 1]:
         line = (
             f"{', '.join(patients)}: not all names of the measurements are times such as 2024-03-01T08:00 "
@@ -192,6 +194,9 @@ def _note_assumed_times(
             "(--interval)"
         )
         note([line])
+    for patient in filter(timed.get, series):
+        names = [name for name, _ in series[patient]]
+        note(f"{patient}: {sentence}" for sentence in notes_on_time(names, interval))
     note(
         f"{patient}: refused rows between used ones: {count}; each still counts as {interval:g} h of "
         "elapsed time"

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.cohort import CohortStudy, PointResult
 
 
+_MOST_NAMES = 10
+"""Largest number of data points that a line of the terminal names."""
+
+
 def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
     """Write all files to a folder, which is created if necessary, and return their paths."""
     drawn = svg_text(_figure(study))
@@ -60,6 +64,8 @@ def show(study: CohortStudy) -> None:
         unbroken = [column for column in range(len(heads)) if column != 1]
         show_table(POLICY_WORDS[policy], heads, rows, range(2, len(heads)), unbroken)
         show_text(conclusion(study, policy) + "\n")
+    for line in doubtful_points(study):
+        show_text(line + "\n")
 
 
 _HEAD = (
@@ -207,6 +213,19 @@ def _doubts(study: CohortStudy) -> list[str]:
             lines.append(f"Which scheme is first is not known, {policy_label}: {', '.join(names[:40])}")
     if len(lines) > 40:
         lines = [*lines[:40], f"and {len(lines) - 40} more, see cohort.json"]
+    return lines
+
+
+def doubtful_points(study: CohortStudy) -> list[str]:
+    """A line for each doubt about the fits of data points that count, with the points that it concerns."""
+    points: dict[str, list[str]] = {}
+    for point in study.counted:
+        for doubt in study.doubts.get(point.name, ()):
+            points.setdefault(doubt, []).append(point.name)
+    total, lines = len(study.points), []
+    for doubt, names in points.items():
+        listed = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+        lines.append(f"Counted although doubtful, {len(names)} of {total} data points ({listed}): {doubt}")
     return lines
 
 

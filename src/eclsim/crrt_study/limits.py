@@ -19,6 +19,8 @@ from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.description import placed_sentence
 from eclsim.devices.ecmo import SUCTION_MMHG
 from eclsim.outputs.alarms import sentences
+from eclsim.outputs.results import output_labels
+from eclsim.outputs.signals import output_names, signal_labels
 
 if TYPE_CHECKING:
     from eclsim.crrt_study.beats import StudyCircuits
@@ -322,7 +324,9 @@ def uncertainty(
         with warnings.catch_warnings():  # NaN if no beat was found
             warnings.filterwarnings("ignore", message="All-NaN")
             quantiles = np.nanquantile(values(name), QUANTILES, axis=1).T
-        data[f"{name}_quantiles"] = (("scheme", "quantile"), quantiles, {})
+        of_output = name in output_names(circuits.circuit)
+        labels = output_labels(name) if of_output else signal_labels(circuits.circuit, name)
+        data[f"{name}_quantiles"] = (("scheme", "quantile"), quantiles, labels)
     letters = [s.letter for s in circuits.schemes]
     coordinates = {"scheme": letters, "limit": list(margins), "quantile": list(QUANTILES)}
     attributes = {"blood_volume_policy": policy, "samples": settled.shape[1], "speed_rpm": speed}

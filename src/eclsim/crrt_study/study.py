@@ -9,6 +9,7 @@ replacement fluid of the case's CRRT is used as dialysate.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,7 +45,7 @@ from eclsim.devices.crrt import CRRT, Crrt
 from eclsim.devices.dialysed_blood import FILTER_PARAMETERS, FLUIDS, HAEMATOCRIT_IN
 from eclsim.devices.renox import GROUP, Renox
 from eclsim.files import ORIGIN
-from eclsim.orbit.model import CaseSource, as_case, circuit_of, values_of
+from eclsim.orbit.model import CASE, CaseSource, as_case, case_json, circuit_of, values_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import assumptions
 from eclsim.outputs.results import output_labels
@@ -119,8 +120,25 @@ class CrrtStudy:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Cycle means and outputs over `policy`, `scheme` and `speed`: the same as `means`."""
-        return self.means
+        """Cycle means and outputs over `policy`, `scheme` and `speed`, with what they depend on.
+
+        These are `means` and, over `policy` and `scheme`, `rank` (1 is best; NaN with the reason in
+        `why_no_rank`). The attribute `case` is the case as JSON text, for `Case.model_validate_json`, and
+        `rule` the rule of ranking as JSON text, for `crrt_study(rule=json.loads(...))`.
+        """
+        order = self.means["scheme"].values.tolist()
+        by_letter = [{ranked.letter: ranked for ranked in self.ranking[policy]} for policy in self.policies]
+        ranks = [[np.nan if (rank := by[s].rank) is None else rank for s in order] for by in by_letter]
+        why = [[by[s].why_no_rank for s in order] for by in by_letter]
+        about = {"units": "1", "long_name": "rank among the schemes, 1 is best"}
+        dims = ("policy", "scheme")
+        return self.means.assign(rank=(dims, ranks, about), why_no_rank=(dims, why)).assign_attrs({
+            "id": self.case.patient.id, CASE: case_json(self.case), "converged": int(self.converged),
+            "case_speed_rpm": self.case_speed, "crrt_flow_ml_min": self.crrt_flow_ml_min,
+            "rule": json.dumps(self.rule.as_object()),
+            "rule_in_words": [criterion.sentence for criterion in self.rule.criteria],
+            "assumed": list(self.assumed), "warnings": list(self.warnings),
+        })  # fmt: skip
 
     def as_object(self) -> dict[str, Json]:
         """Plain data for JSON, as written by `eclsim crrt-study --json`."""

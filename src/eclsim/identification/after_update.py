@@ -33,20 +33,34 @@ _HELD_CIRCUIT = (
 )
 _HELD = "something has changed that the model holds fixed, or the value is wrong"
 _FAST = "the patient has changed faster than the drift of the parameters allows, or the value is wrong"
+_HELD_FIRST = "something that the model holds fixed is different in this patient, or the value is wrong"
+_OUTWEIGHED = "the other measurements and the prior outweigh it, or the value is wrong"
 
 
 class Miss(NamedTuple):
-    """A measurement outside the 99 % interval of measurements that the updated estimate would give."""
+    """A measurement outside the 99 % interval of measurements that the updated estimate would give.
+
+    Attributes:
+        name: name of the output.
+        measured: measured value.
+        used: whether the estimate was updated with it.
+        reachable: whether other values of the free parameters could meet it with the other measurements.
+        is_first: whether it belongs to the first estimate, before which nothing can have changed.
+    """
 
     name: str
     measured: float
     used: bool
     reachable: bool
+    is_first: bool = False
 
     def sentence(self, estimate: Interval) -> str:
         """Doubt about the output, with its estimate after the update."""
         middle, low, high = (significant(v, 3) for v in (estimate.median, estimate.lower, estimate.upper))
         value, held = _value(self.name, self.measured), _HELD_CIRCUIT if self.name in _OF_CIRCUIT else _HELD
+        fast = _FAST
+        if self.is_first:
+            held, fast = _HELD_FIRST, _OUTWEIGHED
         if not self.used:
             more = "" if self.reachable else f", and {held}"
             return (
@@ -56,7 +70,7 @@ class Miss(NamedTuple):
         how = "is not met" if self.reachable else "cannot be met by the free parameters"
         return (
             f"{self.name}: {value} was used but {how}: the estimate afterwards is {middle} ({low} to "
-            f"{high}), and its interval is not to be trusted; {_FAST if self.reachable else held}"
+            f"{high}), and its interval is not to be trusted; {fast if self.reachable else held}"
         )
 
     def sentence_later(self, point: str) -> str:
@@ -69,7 +83,7 @@ class Miss(NamedTuple):
 
 def unmet(
     names: Sequence[str], values: np.ndarray, scales: np.ndarray, after: GaussianMixture, used: np.ndarray,
-    slope: np.ndarray,
+    slope: np.ndarray, *, is_first: bool = False,
 ) -> dict[str, Miss]:  # fmt: skip
     """Measurements that the updated estimate does not meet, by name.
 
@@ -80,6 +94,7 @@ def unmet(
         after: distribution of the outputs after the update.
         used: whether each was used for the update.
         slope: derivatives of the outputs by the latent variables z, whose prior is N(0, 1).
+        is_first: whether the estimate is the first of its patient.
     """
     measured = np.isfinite(values)
     off = np.where(measured, values - after.mean, 0.0)
@@ -88,8 +103,9 @@ def unmet(
     # What is left if the parameters may be anywhere in their prior, to first order.
     left = np.zeros(len(off))
     left[measured] = noise @ np.linalg.solve(own @ own.T + noise, off[measured])
+    reachable = np.abs(left) <= FARTHEST * scales
     return {
-        names[k]: Miss(names[k], float(values[k]), bool(used[k]), bool(abs(left[k]) <= FARTHEST * scales[k]))
+        names[k]: Miss(names[k], float(values[k]), bool(used[k]), bool(reachable[k]), is_first)
         for k in np.flatnonzero(far).tolist()
     }
 

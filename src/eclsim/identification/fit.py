@@ -71,6 +71,7 @@ from eclsim.identification.verdict import (
     goodness_of,
     held_but_missed,
     informative_but_fixed,
+    not_used_as_weights,
     plausibility,
     search,
     set_points_not_given,
@@ -78,7 +79,7 @@ from eclsim.identification.verdict import (
     stronger_membrane,
 )
 from eclsim.inputs.mistakes import CaseError, as_settings
-from eclsim.orbit.model import CaseSource, as_case, model_of
+from eclsim.orbit.model import CASE, CaseSource, as_case, case_json, model_of
 from eclsim.outputs.uncertainty import measurement_errors
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.sensitivity.identifiability import ScaledSensitivities
@@ -88,6 +89,7 @@ if TYPE_CHECKING:
 
     from eclsim.cases.case import Case
 
+_ENDS = {"lower": "low", "upper": "high"}
 NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
 
 
@@ -183,11 +185,15 @@ class FitResult:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Parameters with their 90 % intervals and correlation, and outputs beside the measurements."""
+        """Parameters with their 90 % intervals and correlation, and outputs beside the measurements.
+
+        The attribute `case` is the fitted case as JSON text, for `Case.model_validate_json`; `reasons` are
+        those of the verdict, each after its level.
+        """
         import xarray as xr
 
         names, outputs = list(self.parameters), list(self.simulated or self.measured)
-        columns = ("value", "lower", "upper", "at_bound", "identifiable")
+        columns = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
         data: dict[
             str, tuple[str | tuple[str, ...], object] | tuple[tuple[str, ...], object, dict[str, str]]
         ] = {
@@ -197,6 +203,9 @@ class FitResult:
         data["correlation"] = (("parameter", "with_parameter"), self.correlation, {"units": "1"})
         rows = {"measured": self.measured, "simulated": self.simulated, "uncertainty": self.uncertainties}
         data |= {row: ("output", [values.get(n, np.nan) for n in outputs]) for row, values in rows.items()}
+        known = [self.intervals.get(n, OutputInterval(np.nan, np.nan, determined=False)) for n in outputs]
+        data |= {f"simulated_{end}": ("output", [getattr(i, of) for i in known]) for end, of in _ENDS.items()}
+        data["determined"] = ("output", [i.determined for i in known])
         coordinates = {
             "parameter": names, "with_parameter": names, "output": outputs,
             "parameter_units": ("parameter", list(map(unit_of_parameter, names))),
@@ -205,7 +214,9 @@ class FitResult:
         attributes = {
             **ORIGIN, "id": self.name, "status": str(self.status), "message": self.status.message,
             "verdict": str(self.verdict.level), "headline": self.verdict.headline,
+            "reasons": [f"{r.level}: {r.sentence}" for r in self.verdict.reasons],
             "sum_of_squares": self.optimum.cost, "warnings": list(self.warnings),
+            CASE: case_json(self.case, self.objective.policy),
         }  # fmt: skip
         return xr.Dataset(data, coordinates, attributes)
 
@@ -384,6 +395,7 @@ def _result(
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights),
         *contradictory_measurements(target.measured),
+        *not_used_as_weights(target.measured, settings.uncertainties, settings.weights),
         *stronger_membrane(target.measured, simulated, goodness, box.names, target.model.values),
         *search(optimum.status),
         *single_start(optimum.agreeing, len(optimum.starts.agreeing)),

@@ -111,8 +111,8 @@ class TrackResult:
         patient: id of the patient.
         points: points in order of time.
         assumed_interval_hours: assumed time between measurements [h]; None if their names are times.
-        notes: assumptions for all times, and set points that the series gave because the cases leave them
-            open.
+        notes: assumptions for all times and on the time between them, and set points that the series gave
+            because the cases leave them open.
     """
 
     patient: str
@@ -122,7 +122,10 @@ class TrackResult:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """Parameters, forecasts and measurements over the points, with units; NaN for unknown values."""
+        """Parameters, forecasts and measurements over the points, with units; NaN for unknown values.
+
+        `doubts` begins with the headline of the first estimate's verdict where that is not good.
+        """
         import xarray as xr
 
         points = self.points
@@ -152,7 +155,11 @@ class TrackResult:
             data[name] = ("point", values, {"units": unit})
         data |= {name: ("point", [getattr(p, name) for p in points]) for name in ("failed", "unusual")}
         data["message"] = ("point", [p.message for p in points])
-        data["doubts"] = ("point", ["; ".join(p.doubts) for p in points])
+        verdicts = ["" if p.verdict is None else str(p.verdict.level) for p in points]
+        fits = [p.verdict.headline if p.verdict is not None and p.verdict.doubts else "" for p in points]
+        data["verdict"] = ("point", verdicts)
+        doubts = ["; ".join(filter(None, (of, *p.doubts))) for of, p in zip(fits, points, strict=True)]
+        data["doubts"] = ("point", doubts)
         coordinates = {
             "point": [p.name for p in points], "parameter": parameters, "output": outputs,
             "quantile": list(SHARES),
@@ -160,6 +167,8 @@ class TrackResult:
             "output_units": ("output", [unit_of(n) for n in outputs]),
         }  # fmt: skip
         about = {**ORIGIN, "patient": self.patient, "notes": list(self.notes)}
+        if self.assumed_interval_hours is not None:
+            about["assumed_interval_hours"] = self.assumed_interval_hours
         return xr.Dataset(data, coordinates, about)
 
     def as_object(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from eclsim.arguments import WholeNumber, written
-from eclsim.cases.cohort import when
+from eclsim.cases.cohort import mistakes_in_date, when
 from eclsim.cases.quantities import with_values
 from eclsim.identification.quantities import BOUNDS, OUTPUTS, possible_range, unit_of
 from eclsim.identification.settings import (
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 SECONDS_PER_HOUR = 3600.0
 _TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
+_CLOCK_TIME = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d))?")
 
 Points = Sequence[tuple[str, "Case"]]
 """Names and cases of the measurements in order."""
@@ -223,19 +224,23 @@ def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
     """Hours from each measurement to the next, or None if the names are no times.
 
     Args:
-        names: names of the measurements in order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00.
+        names: names of the measurements in order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00,
+            or clock times of one day, such as 08:00 and 12:00.
 
     Returns:
         None for the first measurement and hours for every other; None instead of the list if a name is no
-        time, or if only some have a time zone.
+        time, if only some have a time zone, or if clock times do not increase.
 
     Raises:
-        CaseError: A time is not later than the one before it; the same time again would count twice.
+        CaseError: A date or time does not exist, or a time is not later than the one before it; the same
+            time again would count twice.
     """
-    times = [when(_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name)) for name in names]
-    known = [t for t in times if t is not None]
+    labels = [_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name) for name in names]
+    if impossible := [mistake for label in labels for mistake in mistakes_in_date(label)]:
+        raise CaseError(impossible)
+    known = [t for t in map(when, labels) if t is not None]
     if len(known) < len(names) or len({t.tzinfo is None for t in known}) > 1:
-        return None
+        return _hours_of_one_day(names)
     hours = [(later - earlier).total_seconds() / SECONDS_PER_HOUR for earlier, later in pairwise(known)]
     wrong = [
         Mistake(
@@ -249,3 +254,36 @@ def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
     if wrong:
         raise CaseError(wrong)
     return [None, *hours]
+
+
+def notes_on_time(names: Sequence[str], interval: float, left_out: Iterable[int] = ()) -> list[str]:
+    """Notes on the time between measurements where their names do not give it in full.
+
+    Args:
+        names: names of the measurements in order.
+        interval: time between measurements that is assumed where names are no times [h].
+        left_out: number of missing measurements before each point.
+    """
+    if len(names) < 2:
+        return []
+    if elapsed_hours(names) is None:
+        notes = [
+            "not all names of the measurements are times such as 2024-03-01T08:00 (all with a time zone or "
+            f"all without): {interval:g} h from one to the next are assumed"
+        ]
+        if lost := sum(left_out):
+            notes.append(f"measurements left out: {lost}; each still counts as {interval:g} h of time")
+        return notes
+    if _hours_of_one_day(names) is not None:
+        return [f"the names are clock times and taken as those of one day: {names[0]} to {names[-1]}"]
+    return []
+
+
+def _hours_of_one_day(names: Sequence[str]) -> list[float | None] | None:
+    """Hours between clock times of one day; None for other names, and where the day is not the same."""
+    clock = [_CLOCK_TIME.fullmatch(name.strip()) for name in names]
+    if not all(clock):
+        return None
+    hours = [int(t[1]) + int(t[2]) / 60.0 + int(t[3] or 0) / SECONDS_PER_HOUR for t in clock if t]
+    between = [later - earlier for earlier, later in pairwise(hours)]
+    return [None, *between] if min(between, default=1.0) > 0.0 else None

@@ -86,7 +86,8 @@ class FitSettings:
         bounds: lower and upper bounds that differ from the default ones.
         weights: "relative", (simulated - measured) / measured as in the paper, or "uncertainty",
             (simulated - measured) / standard uncertainty.
-        uncertainties: standard uncertainties of measurements that differ from the defaults.
+        uncertainties: standard uncertainties of measurements that differ from the defaults. They judge the
+            fit and give its intervals; with the weights "uncertainty" they also weight the measurements.
         multi_start: extent of the search.
         volume_policy: blood volume policy; None takes that of the cases.
         shared: free parameters with a common value for all data points of a patient in a cohort.

@@ -120,7 +120,6 @@ def _patient(series: Data) -> dict[str, object]:
         "outputs": _tracked_outputs(points[-1]),
         "parameters": _tracked_parameters(points),
         "course": Table(head, course, numeric=(0, 1, 2)),
-        "assumed_hours": series["assumed_interval_hours"] if len(points) > 1 else None,
         "notes": series.get("notes", ()),
     }
 

@@ -53,6 +53,7 @@ from eclsim.identification.series import (
     falling_clotting,
     named_cases,
     notes_on_bounds,
+    notes_on_time,
     passed_over,
     series_of,
 )
@@ -280,11 +281,14 @@ class Tracker:
         self.estimate = _Estimate(prior, transport, state)
         self._starts[model.circuit] = density.numbers(transport.z_of(mean)[0])
         names, _, regression = self._regression(replace(self.estimate, state=gaussian_state), model)
+        outputs, (values, scales) = regression.outputs(gaussian_state), self._in_order(names, measured)
+        slope = slope_in_z(gaussian_state, regression.slope, transport)
+        self._misses = unmet(names, values, scales, outputs, np.isfinite(values), slope, is_first=True)
         verdict = _verdict(density, gaussian)
         return TrackedPoint(
-            name, {n: Innovation(v) for n, v in measured.items()}, self.estimate.parameters(settings.seed),
-            _intervals(names, regression.outputs(gaussian_state)), self._drift(state), verdict=verdict,
-            message=_doubt(verdict, weighted, power),
+            name, {n: Innovation(v, met=n not in self._misses) for n, v in measured.items()},
+            self.estimate.parameters(settings.seed), _intervals(names, outputs), self._drift(state),
+            verdict=verdict, message=_doubt(verdict, weighted, power),
         )  # fmt: skip
 
     def _next(
@@ -293,9 +297,7 @@ class Tracker:
         """Compare a measurement with its forecast and update the estimate."""
         names, simulate, first = self._regression(forecast, model, measured)
         outputs = first.outputs(forecast.state)
-        errors = self._errors(measured)
-        values = np.array([measured.get(n, np.nan) for n in names])
-        scales = np.array([errors.get(n, np.inf) for n in names])
+        values, scales = self._in_order(names, measured)
         available = np.isfinite(values)
         missed = np.array([self._left_out.get(n, np.nan) for n in names])
         test = InnovationTest.of(values, scales, outputs, available, missed)
@@ -324,8 +326,8 @@ class Tracker:
         }
         return TrackedPoint(
             name, innovations, self.estimate.parameters(self.settings.seed), after, self._drift(state),
-            _intervals(names, outputs), self._expected(names, outputs, errors), test.chi_square,
-            test.probability, test.probability < UNUSUAL_SERIES, message=message,
+            _intervals(names, outputs), self._expected(names, outputs, self._errors(measured)),
+            test.chi_square, test.probability, test.probability < UNUSUAL_SERIES, message=message,
         )  # fmt: skip
 
     def _message(self, test: InnovationTest, names: Sequence[str], measured: Mapping[str, float]) -> str:
@@ -401,6 +403,12 @@ class Tracker:
     def _errors(self, values: Mapping[str, float]) -> dict[str, float]:
         return measurement_errors(values, self.settings.fit.uncertainties)
 
+    def _in_order(self, names: Sequence[str], measured: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Measured values and their uncertainties by output; NaN and infinity where nothing was measured."""
+        errors = self._errors(measured)
+        values = np.array([measured.get(n, np.nan) for n in names])
+        return values, np.array([errors.get(n, np.inf) for n in names])
+
     def _policy(self, model: Model) -> str:
         return self.settings.fit.volume_policy or model.policy
 
@@ -446,19 +454,23 @@ def track(
     """Follow one patient through a series of measurements.
 
     Args:
-        points: name and case of each measurement in order of time; names that are times give the intervals.
+        points: name and case of each measurement in order of time. Names that are times give the intervals,
+            with their dates or as clock times of one day; otherwise that of the settings is assumed, and a
+            note says so.
         settings: what is tracked and how.
         progress: called with a description of the current step.
         left_out: number of missing measurements before each point. Where names are no times, each of these
             counts as an interval, too. Empty for none.
 
     Raises:
-        CaseError: There are no points, or one of the errors of `Tracker.update`.
+        CaseError: There are no points, times are impossible or not in order, or one of the errors of
+            `Tracker.update`.
     """
     settings, points = as_settings(settings, TrackSettings), named_cases(points)
     cases = [(name, as_case(source)) for name, source in points]
-    known = elapsed_hours([name for name, _ in points])
-    assumed = [settings.interval_hours * (1 + lost) for lost in passed_over(left_out, len(points))]
+    names, lost = [name for name, _ in points], passed_over(left_out, len(points))
+    known, of_time = elapsed_hours(names), notes_on_time(names, settings.interval_hours, lost)
+    assumed = [settings.interval_hours * (1 + missing) for missing in lost]
     hours = known or [None, *assumed[1:]]
     done: list[TrackedPoint] = []
 
@@ -470,5 +482,5 @@ def track(
     for (name, case), passed in zip(cases, hours, strict=True):
         say("")
         done.append(tracker.update(name, case, passed))
-    notes = (*series.remarks(cases[-1][1]), *notes_on_bounds(done))
+    notes = (*of_time, *series.remarks(cases[-1][1]), *notes_on_bounds(done))
     return TrackResult(patient, tuple(done), None if known else settings.interval_hours, notes)

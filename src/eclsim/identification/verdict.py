@@ -16,7 +16,7 @@ import numpy as np
 from eclsim.cases.checking import contradicted_wedge
 from eclsim.cases.quantities import quantity
 from eclsim.identification.multi_start import FitStatus
-from eclsim.identification.quantities import Scale
+from eclsim.identification.quantities import Scale, relative_scale
 from eclsim.identification.settings import CLOTTED, INFORMATIVE_MEASUREMENTS
 from eclsim.parameters.adult_ranges import AdultRange
 from eclsim.reporting.numbers import significant
@@ -466,6 +466,27 @@ def contradictory_measurements(measured: Mapping[str, float]) -> list[Reason]:
         return []
     text = f"the measured PCWP {significant(measured['PCWP'])} mmHg is {sentence}"
     return [Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "PCWP", text)]
+
+
+def not_used_as_weights(
+    measured: Mapping[str, float], uncertainties: Collection[str], weights: str
+) -> list[Reason]:
+    """Return a remark on stated uncertainties that do not weight the measurements of a fit.
+
+    Args:
+        measured: measured values by output.
+        uncertainties: names of the outputs whose uncertainties were stated.
+        weights: weights of the fit; values of size 0 are always weighted by their uncertainties.
+    """
+    names = [n for n in measured if n in uncertainties and relative_scale(n, measured[n])]
+    if weights != "relative" or not names:
+        return []
+    sentence = (
+        f"the stated uncertainties of {', '.join(names)} judge the fit and give its intervals, but do not "
+        'weight the measurements, whose relative differences are minimised: weights="uncertainty" '
+        "(--weights uncertainty) does"
+    )
+    return [Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence)]
 
 
 def set_points_not_given(set_points: Mapping[str, float]) -> list[Reason]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Iterable, Mapping
@@ -168,6 +169,16 @@ def case_record(case: Case, policy: str | None = None) -> dict[str, Any]:
     if case.as_written is not None and not case.targets() and not case.at_rest().targets():
         case = case.with_set_points(values_of(case))
     return as_file(case) | ({} if policy is None else {POLICY_KEY: policy})
+
+
+def case_json(case: Case, policy: str | None = None) -> str:
+    """The case of a labelled result as text for `Case.model_validate_json`, its attribute `case`.
+
+    Args:
+        case: as for `case_record`.
+        policy: as for `case_record`.
+    """
+    return json.dumps(case_record(case, policy))
 
 
 def as_case(source: CaseSource, *, or_model: bool = False) -> Case:

@@ -23,7 +23,7 @@ from eclsim.arguments import Kind, WholeNumber, check_fields, flag, number_of
 from eclsim.execution import Distribution, Executor, Progress, Tasks, as_folder
 from eclsim.execution.tasks import run_tasks
 from eclsim.inputs.mistakes import as_names, as_settings
-from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
+from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, case_json, model_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import beat_warnings
@@ -147,7 +147,8 @@ def sensitivity(
         central = missing_central_beat(plan.evaluator)
         plan = replace(plan, warnings=(*central, *plan.warnings, *warnings))
         place = stack.enter_context(TemporaryDirectory(prefix="eclsim-")) if folder is None else folder
-        return run_analysis(plan, Path(place), distribution, until=settings.until, progress=progress)
+        result = run_analysis(plan, Path(place), distribution, until=settings.until, progress=progress)
+        return replace(result, case_json=case_json(case, settings.volume_policy))
 
 
 def missing_central_beat(evaluator: Evaluator) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from eclsim.arguments import number_of
 from eclsim.cases.quantities import quantity
 from eclsim.files import ORIGIN
 from eclsim.inputs.mistakes import as_names
-from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
+from eclsim.orbit.model import CASE, CaseSource, VolumePolicy, as_case, case_json, model_of
 from eclsim.outputs.results import beat_warnings, derivatives
 from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.outputs.uncertainty import DEFAULTS, Uncertainty, standard_uncertainties
@@ -321,6 +321,7 @@ class Identifiability:
         fisher: Fisher information.
         proposal: proposed set of parameters to fit.
         warnings: warnings about the case's beat, around which the analysis is local.
+        case_json: the case, with the pump speed that its flow needs, for `Case.model_validate_json`.
     """
 
     name: str
@@ -332,6 +333,7 @@ class Identifiability:
     fisher: FisherInformation
     proposal: Proposal
     warnings: tuple[str, ...] = ()
+    case_json: str = ""
 
     def __repr__(self) -> str:
         proposed = ", ".join(self.proposal.chosen) or "none"
@@ -375,7 +377,12 @@ class Identifiability:
                 "proposed": ("parameter", [name in self.proposal.chosen for name in names]),
             },
             {"output": list(self.scaled.outputs), "parameter": names, "other_parameter": names},
-            {**ORIGIN, "id": self.name, "warnings": [*self.warnings, *self.doubts]},
+            {
+                **ORIGIN,
+                "id": self.name,
+                "warnings": [*self.warnings, *self.doubts],
+                **({CASE: self.case_json} if self.case_json else {}),
+            },
         )
 
     def as_object(self) -> dict[str, Any]:
@@ -461,7 +468,7 @@ def identifiability(
     return Identifiability(
         case.patient.id, simulated, values, errors, scaled, all_subsets(scaled, limit),
         fisher_information(scaled), propose(scaled, limit, threshold),
-        beat_warnings(model, volume_policy, measured, case),
+        beat_warnings(model, volume_policy, measured, case), case_json(case, volume_policy),
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from eclsim.cases.fit_mark import with_doubts
 from eclsim.devices.description import placed_sentence
 from eclsim.files import ORIGIN, csv_text, write_json, write_text
+from eclsim.orbit.model import CASE
 from eclsim.outputs.alarms import IMPOSSIBLE_BEAT
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
@@ -249,11 +250,20 @@ class Indices:
 
 @dataclass(frozen=True)
 class SensitivityResult:
-    """A finished analysis: its indices, and the runs they come from."""
+    """A finished analysis: its indices, and the runs they come from.
+
+    Args:
+        design: design of the runs.
+        indices: the indices.
+        runs: results of the runs.
+        case_json: the case, with the pump speed that its flow needs, for `Case.model_validate_json`; empty
+            if it is not known, as after merging shards.
+    """
 
     design: Design
     indices: Indices
     runs: Runs
+    case_json: str = ""
 
     def __repr__(self) -> str:
         of, to = ", ".join(self.indices.outputs), ", ".join(self.indices.factors)
@@ -272,8 +282,8 @@ class SensitivityResult:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """The indices, labelled: see `Indices.dataset`."""
-        return self.indices.dataset
+        """The indices, labelled, with the attribute `case`: see `Indices.dataset`."""
+        return self.indices.dataset.assign_attrs({CASE: self.case_json} if self.case_json else {})
 
     @cached_property
     def convergence(self) -> xr.Dataset:

@@ -15,7 +15,7 @@ from eclsim.files import ORIGIN, finite
 from eclsim.inputs.mistakes import as_names
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
-from eclsim.orbit.model import CASE, Model, ModelSource, UnknownValueError, as_case, case_record, model_of
+from eclsim.orbit.model import CASE, Model, ModelSource, UnknownValueError, as_case, case_json, model_of
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT
 from eclsim.outputs import results
 from eclsim.outputs.results import simulate_course
@@ -74,7 +74,7 @@ def simulate(
     result = _beat(model_of(solved), volume_policy, options, resolution, solver, check_grid)
     if speed is not None:
         result.attrs |= speed.attributes()
-    result.attrs[CASE] = json.dumps(case_record(solved, volume_policy))
+    result.attrs[CASE] = case_json(solved, volume_policy)
     if result.attrs["converged"]:
         beat = {str(name): float(value) for name, value in result.data_vars.items() if not value.ndim}
         result.attrs["warnings"] = [*result.attrs["warnings"], *cautions_on_misses(case, beat)]
@@ -133,7 +133,7 @@ def _base(source: Case | Model, policy: str | None) -> dict[str, str]:
     """Attribute that states what variants were made of: the case, or the values of a model, as JSON text."""
     if isinstance(source, Model):
         return {VALUES: json.dumps(finite(dict(source.values)))}
-    return {CASE: json.dumps(case_record(source, policy))}
+    return {CASE: case_json(source, policy)}
 
 
 def derivatives(
@@ -162,7 +162,7 @@ def derivatives(
         Array with dimensions (output, parameter), in `output_units` per `parameter_units`, which are
         coordinates like `value` and `parameter_value`, the point of the derivatives. The attributes `status`
         ("converged", else as `Status`, "singular" or "flow_not_reached"), `message` and `warnings` describe
-        the beat.
+        the beat. The attributes `case` and, for a model, `values` are those of `simulate_many`.
 
     Raises:
         NoDerivativesError: No steady beat was found, or its equation is singular.
@@ -177,19 +177,21 @@ def derivatives(
         raise ValueError("no outputs or no parameters for derivatives; allowed: one or more of each")
     solved = None if isinstance(source, Model) else solve_speeds(source, {}, volume_policy)
     if solved is None:
-        return results.derivatives(source, outputs, parameters, volume_policy, resolution, throw)
+        result = results.derivatives(source, outputs, parameters, volume_policy, resolution, throw)
+        return result.assign_attrs(_base(source, volume_policy))
     if solved.speed in parameters:
         advice = f"ask for {solved.flow_key}, or give the case a speed"
         raise UnknownValueError(f"{solved.speed} is computed from the target flow: {advice}")
     if solved.reasons[0]:
         if throw:
             raise FlowNotReachedError(solved.reasons[0])
-        return _no_derivatives(solved, outputs, parameters)
+        return _no_derivatives(solved, outputs, parameters).assign_attrs(_base(source, volume_policy))
     model = model_of(solved.case_at(float(solved.speeds[0])))
     varied = [name for name in dict.fromkeys(parameters) if name != solved.flow_key]
     names = (*dict.fromkeys((*outputs, solved.output)),), (*varied, solved.speed)
     result = results.derivatives(model, *names, volume_policy, resolution, throw)
-    return _at_held_flow(result, solved, outputs, parameters)
+    held = _at_held_flow(result, solved, outputs, parameters)
+    return held.assign_attrs(_base(solved.case, volume_policy))
 
 
 def _at_held_flow(
@@ -250,7 +252,7 @@ def result_without_flow(case: Case, policy: str, sentence: str) -> xr.Dataset:
         "residual": float("nan"),
         "blood_volume_policy": policy,
         "warnings": list(case.doubts),
-        CASE: json.dumps(case_record(case, policy)),
+        CASE: case_json(case, policy),
     }
     return xr.Dataset(attrs=attributes)
 
