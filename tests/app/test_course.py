@@ -179,6 +179,17 @@ def test_the_page_follows_the_minutes_of_a_course():
     assert json.loads(files.read(plain))["events"][0]["give"] == {"bleed_ml": 400.0}
 
 
+@pytest.mark.slow
+def test_recirculation_at_a_minute_is_that_of_the_sites_at_that_minute():
+    """Flows of the moved line were followed through the circuit of the start: 5.6 % for 0 %."""
+    state = preset_state("paper")
+    moved = with_event(state.case, {"at_min": 30, "set": {"crrt.access_site": "post_dc"}})
+    course = compute_course(state.with_case(moved), 60)
+    shares = [course.beat(minute).outputs["crrt_recirculated_fraction"] for minute in (0.0, 40.0)]
+    assert shares[0] > 0.04
+    assert shares[1] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_an_oxygenator_that_clots_later_is_an_event():
     case = with_turn(connect(PAPER, "gas"), "parameters.ecmo.oxygenator.clotted_fraction", 0.7, 30.0)
     assert case.events[0].set == {"ecmo.oxygenator.clotted_fraction": 0.7}

@@ -323,6 +323,11 @@ def case_at(case: Case, minute: float) -> Case:
     return now
 
 
+def case_at_minute(case: Case, minute: float) -> Case:
+    """Return the case of a displayed minute: at 0 the case itself, later as events have changed it."""
+    return case_at(case, minute) if minute else case
+
+
 def without_event(case: Case, number: int) -> Case:
     """Return the case without one of its events."""
     raw = case.as_mapping()
@@ -409,20 +414,22 @@ class ShownBeat(NamedTuple):
         """Return the beat with everything in which it can differ from others, for the browser."""
         from eclsim.app.beat import plain
 
-        case, minute, origin = self.state.case, self.moment.minute, provenance(self.state)
+        minute, origin = self.moment.minute, provenance(self.state)
+        case = case_at_minute(self.state.case, minute)
         key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
         return {
             **plain(with_remarks(self.beat, self.state), waves_of(case), figures_of(case)),
             "of": key, "name": origin["title"], "minute": minute,
             "badge": origin["badge"], "level": origin["level"],
-            "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,
-            "events": plain_events(case), "compared": compared_of(case), "specs": named_specs(case),
+            "values": knobs_of(case), "panel": panel_of(case), "policy": self.state.policy,
+            "events": plain_events(self.state.case), "compared": compared_of(case),
+            "specs": named_specs(case),
         }  # fmt: skip
 
 
 def knobs_at(case: Case, minute: float) -> dict[str, Any]:
     """Return the values of the knobs as events have left them at a minute of the course."""
-    return knobs_of(case_at(case, minute) if minute else case)
+    return knobs_of(case_at_minute(case, minute))
 
 
 async def recomputed(engine: Engine, state: PageState, moment: Moment) -> ShownBeat:
