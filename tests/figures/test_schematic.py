@@ -1,4 +1,5 @@
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from itertools import combinations, pairwise
 
@@ -17,6 +18,8 @@ from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import POSITIONS, Ecmo, ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.devices.renox import RENOX, Renox
+from eclsim.devices.vent import SITES as VENTED
+from eclsim.devices.vent import VENT, Vent
 from eclsim.patient.circulation import Anatomy, circulation
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import save_figure
@@ -48,6 +51,14 @@ SCHEMES = {
 }
 VA = PATIENT + ecmo("ra", "ao")
 VV = PATIENT + ecmo("svn", "ra")
+
+
+def vent(site: str) -> Circuit:
+    """A vent into the drainage line of an ECMO circuit."""
+    drained = replace(VENT.circuit(Vent(site=site, fr=15.0)).connections[0], target=POSITIONS["post_dc"])  # type: ignore[arg-type]
+    return Circuit(connections=(drained,))
+
+
 CIRCUITS = {
     "none": PATIENT,
     "V-A": VA,
@@ -71,6 +82,8 @@ CIRCUITS = {
     "V-AV": VA_SECOND,
     "regions, bicaval": REGIONS + ecmo("ivc", "lower", second=second("drainage", "svc")),
     "V-A, RenOx": VA + RENOX.circuit(Renox(dialysate_ml_h=2000.0)),
+    **{f"V-A, vent of {site}": VA + vent(site) for site in VENTED},
+    "V-A, vent, CRRT, LVAD": VA + vent("lv") + crrt("ecmotuor", "ecmooxy") + lvad(),
     "all at part": PATIENT + ecmo("part", "part") + crrt("part", "part") + lvad("sart", "part"),
 }
 
@@ -232,6 +245,16 @@ def test_lvad_lines_end_at_the_sites_of_the_circuit(inlet: str, outlet: str):
     places = boxes(figure)
     assert ends_on(into.get_transform().transform(into.get_xydata())[0], places[inlet], figure)
     assert ends_on(out.get_transform().transform(out.get_xydata())[-1], places[outlet], figure)
+
+
+@pytest.mark.parametrize("site", VENTED)
+def test_a_vent_is_a_line_of_its_own_colour_into_the_ecmo_circuit(site: str):
+    figure = drawn(f"V-A, vent of {site}")
+    line, of_ecmo = device_line(figure, "vent"), device_line(figure, "ecmodrain")
+    ends = line.get_transform().transform(line.get_xydata())
+    assert ends_on(ends[0], boxes(figure)[site], figure)
+    assert ends_on(ends[-1], boxes(figure)[POSITIONS["post_dc"]], figure)
+    assert line.get_color() == VENT.look.colour != of_ecmo.get_color()
 
 
 def test_numbers_are_means_over_the_beat(ecmo_crrt: xr.Dataset):

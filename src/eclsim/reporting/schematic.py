@@ -273,7 +273,7 @@ def _label_wire(pen: Pen, middle: Point, label: str, flow: str, *, level: bool, 
 def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mapping[str, Path]) -> None:
     """Draw the lines that run in lanes."""
     for line in plan.lines:
-        look = look_of(line.frame)
+        look = look_of(labels.groups[line.name])
         path = paths[line.name] if line.into_device else paths[line.name][::-1]
         pen.line(path, look, gid=f"line-{line.name}")
         # The tips of cannulae point to the patient.

@@ -247,14 +247,14 @@ export default {
     level(box) {
       return this.places[box.name] ?? "ok";
     },
-    // Level of a pump's flow relative to its limits; backward flow is an alarm.
+    // Level of a flow relative to its limits; backward flow is an alarm.
     flowLevel(wire) {
-      return this.levels[wire.output] ?? "ok";
+      return this.worst(wire.outputs);
     },
     flow(wire) {
       const mean = this.means[`Q${wire.name}`];
       if (mean === undefined || wire.silent) return "";
-      const about = this.undetermined.includes(wire.output) ? UNDETERMINED : "";
+      const about = wire.outputs.some((name) => this.undetermined.includes(name)) ? UNDETERMINED : "";
       return about + fixed(scaled(mean, wire.factor), wire.digits);
     },
     about(line) {
