@@ -3,16 +3,14 @@
 import asyncio
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from eclsim.app import beat as beat_of_page
 from eclsim.app import updates
-from eclsim.app.beat import Beat, page_circuit
-from eclsim.app.knobs import connect
-from eclsim.app.session import BEATS_WORTH_A_CLOSER_START, Session
+from eclsim.app.beat import Beat
+from eclsim.app.session import BEATS_WORTH_A_CLOSER_START
 from eclsim.app.state import (
     MOST_SAVED,
     START,
@@ -23,56 +21,12 @@ from eclsim.app.state import (
     preset_state,
     read_snapshot,
 )
-from eclsim.app.texts import text
 from eclsim.app.updates import SecondBeats
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
 from eclsim.devices.description import Finding
-from eclsim.orbit.status import Status
 from patience import until
-
-
-@dataclass
-class StubEngine:
-    """Answers with the speed of the pump as the mean pressure, after a while."""
-
-    delay: float = 0.01
-    computed: list[float] = field(default_factory=list)
-    fail: bool = False
-    effort: int = 0
-    begun_at: list[float | None] = field(default_factory=list)
-    studying: int = 0
-
-    async def study(self, work: Callable[[], object]) -> object:
-        self.studying += 1
-        return await asyncio.to_thread(work)
-
-    async def prepare_nearby_searches(self, state: PageState, beat: Beat) -> None:
-        await asyncio.sleep(self.delay)
-
-    async def beat(
-        self, state: PageState, prepare_nearby_searches: Beat | None, compiling: object = None
-    ) -> Beat:
-        self.begun_at.append(prepare_nearby_searches and prepare_nearby_searches.outputs["MAP"])
-        await asyncio.sleep(self.delay)
-        if self.fail:
-            raise RuntimeError("no")
-        self.computed.append(state.case.patient.heart_rate_bpm)
-        circuit, values = page_circuit(state.case)
-        outputs = {"MAP": state.case.patient.heart_rate_bpm}
-        return Beat(
-            circuit, values, 1.0, {"Pao": np.zeros(4)}, {"Pao": 80.0}, outputs, (), Status.CONVERGED, "",
-            effort=self.effort,
-        )  # fmt: skip
-
-
-def session(engine: StubEngine, sent: list) -> Session:
-    state = PageState(PRESETS["healthy"].case(), origin="healthy")
-    return Session(engine, state, lambda topic, data: sent.append((topic, data)))  # type: ignore[arg-type]
-
-
-def beats(sent: list) -> list:
-    return [data for topic, data in sent if topic == "beat"]
+from stub_session import StubEngine, beats, session
 
 
 def test_of_many_turns_only_the_newest_is_computed():
@@ -254,55 +208,6 @@ def test_pin_and_save_keep_the_minute_that_is_seen():
     assert moments == [100]
     assert ("go_to", {"minute": 40.0, "length": 60}) in messages
     asyncio.run(after())
-
-
-def test_the_circuit_is_drawn_as_it_is_at_the_minute_that_is_shown():
-    """With CRRT moved at 00:30, the drawing of 00:40 still joined its access to the first site."""
-    engine, messages, ends = StubEngine(), [], []
-
-    def drawn():
-        drawings = [data for topic, data in messages if topic == "drawing"]
-        ends.append({line["name"]: line["site"] for line in drawings[-1]["lines"]}["crrttuin"])
-
-    async def turns():
-        one = session(engine, messages)
-        one.load(preset_state("paper"))
-        one.add_event({"at_min": 30, "set": {"crrt.access_site": "post_dc"}})
-        await until(lambda: beats(messages) and beats(messages)[-1]["of"] == key_of(one.state))
-        drawn()
-        for minute in (40.0, 20.0, 40.0):
-            one.at_minute(minute)
-            one.show_moment(one.state, one.shown[1], minute)
-            drawn()
-        one.record(True)
-        one.turn("crrt.access_site", "post_pump")
-        drawn()
-        one.at_minute(0.0)
-        one.show_start()
-        drawn()
-
-    asyncio.run(turns())
-    start, moved = "ecmotuor", "ecmodrain"
-    assert ends == [start, moved, start, moved, "ecmotupo", start]
-
-
-def test_the_tiles_of_a_later_minute_are_named_by_its_circuit():
-    labels = []
-
-    async def turns():
-        messages: list = []
-        one = session(StubEngine(), messages)
-        one.load(PageState(connect(PRESETS["healthy"].case(), "lvad")))
-        one.add_event({"at_min": 30, "set": {"lvad.inlet_site": "rv", "lvad.outlet_site": "part"}})
-        await until(lambda: beats(messages) and beats(messages)[-1]["of"] == key_of(one.state))
-        for minute in (0.0, 40.0):
-            one.at_minute(minute)
-            one.show_moment(one.state, one.shown[1], minute)
-            figures = [data for topic, data in messages if topic == "display"][-1]["figures"]
-            labels.append({figure["key"]: figure["label"] for figure in figures}["CO"])
-
-    asyncio.run(turns())
-    assert labels == [text("key_CO"), text("key_CO_artery")]
 
 
 def test_nothing_is_added_at_the_end_of_the_timeline_where_no_course_could_show_it():
