@@ -20,6 +20,7 @@ from eclsim.devices.lvad import lvad
 from eclsim.devices.renox import RENOX, Renox
 from eclsim.devices.vent import SITES as VENTED
 from eclsim.devices.vent import VENT, Vent
+from eclsim.outputs.registry import all_outputs
 from eclsim.patient.circulation import Anatomy, circulation
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import save_figure
@@ -284,6 +285,54 @@ def test_without_a_result_names_alone_are_drawn():
 
 
 @pytest.mark.slow
+def with_findings(circuit: Circuit, kinds: dict[str, str]) -> xr.Dataset:
+    """A result whose outputs have these findings, each to be read with care, too."""
+    result = constant_result(circuit)
+    for name, kind in kinds.items():
+        result[name] = ((), 1.0, {"finding": kind, "read_with_care": 1})
+    return result
+
+
+def box_words(figure: Figure, place: str) -> set[str]:
+    return {t.get_text() for t, at in shown_texts(figure) if boxes(figure)[place].contains(*at.min)}
+
+
+def test_every_number_beyond_a_limit_has_the_mark_of_the_page():
+    """Only the lines in the middle had marks: a pressure of CRRT far beyond its alarm stood there bare."""
+    circuit = CIRCUITS["V-A, CRRT c"]
+    kinds = {
+        "crrt_access_pressure": "alarm", "right_atrial_pressure": "warning", "PF": "alarm",
+        "ejection_fraction_lv": "caution", "EDVRV": "collapse", "pulse_pressure": "warning",
+    }  # fmt: skip
+    figure = draw_circuit(circuit, with_findings(circuit, kinds))
+    assert "▲† −234.5 mmHg" in box_words(figure, "crrttuin")
+    assert "!† −234.5 mmHg" in box_words(figure, "ra")
+    assert "✕ −234.5 mmHg" in box_words(figure, "rv")
+    assert "! −234.5 mmHg" in box_words(figure, "ao"), "of its pulse pressure"
+    assert "−234.5 mmHg" in box_words(figure, "lv"), (
+        "a caution on the ejection fraction is none on a pressure"
+    )
+    words = [text.get_text() for text, _ in shown_texts(figure)]
+    assert "▲† −11.92 L/min" in words
+    (legend,) = [line for line in words if "say why" in line]
+    assert all(f"{mark} " in legend for mark in "✕▲!†")
+    assert not any("say why" in text.get_text() for text, _ in shown_texts(drawn("V-A, CRRT c")))
+
+
+@pytest.mark.parametrize("name", ["V-A, CRRT c", "regions, V-A", "V-A, RenOx"])
+@pytest.mark.parametrize("gases", [False, True])
+def test_marks_leave_room_for_numbers(name: str, gases: bool):
+    circuit = CIRCUITS[name]
+    result = with_findings(circuit, dict.fromkeys(all_outputs(), "alarm"))
+    for compartment in circuit.compartments if gases else ():
+        result[f"P{compartment.name}"].attrs["SO2"] = 100.0
+    figure = draw_circuit(circuit, result)
+    assert overlapping_texts(figure) == []
+    for box in boxes(figure).values():
+        inside = [text for _, text in shown_texts(figure) if box.overlaps(text)]
+        assert all(box.x0 < text.x0 and text.x1 < box.x1 for text in inside)
+
+
 def test_compartments_of_a_users_own_stand_in_a_spare_row():
     own = tuple(Compartment(f"graft{i}", ElasticVessel(1.0), "own") for i in range(6))
     paths = (

@@ -110,14 +110,16 @@ class Pen:
             patch.set_zorder(5)
             self.ax.add_patch(patch)
 
-    def saturation(self, at: Point, percent: float, width: float) -> None:
-        """Draw an oxygen saturation [%] on a field of its colour."""
+    def saturation(self, at: Point, percent: float, width: float, marks: str = "") -> None:
+        """Draw an oxygen saturation [%] with its marks on a field of its colour."""
         (x, y), colour = at, colour_of(percent)
         corner, style = (x - width / 2, y - 1.55), "round,pad=0,rounding_size=1.0"
         patch = FancyBboxPatch(corner, width, 3.1, boxstyle=style, facecolor=colour, edgecolor="none")
         patch.set_zorder(7)
         self.ax.add_patch(patch)
-        self.text(x, y - 0.1, f"{percent:.0f} %", size=6, weight="bold", color=text_colour_on(percent))
+        words = f"{marks}{percent:.0f}%" if marks else f"{percent:.0f} %"
+        size = 4.8 if marks else 6
+        self.text(x, y - 0.1, words, size=size, weight="bold", color=text_colour_on(percent))
 
     def saturation_scale(self, right: float, y: float) -> None:
         """Draw the colour scale of saturations, from low to high, ending at `right`."""
