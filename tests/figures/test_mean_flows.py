@@ -36,7 +36,7 @@ def test_compartments_of_a_users_own_are_shown_under_their_names(healthy):
 
 def test_numbers_beyond_a_limit_have_its_mark(ecmo_crrt):
     high = ecmo_crrt.copy()
-    high["pump_inlet_pressure"] = high["pump_inlet_pressure"].assign_attrs(finding="alarm")
+    high["pump_inlet_pressure"] = ((), -58.8, {"finding": "alarm"})
     figure = plot_mean_flows(high)
     assert any(t.get_text() == "−58.8 ▲" for t in figure.axes[1].texts)
     assert "▲ beyond a limit: alarm" in figure.get_supxlabel()
