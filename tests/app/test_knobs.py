@@ -206,6 +206,12 @@ def test_a_vent_is_drawn_with_its_flow_and_the_limits_of_it():
     assert vent["at"] != lines["ecmodrain"]["at"]
 
 
+def test_boxes_name_the_outputs_of_their_saturation():
+    boxes = {box["name"]: box["saturation"] for box in drawing_of(CASES["paper"])["boxes"]}
+    assert (boxes["sart"], boxes["pas"], boxes["ecmodrain"]) == (["SaO2"], ["SvO2"], ["SpreO2"])
+    assert boxes["lv"] == []
+
+
 def test_a_connection_without_a_place_is_drawn_as_in_the_figure():
     shunt = Circuit(connections=(Connection("shunt", Resistance(1.0), "sart", "ra", "own"),))
     drawing = drawing_of_circuit(circuit_of(CASES["healthy"]) + shunt)

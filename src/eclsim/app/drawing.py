@@ -14,7 +14,7 @@ from eclsim.cases.resolve import circuit_of
 from eclsim.circuit import Circuit
 from eclsim.circuit.network import Connection
 from eclsim.devices.registry import instances_in, naming_of
-from eclsim.outputs.registry import all_outputs, outputs_of_mean
+from eclsim.outputs.registry import all_outputs, outputs_of_mean, saturations_in
 from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
 from eclsim.reporting.schematic_layout import Attachment, Bridge, HousedBox, Layout, Plan, Wire
@@ -149,7 +149,7 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
             "text": label, "short": ENGLISH.get(f"box_{place}", (box and box.short) or label),
-            "ink": ink(compartment.group),
+            "ink": ink(compartment.group), "saturation": list(saturations_in(compartment.name)),
             "x": left - BOX_MARGIN_MM, "y": -top, "w": right - left + 2 * BOX_MARGIN_MM, "h": top - bottom,
         })  # fmt: skip
     return result

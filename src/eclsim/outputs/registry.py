@@ -361,6 +361,14 @@ def outputs_of_mean(signal: str, group: str) -> tuple[str, ...]:
     return tuple(e.name for e in entries if re.split("[,:]", e.definition)[0] == f"mean of {signal}")
 
 
+@cached_by_devices(1024)
+def saturations_in(place: str) -> tuple[str, ...]:
+    """Return the outputs that are the oxygen saturation in a compartment, such as SaO2."""
+    entries = all_outputs().values()
+    blood = [e for e in entries if e.read_at == f"P{place}" and e.definition.startswith("of the blood in")]
+    return tuple(entry.name for entry in blood if entry.unit == "%")
+
+
 def is_users_output(name: str) -> bool:
     """Whether an output is that of a device from outside the package."""
     known = named_output(name)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from eclsim.arguments import Kind
 from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import device_of, naming_of
-from eclsim.outputs.registry import all_outputs
+from eclsim.outputs.registry import all_outputs, saturations_in
 from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
 from eclsim.reporting.beat_values import (
@@ -127,9 +127,7 @@ class Labels:
 
     def saturation_marks(self, name: str) -> str:
         """Return the marks of the saturation in a compartment."""
-        at = f"P{name}"
-        outputs = [n for n, o in all_outputs().items() if o.read_at == at and n.startswith("S")]
-        return "" if self.result is None else figure_marks_of(self.result, *outputs)
+        return "" if self.result is None else figure_marks_of(self.result, *saturations_in(name))
 
     def legend(self, plan: Plan) -> str:
         """Return the meaning of the marks on the schematic and where their reasons are; empty without any."""
