@@ -143,7 +143,8 @@ def test_a_course_is_long_enough_for_its_events():
 
 @pytest.mark.slow
 def test_the_page_follows_the_minutes_of_a_course():
-    state = PageState(with_event(HEALTHY, BLEEDING))
+    named = HEALTHY.model_copy(update={"patient": HEALTHY.patient.model_copy(update={"id": "Case 7 (b)"})})
+    state = PageState(with_event(named, BLEEDING))
     course = compute_course(state, 60)
     found = plain_course(course, 60)
     rows = {row["name"]: row["values"] for row in found["rows"]}
@@ -165,6 +166,8 @@ def test_the_page_follows_the_minutes_of_a_course():
     name, content = export(PageState(state.case), "course")
     files = zipfile.ZipFile(io.BytesIO(content))
     assert name.endswith("_course.zip")
+    stem = name.removesuffix("_course.zip")
+    assert {file.partition(".")[0] for file in files.namelist()} == {stem, f"{stem}_course"}
     assert {file.rpartition(".")[2] for file in files.namelist()} == {
         "toml",
         "json",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -33,6 +35,7 @@ from eclsim.course.drug import drug_in_words
 from eclsim.course.result import drawn_values, impossible_moments
 from eclsim.course.timeline import case_with_settings
 from eclsim.devices.description import CAUTION, Knob, Picker
+from eclsim.devices.registry import own_files
 from eclsim.files import finite
 from eclsim.fluid.dialysed_drug import UNBOUND
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
@@ -125,7 +128,14 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
 def replay_command(case: Case, stem: str, minutes: int) -> str:
     """Return the command that computes the course of the page from its exported case file."""
     how = "--beats" if minutes in BEATS else "--steady-only"
-    return f"eclsim course {stem}.toml --until {minutes or usual_length(case)} {how} --out {stem}"
+    length = minutes or usual_length(case)
+    return f"eclsim{device_options(case)} course {stem}.toml --until {length} {how} --out {stem}"
+
+
+def device_options(case: Case) -> str:
+    """Return the options that name the files of the user's own devices in a case, without their folders."""
+    files = own_files({one.device.key for one in case.instances()})
+    return "".join(f" --device {shlex.quote(Path(path).name)}" for path in files)
 
 
 def another_start(case: Case, shown: Beat | None, outputs: Mapping[str, float]) -> str:
