@@ -206,6 +206,11 @@ def test_a_vent_is_drawn_with_its_flow_and_the_limits_of_it():
     assert vent["at"] != lines["ecmodrain"]["at"]
 
 
+def test_the_frame_of_a_balloon_has_the_unit_of_its_pressure():
+    frames = {f["group"]: f["flows"] for f in drawing_of(connect(CASES["healthy"], "iabp"))["frames"]}
+    assert frames == {"iabp": "mmHg", "patient": "mmHg, L/min"}
+
+
 def test_boxes_name_the_outputs_of_their_saturation():
     boxes = {box["name"]: box["saturation"] for box in drawing_of(CASES["paper"])["boxes"]}
     assert (boxes["sart"], boxes["pas"], boxes["ecmodrain"]) == (["SaO2"], ["SvO2"], ["SpreO2"])

@@ -59,7 +59,7 @@ def drawing_of_circuit(circuit: Circuit) -> dict[str, Any]:
         "frames": [
             {"group": g, "x": sides[0], "y": -y1 + 1.0, "w": sides[1] - sides[0], "h": y1 - y0 - 2.0,
              "title": [_title_side(plan, page, g), _title_height(plan, page, g)], "ink": ink(g),
-             **_frame_texts(g), **({"flows": ""} if g in still else {})}
+             **_frame_texts(g, g in still)}
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, plan, page),
@@ -93,12 +93,13 @@ def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
     return page, sides
 
 
-def _frame_texts(group: str) -> dict[str, str]:
-    """Return the title of a frame and the units of its pressures and flows."""
+def _frame_texts(group: str, still: bool) -> dict[str, str]:
+    """Return the title of a frame and the units of its pressures and, unless none is shown, its flows."""
     names = naming_of(group)
     label = ENGLISH.get(f"frame_{group}", group) if names is None else names.label
     unit = (PATIENT if names is None else names.views()).flow_unit.unit
-    return {"label": label, "flows": "" if group == "spare" else text("frame_units", unit=unit)}
+    units = text("frame_pressures") if still else text("frame_units", unit=unit)
+    return {"label": label, "flows": "" if group == "spare" else units}
 
 
 def _flow(group: str, name: str) -> dict[str, Any]:

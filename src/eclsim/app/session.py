@@ -498,7 +498,7 @@ class Session:
         values = self._values()
         self.send("state", {
             "values": values, "remarks": remarks_of(case, values),
-            "of": key_of(state), "subject": subject_of(state),
+            "of": key_of(state), "start": key_of(state.start), "subject": subject_of(state),
             "provenance": provenance(state),
             "devices": {key: key in connected(case) for key in switchable()},
             "events": plain_events(case),
