@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eclsim.app.knobs import connect
-from eclsim.app.state import PageState, link_of
+from eclsim.app.state import FitRemark, PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from page_in_browser import PHONE, beat, expect, picture, show, turn, wait_for
@@ -49,3 +49,22 @@ def test_two_circulations_stand_side_by_side(open_page, served, shots):
     for name in ("SaO2", "SaO2_lower"):
         expect(dual).to_contain_text(f"{result[name]:.1f}")
     picture(page, shots, "gases_phone")
+
+
+def test_a_number_to_be_read_with_care_says_so_in_the_table_and_in_the_circuit(open_page, served, shots):
+    """The tile had a dagger; the same saturation stood bare in the table and in its box."""
+    why = "SaO2 is not determined by the measurements"
+    state = PageState(
+        connect(PRESETS["paper"].case(), "gas"), origin="fit", verdict="doubtful",
+        remarks=(FitRemark(why, ("SaO2",)),),
+    )  # fmt: skip
+    page = open_page(url=f"{served.url}/#{link_of(state)}")
+    show(page, "gases")
+    row = page.locator('.ecl-gases [data-place="sart"]')
+    care = row.get_by_role("img", name=why)
+    expect(care).to_have_count(1)
+    expect(row.locator("td").first).to_have_text(f"† {beat(page)['outputs']['SaO2']:.1f}")
+    expect(page.locator('[data-node="sart"] .saturation')).to_contain_text("†")
+    expect(page.locator('[data-node="sart"] title')).to_contain_text(why)
+    expect(page.locator('[data-node="ao"] .saturation')).not_to_contain_text("†")
+    picture(page, shots, "gases_with_care")

@@ -144,6 +144,21 @@ def test_play_stops_where_an_alarm_is_seen_and_goes_on(open_page, served):
     wait_for(page, "beat.minute > 60")
 
 
+def test_play_ends_where_another_patient_is_opened(open_page, served):
+    """It went on with the new patient, in the middle of a course whose beginning nobody had seen."""
+    page = opened_with_a_bleeding(open_page, served, 500, 10)
+    play = page.locator(".ecl-timeline .play")
+    play.click()
+    wait_for(page, "beat.minute > 10")
+    raw = PRESETS["healthy"].case().as_mapping()
+    raw["patient"]["heart_rate_bpm"] = 91
+    link = link_of(PageState(read_mapping(raw).case, origin="file"))
+    page.evaluate(f"location.hash = '{link}'")
+    wait_for(page, "beat.values['patient.heart_rate_bpm'] === 91 && beat.minute === 0")
+    expect(play).to_have_text(text("timeline_play"))
+    expect(page.locator(".ecl-timeline .chart")).to_have_attribute("aria-valuenow", "0")
+
+
 def test_play_waits_for_the_course_of_the_knobs(open_page, served):
     """It went on in the course before a change, stopped at its alarm, and failed without a course."""
     page = opened_with_a_bleeding(open_page, served, 1200, 20)

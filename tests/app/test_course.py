@@ -143,7 +143,8 @@ def test_a_course_is_long_enough_for_its_events():
 
 @pytest.mark.slow
 def test_the_page_follows_the_minutes_of_a_course():
-    state = PageState(with_event(HEALTHY, BLEEDING))
+    named = HEALTHY.model_copy(update={"patient": HEALTHY.patient.model_copy(update={"id": "Case 7 (b)"})})
+    state = PageState(with_event(named, BLEEDING))
     course = compute_course(state, 60)
     found = plain_course(course, 60)
     rows = {row["name"]: row["values"] for row in found["rows"]}
@@ -165,6 +166,8 @@ def test_the_page_follows_the_minutes_of_a_course():
     name, content = export(PageState(state.case), "course")
     files = zipfile.ZipFile(io.BytesIO(content))
     assert name.endswith("_course.zip")
+    stem = name.removesuffix("_course.zip")
+    assert {file.partition(".")[0] for file in files.namelist()} == {stem, f"{stem}_course"}
     assert {file.rpartition(".")[2] for file in files.namelist()} == {
         "toml",
         "json",
@@ -177,6 +180,17 @@ def test_the_page_follows_the_minutes_of_a_course():
     assert b"--until 360 --steady-only" in files.read(written).splitlines()[0]
     (plain,) = (file for file in files.namelist() if file.endswith(".json"))
     assert json.loads(files.read(plain))["events"][0]["give"] == {"bleed_ml": 400.0}
+
+
+@pytest.mark.slow
+def test_recirculation_at_a_minute_is_that_of_the_sites_at_that_minute():
+    """Flows of the moved line were followed through the circuit of the start: 5.6 % for 0 %."""
+    state = preset_state("paper")
+    moved = with_event(state.case, {"at_min": 30, "set": {"crrt.access_site": "post_dc"}})
+    course = compute_course(state.with_case(moved), 60)
+    shares = [course.beat(minute).outputs["crrt_recirculated_fraction"] for minute in (0.0, 40.0)]
+    assert shares[0] > 0.04
+    assert shares[1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_an_oxygenator_that_clots_later_is_an_event():

@@ -20,6 +20,7 @@ from eclsim.app.state import (
     state_of,
 )
 from eclsim.cases.presets import PRESETS
+from eclsim.identification.verdict import Aspect
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.status import Status
 
@@ -71,6 +72,44 @@ def test_of_a_flow_that_is_open_all_that_is_of_it_is_marked():
     names = {name for remark in remarks_of(known) for name in remark.outputs}
     assert {"CO", "LVO", "pulmonary_flow", "ejection_fraction_lv"} <= names
     assert [remark.outputs for remark in remarks_of(fit(True, False))] == [()]
+
+
+def judged_as(*reasons: tuple[str, str, str]) -> dict:
+    """A fit whose verdict has doubts of an aspect about an output each."""
+    known = fit(True, False)
+    more = [
+        {"aspect": aspect, "level": "doubtful", "about": about, "sentence": sentence}
+        for aspect, about, sentence in reasons
+    ]
+    return known | {"verdict": {"level": "doubtful", "reasons": [*known["verdict"]["reasons"], *more]}}
+
+
+def test_what_is_implausible_in_a_fitted_patient_is_marked_with_all_that_depends_on_it():
+    """Beside "do not use it, or anything that depends on it", EDVRV, RVEF and the RV's work stood bare."""
+    volume = "end-diastolic volume of the right ventricle 12 mL, which is implausible: do not use it"
+    known = judged_as((Aspect.PLAUSIBILITY, "EDVRV", volume), (Aspect.PLAUSIBILITY, "", "a limit is broken"))
+    (remark,) = [remark for remark in remarks_of(known) if remark.outputs]
+    assert volume in remark.sentence
+    assert set(remark.outputs) == {
+        "EDVRV", "ESVRV", "ejection_fraction_rv", "stroke_work_rv", "pressure_volume_area_rv",
+    }  # fmt: skip
+    state = PageState(CASE, origin="fit", verdict="doubtful", remarks=remarks_of(known))
+    assert state_of(link_of(state)) == state
+    names = ["EDVRV", "ESVLV", "MAP", "CO", "O2ER", "SPAP", "MPAP", "PCWP"]
+    many = remarks_of(judged_as(*((Aspect.PLAUSIBILITY, name, f"{name} is implausible") for name in names)))
+    assert {*names} <= {name for remark in many for name in remark.outputs}
+    assert len(many) <= MOST_REMARKS
+
+
+def test_a_measurement_that_a_fit_missed_is_marked_at_its_output():
+    known = judged_as(
+        (Aspect.AGREEMENT, "CVP", "CVP 12 fitted against 5 measured: 4.4 standard uncertainties off"),
+        (Aspect.AGREEMENT, "ecmo.oxygenator.oxygen_transfer", "PpostO2 is above"),
+        (Aspect.AGREEMENT, "", "no values of the free parameters were found"),
+    )
+    (remark,) = [remark for remark in remarks_of(known) if remark.outputs]
+    assert remark.sentence.startswith("in the fit CVP 12 fitted against 5 measured")
+    assert set(remark.outputs) == {"CVP", "right_atrial_pressure"}
 
 
 def test_the_line_about_the_origin_says_why_a_fit_is_doubtful():

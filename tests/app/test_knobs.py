@@ -6,7 +6,7 @@ import pytest
 
 from eclsim.app.beat import compute_beat
 from eclsim.app.display import described
-from eclsim.app.drawing import drawing_of
+from eclsim.app.drawing import drawing_of, drawing_of_circuit
 from eclsim.app.knobs import (
     VOLUME,
     connect,
@@ -20,7 +20,10 @@ from eclsim.app.state import PageState
 from eclsim.app.texts import ENGLISH
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case, read_mapping
+from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS, Gas
+from eclsim.circuit import Circuit, Connection
+from eclsim.components import Resistance
 from eclsim.devices.description import Knob, Picker, plain_control
 from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
 from eclsim.inputs.mistakes import CaseError
@@ -190,6 +193,38 @@ def test_the_filter_of_each_of_two_circuits_clots_by_itself():
     knob = next(one for one in controls(case) if one.key == "parameters.crrt.right.Rcrrtfil")
     assert knob.group == "crrt.right"
     assert described(knob)["hint"] == "crrt.right.Rcrrtfil: Resistance of dialyzer"
+
+
+def test_a_vent_is_drawn_with_its_flow_and_the_limits_of_it():
+    """It was in the exported figure alone; its flow stood nowhere but among the outputs."""
+    raw = CASES["paper"].as_mapping() | {"vent": {"site": "lv", "fr": 15}}
+    drawing = drawing_of(read_mapping(raw).case)
+    lines = {line["name"]: line for line in drawing["lines"]}
+    vent = lines["vent"]
+    assert (vent["ends"], vent["unit"], vent["outputs"]) == (["lv", "ecmodrain"], "L/min", ["vent_flow"])
+    assert not vent["moves"]
+    assert vent["at"] != lines["ecmodrain"]["at"]
+
+
+def test_the_frame_of_a_balloon_has_the_unit_of_its_pressure():
+    frames = {f["group"]: f["flows"] for f in drawing_of(connect(CASES["healthy"], "iabp"))["frames"]}
+    assert frames == {"iabp": "mmHg", "patient": "mmHg, L/min"}
+
+
+def test_boxes_name_the_outputs_of_their_saturation():
+    boxes = {box["name"]: box["saturation"] for box in drawing_of(CASES["paper"])["boxes"]}
+    assert (boxes["sart"], boxes["pas"], boxes["ecmodrain"]) == (["SaO2"], ["SvO2"], ["SpreO2"])
+    assert boxes["lv"] == []
+
+
+def test_a_connection_without_a_place_is_drawn_as_in_the_figure():
+    shunt = Circuit(connections=(Connection("shunt", Resistance(1.0), "sart", "ra", "own"),))
+    drawing = drawing_of_circuit(circuit_of(CASES["healthy"]) + shunt)
+    (line,) = [line for line in drawing["lines"] if line["name"] == "shunt"]
+    boxes = {box["name"]: box for box in drawing["boxes"]}
+    for (x, y), name in zip((line["path"][0], line["path"][-1]), ("sart", "ra"), strict=True):
+        assert -0.1 <= x - boxes[name]["x"] <= boxes[name]["w"] + 0.1
+        assert -0.1 <= y - boxes[name]["y"] <= boxes[name]["h"] + 0.1
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,22 @@ def test_the_figure_shows_every_event(hour, tmp_path):
     assert np.diff(panels["Fluid and blood"].get_ylim()) > 100.0
 
 
+def test_the_figure_has_the_units_of_events_and_says_where_remarks_are(hour):
+    """ "drugs.noradrenaline = 0.2" had no unit, and nothing pointed to how the course is to be read."""
+    from eclsim.course.figures import plot_course
+
+    events = [
+        {"at_min": 5.0, "set": {"drugs.noradrenaline": 0.2, "crrt.access_site": "svn", "gas.FiO2": 0.4}}
+    ]
+    attrs = {"events": json.dumps(events), "approximations": ["one"], "cautions": ["two", "three"]}
+    words = plot_course(hour.assign_attrs(attrs))._supxlabel.get_text()
+    assert "drugs.noradrenaline = 0.2 µg/kg/min, crrt.access_site = " in words
+    assert words.endswith("3 remarks on how to read this course: `warnings` in its JSON file, "
+                          "`approximations` and `cautions` in its NetCDF file")  # fmt: skip
+    none = plot_course(hour.assign_attrs(approximations=[], cautions=[]))._supxlabel.get_text()
+    assert "how to read this course" not in none
+
+
 @pytest.mark.slow
 def test_no_legend_of_a_course_or_a_band_runs_beyond_the_page(hour):
     """In a band, "right, end-diastolic" ended in the middle of the word, at the edge of the page."""

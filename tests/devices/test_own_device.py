@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from eclsim.app.course import case_at_minute, with_event
 from eclsim.app.display import display
 from eclsim.app.drawing import drawing_of
+from eclsim.app.files import export
 from eclsim.app.knobs import connect, connectable, controls, turn, value_of
+from eclsim.app.state import PageState
 from eclsim.cases import CaseError, apply_settings, read_case, read_mapping
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import case_text
@@ -166,6 +169,26 @@ def test_the_page_has_its_knobs_views_and_drawing(rvad):
     connected = connect(PRESETS["healthy"].case(), "rvad")
     assert connected.instance("rvad") is not None
     assert connect(connected, "rvad").instances() == ()
+
+
+def test_an_export_names_the_file_that_the_case_needs(rvad):
+    """The command of its course, pasted, failed: the section was unknown."""
+    case = read_case(CASE).case
+    plain = export(PageState(case), "case")[1].decode()
+    assert f"eclsim --device {FILE.name} simulate" in plain.partition("\nformat")[0]
+    later = with_event(case, {"at_min": 30, "set": {"rvad.speed_rpm": 1500}})
+    told = export(PageState(later), "case")[1].decode()
+    assert f"eclsim --device {FILE.name} course " in told
+    assert str(FILE.parent) not in told
+    assert "--device" not in export(PageState(PRESETS["healthy"].case()), "case")[1].decode()
+
+
+def test_the_drawing_of_a_later_minute_has_its_inlet_at_the_site_of_that_minute(rvad):
+    case = with_event(read_case(CASE).case, {"at_min": 30, "set": {"rvad.inlet_site": "rv"}})
+    drawings = [drawing_of(case_at_minute(case, minute)) for minute in (0.0, 40.0)]
+    sites = [{line["ends"][0] for line in drawing["lines"]} for drawing in drawings]
+    assert "ra" in sites[0]
+    assert "rv" in sites[1]
 
 
 @pytest.mark.slow

@@ -34,6 +34,14 @@ def test_compartments_of_a_users_own_are_shown_under_their_names(healthy):
     assert "graft" in rows(pressures)
 
 
+def test_numbers_beyond_a_limit_have_its_mark(ecmo_crrt):
+    high = ecmo_crrt.copy()
+    high["pump_inlet_pressure"] = ((), -58.8, {"finding": "alarm"})
+    figure = plot_mean_flows(high)
+    assert any(t.get_text() == "−58.8 ▲" for t in figure.axes[1].texts)
+    assert "▲ beyond a limit: alarm" in figure.get_supxlabel()
+
+
 def test_numbers_and_names_do_not_overlap(ecmo_crrt):
     figure = plot_mean_flows(ecmo_crrt)
     figure.draw_without_rendering()
@@ -52,6 +60,6 @@ def test_numbers_stay_within_the_axes(healthy, ecmo, ecmo_crrt, lvad):
         figure = plot_mean_flows(case)
         figure.draw_without_rendering()
         for ax in figure.axes:
-            numbers = [t for t in ax.texts if t.get_text()[-1].isdigit()]
+            numbers = [t for t in ax.texts if any(map(str.isdigit, t.get_text()))]
             assert numbers
             assert max(t.get_window_extent().x1 for t in numbers) <= ax.get_window_extent().x1

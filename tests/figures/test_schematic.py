@@ -1,4 +1,5 @@
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from itertools import combinations, pairwise
 
@@ -17,6 +18,9 @@ from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import POSITIONS, Ecmo, ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.devices.renox import RENOX, Renox
+from eclsim.devices.vent import SITES as VENTED
+from eclsim.devices.vent import VENT, Vent
+from eclsim.outputs.registry import all_outputs
 from eclsim.patient.circulation import Anatomy, circulation
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import save_figure
@@ -48,6 +52,14 @@ SCHEMES = {
 }
 VA = PATIENT + ecmo("ra", "ao")
 VV = PATIENT + ecmo("svn", "ra")
+
+
+def vent(site: str) -> Circuit:
+    """A vent into the drainage line of an ECMO circuit."""
+    drained = replace(VENT.circuit(Vent(site=site, fr=15.0)).connections[0], target=POSITIONS["post_dc"])  # type: ignore[arg-type]
+    return Circuit(connections=(drained,))
+
+
 CIRCUITS = {
     "none": PATIENT,
     "V-A": VA,
@@ -71,6 +83,8 @@ CIRCUITS = {
     "V-AV": VA_SECOND,
     "regions, bicaval": REGIONS + ecmo("ivc", "lower", second=second("drainage", "svc")),
     "V-A, RenOx": VA + RENOX.circuit(Renox(dialysate_ml_h=2000.0)),
+    **{f"V-A, vent of {site}": VA + vent(site) for site in VENTED},
+    "V-A, vent, CRRT, LVAD": VA + vent("lv") + crrt("ecmotuor", "ecmooxy") + lvad(),
     "all at part": PATIENT + ecmo("part", "part") + crrt("part", "part") + lvad("sart", "part"),
 }
 
@@ -234,6 +248,16 @@ def test_lvad_lines_end_at_the_sites_of_the_circuit(inlet: str, outlet: str):
     assert ends_on(out.get_transform().transform(out.get_xydata())[-1], places[outlet], figure)
 
 
+@pytest.mark.parametrize("site", VENTED)
+def test_a_vent_is_a_line_of_its_own_colour_into_the_ecmo_circuit(site: str):
+    figure = drawn(f"V-A, vent of {site}")
+    line, of_ecmo = device_line(figure, "vent"), device_line(figure, "ecmodrain")
+    ends = line.get_transform().transform(line.get_xydata())
+    assert ends_on(ends[0], boxes(figure)[site], figure)
+    assert ends_on(ends[-1], boxes(figure)[POSITIONS["post_dc"]], figure)
+    assert line.get_color() == VENT.look.colour != of_ecmo.get_color()
+
+
 def test_numbers_are_means_over_the_beat(ecmo_crrt: xr.Dataset):
     figure = draw_circuit(CIRCUITS["V-A, CRRT g"], ecmo_crrt)
     words = [text.get_text() for text in figure.axes[0].texts]
@@ -261,6 +285,54 @@ def test_without_a_result_names_alone_are_drawn():
 
 
 @pytest.mark.slow
+def with_findings(circuit: Circuit, kinds: dict[str, str]) -> xr.Dataset:
+    """A result whose outputs have these findings, each to be read with care, too."""
+    result = constant_result(circuit)
+    for name, kind in kinds.items():
+        result[name] = ((), 1.0, {"finding": kind, "read_with_care": 1})
+    return result
+
+
+def box_words(figure: Figure, place: str) -> set[str]:
+    return {t.get_text() for t, at in shown_texts(figure) if boxes(figure)[place].contains(*at.min)}
+
+
+def test_every_number_beyond_a_limit_has_the_mark_of_the_page():
+    """Only the lines in the middle had marks: a pressure of CRRT far beyond its alarm stood there bare."""
+    circuit = CIRCUITS["V-A, CRRT c"]
+    kinds = {
+        "crrt_access_pressure": "alarm", "right_atrial_pressure": "warning", "PF": "alarm",
+        "ejection_fraction_lv": "caution", "EDVRV": "collapse", "pulse_pressure": "warning",
+    }  # fmt: skip
+    figure = draw_circuit(circuit, with_findings(circuit, kinds))
+    assert "▲† −234.5 mmHg" in box_words(figure, "crrttuin")
+    assert "!† −234.5 mmHg" in box_words(figure, "ra")
+    assert "✕ −234.5 mmHg" in box_words(figure, "rv")
+    assert "! −234.5 mmHg" in box_words(figure, "ao"), "of its pulse pressure"
+    assert "−234.5 mmHg" in box_words(figure, "lv"), (
+        "a caution on the ejection fraction is none on a pressure"
+    )
+    words = [text.get_text() for text, _ in shown_texts(figure)]
+    assert "▲† −11.92 L/min" in words
+    (legend,) = [line for line in words if "say why" in line]
+    assert all(f"{mark} " in legend for mark in "✕▲!†")
+    assert not any("say why" in text.get_text() for text, _ in shown_texts(drawn("V-A, CRRT c")))
+
+
+@pytest.mark.parametrize("name", ["V-A, CRRT c", "regions, V-A", "V-A, RenOx"])
+@pytest.mark.parametrize("gases", [False, True])
+def test_marks_leave_room_for_numbers(name: str, gases: bool):
+    circuit = CIRCUITS[name]
+    result = with_findings(circuit, dict.fromkeys(all_outputs(), "alarm"))
+    for compartment in circuit.compartments if gases else ():
+        result[f"P{compartment.name}"].attrs["SO2"] = 100.0
+    figure = draw_circuit(circuit, result)
+    assert overlapping_texts(figure) == []
+    for box in boxes(figure).values():
+        inside = [text for _, text in shown_texts(figure) if box.overlaps(text)]
+        assert all(box.x0 < text.x0 and text.x1 < box.x1 for text in inside)
+
+
 def test_compartments_of_a_users_own_stand_in_a_spare_row():
     own = tuple(Compartment(f"graft{i}", ElasticVessel(1.0), "own") for i in range(6))
     paths = (

@@ -19,7 +19,7 @@ from eclsim.circuit import Circuit
 from eclsim.devices.description import KeyFigure
 from eclsim.files import finite
 from eclsim.gas.network import GasStatus
-from eclsim.orbit.model import circuit_of, values_of
+from eclsim.orbit.model import values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, flows_differ, gravest_first, impossible
@@ -176,7 +176,7 @@ def beat_of(
         solved = beat_with_blood_of(solved, blood)
     outputs = solved.outputs()
     if solved.converged[0]:
-        fixed = circuit_of(state.case)
+        fixed = circuit.with_chosen_sites(values)
         flows = {c.name: float(solved.mean("Q" + c.name)[0]) for c in fixed.connections}
         outputs |= {name: value for name, (value, _) in recirculation(fixed, flows).items()}
     means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -33,6 +35,7 @@ from eclsim.course.drug import drug_in_words
 from eclsim.course.result import drawn_values, impossible_moments
 from eclsim.course.timeline import case_with_settings
 from eclsim.devices.description import CAUTION, Knob, Picker
+from eclsim.devices.registry import own_files
 from eclsim.files import finite
 from eclsim.fluid.dialysed_drug import UNBOUND
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
@@ -125,7 +128,14 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
 def replay_command(case: Case, stem: str, minutes: int) -> str:
     """Return the command that computes the course of the page from its exported case file."""
     how = "--beats" if minutes in BEATS else "--steady-only"
-    return f"eclsim course {stem}.toml --until {minutes or usual_length(case)} {how} --out {stem}"
+    length = minutes or usual_length(case)
+    return f"eclsim{device_options(case)} course {stem}.toml --until {length} {how} --out {stem}"
+
+
+def device_options(case: Case) -> str:
+    """Return the options that name the files of the user's own devices in a case, without their folders."""
+    files = own_files({one.device.key for one in case.instances()})
+    return "".join(f" --device {shlex.quote(Path(path).name)}" for path in files)
 
 
 def another_start(case: Case, shown: Beat | None, outputs: Mapping[str, float]) -> str:
@@ -323,6 +333,11 @@ def case_at(case: Case, minute: float) -> Case:
     return now
 
 
+def case_at_minute(case: Case, minute: float) -> Case:
+    """Return the case of a displayed minute: at 0 the case itself, later as events have changed it."""
+    return case_at(case, minute) if minute else case
+
+
 def without_event(case: Case, number: int) -> Case:
     """Return the case without one of its events."""
     raw = case.as_mapping()
@@ -409,20 +424,22 @@ class ShownBeat(NamedTuple):
         """Return the beat with everything in which it can differ from others, for the browser."""
         from eclsim.app.beat import plain
 
-        case, minute, origin = self.state.case, self.moment.minute, provenance(self.state)
+        minute, origin = self.moment.minute, provenance(self.state)
+        case = case_at_minute(self.state.case, minute)
         key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
         return {
             **plain(with_remarks(self.beat, self.state), waves_of(case), figures_of(case)),
             "of": key, "name": origin["title"], "minute": minute,
             "badge": origin["badge"], "level": origin["level"],
-            "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,
-            "events": plain_events(case), "compared": compared_of(case), "specs": named_specs(case),
+            "values": knobs_of(case), "panel": panel_of(case), "policy": self.state.policy,
+            "events": plain_events(self.state.case), "compared": compared_of(case),
+            "specs": named_specs(case),
         }  # fmt: skip
 
 
 def knobs_at(case: Case, minute: float) -> dict[str, Any]:
     """Return the values of the knobs as events have left them at a minute of the course."""
-    return knobs_of(case_at(case, minute) if minute else case)
+    return knobs_of(case_at_minute(case, minute))
 
 
 async def recomputed(engine: Engine, state: PageState, moment: Moment) -> ShownBeat:

@@ -12,8 +12,9 @@ from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.case import Case
 from eclsim.cases.resolve import circuit_of
 from eclsim.circuit import Circuit
+from eclsim.circuit.network import Connection
 from eclsim.devices.registry import instances_in, naming_of
-from eclsim.outputs.registry import all_outputs
+from eclsim.outputs.registry import all_outputs, outputs_of_mean, saturations_in
 from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
 from eclsim.reporting.schematic_layout import Attachment, Bridge, HousedBox, Layout, Plan, Wire
@@ -34,11 +35,12 @@ _FIRST_ROW_MM, _LAST_ROW_MM = (2.5, 0.0), (0.0, 3.5)
 
 def drawing_of(case: Case) -> dict[str, Any]:
     """Return boxes, lines, symbols and frames of a case's circuit, in millimetres, with y downwards."""
-    return _drawing(circuit_of(case))
+    return drawing_of_circuit(circuit_of(case))
 
 
 @lru_cache(maxsize=512)
-def _drawing(circuit: Circuit) -> dict[str, Any]:
+def drawing_of_circuit(circuit: Circuit) -> dict[str, Any]:
+    """Return the drawing of a circuit with fixed sites."""
     plan = layout.plan_of(circuit)
     page, sides = _page(plan)
     paths = routes.route(plan, page)
@@ -48,7 +50,8 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
     groups = {c.name: c.group for c in circuit.connections}
     silent = layout.without_flow(circuit)
     lines = [
-        _line(line, plan, paths[line.name], page) | {"silent": line.name in silent} for line in plan.lines
+        _line(line, plan, groups[line.name], paths[line.name], page) | {"silent": line.name in silent}
+        for line in plan.lines
     ]
     still = {line.frame for line in plan.lines if line.name in silent}
     return {
@@ -56,13 +59,17 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
         "frames": [
             {"group": g, "x": sides[0], "y": -y1 + 1.0, "w": sides[1] - sides[0], "h": y1 - y0 - 2.0,
              "title": [_title_side(plan, page, g), _title_height(plan, page, g)], "ink": ink(g),
-             **_frame_texts(g), **({"flows": ""} if g in still else {})}
+             **_frame_texts(g, g in still)}
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, plan, page),
         "housed": [_housed(plan, page, box) for box in plan.housed],
         "wires": [_wire(wire, plan, groups[wire.name], page) for wire in plan.wires],
-        "lines": lines + [_bridge(bridge, plan, groups[bridge.name], page) for bridge in plan.bridges],
+        "lines": [
+            *lines,
+            *(_bridge(bridge, plan, groups[bridge.name], page) for bridge in plan.bridges),
+            *(_arc(c, plan, page) for c in circuit.connections if c.name in plan.others),
+        ],
     }  # fmt: skip
 
 
@@ -86,19 +93,21 @@ def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
     return page, sides
 
 
-def _frame_texts(group: str) -> dict[str, str]:
-    """Return the title of a frame and the units of its pressures and flows."""
+def _frame_texts(group: str, still: bool) -> dict[str, str]:
+    """Return the title of a frame and the units of its pressures and, unless none is shown, its flows."""
     names = naming_of(group)
     label = ENGLISH.get(f"frame_{group}", group) if names is None else names.label
     unit = (PATIENT if names is None else names.views()).flow_unit.unit
-    return {"label": label, "flows": "" if group == "spare" else text("frame_units", unit=unit)}
+    units = text("frame_pressures") if still else text("frame_units", unit=unit)
+    return {"label": label, "flows": "" if group == "spare" else units}
 
 
 def _flow(group: str, name: str) -> dict[str, Any]:
-    """Return the format of a connection's flow, and the output whose limits mark it."""
+    """Return the format of a connection's flow, and the outputs whose limits mark it."""
     names = naming_of(group)
     views = PATIENT if names is None else names.views()
-    return {"ink": ink(group), **asdict(views.flow_unit), "output": views.flow_outputs.get(name, "")}
+    outputs = [*filter(None, [views.flow_outputs.get(name)]), *outputs_of_mean(f"Q{name}", group)]
+    return {"ink": ink(group), **asdict(views.flow_unit), "outputs": list(dict.fromkeys(outputs))}
 
 
 def _moved(line: Attachment) -> dict[str, str]:
@@ -141,7 +150,7 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
             "text": label, "short": ENGLISH.get(f"box_{place}", (box and box.short) or label),
-            "ink": ink(compartment.group),
+            "ink": ink(compartment.group), "saturation": list(saturations_in(compartment.name)),
             "x": left - BOX_MARGIN_MM, "y": -top, "w": right - left + 2 * BOX_MARGIN_MM, "h": top - bottom,
         })  # fmt: skip
     return result
@@ -189,7 +198,7 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, Any]:
+def _line(line: Attachment, plan: Plan, group: str, path: Path, page: Layout) -> dict[str, Any]:
     """Return a device's line to its site, in the direction of flow; `site` is the end that can be moved."""
     points = [_down(p) for p in (path if line.into_device else path[::-1])]
     x, y = routes.stub_middle(page, line)
@@ -198,7 +207,7 @@ def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, A
         "name": line.name, "text": line.mark.label, "symbol": line.mark.symbol, "path": points,
         "ends": [line.site, line.node] if line.into_device else [line.node, line.site],
         "at": [x, -y], "label": (beside, -y - 1.0, "start" if align == "left" else "end"),
-        "end": _down(path[0]), "site": line.site, **_moved(line), **_flow(line.frame, line.name),
+        "end": _down(path[0]), "site": line.site, **_moved(line), **_flow(group, line.name),
     }  # fmt: skip
 
 
@@ -212,6 +221,22 @@ def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, A
         **_flow(group, bridge.name), "path": [_down(p) for p in into], "more": [_down(p) for p in out],
         "at": [into[-1][0], -y], "label": (x, -y - 1.0, "start" if align == "left" else "end"),
         "end": _down(into[0]), "site": bridge.source, "moves": "", "ends": [bridge.source, bridge.target],
+    }  # fmt: skip
+
+
+def _arc(connection: Connection, plan: Plan, page: Layout) -> dict[str, Any]:
+    """Return a connection without a place, as the arc of the printed figure."""
+    ends = [layout.drawn_as(str(end)) for end in (connection.source, connection.target)]
+    source, target = ends
+    _, path = routes.arc(page.box(source), page.box(target), [page.box(name) for name in page.places])
+    x, y = path[len(path) // 2]
+    names = naming_of(connection.group)
+    place = names and names.device_place(connection.name)
+    label = names.device.connections.get(place, place) if names and place else connection.name
+    return {
+        "name": connection.name, "text": label, "symbol": "tube", "path": [_down(p) for p in path],
+        "ends": ends, "at": _down((x, y)), "label": (x + 3.0, -y - 1.0, "start"), "end": _down(path[0]),
+        "site": source, "moves": "", **_flow(connection.group, connection.name),
     }  # fmt: skip
 
 

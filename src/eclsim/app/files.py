@@ -273,7 +273,7 @@ def _case_with_origin(state: PageState, about: str, stem: str, minutes: int, sho
     """Return a case file that begins with the origin of its numbers and how to get the page's from it."""
     from eclsim.app.course import another_start, replay_command
 
-    lines, known = [about], measured_values(state)
+    lines, known = [about, *_device_line(state.case)], measured_values(state)
     if known["measured"] and known["measured_before"]:
         lines.append(text("export_measured_before"))
     if state.case.events:
@@ -284,6 +284,14 @@ def _case_with_origin(state: PageState, about: str, stem: str, minutes: int, sho
         anew = compute_beat(state)
         lines.append(another_start(state.case, shown, anew.outputs if anew.converged else {}))
     return "".join(f"# {line}\n" for line in lines if line) + case_text(state.case)
+
+
+def _device_line(case: Case) -> list[str]:
+    """Return a sentence on the files of the user's own devices without which the case cannot be read."""
+    from eclsim.app.course import device_options
+
+    options = device_options(case)
+    return [text("export_devices", options=options)] if options else []
 
 
 def _as_shown(state: PageState) -> Case:
@@ -347,13 +355,15 @@ def _course(state: PageState, stem: str, minutes: int, shown: Beat | None) -> tu
     with tempfile.TemporaryDirectory(prefix="eclsim-") as place:
         folder = Path(place)
         lines = (
-            replay_command(state.case, stem, minutes), another_start(state.case, shown, first_outputs(result))
-        )  # fmt: skip
+            *_device_line(state.case),
+            replay_command(state.case, stem, minutes),
+            another_start(state.case, shown, first_outputs(result)),
+        )
         header = "".join(f"# {line}\n" for line in lines if line)
         (folder / f"{stem}.toml").write_text(header + case_text(state.case), encoding="utf-8")
         write_json(course_object(result), folder / f"{stem}_course.json")
-        write_tables(result, folder)
-        write_figure(result, folder)
+        write_tables(result, folder, f"{stem}_course")
+        write_figure(result, folder, f"{stem}_course")
         return f"{stem}_course.zip", _zipped(sorted(folder.iterdir()))
 
 

@@ -21,12 +21,22 @@ FOLLOWING = {
     FLOW: ("LVO", "pulmonary_flow", "stroke_volume_lv", "stroke_volume_rv"),
 }  # fmt: skip
 """Outputs that are as undetermined as another."""
+_OF_VENTRICLE = tuple(
+    tuple(f"{what}{side.upper()}" for what in ("EDV", "ESV"))
+    + tuple(f"{what}_{side}" for what in ("ejection_fraction", "stroke_work", "pressure_volume_area"))
+    for side in ("lv", "rv")
+)
+"""Outputs of each ventricle that depend on its volumes: an implausible one is a doubt about all."""
 OF_VOLUME = ("PCWP", "MPAP", "CVP")
+MOST_IMPLAUSIBLE = 4
+"""Largest number of remarks on implausible outputs; the last one is about all further ones."""
 HEART_VOLUMES = ("EDVLV", "ESVLV", "EDVRV", "ESVRV")
 
 
 def remarks_of(fit: Mapping[str, Any]) -> tuple[FitRemark, ...]:
     """Return what a fit says against its numbers: the first reason of its verdict, then those of outputs.
+
+    These are what it does not determine, missed measurements, and implausible outputs that it implies.
 
     Args:
         fit: "verdict", "outputs" and "parameters" of `plain_fit`.
@@ -47,7 +57,45 @@ def remarks_of(fit: Mapping[str, Any]) -> tuple[FitRemark, ...]:
     unmeasured = [name for name in OF_VOLUME if outputs.get(name, {}).get("measured") is None]
     names = (*_with_followers(unmeasured), *HEART_VOLUMES)
     remarks += [FitRemark(_sentence(reason["sentence"]), names) for reason in held]
+    remarks += [*_missed(fit), *_implausible(fit)]
     return tuple(FitRemark(remark.sentence[:LONGEST_REMARK], remark.outputs) for remark in remarks)
+
+
+def _missed(fit: Mapping[str, Any]) -> list[FitRemark]:
+    """Return the remark on the measurements that a fit does not meet, if there are any."""
+    from eclsim.identification.verdict import Aspect
+
+    reasons = _about_outputs(fit, Aspect.AGREEMENT)
+    if not reasons:
+        return []
+    names = _with_followers([reason["about"] for reason in reasons])
+    return [FitRemark(_sentence("; ".join(reason["sentence"] for reason in reasons)), names)]
+
+
+def _implausible(fit: Mapping[str, Any]) -> list[FitRemark]:
+    """Return remarks on implausible outputs of the fitted patient, and those that depend on them."""
+    from eclsim.identification.verdict import Aspect
+
+    by_names: dict[tuple[str, ...], list[str]] = {}
+    for reason in _about_outputs(fit, Aspect.PLAUSIBILITY):
+        name = reason["about"]
+        own = next((names for names in _OF_VENTRICLE if name in names), ())
+        by_names.setdefault(own or _with_followers([name]), []).append(reason["sentence"])
+    alone = [FitRemark(_sentence("; ".join(said)), names) for names, said in by_names.items()]
+    if len(alone) <= MOST_IMPLAUSIBLE:
+        return alone
+    first, rest = alone[: MOST_IMPLAUSIBLE - 1], alone[MOST_IMPLAUSIBLE - 1 :]
+    names = tuple(dict.fromkeys(name for remark in rest for name in remark.outputs))
+    return [*first, FitRemark(" ".join(remark.sentence for remark in rest), names)]
+
+
+def _about_outputs(fit: Mapping[str, Any], aspect: str) -> list[Mapping[str, str]]:
+    """Return the doubts of a verdict about single outputs."""
+    reasons = (fit.get("verdict") or {}).get("reasons") or ()
+    return [
+        r for r in reasons
+        if r.get("aspect") == aspect and r["level"] != "good" and find_output(r["about"]) is not None
+    ]  # fmt: skip
 
 
 def judged_again(remarks: Iterable[FitRemark], fit: Mapping[str, Any]) -> tuple[FitRemark, ...]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from eclsim.app.course import (
     BEATS,
     ShownBeat,
+    case_at_minute,
     knobs_at,
     plain_events,
     possible_events,
@@ -23,7 +24,7 @@ from eclsim.app.course import (
 )
 from eclsim.app.display import display, figures_of, panel_of, waves_of
 from eclsim.app.fit_remarks import with_remarks
-from eclsim.app.knobs import connect, connected, switchable, turn
+from eclsim.app.knobs import connect, connected, knobs_of, switchable, turn
 from eclsim.app.provenance import measured_values, provenance, title_of
 from eclsim.app.remarks import remarks_of
 from eclsim.app.state import (
@@ -410,9 +411,11 @@ class Session:
         beat = with_remarks(beat, state)
         about = {"seq": seq, "of": key_of(state), "values": self._values(state), "minute": minute}
         about |= measured_values(state)
+        case = case_at_minute(state.case, minute)
         if minute:
-            about["values_then"] = knobs_at(state.case, minute)
-        self.send("beat", {**plain(beat, waves_of(state.case), figures_of(state.case)), **about})
+            about["values_then"] = knobs_of(case)
+        self._send_circuit(case)
+        self.send("beat", {**plain(beat, waves_of(case), figures_of(case)), **about})
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         self.shown = (state, beat)
@@ -485,27 +488,19 @@ class Session:
 
     def show_state(self, key: str = "", seq: int = 0, opened: bool = False) -> None:
         """Send the values of the knobs to the browser and, if the circuit changed, its drawing."""
-        from eclsim.app.drawing import drawing_of
-
         state, case = self.state, self.state.case
-        shape, there = circuit_of(case), connected(case)
-        if (parts := (there, [instance.key for instance in case.instances()], shape)) != self._display:
-            self._display = parts
-            self.send("display", display(case))
+        self._send_circuit(case_at_minute(case, self.minute))
         panel = panel_of(case)
         if panel != self._panel:
             self._panel = panel
             self.send("panel", panel)
             self.send("possible_events", possible_events(case))
-        if shape != self._drawn:
-            self._drawn = shape
-            self.send("drawing", drawing_of(case))
         values = self._values()
         self.send("state", {
             "values": values, "remarks": remarks_of(case, values),
-            "of": key_of(state), "subject": subject_of(state),
+            "of": key_of(state), "start": key_of(state.start), "subject": subject_of(state),
             "provenance": provenance(state),
-            "devices": {key: key in there for key in switchable()},
+            "devices": {key: key in connected(case) for key in switchable()},
             "events": plain_events(case),
             "policy": state.policy, "recording": self.recording, "key": key, "seq": seq, "opened": opened,
             "name": title_of(state),
@@ -514,6 +509,19 @@ class Session:
             "changed": state.changed, "pinned": self.pinned is not None,
         })  # fmt: skip
         self._store_snapshot_soon()
+
+    def _send_circuit(self, case: Case) -> None:
+        """Send drawing and labels of a case's circuit, unless the browser has them."""
+        from eclsim.app.drawing import drawing_of
+
+        shape = circuit_of(case)
+        parts = connected(case), [instance.key for instance in case.instances()], shape
+        if parts != self._display:
+            self._display = parts
+            self.send("display", display(case))
+        if shape != self._drawn:
+            self._drawn = shape
+            self.send("drawing", drawing_of(case))
 
     def _values(self, state: PageState | None = None) -> dict[str, Any]:
         """Return the values of the knobs, now or in a given state, whose beat may arrive after more turns."""

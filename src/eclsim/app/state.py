@@ -30,7 +30,7 @@ MOST_UNDONE = 40
 MOST_STATES = 2 * MOST_UNDONE + MOST_SAVED + 2
 LONGEST_SNAPSHOT, LARGEST_SNAPSHOT = 120_000, 1_000_000
 SNAPSHOT_VERSION = 1
-MOST_REMARKS, LONGEST_REMARK, MOST_CONCERNED = 5, 700, 64
+MOST_REMARKS, LONGEST_REMARK, MOST_CONCERNED = 9, 700, 64
 """Largest numbers of remarks of a fit, of their characters, and of outputs or parameters that are named."""
 VERDICTS = ("", "good", "doubtful", "poor")
 ORIGINS = ("", "file", "cohort", "unfitted", "fit", "posterior", *PRESETS)

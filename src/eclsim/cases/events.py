@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 from pydantic import Field as Default
 
-from eclsim.cases.quantities import section_and_key
+from eclsim.cases.quantities import quantity, section_and_key
 from eclsim.cases.sections import RISE
 from eclsim.cases.settings import keys_replaced_by, put_in, unknown_key
 from eclsim.devices.registry import example_setting
@@ -28,6 +29,7 @@ LONGEST_MIN = 31 * 1440.0
 QUICKEST_MIN = 1.0
 """Time in which volumes given without `over_min` are infused [min]: a bolus takes a minute."""
 LARGEST_ML = 20_000.0
+_MICRO = re.compile(r"\bu(?=g|mol)")
 CLASS_IV = 0.4
 """Share of the blood whose loss is class IV of Advanced Trauma Life Support (10th edition, 2018)."""
 OPPOSITE = {"blood_ml": "bleed_ml", "bleed_ml": "blood_ml"}
@@ -69,8 +71,8 @@ class Event(BaseModel):
 
     @property
     def summary(self) -> str:
-        """Short description of the event."""
-        words = [f"{key} = {shown(value)[:40]}" for key, value in self.set.items()]
+        """Short description of the event, with units."""
+        words = [f"{k} = {shown(value)[:40]} {_unit_of(k, value)}".strip() for k, value in self.set.items()]
         for name, amount in self.give.items():
             kind, unit = kind_and_unit(name)
             words.append(f"{kind} {amount:g} {unit}")
@@ -81,6 +83,12 @@ class Event(BaseModel):
         content = {"at_min": self.at_min}
         content |= {"set": dict(self.set), "ramp_min": self.ramp_min} if self.set else {}
         return content | ({"give": dict(self.give), "over_min": self.over_min} if self.give else {})
+
+
+def _unit_of(key: str, value: object) -> str:
+    """Return the unit of a setting as it is written; empty for a choice or a number without one."""
+    known = quantity(key) if is_number(value) else None
+    return "" if known is None or known.unit == "1" else _MICRO.sub("µ", known.unit)
 
 
 def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, remarks: Remarks) -> list[Raw]:

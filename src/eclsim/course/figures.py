@@ -198,7 +198,8 @@ def _legend(events: list[Event]) -> list[str]:
     for number, event in enumerate(events, start=1):
         how = f" over {event.over_min:g} min" if event.give else ""
         how += f" within {event.ramp_min:g} min" if event.ramp_min else ""
-        lines.append(f"{number}  {clock_time(event.at_min)}  {style.plain_text(event.summary, 90)}{how}")
+        words = style.plain_text(event.summary, 110)
+        lines.append(f"{number}  {clock_time(event.at_min)}  {words}{how}")
     return lines
 
 
@@ -228,4 +229,16 @@ def _notes(result: xr.Dataset) -> list[str]:
     said = result.attrs["warnings"] if "quantile" in result.dims else said
     for sentence in filter(None, said):
         lines += textwrap.wrap(style.plain_text(str(sentence), 330), 110)
-    return lines
+    return [*lines, *_where_remarks_are(result)]
+
+
+def _where_remarks_are(result: xr.Dataset) -> list[str]:
+    """Return where the remarks on reading a course stand, for which a figure has no room."""
+    count = sum(len(result.attrs.get(kind, ())) for kind in ("approximations", "cautions"))
+    if "quantile" in result.dims or not count:
+        return []
+    remarks = "1 remark" if count == 1 else f"{count} remarks"
+    return [
+        f"{remarks} on how to read this course: `warnings` in its JSON file, `approximations` and `cautions` "
+        "in its NetCDF file"
+    ]

@@ -198,9 +198,10 @@ def load_device_file(file: str) -> list[AnyDevice]:
     return result
 
 
-def own_files() -> list[str]:
-    """Paths of the files that registered the users' devices."""
-    return sorted({path for key, (path, _) in _FILE_OF.items() if key in _OTHERS})
+def own_files(keys: Collection[str] | None = None) -> list[str]:
+    """Paths of the files that registered the users' devices, of all or of those with the given keys."""
+    files = {key: path for key, (path, _) in _FILE_OF.items() if key in _OTHERS}
+    return sorted({path for key, path in files.items() if keys is None or key in keys})
 
 
 def digests_of_own_files() -> dict[str, dict[str, str]]:

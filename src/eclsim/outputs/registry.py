@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -26,6 +27,7 @@ from eclsim.devices.registry import (
     devices,
     is_of_user,
     named_output,
+    naming_of,
     namings,
 )
 from eclsim.outputs.gas import GAS_OUTPUTS
@@ -343,6 +345,28 @@ def output(name: str) -> Output:
     if result is None:
         raise UnknownOutputError(name)
     return result
+
+
+@cached_by_devices(1024)
+def outputs_of_mean(signal: str, group: str) -> tuple[str, ...]:
+    """Return the outputs that are the mean of a waveform, such as PF of the flow of the ECMO pump.
+
+    Args:
+        signal: name of the waveform.
+        group: group of its place: "patient", or the device and its name.
+    """
+    names = naming_of(group)
+    entries = (all_outputs() | all_outputs(() if names is None else (names,))).values()
+    # Behind a comma or colon, a definition says in words what the mean of this waveform is.
+    return tuple(e.name for e in entries if re.split("[,:]", e.definition)[0] == f"mean of {signal}")
+
+
+@cached_by_devices(1024)
+def saturations_in(place: str) -> tuple[str, ...]:
+    """Return the outputs that are the oxygen saturation in a compartment, such as SaO2."""
+    entries = all_outputs().values()
+    blood = [e for e in entries if e.read_at == f"P{place}" and e.definition.startswith("of the blood in")]
+    return tuple(entry.name for entry in blood if entry.unit == "%")
 
 
 def is_users_output(name: str) -> bool:

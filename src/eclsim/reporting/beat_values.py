@@ -4,14 +4,17 @@ A case is an xarray Dataset with waveforms P [mmHg], Q [mL/s] and V [mL] on `pha
 included).
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eclsim.arguments import written
+from eclsim.devices.description import CAUTION
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, naming_of, namings
+from eclsim.outputs.limits import places_with_limits
+from eclsim.outputs.registry import outputs_of_mean
 from eclsim.reporting.numbers import number
 from eclsim.reporting.style import plain_text
 from eclsim.units import convert, quantity_of
@@ -78,53 +81,107 @@ def case_name(result: "xr.Dataset") -> str:
 
 DOUBTED = "*"
 MARKS = {"collapse": "x", "alarm": "!", "warning": "!", "caution": DOUBTED}
-"""Mark after a number by the kind of the most severe finding about it."""
+"""Mark after a number in text by the kind of the most severe finding about it."""
+FIGURE_MARKS = {"collapse": "✕", "alarm": "▲", "warning": "!", "caution": "†"}
+"""Mark before a number in a figure, the same as on the bedside page."""
 _MEANINGS = {"x": "x impossible in a patient", "!": "! beyond a limit", DOUBTED: "* to be read with care"}
+_FIGURE_MEANINGS = {
+    "✕": "✕ impossible in a patient", "▲": "▲ beyond a limit: alarm", "!": "! beyond a limit: warning",
+    "†": "† to be read with care",
+}  # fmt: skip
 
 
 def marks_of(result: "xr.Dataset", *names: str) -> str:
     """Return the marks of outputs: of the most severe finding, and of a caution if a beat is possible."""
-    entries = [result[name].attrs for name in names if name in result]
-    kinds = {kind for about in entries if (kind := about.get("finding"))}
-    gravest = next((kind for kind in MARKS if kind in kinds), "")
-    return marks_for(gravest, any(about.get("read_with_care") for about in entries))
+    return marks_for(*_findings(result, names))
 
 
-def marks_for(kind: str, doubted: bool) -> str:
+def marks_for(kind: str, doubted: bool, marks: Mapping[str, str] = MARKS) -> str:
     """Return the marks for the kind of a finding ("" for none), and for whether a caution is beside it."""
-    mark = MARKS.get(kind, "")
-    return mark if mark in (MARKS["collapse"], DOUBTED) or not doubted else f"{mark}{DOUBTED}"
+    mark, care = marks.get(kind, ""), marks[CAUTION]
+    return mark if mark in (marks["collapse"], care) or not doubted else f"{mark}{care}"
 
 
-def meaning_of_marks(marks: Iterable[str]) -> str:
-    """Explanation of the marks of several numbers; empty if there are none."""
+def figure_marks_of(result: "xr.Dataset", *names: str) -> str:
+    """Return the marks of outputs in a figure."""
+    return marks_for(*_findings(result, names), FIGURE_MARKS)
+
+
+def figure_marks_at(result: "xr.Dataset", signal: str, group: str) -> str:
+    """Return the marks of the mean of a waveform in a figure; a pressure has all marks of its compartment.
+
+    Args:
+        result: the simulated case.
+        signal: name of the waveform, a pressure or a flow.
+        group: group of its place, "patient" or a device.
+    """
+    kind, doubted = _findings(result, outputs_of_mean(signal, group))
+    if signal[0] == "P":
+        scalars = tuple(str(name) for name, values in result.data_vars.items() if values.ndim == 0)
+        place = signal[1:]
+        limited = (*places_with_limits(scalars).get(place, ()), f"EDV{place.upper()}")
+        others = (_findings(result, [name])[0] for name in limited)
+        # A caution on the ejection fraction is none on the pressure.
+        kind = _gravest([kind, *(other for other in others if other != CAUTION)])
+    return marks_for(kind, doubted, FIGURE_MARKS)
+
+
+def marked(marks: str, text: str) -> str:
+    """Return a number with its marks before it, as on the bedside page."""
+    return f"{marks} {text}" if marks and text else text
+
+
+def _findings(result: "xr.Dataset", names: Iterable[str]) -> tuple[str, bool]:
+    """Return the most severe kind of finding about any of the outputs, and whether there is a caution."""
+    entries = [result[name].attrs for name in names if name in result]
+    return _gravest(about.get("finding", "") for about in entries), any(
+        about.get("read_with_care") for about in entries
+    )
+
+
+def _gravest(kinds: Iterable[str]) -> str:
+    found = set(kinds)
+    return next((kind for kind in MARKS if kind in found), "")
+
+
+def meaning_of_figure_marks(marks: Iterable[str]) -> str:
+    """Explanation of the marks of several numbers in a figure; empty if there are none."""
     used = "".join(marks)
-    return ", ".join(meaning for mark, meaning in _MEANINGS.items() if mark in used)
+    return ", ".join(meaning for mark, meaning in _FIGURE_MEANINGS.items() if mark in used)
 
 
 def legend_of_marks(marks: Iterable[str]) -> str:
     """Explanation of the marks in a table, beside which warnings stand; empty if there are none."""
-    meaning = meaning_of_marks(marks)
+    used = "".join(marks)
+    meaning = ", ".join(meaning for mark, meaning in _MEANINGS.items() if mark in used)
     return f"{meaning}: the warnings say why" if meaning else ""
+
+
+_ARTERIAL = ("SP", "DP", "MAP", "pulse_pressure")
+_SUMMARY = {"MPAP": ("mmHg", 1), "PCWP": ("mmHg", 1), "CO": ("L/min", 2), "PF": ("L/min", 2)}
 
 
 def summary_lines(result: "xr.Dataset") -> list[str]:
     """Return the main outputs that the result has, such as "aortic pressure 73/69 (70) mmHg", with marks."""
-    lines = [f"heart rate {number(60 / beat_period(result), 0)} /min"]
+    rate = marked(figure_marks_of(result, "heart_rate"), number(60 / beat_period(result), 0))
+    lines = [f"heart rate {rate} /min"]
     systolic, diastolic, mean = (scalar(result, name) for name in ("SP", "DP", "MAP"))
     if systolic is not None and diastolic is not None and mean is not None:
         pressures = f"{number(systolic, 0)}/{number(diastolic, 0)} ({number(mean, 0)})"
-        lines.append(f"aortic pressure {pressures}{marks_of(result, 'SP', 'DP', 'MAP')} mmHg")
-    units = {"MPAP": ("mmHg", 1), "PCWP": ("mmHg", 1), "CO": ("L/min", 2), "PF": ("L/min", 2)}
-    for name, (unit, digits) in units.items():
+        lines.append(f"aortic pressure {marked(figure_marks_of(result, *_ARTERIAL), pressures)} mmHg")
+    for name, (unit, digits) in _SUMMARY.items():
         if (value := scalar(result, name)) is not None:
-            lines.append(f"{name} {number(value, digits)}{marks_of(result, name)} {unit}")
+            lines.append(f"{name} {marked(figure_marks_of(result, name), number(value, digits))} {unit}")
     for names in namings(device.key for device in devices().values()):
         share = scalar(result, f"{names.key}_recirculated_fraction")
         if share is not None:
             lines.append(f"{names.label} recirculation {number(100 * share, 0)} %")
-    meaning = meaning_of_marks(marks_of(result, name) for name in ("SP", "DP", "MAP", *units))
-    return [*lines, meaning] if meaning else lines
+    return lines
+
+
+def summary_marks(result: "xr.Dataset") -> list[str]:
+    """Return the marks in the lines of `summary_lines`."""
+    return [figure_marks_of(result, name) for name in ("heart_rate", *_ARTERIAL, *_SUMMARY)]
 
 
 # --- words for compartments and connections ---------------------------------------------------------

@@ -10,12 +10,24 @@ from matplotlib.figure import Figure
 from eclsim.arguments import Kind
 from eclsim.circuit.network import Circuit
 from eclsim.devices.registry import device_of, naming_of
-from eclsim.outputs.registry import all_outputs
+from eclsim.outputs.registry import all_outputs, saturations_in
 from eclsim.reporting import schematic_layout as layout
 from eclsim.reporting import schematic_routes as routes
-from eclsim.reporting.beat_values import beat_mean, case_name, check_beat, in_unit, scalar, summary_lines
+from eclsim.reporting.beat_values import (
+    beat_mean,
+    case_name,
+    check_beat,
+    figure_marks_at,
+    figure_marks_of,
+    in_unit,
+    marked,
+    meaning_of_figure_marks,
+    scalar,
+    summary_lines,
+    summary_marks,
+)
 from eclsim.reporting.numbers import number
-from eclsim.reporting.schematic_layout import Layout, Plan
+from eclsim.reporting.schematic_layout import HousedBox, Layout, Plan
 from eclsim.reporting.schematic_pen import Pen, look_of
 from eclsim.reporting.schematic_routes import Path, Point
 from eclsim.reporting.style import GREY, MM_PER_INCH, figure_style, plain_text
@@ -25,6 +37,8 @@ if TYPE_CHECKING:
 
 _SATURATION_WIDTH = 7.6
 """Width [mm] of the field that shows a saturation."""
+_BESIDE_SATURATION = 11
+"""Number of characters that fit beside a saturation."""
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
 
 
@@ -63,7 +77,8 @@ def draw_circuit(
     labels = Labels(result, groups, layout.without_flow(circuit))
     with_gas = any(labels.saturation(name) is not None for name in page.places)
     note, scale = 5.0 if plan.undrawn else 0.0, 5.0 if with_gas else 0.0
-    pen = _pen(ax, page, paths.values(), extra=note + scale)
+    legend = labels.legend(plan)
+    pen = _pen(ax, page, paths.values(), extra=note + scale + 5.0 * bool(legend))
     _draw_frames(pen, plan, page, labels, title)
     _draw_wires(pen, plan, page, labels)
     _draw_lines(pen, plan, page, labels, paths)
@@ -74,6 +89,8 @@ def draw_circuit(
     _note_undrawn(pen, page, plan.undrawn)
     if with_gas:
         pen.saturation_scale(layout.FRAME[1], -page.height - note - 2.0)
+    left = pen.ax.get_xlim()[0] + 3.0
+    pen.text(left, -page.height - note - scale - 2.0, legend, size=6.5, ha="left", color=GREY)
     return pen.figure
 
 
@@ -101,6 +118,30 @@ class Labels:
         positions = {} if names is None else {node: at for at, node in names.device.positions.items()}
         key = f"{positions[place]} ({place})" if place in positions else place
         return plain_text(plan.places[name].label, 22), plain_text(key, 24), pressure
+
+    def marks(self, signal: str) -> str:
+        """Return the marks of a mean pressure or flow: limits that it breaks, and cautions."""
+        if self.result is None or signal[1:] in self.silent:
+            return ""
+        return figure_marks_at(self.result, signal, self.groups[signal[1:]])
+
+    def saturation_marks(self, name: str) -> str:
+        """Return the marks of the saturation in a compartment."""
+        return "" if self.result is None else figure_marks_of(self.result, *saturations_in(name))
+
+    def legend(self, plan: Plan) -> str:
+        """Return the meaning of the marks on the schematic and where their reasons are; empty without any."""
+        if self.result is None:
+            return ""
+        places = [name for name in (*plan.places, *plan.spare) if name in self.groups]
+        marks = [
+            *summary_marks(self.result),
+            *map(self.marks, (f"{kind}{name}" for name in self.groups for kind in "PQ")),
+            *(self.saturation_marks(name) for name in places if self.saturation(name) is not None),
+            *(self._marks_of_readings(housed) for housed in plan.housed),
+        ]
+        meaning = meaning_of_figure_marks(marks)
+        return f"{meaning}; the warnings of the results say why" if meaning else ""
 
     def saturation(self, name: str) -> float | None:
         """Return the oxygen saturation [%] in a compartment; None if gases are not computed."""
@@ -140,16 +181,25 @@ class Labels:
         """Yield the main outputs, one per line."""
         return iter(()) if self.result is None else iter(summary_lines(self.result))
 
-    def readings(self, names: Sequence[str]) -> str:
-        """Return outputs with their units; empty without a result."""
+    def readings(self, housed: HousedBox) -> str:
+        """Return the outputs in the box of a device with their units; empty without a result."""
+        names = housed.readings
         known = {} if self.result is None else {name: scalar(self.result, name) for name in names}
         units = {name: all_outputs()[name].unit for name in names}
-        return ", ".join(f"{number(v, 0)} {units[name]}" for name, v in known.items() if v is not None)
+        shown = ", ".join(f"{number(v, 0)} {units[name]}" for name, v in known.items() if v is not None)
+        return marked(self._marks_of_readings(housed), shown)
+
+    def _marks_of_readings(self, housed: HousedBox) -> str:
+        """Return the marks of a device in a housing: also of its limits whose outputs are not in the box."""
+        names = naming_of(housed.group)
+        limited = () if names is None else (names.output(limit.quantity) for limit in names.device.limits)
+        return "" if self.result is None else figure_marks_of(self.result, *housed.readings, *limited)
 
     def _mean(self, name: str, unit: str, digits: int) -> str:
         if self.result is None or name not in self.result:
             return ""
-        return f"{number(in_unit(beat_mean(self.result, name), unit), digits)} {unit}"
+        value = f"{number(in_unit(beat_mean(self.result, name), unit), digits)} {unit}"
+        return marked(self.marks(name), value)
 
 
 def _pen(ax: Axes | None, page: Layout, paths: Iterable[Path], extra: float) -> Pen:
@@ -222,9 +272,10 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
             if saturation is None or text != pressure:
                 pen.text(x, height, text, **style)
                 continue
-            pen.text(x - layout.BOX_WIDTH / 2 + 0.9, height, text, ha="left", **style | {"size": 6.3})
+            small = {"size": min(6.3, 6.3 * _BESIDE_SATURATION / len(text))}
+            pen.text(x - layout.BOX_WIDTH / 2 + 0.9, height, text, ha="left", **style | small)
             right = x + layout.BOX_WIDTH / 2 - _SATURATION_WIDTH / 2 - 0.7
-            pen.saturation((right, height), saturation, _SATURATION_WIDTH)
+            pen.saturation((right, height), saturation, _SATURATION_WIDTH, labels.saturation_marks(name))
 
 
 def _draw_housed(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
@@ -234,7 +285,7 @@ def _draw_housed(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
         pen.line(layout.housed_path(plan, page, housed), look, gid=f"line-{housed.group}")
         pen.box(box, look, gid=f"housed-{housed.group}")
         x, y = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
-        readings = labels.readings(housed.readings)
+        readings = labels.readings(housed)
         pen.text(x, y + 1.75 * bool(readings), plain_text(housed.label, 40), size=7)
         pen.text(x, y - 1.75, readings, size=7, weight="bold")
 
@@ -273,7 +324,7 @@ def _label_wire(pen: Pen, middle: Point, label: str, flow: str, *, level: bool, 
 def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mapping[str, Path]) -> None:
     """Draw the lines that run in lanes."""
     for line in plan.lines:
-        look = look_of(line.frame)
+        look = look_of(labels.groups[line.name])
         path = paths[line.name] if line.into_device else paths[line.name][::-1]
         pen.line(path, look, gid=f"line-{line.name}")
         # The tips of cannulae point to the patient.

@@ -76,11 +76,13 @@ class Wire:
 class Attachment:
     """A line in lanes, between a compartment of a device and a site.
 
+    A vent, which has no compartment, is a line of the device into which it drains.
+
     Args:
         name: name of the connection.
         site: compartment outside the device.
         node: compartment of the device.
-        frame: frame of the device.
+        frame: frame of the device with this compartment.
         into_device: whether blood flows from the site into the device.
         mark: symbol and label at the device's end.
         port: number of lines placed before this one at the same compartment of the device.
@@ -299,18 +301,26 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
         else:
             plan.others.append(name)
         return
-    mark = _mark(names, connection)
-    inside = [end for end in (source, target) if groups.get(end) == names.key]
+    mark, frame = _mark(names, connection), _frame_of(plan, names, (source, target))
+    inside = [end for end in (source, target) if groups.get(end) == frame]
     site = next((end for end in (source, target) if end not in inside), "")
     if len(inside) == 2 and _neighbours(plan, source, target):
         plan.wires.append(Wire(name, source, target, mark))
     elif len(inside) == 1 and site in plan.places and _can_leave(plan, inside[0], site):
         port = sum(line.node == inside[0] for line in plan.lines)
-        plan.lines.append(Attachment(name, site, inside[0], names.key, target in inside, mark, port))
+        plan.lines.append(Attachment(name, site, inside[0], frame, target in inside, mark, port))
     elif not inside and source != target and {source, target} <= set(PATIENT_PLACES) & set(plan.places):
         plan.bridges.append(Bridge(name, source, target, mark))
     else:
         plan.others.append(name)
+
+
+def _frame_of(plan: Plan, names: Naming, ends: Sequence[str]) -> str:
+    """Return a device's frame; if it has no compartments, as a vent, that of the device at its end."""
+    if names.key in plan.frames:
+        return names.key
+    frames = (plan.places[end].row[0] for end in ends if end in plan.places)
+    return next((frame for frame in frames if frame != PATIENT), names.key)
 
 
 def _housed(plan: Plan, circuit: Circuit) -> list[HousedBox]:

@@ -17,13 +17,7 @@ from eclsim.devices.description import Look
 from eclsim.devices.device import Device
 from eclsim.devices.registry import device_of
 from eclsim.reporting.saturation import COLOUR_STOPS, colour_of, text_colour_on
-
-Point = tuple[float, float]
-Box = tuple[float, float, float, float]
-
-# Tried in this order; the first arc that crosses the fewest boxes and texts is used.
-_ARC_BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
-
+from eclsim.reporting.schematic_routes import Box, Point, arc
 
 _PATIENT = Look("#222222", "#F7F7F7", 1.3)
 
@@ -116,14 +110,16 @@ class Pen:
             patch.set_zorder(5)
             self.ax.add_patch(patch)
 
-    def saturation(self, at: Point, percent: float, width: float) -> None:
-        """Draw an oxygen saturation [%] on a field of its colour."""
+    def saturation(self, at: Point, percent: float, width: float, marks: str = "") -> None:
+        """Draw an oxygen saturation [%] with its marks on a field of its colour."""
         (x, y), colour = at, colour_of(percent)
         corner, style = (x - width / 2, y - 1.55), "round,pad=0,rounding_size=1.0"
         patch = FancyBboxPatch(corner, width, 3.1, boxstyle=style, facecolor=colour, edgecolor="none")
         patch.set_zorder(7)
         self.ax.add_patch(patch)
-        self.text(x, y - 0.1, f"{percent:.0f} %", size=6, weight="bold", color=text_colour_on(percent))
+        words = f"{marks}{percent:.0f}%" if marks else f"{percent:.0f} %"
+        size = 4.8 if marks else 6
+        self.text(x, y - 0.1, words, size=size, weight="bold", color=text_colour_on(percent))
 
     def saturation_scale(self, right: float, y: float) -> None:
         """Draw the colour scale of saturations, from low to high, ending at `right`."""
@@ -133,17 +129,20 @@ class Pen:
 
     def arc(self, first: Box, second: Box, look: Look, blocked: Sequence[Box]) -> Point:
         """Draw a curved arrow between any two boxes, avoiding boxes and text, and return its middle."""
-        start, stop = _border(first, _middle(second)), _border(second, _middle(first))
-        obstacles = [*self._texts(), *(Bbox.from_extents(*box) for box in blocked)]
-        curves = {bend: _curve(start, stop, bend) for bend in _ARC_BENDS}
-        bend = min(_ARC_BENDS, key=lambda b: sum(box.contains(*p) for p in curves[b] for box in obstacles))
+        bend, path = arc(first, second, [*(box.extents for box in self._texts()), *blocked])
         arrow = FancyArrowPatch(
-            start, stop, connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", zorder=3, shrinkA=0, shrinkB=0
+            path[0],
+            path[-1],
+            connectionstyle=f"arc3,rad={bend}",
+            arrowstyle="-|>",
+            zorder=3,
+            shrinkA=0,
+            shrinkB=0,
         )
         arrow.set(color=look.colour, linestyle=look.dash, linewidth=look.width * self.scale)
         arrow.set_mutation_scale(8 * self.scale)
         self.ax.add_patch(arrow)
-        return curves[bend][len(curves[bend]) // 2]
+        return path[len(path) // 2]
 
     def text_where_free(
         self, at: Point, content: str, blocked: Sequence[Box], size: float, colour: str
@@ -176,29 +175,6 @@ class Pen:
 
     def _extent(self, text: Text) -> Bbox:
         return text.get_window_extent().transformed(self.ax.transData.inverted())
-
-
-def _middle(box: Box) -> Point:
-    return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
-
-
-def _curve(start: Point, stop: Point, bend: float) -> list[Point]:
-    """Return points of the arc drawn by `arc3`: a parabola with a control point beside the middle."""
-    dx, dy = stop[0] - start[0], stop[1] - start[1]
-    side = (0.5 * (start[0] + stop[0]) + bend * dy, 0.5 * (start[1] + stop[1]) - bend * dx)
-    weights = [((1 - t) ** 2, 2 * t * (1 - t), t**2) for t in (i / 40 for i in range(41))]
-    return [
-        (a * start[0] + b * side[0] + c * stop[0], a * start[1] + b * side[1] + c * stop[1])
-        for a, b, c in weights
-    ]
-
-
-def _border(box: Box, towards: Point) -> Point:
-    """Return the point where the line from the centre of a box towards a point leaves the box."""
-    x, y = _middle(box)
-    dx, dy = towards[0] - x, towards[1] - y
-    reach = max(abs(dx) / (0.5 * (box[2] - box[0])), abs(dy) / (0.5 * (box[3] - box[1])), 1e-9)
-    return x + dx / reach, y + dy / reach
 
 
 def _patches(kind: str, at: Point, direction: Point, colour: str) -> list[Patch]:

@@ -32,9 +32,13 @@ from eclsim.reporting.schematic_layout import (
 
 Point = tuple[float, float]
 Path = list[Point]
+Box = tuple[float, float, float, float]
+"""Left, bottom, right and top."""
 _OVERLAP_PENALTY = 50.0
 _LONGEST_SEARCH = 4
 PUMP_RADIUS = 3.3
+# Tried in this order; the first arc that crosses the fewest boxes and texts is used.
+_ARC_BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
 _CHANNEL, _CHANNEL_PITCH = 25.0, 3.5
 """Distance [mm] of the first inner pump's lines from the centre, and between lines."""
 
@@ -266,3 +270,42 @@ def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: flo
     inwards = 1.0 if x < MIDDLE else -1.0
     channel = MIDDLE - inwards * distance
     return [(x + inwards * BOX_WIDTH / 2, height), (channel, height), (channel, level), (MIDDLE, level)]
+
+
+def arc(first: Box, second: Box, blocked: Sequence[Sequence[float]]) -> tuple[float, Path]:
+    """Return bend and points of an arc between any two boxes that crosses the fewest of the blocked boxes."""
+    start, stop = _border(first, _middle(second)), _border(second, _middle(first))
+    curves = {bend: _curve(start, stop, bend) for bend in _ARC_BENDS}
+
+    def crossed(bend: float) -> int:
+        return sum(
+            left <= x <= right and bottom <= y <= top
+            for x, y in curves[bend]
+            for left, bottom, right, top in blocked
+        )
+
+    bend = min(_ARC_BENDS, key=crossed)
+    return bend, curves[bend]
+
+
+def _middle(box: Box) -> Point:
+    return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+
+
+def _curve(start: Point, stop: Point, bend: float) -> list[Point]:
+    """Return points of the arc drawn by `arc3`: a parabola with a control point beside the middle."""
+    dx, dy = stop[0] - start[0], stop[1] - start[1]
+    side = (0.5 * (start[0] + stop[0]) + bend * dy, 0.5 * (start[1] + stop[1]) - bend * dx)
+    weights = [((1 - t) ** 2, 2 * t * (1 - t), t**2) for t in (i / 40 for i in range(41))]
+    return [
+        (a * start[0] + b * side[0] + c * stop[0], a * start[1] + b * side[1] + c * stop[1])
+        for a, b, c in weights
+    ]
+
+
+def _border(box: Box, towards: Point) -> Point:
+    """Return the point where the line from the centre of a box towards a point leaves the box."""
+    x, y = _middle(box)
+    dx, dy = towards[0] - x, towards[1] - y
+    reach = max(abs(dx) / (0.5 * (box[2] - box[0])), abs(dy) / (0.5 * (box[3] - box[1])), 1e-9)
+    return x + dx / reach, y + dy / reach

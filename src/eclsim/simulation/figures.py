@@ -27,12 +27,15 @@ from eclsim.reporting.beat_values import (
     beat_period,
     case_name,
     check_beat,
+    figure_marks_at,
     in_unit,
     instances_at,
+    meaning_of_figure_marks,
     naming_at,
     place_label_of,
     scalar,
     summary_lines,
+    summary_marks,
     two_beats,
 )
 from eclsim.reporting.numbers import number
@@ -164,8 +167,8 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
 
 def plot_overview(result: xr.Dataset) -> Figure:
     """Main pressures, flows and ventricular volumes over two beats, with the main outputs."""
-    lines = summary_lines(result)
-    note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:]) if part)
+    lines, legend = summary_lines(result), meaning_of_figure_marks(summary_marks(result))
+    note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:], [legend]) if any(part))
     pumps = [pump for instance in _instances(result).values() for pump in instance.pumps()]
     panels = (
         Panel("Left heart and aorta", "mmHg", ("Plv", "Pla", "Pao")),
@@ -278,6 +281,7 @@ class _Row:
     group: str
     mark: tuple[str, str]
     value: float
+    signs: str
 
 
 @figure_style()
@@ -292,6 +296,8 @@ def plot_mean_flows(result: xr.Dataset) -> Figure:
     _draw_rows(right, pressures, headings, "Mean pressure [mmHg]", digits=1)
     for ax in (left, right):
         ax.set_ylim(height - 0.4, -0.6)
+    if legend := meaning_of_figure_marks(row.signs for row in (*flows, *pressures)):
+        fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=GREY)
     fig.suptitle(case_name(result), x=0.01, ha="left")
     return fig
 
@@ -310,10 +316,15 @@ def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) ->
         mark = (names.device.look.marker, names.device.look.colour)
         heading = names.cut(names.label, _ROW_CHARACTERS)
         rows += [(heading, mark, n) for n in map(names.place, labels) if n in waveforms]
+    means = {n: in_unit(beat_mean(result, kind + n), unit) for _, _, n in rows}
     return [
-        _Row(_row_label(kind, n), group, mark, in_unit(beat_mean(result, kind + n), unit))
-        for group, mark, n in rows
+        _Row(_row_label(kind, n), group, mark, means[n], _signs(result, kind + n)) for group, mark, n in rows
     ]
+
+
+def _signs(result: xr.Dataset, signal: str) -> str:
+    names = naming_at(signal[1:])
+    return figure_marks_at(result, signal, "patient" if names is None else names.key)
 
 
 _ROW_CHARACTERS = 28
@@ -363,8 +374,9 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
         ax.plot([0, row.value], [where, where], color="#C4C4C4", linewidth=0.8, zorder=1)
         ax.plot(row.value, where, marker=marker, color=colour, markersize=4.5, linestyle="none")
         if np.isfinite(row.value):
+            written = f"{number(row.value, digits)} {row.signs}".strip()
             ax.annotate(
-                number(row.value, digits), (max(row.value, 0.0), where), xytext=(5, 0),
+                written, (max(row.value, 0.0), where), xytext=(5, 0),
                 textcoords="offset points", va="center", fontsize=7,
             )  # fmt: skip
     ax.axvline(0.0, color=GREY, linewidth=0.7, zorder=0)

@@ -1,5 +1,5 @@
 // Blood gases by site, transfer of each exchanger, oxygen supply and demand, upper and lower body.
-import { SIGNS, bandsOf, fill, fixed, gravest, seenIn } from "eclsim-page";
+import { CARE, SIGNS, bandsOf, careOf, fill, fixed, gravest, seenIn } from "eclsim-page";
 
 const COLUMNS = [
   ["SO2", 1],
@@ -35,7 +35,9 @@ export default {
         </tr></thead>
         <tbody><tr v-for="s in sites" :key="s.place" :data-place="s.place">
           <th scope="row"><i class="blood" :style="{ background: s.colour }"></i>{{ s.label }}</th>
-          <td v-for="c in s.cells" :key="c.name" :class="['n', c.level]">{{ c.text }}<small v-if="c.band"
+          <td v-for="c in s.cells" :key="c.name" :class="['n', c.level]"
+            ><span v-if="c.care" role="img" :aria-label="c.care" :title="c.care">{{ care }}</span
+            >{{ c.text }}<small v-if="c.band"
             >{{ c.band }}</small></td>
         </tr></tbody>
       </table></div>
@@ -54,7 +56,9 @@ export default {
           <caption>{{ texts.gases_supply }}</caption>
           <tbody><tr v-for="r in supply" :key="r.name">
             <th scope="row" :title="r.definition">{{ r.label }}</th>
-            <td :class="['n', r.level]">{{ r.text }}<small v-if="r.band">{{ r.band }}</small></td>
+            <td :class="['n', r.level]"
+              ><span v-if="r.care" role="img" :aria-label="r.care" :title="r.care">{{ care }}</span
+              >{{ r.text }}<small v-if="r.band">{{ r.band }}</small></td>
             <td>{{ r.unit }}</td>
           </tr></tbody>
         </table>
@@ -63,7 +67,9 @@ export default {
           <thead><tr><th></th><th scope="col" class="n">{{ texts.gases_upper }}</th>
             <th scope="col" class="n">{{ texts.gases_lower }}</th></tr></thead>
           <tbody><tr v-for="r in dual" :key="r.label"><th scope="row">{{ r.label }}</th>
-            <td v-for="c in r.cells" :key="c.name" :class="['n', c.level]">{{ c.text }}<small v-if="c.band"
+            <td v-for="c in r.cells" :key="c.name" :class="['n', c.level]"
+            ><span v-if="c.care" role="img" :aria-label="c.care" :title="c.care">{{ care }}</span
+            >{{ c.text }}<small v-if="c.band"
               >{{ c.band }}</small></td>
           </tr></tbody>
         </table>
@@ -81,7 +87,7 @@ export default {
       },
     }),
   ],
-  data: () => ({ beat: null, bands: null, samples: [], exchangers: {}, columns: COLUMNS }),
+  data: () => ({ beat: null, bands: null, samples: [], exchangers: {}, columns: COLUMNS, care: `${CARE} ` }),
   computed: {
     known() {
       return Object.keys(this.beat.gas.places).length > 0;
@@ -138,12 +144,14 @@ export default {
     },
   },
   methods: {
-    // A number with a sign for the limit that it exceeds, and its 90 % band.
+    // A number with a sign for the limit that it exceeds, what to know of reading it, and its 90 % band.
     cell(name, value, digits, output) {
       const level = output ? gravest(this.beat.levels, [output]) : "ok";
       const sides = (output && this.bands && bandsOf(this.beat)?.outputs[output]) || [];
       const band = sides.map((side) => fixed(side, digits)).join("–");
-      return { name, level, text: SIGNS[level] + fixed(value, digits), band };
+      const why = output && value !== null ? careOf(this.beat, [output]) : "";
+      const care = why && fill(this.texts.caution, { why });
+      return { name, level, care, text: SIGNS[level] + fixed(value, digits), band };
     },
   },
 };

@@ -1,8 +1,10 @@
 // Live schematic: mean pressures coloured by limits, mean flows, and movable lines of devices.
 import {
+  CARE,
   FONT,
   SIGNS,
   UNDETERMINED,
+  careOf,
   fill,
   fixed,
   handleOf,
@@ -117,8 +119,9 @@ export default {
       display(display) {
         this.stops = display.saturations;
       },
-      beat({ means, outputs, places, levels, gas, undetermined }) {
-        Object.assign(this, { means, outputs, places, levels, undetermined, gases: gas?.places ?? {} });
+      beat({ means, outputs, places, levels, gas, undetermined, cautions }) {
+        const gases = gas?.places ?? {};
+        Object.assign(this, { means, outputs, places, levels, undetermined, cautions, gases });
       },
     }),
   ],
@@ -129,6 +132,7 @@ export default {
     places: {},
     levels: {},
     undetermined: [],
+    cautions: {},
     gases: {},
     stops: [],
     signs: SIGNS,
@@ -217,14 +221,17 @@ export default {
       return colour ? { "--blood": colour } : {};
     },
     saturation(box) {
-      return `${fixed(this.gases[box.name].values.SO2, 0)} %`;
+      const care = careOf(this, box.saturation) ? CARE : "";
+      return `${this.signs[this.worst(box.saturation)]}${care}${fixed(this.gases[box.name].values.SO2, 0)} %`;
     },
     aboutBox(box) {
       const { values } = this.gases[box.name] ?? {};
       const gases = this.isFlowing(box)
         ? `, SO2 ${fixed(values.SO2, 1)} %, PO2 ${fixed(values.PO2, 0)} mmHg`
         : "";
-      return `${box.text}: ${this.pressure(box)} mmHg${gases}`;
+      const why = this.isFlowing(box) ? careOf(this, box.saturation) : "";
+      const care = why && `, ${fill(this.texts.caution, { why })}`;
+      return `${box.text}: ${this.pressure(box)} mmHg${gases}${care}`;
     },
     pressure(box) {
       return (this.undetermined.length ? UNDETERMINED : "") + fixed(this.means[`P${box.name}`], 0);
@@ -247,14 +254,14 @@ export default {
     level(box) {
       return this.places[box.name] ?? "ok";
     },
-    // Level of a pump's flow relative to its limits; backward flow is an alarm.
+    // Level of a flow relative to its limits; backward flow is an alarm.
     flowLevel(wire) {
-      return this.levels[wire.output] ?? "ok";
+      return this.worst(wire.outputs);
     },
     flow(wire) {
       const mean = this.means[`Q${wire.name}`];
       if (mean === undefined || wire.silent) return "";
-      const about = this.undetermined.includes(wire.output) ? UNDETERMINED : "";
+      const about = wire.outputs.some((name) => this.undetermined.includes(name)) ? UNDETERMINED : "";
       return about + fixed(scaled(mean, wire.factor), wire.digits);
     },
     about(line) {

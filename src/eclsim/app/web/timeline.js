@@ -120,7 +120,13 @@ export default {
         this.cautions = beat.cautions;
         this.shownBeat = beat;
       },
-      state({ events, of }) {
+      state({ events, of, start }) {
+        // Another patient begins at its own start, and not in the middle of the course that was played.
+        if (this.playing && this.start !== start) {
+          this.stop();
+          this.jump(0);
+        }
+        this.start = start;
         this.events = events;
         if (this.of !== of) this.refused = "";
         this.of = of;
