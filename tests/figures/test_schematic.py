@@ -18,6 +18,7 @@ from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import POSITIONS, Ecmo, ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.devices.renox import RENOX, Renox
+from eclsim.devices.septostomy import SEPTOSTOMY, Septostomy
 from eclsim.devices.vent import SITES as VENTED
 from eclsim.devices.vent import VENT, Vent
 from eclsim.outputs.registry import all_outputs
@@ -258,6 +259,18 @@ def test_a_vent_is_a_line_of_its_own_colour_into_the_ecmo_circuit(site: str):
     assert line.get_color() == VENT.look.colour != of_ecmo.get_color()
 
 
+def test_a_hole_in_the_septum_is_one_line_with_its_drop_of_pressure():
+    """The line had a gap, as for a pump, and the drop was "rise −2 mmHg"."""
+    circuit = VA + SEPTOSTOMY.circuit(Septostomy(diameter_mm=10.0))
+    result = constant_result(circuit, pressure=-200.0)
+    figure = draw_circuit(circuit, result.assign(Pseptostomy=result["Pra"]))
+    assert {"septostomy", "drop 200 mmHg"} <= {text.get_text() for text, _ in shown_texts(figure)}
+    line = device_line(figure, "septostomy")
+    points = figure.axes[0].transData.transform(line.get_xydata())
+    assert ends_on(points[0], boxes(figure)["la"], figure)
+    assert ends_on(points[-1], boxes(figure)["ra"], figure)
+
+
 def test_numbers_are_means_over_the_beat(ecmo_crrt: xr.Dataset):
     figure = draw_circuit(CIRCUITS["V-A, CRRT g"], ecmo_crrt)
     words = [text.get_text() for text in figure.axes[0].texts]
@@ -284,7 +297,6 @@ def test_without_a_result_names_alone_are_drawn():
     assert not any("mmHg" in word or "L/min" in word for word in words)
 
 
-@pytest.mark.slow
 def with_findings(circuit: Circuit, kinds: dict[str, str]) -> xr.Dataset:
     """A result whose outputs have these findings, each to be read with care, too."""
     result = constant_result(circuit)
@@ -333,6 +345,7 @@ def test_marks_leave_room_for_numbers(name: str, gases: bool):
         assert all(box.x0 < text.x0 and text.x1 < box.x1 for text in inside)
 
 
+@pytest.mark.slow
 def test_compartments_of_a_users_own_stand_in_a_spare_row():
     own = tuple(Compartment(f"graft{i}", ElasticVessel(1.0), "own") for i in range(6))
     paths = (

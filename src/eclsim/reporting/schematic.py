@@ -26,7 +26,7 @@ from eclsim.reporting.beat_values import (
     summary_lines,
     summary_marks,
 )
-from eclsim.reporting.numbers import number
+from eclsim.reporting.numbers import MINUS, number
 from eclsim.reporting.schematic_layout import HousedBox, Layout, Plan
 from eclsim.reporting.schematic_pen import Pen, look_of
 from eclsim.reporting.schematic_routes import Path, Point
@@ -159,8 +159,10 @@ class Labels:
         return self._mean(f"Q{name}", unit, 2 if unit == "L/min" else 0)
 
     def head(self, pump: str) -> str:
-        """Return the text for the mean pressure rise over a pump; empty without a result."""
+        """Return the text for the mean pressure rise over a pump, or the drop; empty without a result."""
         mean = self._mean(f"P{pump}", "mmHg", 0)
+        if mean.startswith(MINUS):
+            return f"drop {mean.removeprefix(MINUS)}"
         return f"rise {mean}" if mean else ""
 
     def title(self, title: str | None) -> str:
@@ -338,7 +340,7 @@ def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     for bridge in plan.bridges:
         look = look_of(labels.groups[bridge.name])
         into, out = routes.bridge_paths(plan, page, bridge)
-        for path in (into, out):
+        for path in ([*into, *out],) if bridge.mark.symbol == "tube" else (into, out):
             pen.line(path, look, gid=f"line-{bridge.name}")
         direction = out[0][1] - into[-1][1]
         middle = (layout.MIDDLE, into[-1][1] + routes.PUMP_RADIUS * (1.0 if direction > 0 else -1.0))
