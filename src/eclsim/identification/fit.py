@@ -415,9 +415,11 @@ def checked_by_simulation(result: FitResult) -> FitResult:
     if not result.simulated:
         return result
     from eclsim.outputs.alarms import findings
+    from eclsim.outputs.contraction import softening
     from eclsim.outputs.results import simulate
 
-    beat = simulate(model_of(result.case), result.objective.policy)
+    model = model_of(result.case)
+    beat = simulate(model, result.objective.policy)
     if not beat.attrs["converged"]:
         sentence = f"`eclsim simulate` on the fitted case: {beat.attrs['message']}"
         return result.judged([Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence)])
@@ -427,8 +429,9 @@ def checked_by_simulation(result: FitResult) -> FitResult:
     outputs = {str(n): float(v) for n, v in beat.items() if v.ndim == 0}
     extremes = {str(n): (float(v.min()), float(v.max())) for n, v in beat.items() if v.dims == ("phase",)}
     collapsed = [f.sentence for f in findings(outputs, extremes) if f.kind == "collapse"]
+    weak = [f.sentence for f in softening(outputs, extremes, model.circuit, model.values)]
     implied = {n: outputs[n] for n in result.ranges if n in outputs}
-    reasons = plausibility(implied, result.ranges, result.measured, collapsed)
+    reasons = plausibility(implied, result.ranges, result.measured, collapsed + weak)
     for sentence in avoidable_assumptions(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
     result, consumption = _with_consumption_unknown(result)
