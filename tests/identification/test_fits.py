@@ -14,6 +14,7 @@ from eclsim.cases import CaseError, read_case
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.cohort import CohortPoint
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.identification import cohort
@@ -587,15 +588,20 @@ def test_a_fitted_heart_that_softens_as_it_contracts_is_doubted():
     raw = {
         "format": 1,
         "patient": {
-            "id": "P", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 80, "heart_rate_bpm": 95,
+            "id": "P", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 80,
+            "heart_rate_bpm": 95,
         },
         "parameters": {"Emaxlv": 0.08, "Emaxrv": 0.206, "Rmc": 0.645, "Rpmc": 0.138, "P0svn": 46.0},
     }  # fmt: skip
     case = read_mapping(raw).case
     beat = simulate(model_of(case))
     values = {name: float(beat[name]) for name in ("SP", "DP", "MAP", "CO", "PCWP", "MPAP")}
-    measured = case.model_copy(update={"measurements": Measurements(**values)})
-    settings = FitSettings(("Rmc", "Emaxlv"), weights="uncertainty", multi_start=MultiStart.quick(60))
+    started = with_values(case, {"Emaxlv": 0.1})
+    measured = started.model_copy(update={"measurements": Measurements(**values)})
+    settings = FitSettings(
+        ("Rmc", "Emaxlv"), weights="uncertainty", bounds={"Emaxlv": (0.05, 5.0)},
+        multi_start=MultiStart.quick(60),
+    )  # fmt: skip
     found = fit_case(measured, settings=settings)
     assert found.parameters["Emaxlv"].value == pytest.approx(0.08, rel=0.01)
     sentences = [reason.sentence for reason in found.verdict.doubts]
