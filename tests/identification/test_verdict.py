@@ -227,7 +227,17 @@ def test_a_doubtful_fit_that_meets_all_measurements_has_no_largest_difference():
     """It read: the largest difference from a measurement is 0.0 standard uncertainties."""
     implausible = Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "EDVRV", "an empty right ventricle")
     verdict = FitVerdict(Goodness({"MAP": 0.04, "CO": -0.02}, 0.0, 1.0, 0.9), (implausible,))
-    assert verdict.headline.startswith("DOUBTFUL FIT: all measurements are met; read the reasons")
+    assert verdict.headline.startswith("DOUBTFUL FIT, although all measurements are met; read the reasons")
+
+
+def test_a_doubt_about_something_else_is_not_blamed_on_the_measurements():
+    """It read: DOUBTFUL FIT: the largest difference is 1.7 standard uncertainties, which no limit breaks."""
+    open_output = Reason(Aspect.INTERVALS, Level.DOUBTFUL, "CO", "CO was not measured")
+    verdict = FitVerdict(Goodness({"MAP": 1.7, "PF": -0.2}, 3.0, 1.0, 0.1), (open_output,))
+    assert "although no measurement is missed by more than 1.7 standard uncer" in verdict.headline
+    missed = Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "MAP", "MAP is missed")
+    verdict = FitVerdict(Goodness({"MAP": 2.7}, 7.0, 1.0, 0.01), (open_output, missed))
+    assert verdict.headline.startswith("DOUBTFUL FIT: the largest difference from a measurement is 2.7")
 
 
 @pytest.mark.parametrize(("agreeing", "refined", "remarks"), [(1, 60, 1), (2, 60, 0), (1, 1, 0), (0, 60, 0)])

@@ -155,7 +155,7 @@ class FitVerdict:
 
 _HEADLINES = {
     Level.GOOD: "GOOD FIT: {agreement}, and the fitted patient is plausible",
-    Level.DOUBTFUL: "DOUBTFUL FIT: {agreement}; read the reasons before you use it",
+    Level.DOUBTFUL: "DOUBTFUL FIT{agreement}; read the reasons before you use it",
     Level.POOR: "POOR FIT, not to be used: {agreement}",
 }
 _MET = 0.05
@@ -164,19 +164,29 @@ _MET = 0.05
 
 def headline(verdict: Mapping[str, Any]) -> str:
     """The verdict in one sentence, from its plain data."""
+    level = Level(verdict["level"])
+    others = level is Level.DOUBTFUL and not any(
+        reason["aspect"] == Aspect.AGREEMENT and reason["level"] == level for reason in verdict["reasons"]
+    )
     agreement = "nothing was fitted"
     if verdict["goodness"] is not None:
-        differences = verdict["goodness"]["differences"]
-        worst = max(differences, key=lambda n: abs(differences[n]))
-        agreement = (
-            f"the largest difference from a measurement is {abs(differences[worst]):.1f} standard "
-            f"uncertainties ({worst})"
-            if abs(differences[worst]) >= _MET
-            else "all measurements are met"
-        )
-        if verdict["goodness"]["probability"] is None and verdict["level"] != Level.POOR:
+        agreement = _agreement_in_words(verdict["goodness"]["differences"], others)
+        if verdict["goodness"]["probability"] is None and level != Level.POOR:
             agreement += ", which is no test of the model with so few measurements"
-    return _HEADLINES[Level(verdict["level"])].format(agreement=agreement)
+    if level is Level.DOUBTFUL:
+        agreement = f", although {agreement}" if others else f": {agreement}"
+    return _HEADLINES[level].format(agreement=agreement)
+
+
+def _agreement_in_words(differences: Mapping[str, float], met: bool) -> str:
+    """The largest difference from a measurement; with `met`, as the least that all are met within."""
+    worst = max(differences, key=lambda n: abs(differences[n]))
+    if abs(differences[worst]) < _MET:
+        return "all measurements are met"
+    size = f"{abs(differences[worst]):.1f} standard uncertainties ({worst})"
+    if met:
+        return f"no measurement is missed by more than {size}"
+    return f"the largest difference from a measurement is {size}"
 
 
 def signed(difference: float) -> str:
