@@ -290,6 +290,23 @@ CAUTIONS = {
         {"PaCO2": 70.0},
         {"regulation.set_point_paco2_mmHg": 40.0, "regulation.carbon_dioxide_response": 1.0}, "extrapolated",
     ),
+    "hypocapnia with nerves": (
+        {"PaCO2": 44.5}, {"regulation.set_point_paco2_mmHg": 103.0, "regulation.chemoreflex": 1.0},
+        "58 below the set point: with the chemoreflex, resistance and arterial pressure fall",
+    ),
+    "hypocapnia with organs": (
+        {"PaCO2": 25.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.hypoxic_vasodilation": 1.0},
+        "published for small changes",
+    ),
+    "hypocapnia with the measured answer": (
+        {"PaCO2": 44.0, "CO": 4.3},
+        {"regulation.set_point_paco2_mmHg": 103.0, "regulation.carbon_dioxide_response": 1.0},
+        "extrapolated below it",
+    ),
+    "hypocapnia without an answer": ({"PaCO2": 31.0}, {"regulation.set_point_paco2_mmHg": 45.0}, ""),
+    "little less than at rest": (
+        {"PaCO2": 36.0}, {"regulation.set_point_paco2_mmHg": 45.0, "regulation.chemoreflex": 1.0}, "",
+    ),
     "little more than at rest": (
         {"PaCO2": 48.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0}, "",
     ),

@@ -54,6 +54,14 @@ def test_a_case_file_never_lies_outside_its_own_ranges():
     assert out_of_range(model.circuit, model.values, 1) == [[]]
 
 
+def test_what_is_solved_for_with_the_beat_lies_outside_no_range():
+    """Every beat with a response to gases was warned of: sensed gases of NaN mmHg."""
+    responses = {"chemoreflex": 1.0, "hypoxic_vasoconstriction": 1.0, "hypoxic_vasodilation": 1.0}
+    found = simulate(read_mapping({**RAW, "regulation": responses}).case)
+    assert found.attrs["converged"]
+    assert not any("outside the range of case files" in text for text in found.attrs["warnings"])
+
+
 @pytest.mark.parametrize(
     ("name", "inside", "beyond", "said"),
     [

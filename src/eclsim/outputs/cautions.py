@@ -56,6 +56,16 @@ _DANGEROUS_GASES = (("SaO2", "below"), ("PaCO2", "above"))
 """Outputs of arterial blood, and the side on which their alarms begin."""
 _AT_TEMPERATURE = ("PaCO2", "PaO2", "pHa", "PaCO2_lower", "PaO2_lower", "PpostO2", "PpostCO2", "PvO2")
 """Outputs that an analyser at 37 C does not show as they are at another temperature."""
+_WRONG_SIGN_ABOVE = (
+    "with the chemoreflex, cardiac output and pulmonary pressure fall and resistance rises, whereas in "
+    "healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen and Eger "
+    "1974, Kiely 1996)"
+)
+_WRONG_SIGN_BELOW = (
+    "with the chemoreflex, resistance and arterial pressure fall and cardiac output rises, the reverse of what "
+    "is measured: the more carbon dioxide, the lower resistance and the higher output (Cullen and Eger 1974, "
+    "Kiely 1996, Thorens 1996). A fall of pressure as carbon dioxide is removed is not a patient's"
+)
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
 
@@ -89,7 +99,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         + (_combined_effects(doses) or _vasopressin_on_noradrenaline(doses))
     )
     result += _unanswered_gases(outputs, values)
-    result += _hypercapnia(outputs, values) + _at_another_temperature(outputs, values)
+    result += _carbon_dioxide(outputs, values) + _at_another_temperature(outputs, values)
     result += _more_than_of_this_size(outputs, values) + _far_from_resting_rate(outputs, values)
     result += _constraining_pericardium(outputs)
     return result + _extrapolated_blood(outputs) + _without_lung_flow(outputs)
@@ -236,37 +246,47 @@ def _is_in_alarm(outputs: Mapping[str, float], name: str, side: str) -> bool:
     return any(limit.broken_by(value) for limit in alarms)
 
 
-def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """Caution about responses of nerves and organs to a carbon dioxide far above the set point."""
+def _carbon_dioxide(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Caution about responses of nerves and organs to a carbon dioxide far from the set point."""
     pressure, rest = outputs.get("PaCO2"), values.get(keys.PACO2_SET_POINT)
-    if pressure is None or rest is None or not pressure > rest + WRONG_SIGN_MMHG:
+    if pressure is None or rest is None or not abs(pressure - rest) > WRONG_SIGN_MMHG:
         return []
     measured = values.get(keys.CARBON_DIOXIDE, 0.0)
     published = [key for key in (keys.CHEMOREFLEX, keys.DILATION) if values.get(key, 0.0) > 0.0]
-    text = f"PaCO2 {pressure:.0f} mmHg, {pressure - rest:.0f} above the set point: "
+    above = pressure > rest
+    side = f"{abs(pressure - rest):.0f} {'above' if above else 'below'} the set point"
+    text = f"PaCO2 {pressure:.0f} mmHg, {side}: "
     if measured < 1.0 and keys.CHEMOREFLEX in published:
-        text += (
-            "with the chemoreflex, cardiac output and pulmonary pressure fall and resistance rises, whereas "
-            "in healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen "
-            f"and Eger 1974, Kiely 1996){_ALTERNATIVE}"
-        )
+        text += _WRONG_SIGN_ABOVE if above else _WRONG_SIGN_BELOW
+        text += _ALTERNATIVE
     elif measured < 1.0 and published:
         text += "the organs' response was published for small changes and not compared with people"
         text += _ALTERNATIVE
     elif measured > 0.0:
-        others = ()
-        text += (
-            "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), but it was "
-            "unchanged in the patients in whom this resistance was measured (Thorens 1996) and rises in "
-            "healthy people (Kiely 1996): it is probably too low"
-        )
-        if pressure > rest + LARGEST_STUDIED_MMHG:
-            text += "; the response was measured up to 19 mmHg above, and is extrapolated"
-            others = ("CO", "MPAP", "heart_rate")
-        return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
+        return _measured_response(text, pressure - rest, outputs)
     else:
         return []
     return [Finding.without_limit(CAUTION, "PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
+
+
+def _measured_response(text: str, change: float, outputs: Mapping[str, float]) -> list[Finding]:
+    """Caution about the response that was measured in patients, whose carbon dioxide rose by 19 mmHg."""
+    others = ("CO", "MPAP", "heart_rate")
+    if change < 0.0:
+        text += (
+            "carbon_dioxide_response was measured while carbon dioxide rose, up to 19 mmHg above, and is "
+            "extrapolated below it: how far resistance rises and output falls is not known"
+        )
+        return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
+    text += (
+        "with carbon_dioxide_response mean arterial pressure falls (9 % for 19 mmHg), but it was "
+        "unchanged in the patients in whom this resistance was measured (Thorens 1996) and rises in "
+        "healthy people (Kiely 1996): it is probably too low"
+    )
+    if change > LARGEST_STUDIED_MMHG:
+        text += "; the response was measured up to 19 mmHg above, and is extrapolated"
+        return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP", *others)]
+    return [Finding.without_limit(CAUTION, "MAP", outputs.get("MAP", math.nan), text, "MAP")]
 
 
 def _at_another_temperature(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:

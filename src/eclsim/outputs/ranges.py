@@ -19,6 +19,7 @@ from eclsim.devices.cannulae import CANNULAE
 from eclsim.devices.dialysed_blood import OF_PATIENT
 from eclsim.devices.registry import cached_by_devices
 from eclsim.orbit.steady import Batch
+from eclsim.parameters.regulation import SOLVED_FOR
 
 SLACK = 0.01
 """Part of a bound by which a derivative by differences may leave a range."""
@@ -95,7 +96,10 @@ def out_of_range(circuit: Circuit, values: Mapping[str, npt.ArrayLike], count: i
         if (allowed := allowed_range(circuit, name)) is None:
             continue
         numbers = np.broadcast_to(np.asarray(given, float), (count,))
-        for member in np.flatnonzero(allowed.excludes(numbers)).tolist():
+        outside = allowed.excludes(numbers)
+        if name in SOLVED_FOR:  # NaN, not given
+            outside &= np.isfinite(numbers)
+        for member in np.flatnonzero(outside).tolist():
             beyond[member].append(allowed.text(name, float(numbers[member])))
     before = (
         "outside the range of case files, where laws are extrapolated and numbers may be those of no patient "
