@@ -64,3 +64,18 @@ def test_the_right_ventricle_is_judged_where_it_can_collapse_too():
 def test_an_all_but_empty_ventricle_is_not_called_too_weak():
     """Its filling curve begins at 2.5 mmHg, above the line of systole near a volume of 0."""
     assert not too_weak(simulate(reference_model("s4_crrt_g_5000")))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "named"),
+    [({"P0svn": 20.0, "Rpmc": 0.3, "Emaxrv": 0.1}, True), ({"RV_Pd_alpha": 5.0}, True), ({}, False)],
+)
+def test_a_ventricle_that_blood_runs_through_has_no_ejection_fraction_to_read(parameters, named):
+    """A right ventricle of 6 mL a beat carried 5.2 L/min at 75 bpm, and an ejection fraction stood there."""
+    man = {**SHOCK, "patient": {**SHOCK["patient"], "heart_rate_bpm": 75}, "parameters": parameters}
+    beat = simulate(model_of(read_mapping(man).case))
+    explained = float(beat["stroke_volume_rv"]) * 75 / 1000 / float(beat["pulmonary_valve_flow"])
+    assert (explained < 0.7) == named
+    assert any("blood runs through the right ventricle" in w for w in beat.attrs["warnings"]) == named
+    assert beat["ejection_fraction_rv"].attrs.get("read_with_care", 0) == int(named)
+    assert not any("blood runs through the left" in w for w in beat.attrs["warnings"])

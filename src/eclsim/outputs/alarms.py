@@ -20,7 +20,7 @@ from eclsim.devices.description import (
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
 from eclsim.outputs.cautions import cautions, organ_flow
-from eclsim.outputs.contraction import softening
+from eclsim.outputs.contraction import running_through, softening
 from eclsim.outputs.limits import CLOSED_L_MIN, NO_VALUES, broken_limits, levels
 from eclsim.outputs.registry import CHAMBERS, first_name, output
 from eclsim.outputs.sealed import TrappedBlood, sealed
@@ -71,7 +71,7 @@ def findings(
     ]
     result += _collapsed(extremes, outputs, circuit, values)
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
-    result += cautions(outputs, values)
+    result += cautions(outputs, values) + running_through(outputs, values)
     if circuit is not None:
         if known is not None:
             about = ("V" + known.sealed.parts[0][0], 0.0, 0.0, known.sentence)

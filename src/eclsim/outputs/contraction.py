@@ -1,4 +1,4 @@
-"""Ventricles so weak, or so full, that contraction lowers their pressure.
+"""Ventricles so weak, or so full, that contraction lowers their pressure, or that blood runs through them.
 
 A ventricle of the published law passes in systole from its filling curve to a straight line through the
 origin. Where it holds so much blood that the line lies below the curve, it softens as it contracts: it fills
@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from eclsim.circuit.network import Circuit
-from eclsim.devices.description import Finding
+from eclsim.circuit.network import HEART_RATE, Circuit
+from eclsim.devices.description import CAUTION, Finding
 from eclsim.outputs.registry import CHAMBERS
 from eclsim.outputs.regulation import FACTORS
 
@@ -27,6 +27,9 @@ _OF_VENTRICLE = (
     "peak_pressure",
 )  # fmt: skip
 _VOLUMES = ("EDV", "ESV")
+_EJECTED = {"lv": "aortic_valve_flow", "rv": "pulmonary_valve_flow"}
+LEAST_FLOW_L_MIN, EJECTED_SHARE = 1.0, 0.8
+"""Flow through a ventricle from which it is judged, and the share of it that its beats must explain."""
 
 
 def softening(
@@ -78,3 +81,28 @@ def _finding(place: str, volume: float, outputs: Mapping[str, float]) -> Finding
     names = (*_OF_BOTH, *_OF_SIDE[place], *(f"{name}{place.upper()}" for name in _VOLUMES), *own)
     concerns = tuple(name for name in names if name in outputs)
     return Finding.without_limit("alarm", f"EDV{place.upper()}", volume, text, *concerns)
+
+
+def running_through(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Cautions about ventricles that let more blood run through them than they eject.
+
+    Args:
+        outputs: scalar outputs by name; stroke volumes and flows through the valves are needed.
+        values: values of all parameters.
+    """
+    result = []
+    rate = outputs.get("heart_rate", values.get(HEART_RATE, math.nan))
+    for place, valve in _EJECTED.items():
+        stroke, flow = outputs.get(f"stroke_volume_{place}", math.nan), outputs.get(valve, math.nan)
+        ejected = stroke * rate / 1000.0
+        if not (flow > LEAST_FLOW_L_MIN and ejected < EJECTED_SHARE * flow):
+            continue
+        text = (
+            f"blood runs through the {CHAMBERS[place]} while both its valves are open: {flow:.2f} L/min "
+            f"pass, and its beats of {stroke:.0f} mL explain {ejected:.2f}. Ejection fraction, stroke volume "
+            "and stroke work do not describe its output; upstream pressures drive it, as through a conduit"
+        )
+        names = (f"{name}_{place}" for name in ("stroke_volume", "ejection_fraction", "stroke_work"))
+        concerns = [name for name in names if name in outputs]
+        result.append(Finding.without_limit(CAUTION, concerns[0], stroke, text, *concerns))
+    return result
