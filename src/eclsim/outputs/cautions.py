@@ -62,9 +62,9 @@ _WRONG_SIGN_ABOVE = (
     "1974, Kiely 1996)"
 )
 _WRONG_SIGN_BELOW = (
-    "with the chemoreflex, resistance and arterial pressure fall as carbon dioxide is removed, the reverse of "
-    "what is measured: the more carbon dioxide, the lower the resistance and the higher the output (Cullen "
-    "and Eger 1974, Kiely 1996, Thorens 1996). Such a fall of pressure is not a patient's"
+    "with the chemoreflex, resistance and arterial pressure fall as carbon dioxide is removed, the reverse "
+    "of what is measured: the more carbon dioxide, the lower the resistance and the higher the output "
+    "(Cullen and Eger 1974, Kiely 1996, Thorens 1996). Such a fall of pressure is not a patient's"
 )
 _ALTERNATIVE = f"; {keys.CARBON_DIOXIDE} = 1 uses the response measured in patients instead"
 
