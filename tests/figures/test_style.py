@@ -4,8 +4,11 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
+from eclsim.patient.circulation import circulation
+from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import (
     CURVES,
     PlainLogLocator,
@@ -16,6 +19,7 @@ from eclsim.reporting.style import (
     plain_text,
     save_figure,
     turned_names,
+    write_above,
 )
 from eclsim.simulation.figures import plot_overview
 
@@ -106,6 +110,47 @@ def test_settings_of_the_user_are_restored_and_have_no_effect():
 )
 def test_text_from_outside_is_drawn_as_it_is(given: str, drawn: str):
     assert plain_text(given) == drawn
+
+
+DOUBT = "its parameters are a DOUBTFUL fit of eclsim identify: see why in its report"
+
+
+def boxes(figure: Figure) -> dict[str, tuple[float, float]]:
+    """Lowest and highest edge of every text of a figure, in dots."""
+    with figure_style():
+        figure.draw_without_rendering()
+        shown = [text for text in figure.findobj(Text) if text.get_text()]
+        return {text.get_text(): (e.y0, e.y1) for text in shown if (e := text.get_window_extent())}
+
+
+def test_a_doubt_stands_above_the_title_that_a_circuit_draws_itself(healthy):
+    """It lay in the middle of the grey subtitle."""
+    figure = draw_circuit(circulation(), healthy)
+    write_above(figure, [DOUBT])
+    places = boxes(figure)
+    low, _ = places.pop(DOUBT)
+    assert low > max(high for _, high in places.values())
+    (text,) = (text for text in figure.texts if text.get_text() == DOUBT)
+    assert (text.get_ha(), text.get_weight()) == ("left", "bold")
+
+
+def test_a_figure_with_fixed_axes_grows_by_the_words_above_it():
+    figure = new_figure(170, 60)
+    figure.set_layout_engine(None)
+    axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
+    before = axes.get_window_extent()
+    write_above(figure, [DOUBT], "P01 – beat")
+    after = axes.get_window_extent()
+    assert (after.width, after.height) == pytest.approx((before.width, before.height))
+    assert figure.get_suptitle().splitlines() == ["P01 – beat", DOUBT]
+
+
+def test_a_doubt_stands_below_the_title_of_a_figure_once():
+    figure = new_figure()
+    figure.suptitle("P01", x=0.01, ha="left")
+    write_above(figure, [DOUBT], "another title")
+    assert figure.get_suptitle().splitlines() == ["P01", DOUBT]
+    assert len(figure.texts) == 1
 
 
 @pytest.mark.slow
