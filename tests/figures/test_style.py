@@ -145,11 +145,25 @@ def test_a_figure_with_fixed_axes_grows_by_the_words_above_it():
     assert figure.get_suptitle().splitlines() == ["P01 – beat", DOUBT]
 
 
+@pytest.mark.parametrize("own", ["", "P01"])
+@pytest.mark.parametrize("width_mm", [80, 170])
+def test_long_words_above_a_figure_end_within_the_page(own, width_mm):
+    figure = new_figure(width_mm, 60)
+    if own:
+        with figure_style():
+            figure.suptitle(own)
+    write_above(figure, ["DOUBTFUL: mean pressures and mean flows are summed over WIDE MARGINS " * 4])
+    with figure_style():
+        figure.draw_without_rendering()
+    (text,) = figure.texts
+    assert text.get_window_extent().x1 < figure.bbox.x1
+
+
 def test_a_doubt_stands_below_the_title_of_a_figure_once():
     figure = new_figure()
     figure.suptitle("P01", x=0.01, ha="left")
-    write_above(figure, [DOUBT], "another title")
-    assert figure.get_suptitle().splitlines() == ["P01", DOUBT]
+    write_above(figure, [DOUBT], "first line")
+    assert figure.get_suptitle().splitlines() == ["first line", "P01", DOUBT]
     assert len(figure.texts) == 1
 
 

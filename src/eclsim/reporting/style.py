@@ -41,8 +41,8 @@ OKABE_ITO = {
     "reddish purple": "#CC79A7",
 }
 GREY = "#6B6B6B"
-_LETTERS_PER_MM, _LINE_MM = 0.53, 4.0
-"""Letters of a title that fit beside each other, and the height of its lines."""
+_LETTERS_PER_MM, _LINE_MM = (0.54, 0.45), 4.0
+"""Letters of smaller words and of a title that fit beside each other, and the height of a line."""
 
 # Yellow is omitted: as a line on white it is too faint to print.
 CURVES: tuple[tuple[str, object], ...] = (
@@ -164,23 +164,21 @@ def write_above(fig: Figure, sentences: Sequence[str], title: str = "") -> None:
     """Write a title and sentences above a figure, at the left; the figure grows by their height.
 
     Args:
-        fig: figure, which may have a title already.
+        fig: figure; if it has a title, this stands between the two.
         sentences: external text, such as doubts about all numbers.
-        title: title of a figure that has none.
+        title: first line, such as the patient's id.
     """
     own = fig.get_suptitle()
-    letters = int(_LETTERS_PER_MM * MM_PER_INCH * fig.get_figwidth())
+    letters = int(_LETTERS_PER_MM[bool(own)] * MM_PER_INCH * fig.get_figwidth())
     lines = [line for text in sentences for line in textwrap.wrap(plain_text(text, 330), letters)]
-    lines = [title] * bool(title and not own) + lines
-    if not lines:
+    if not (title or lines):
         return
-    _grow_upwards(fig, len(lines))
+    _grow_upwards(fig, len(lines) + bool(title))
     there = next((text for text in fig.texts if own and text.get_text() == own), None)
     if there is None:
         with figure_style():
-            fig.suptitle("\n".join(lines), x=0.01, ha="left", **({} if title else {"fontsize": 8}))
-    else:
-        there.set_text("\n".join([own, *lines]))
+            there = fig.suptitle("", fontsize=8)
+    there.set(text="\n".join([*filter(None, (title, own)), *lines]), x=0.01, horizontalalignment="left")
 
 
 def _grow_upwards(fig: Figure, lines: int) -> None:
