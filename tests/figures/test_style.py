@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
+import eclsim
 from eclsim.patient.circulation import circulation
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import (
@@ -71,6 +72,17 @@ def test_figure_is_written_in_both_formats(tmp_path, healthy):
     with Image.open(png) as picture:
         assert picture.width == pytest.approx(170 / 25.4 * 200, abs=2)
     assert sorted(path.name for path in svg.parent.iterdir()) == ["case 3.5.png", "case 3.5.svg"]
+
+
+def test_figures_state_version_and_intended_use(tmp_path):
+    """They are passed on without the page that says so."""
+    use = "for research only, not for treatment"
+    svg, png = save_figure(new_figure(40, 20), tmp_path / "a")
+    assert use in svg.read_text()
+    assert f"eclsim {eclsim.__version__}" in svg.read_text()
+    with Image.open(png) as picture:
+        assert picture.info["Description"] == use
+        assert picture.info["Software"] == f"eclsim {eclsim.__version__}"
 
 
 @pytest.mark.slow

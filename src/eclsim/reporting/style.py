@@ -19,7 +19,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter, NullLocator
 
-from eclsim.files import whole_file
+from eclsim.files import NOTICE, VERSION_NAME, whole_file
 
 MM_PER_INCH = 25.4
 PAGE_WIDTH_MM = 170.0
@@ -55,6 +55,8 @@ CURVES: tuple[tuple[str, object], ...] = (
     (OKABE_ITO["sky blue"], (0, (2.5, 1))),
 )
 
+SVG_METADATA = {"Date": None, "Creator": VERSION_NAME, "Description": NOTICE}
+PNG_METADATA = {"Software": VERSION_NAME, "Description": NOTICE}
 _STYLE = Path(__file__).with_name("eclsim.mplstyle")
 
 
@@ -239,7 +241,7 @@ def _layout_fixed(fig: Figure) -> Iterator[None]:
 
 
 def _write(fig: Figure, target: Path, suffix: str) -> Path:
-    metadata = {"Date": None, "Creator": "eclsim"} if suffix == "svg" else None
+    metadata = {"svg": SVG_METADATA, "png": PNG_METADATA}.get(suffix)
     with whole_file(target) as partial:
         fig.savefig(partial, format=suffix, dpi=DOTS_PER_INCH, metadata=metadata)
     return target
